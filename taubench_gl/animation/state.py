@@ -1,0 +1,51 @@
+"""What the world and a camera look like at one instant.  Values only: how they are computed is in ``pose`` and ``views``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.scene.model import Camera, Light
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class FrameState:
+    """A scene at ``time``: a pure function of (scene, time), never of what was drawn before."""
+
+    time: float  # seconds
+    world: Array  # (N, 4, 4) float64 world_from_node
+    visible: Array  # (N,) bool, inherited, and False for nodes outside the chosen scene
+    weights: Mapping[int, Array]  # node -> (M,) float64 morph weights, for nodes whose mesh has targets
+    cameras: tuple[Camera, ...]  # the scene's cameras with animated parameters
+    lights: tuple[Light, ...]  # the scene's lights with animated parameters
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One camera at one instant.  The rotation is proper: scale and mirror of the camera's node are left out."""
+
+    position: Array  # (3,) float64, world, metres
+    world_from_view: Array  # (3, 3) float64 rotation
+    camera: Camera
+
+    def clip_from_view(self, width: int, height: int) -> Array:
+        """(4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept, the viewport's aspect wins."""
+        aspect = width / height
+        c = self.camera
+        if c.kind == "perspective":
+            return math3d.perspective_reversed(c.yfov, aspect, c.znear, c.zfar)
+        return math3d.orthographic_reversed(c.ymag * aspect, c.ymag, c.znear, c.zfar)
+
+    def clip_from_relative(self, width: int, height: int, origin: Array | None = None) -> Array:
+        """clip <- world axes, relative to ``origin`` (default: this camera's position).  (4, 4) float64.
+
+        Composed relative to a camera in float64, so that float32 on the GPU never sees a world offset (SPEC 3).
+        """
+        offset = np.zeros(3) if origin is None else np.asarray(origin) - self.position
+        view_from_world = self.world_from_view.T
+        return self.clip_from_view(width, height) @ math3d.affine(view_from_world, view_from_world @ offset)

@@ -1,0 +1,48 @@
+"""The one family of errors this package raises on purpose.
+
+Every message answers three questions in one line: what is wrong, where, and what to do about it.  Libraries raise,
+only the command line (``apps.cli``) turns an error into an exit code (2) and one printed line.
+"""
+
+from __future__ import annotations
+
+
+class TaubenchError(Exception):
+    """Base of everything a user can cause.  ``str(error)`` is one line, fit to be printed as it is."""
+
+    def __init__(self, what: str, *, where: str | None = None, hint: str | None = None):
+        self.what, self.where, self.hint = what, where, hint
+        line = what if where is None else f"{where}: {what}"
+        super().__init__(_one_line(line if hint is None else f"{line} ({hint})"))
+
+
+class SceneError(TaubenchError):
+    """A scene file is missing, unreadable, invalid or asks for what we do not support.
+
+    ``where`` is ``file#/json/pointer`` for glTF and ``file:line`` for text formats.
+    """
+
+
+class TruthError(TaubenchError):
+    """A path-traced reference (EXR file, sequence, sidecar) cannot be used as it is."""
+
+
+class SettingsError(TaubenchError):
+    """An option or argument has a value that cannot be meant."""
+
+
+class GraphicsError(TaubenchError):
+    """No usable OpenGL context, a shader that does not compile, or a limit of the device."""
+
+
+class GraphError(TaubenchError):
+    """A frame graph whose passes do not fit together.  Lists every fault at once."""
+
+
+class OutputError(TaubenchError):
+    """A result cannot be written where it was asked for, or a stored run cannot be read."""
+
+
+def _one_line(text: str) -> str:
+    """Collapse line breaks and control characters: names inside files are not ours to trust."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

@@ -1,0 +1,148 @@
+"""Vectorised float64 linear algebra for poses and cameras.
+
+Column-vector convention throughout: ``dst_from_src @ p``.  Quaternions are ``xyzw`` (glTF order).  Every function takes
+and returns arrays with leading batch dimensions ``...``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def normalize(v: Array) -> Array:
+    """Unit vectors along the last axis; vectors of length 0 (or not finite) stay as they are.  (..., n) -> (..., n)."""
+    v = np.asarray(v, dtype=np.float64)
+    # Scaling by the largest component first keeps 1e-200 and 1e200 from under- and overflowing when squared.
+    peak = np.max(np.abs(v), axis=-1, keepdims=True)
+    usable = (peak > 0) & np.isfinite(peak)
+    scaled = v / np.where(usable, peak, 1.0)
+    length = np.sqrt(np.sum(scaled * scaled, axis=-1, keepdims=True))
+    return np.where(usable, scaled / np.where(usable, length, 1.0), v)
+
+
+def mat3_from_quat(q: Array) -> Array:
+    """Rotation matrices of quaternions xyzw, normalised first.  (..., 4) -> (..., 3, 3); the zero quaternion is identity."""
+    q = normalize(q)
+    x, y, z, w = np.moveaxis(q, -1, 0)
+    out = np.empty((*q.shape[:-1], 3, 3))
+    out[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    out[..., 0, 1] = 2 * (x * y - z * w)
+    out[..., 0, 2] = 2 * (x * z + y * w)
+    out[..., 1, 0] = 2 * (x * y + z * w)
+    out[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    out[..., 1, 2] = 2 * (y * z - x * w)
+    out[..., 2, 0] = 2 * (x * z - y * w)
+    out[..., 2, 1] = 2 * (y * z + x * w)
+    out[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return out
+
+
+def quat_from_mat3(m: Array) -> Array:
+    """Unit quaternions xyzw of rotation matrices, w >= 0 where it is not 0.  (..., 3, 3) -> (..., 4).
+
+    Builds the outer product 4 q q^T and takes its longest column, so no branch ever divides by a small number.
+    """
+    m = np.asarray(m, dtype=np.float64)
+    m00, m01, m02 = m[..., 0, 0], m[..., 0, 1], m[..., 0, 2]
+    m10, m11, m12 = m[..., 1, 0], m[..., 1, 1], m[..., 1, 2]
+    m20, m21, m22 = m[..., 2, 0], m[..., 2, 1], m[..., 2, 2]
+    outer = np.empty((*m.shape[:-2], 4, 4))
+    outer[..., 0, 0] = 1 + m00 - m11 - m22
+    outer[..., 1, 1] = 1 - m00 + m11 - m22
+    outer[..., 2, 2] = 1 - m00 - m11 + m22
+    outer[..., 3, 3] = 1 + m00 + m11 + m22
+    outer[..., 0, 1] = outer[..., 1, 0] = m10 + m01
+    outer[..., 0, 2] = outer[..., 2, 0] = m20 + m02
+    outer[..., 1, 2] = outer[..., 2, 1] = m21 + m12
+    outer[..., 0, 3] = outer[..., 3, 0] = m21 - m12
+    outer[..., 1, 3] = outer[..., 3, 1] = m02 - m20
+    outer[..., 2, 3] = outer[..., 3, 2] = m10 - m01
+    diagonal = np.diagonal(outer, axis1=-2, axis2=-1)
+    best = np.argmax(diagonal, axis=-1)
+    q = normalize(np.take_along_axis(outer, best[..., None, None], axis=-1)[..., 0])
+    return np.where(q[..., 3:] < 0, -q, q)
+
+
+def affine(mat3: Array, translation: Array) -> Array:
+    """(..., 3, 3) and (..., 3) -> (..., 4, 4)."""
+    out = np.zeros((*np.broadcast_shapes(mat3.shape[:-2], translation.shape[:-1]), 4, 4))
+    out[..., :3, :3] = mat3
+    out[..., :3, 3] = translation
+    out[..., 3, 3] = 1.0
+    return out
+
+
+def trs(translation: Array, rotation: Array, scale: Array) -> Array:
+    """glTF node transforms T * R * S.  (..., 3), (..., 4) xyzw, (..., 3) -> (..., 4, 4)."""
+    return affine(mat3_from_quat(rotation) * np.asarray(scale)[..., None, :], np.asarray(translation, dtype=np.float64))
+
+
+def transform_points(dst_from_src: Array, points: Array) -> Array:
+    """Affine image of points.  (4, 4), (..., 3) -> (..., 3)."""
+    return points @ dst_from_src[:3, :3].T + dst_from_src[:3, 3]
+
+
+def orthonormal(mat3: Array) -> Array:
+    """The proper rotation nearest to the directions of a 3x3 with scale, shear or mirror in it.  (3, 3) -> (3, 3).
+
+    Keeps -Z (where a camera or light looks) exactly, then +Y as nearly as it can, as glTF viewers do.  A singular
+    matrix falls back on whatever axes it still has, in the end on the identity's.
+    """
+    z = normalize(mat3[:, 2])
+    if not np.any(z):
+        z = normalize(np.cross(mat3[:, 0], mat3[:, 1]))
+    if not np.any(z):
+        return np.eye(3)
+    for up in (mat3[:, 1], np.cross(z, mat3[:, 0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+        x = np.cross(normalize(up), z)
+        if np.linalg.norm(x) > 1e-12:
+            x = normalize(x)
+            return np.stack([x, np.cross(z, x), z], axis=1)
+    return np.eye(3)
+
+
+def quat_multiply(a: Array, b: Array) -> Array:
+    """Hamilton product (rotation b first, then a).  (..., 4), (..., 4) -> (..., 4), xyzw."""
+    av, aw, bv, bw = a[..., :3], a[..., 3:], b[..., :3], b[..., 3:]
+    vector = aw * bv + bw * av + np.cross(av, bv)
+    return np.concatenate([vector, aw * bw - np.sum(av * bv, axis=-1, keepdims=True)], axis=-1)
+
+
+def quat_from_axis_angle(axis: Array, radians: Array) -> Array:
+    """(..., 3) axis of any length > 0, (...) angle in radians -> (..., 4) xyzw."""
+    half = 0.5 * np.asarray(radians, dtype=np.float64)[..., None]
+    return np.concatenate([normalize(axis) * np.sin(half), np.cos(half) * np.ones_like(half)], axis=-1)
+
+
+def quat_angle(a: Array, b: Array) -> Array:
+    """Geodesic angle between unit quaternions, radians: 4 atan2(|a-b|, |a+b|) on one hemisphere (SPEC section 2).
+
+    Accurate to rounding at every angle, where 2 acos(|a.b|) loses everything below 1e-8 rad.
+    """
+    a, b = normalize(a), normalize(b)
+    b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0, -b, b)
+    return 4.0 * np.arctan2(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
+
+
+def perspective_reversed(yfov: float, aspect: float, znear: float, zfar: float) -> Array:
+    """clip_from_view (4, 4), reversed Z in [0, 1]: depth 1 at ``znear``, 0 at ``zfar`` (which may be infinite)."""
+    f = 1.0 / np.tan(0.5 * yfov)
+    out = np.zeros((4, 4))
+    out[0, 0], out[1, 1], out[3, 2] = f / aspect, f, -1.0
+    if np.isinf(zfar):
+        out[2, 3] = znear
+    else:
+        out[2, 2] = znear / (zfar - znear)
+        out[2, 3] = zfar * znear / (zfar - znear)
+    return out
+
+
+def orthographic_reversed(xmag: float, ymag: float, znear: float, zfar: float) -> Array:
+    """clip_from_view (4, 4), reversed Z in [0, 1]; half-extents ``xmag``, ``ymag`` in metres."""
+    out = np.eye(4)
+    out[0, 0], out[1, 1] = 1.0 / xmag, 1.0 / ymag
+    out[2, 2] = 1.0 / (zfar - znear)
+    out[2, 3] = zfar / (zfar - znear)
+    return out

@@ -1,0 +1,244 @@
+"""The immutable Scene every reader produces and everything else consumes.  No GL, no files.
+
+Arrays are read-only views where the file allows it.  Units are glTF's: metres, radians, seconds, candela / lux.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something the reader decided or left out, said once in every output.  ``where`` is a JSON pointer or ''."""
+
+    message: str
+    where: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.message} [{self.where}]" if self.where else self.message
+
+
+@dataclass(frozen=True, slots=True)
+class Sampler:
+    """Texture sampler with GL's own enumerants.  Defaults are glTF's."""
+
+    mag_filter: int = 9729  # LINEAR
+    min_filter: int = 9987  # LINEAR_MIPMAP_LINEAR
+    wrap_s: int = 10497  # REPEAT
+    wrap_t: int = 10497
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """An image of the file, decoded only when somebody asks (textures nobody samples cost nothing)."""
+
+    name: str
+    size: tuple[int, int]  # width, height, from the header; checked against bombs when the scene is read
+    decode: Callable[[], Array]  # -> (h, w, 4) uint8, row 0 = top; raises SceneError
+
+
+@dataclass(frozen=True, slots=True)
+class Texture:
+    """How a material samples an image: texture-coordinate set and KHR_texture_transform, uv' = uv_transform @ (u, v, 1)."""
+
+    image: int
+    sampler: Sampler = Sampler()
+    texcoord: int = 0
+    uv_transform: Array = field(default_factory=lambda: np.eye(2, 3))  # (2, 3) float64
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """glTF metallic-roughness.  Colours linear; ``emissive`` is radiance (factor x KHR_materials_emissive_strength)."""
+
+    name: str = ""
+    base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    base_color_texture: Texture | None = None
+    metallic: float = 1.0
+    roughness: float = 1.0
+    metallic_roughness_texture: Texture | None = None
+    normal_texture: Texture | None = None
+    normal_scale: float = 1.0
+    occlusion_texture: Texture | None = None
+    occlusion_strength: float = 1.0
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emissive_texture: Texture | None = None
+    alpha_mode: str = "OPAQUE"  # OPAQUE | MASK | BLEND
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    unlit: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class MorphTarget:
+    """Displacements of one morph target; ``None`` where the target does not touch the attribute."""
+
+    positions: Array | None = None  # (V, 3) float32
+    normals: Array | None = None  # (V, 3) float32
+    tangents: Array | None = None  # (V, 3) float32
+
+
+@dataclass(frozen=True, slots=True)
+class Primitive:
+    """Triangles of one material.  Strips and fans are already triangle lists; points and lines never get here."""
+
+    positions: Array  # (V, 3) float32, finite
+    triangles: Array  # (T, 3) uint32, < V
+    material: int = -1  # -1: glTF's default material
+    normals: Array | None = None  # (V, 3) float32; None: flat, one normal per triangle
+    tangents: Array | None = None  # (V, 4) float32, w = handedness
+    texcoords: tuple[Array | None, Array | None] = (None, None)  # (V, 2) float32 each
+    colors: Array | None = None  # (V, 4) float32, linear
+    joints: Array | None = None  # (V, 4 k) uint32 into the skin's joints
+    weights: Array | None = None  # (V, 4 k) float32, rows sum to 1
+    targets: tuple[MorphTarget, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    name: str
+    primitives: tuple[Primitive, ...]
+    weights: Array = field(default_factory=lambda: np.zeros(0))  # (M,) float64 default morph weights
+
+
+@dataclass(frozen=True, slots=True)
+class Skin:
+    name: str
+    joints: Array  # (J,) int32 node indices
+    inverse_bind: Array  # (J, 4, 4) float64: joint_from_mesh
+
+
+@dataclass(frozen=True, slots=True)
+class Camera:
+    """Intrinsics.  ``yfov`` radians; ``xmag``/``ymag`` half-extents in metres; ``zfar`` may be inf (perspective only)."""
+
+    name: str = ""
+    kind: str = "perspective"  # perspective | orthographic
+    yfov: float = np.pi / 4
+    aspect: float | None = None  # the file's; the viewport's wins, as every viewer does
+    xmag: float = 1.0
+    ymag: float = 1.0
+    znear: float = 0.1
+    zfar: float = np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """KHR_lights_punctual: candela for point and spot, lux for directional; linear RGB; angles in radians."""
+
+    name: str = ""
+    kind: str = "point"  # point | spot | directional
+    color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    intensity: float = 1.0
+    range: float = np.inf
+    inner_cone: float = 0.0
+    outer_cone: float = np.pi / 4
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One animated property.
+
+    ``target`` is ``node``, ``camera`` or ``light`` and ``index`` counts in the scene's list of that name.  ``path``:
+    node: translation rotation scale weights visible; camera: yfov znear zfar xmag ymag; light: color intensity range
+    inner_cone outer_cone.  ``values`` is (K, n) float64, for CUBICSPLINE (K, 3, n): in-tangent, value, out-tangent.
+    """
+
+    target: str
+    index: int
+    path: str
+    interpolation: str  # STEP | LINEAR | CUBICSPLINE
+    times: Array  # (K,) float64 seconds, strictly increasing, K >= 1
+    values: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Animation:
+    name: str
+    channels: tuple[Channel, ...]
+
+    @property
+    def duration(self) -> float:
+        """Seconds, the latest key."""
+        return max((float(c.times[-1]) for c in self.channels), default=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Nodes:
+    """All nodes as arrays of length N, in file order.  ``parent`` is -1 for roots; index -1 elsewhere means none."""
+
+    names: tuple[str, ...]
+    parent: Array  # (N,) int32
+    translation: Array  # (N, 3) float64
+    rotation: Array  # (N, 4) float64 xyzw
+    scale: Array  # (N, 3) float64
+    matrix: Array  # (N, 4, 4) float64, used where has_matrix
+    has_matrix: Array  # (N,) bool
+    mesh: Array  # (N,) int32
+    skin: Array  # (N,) int32
+    camera: Array  # (N,) int32
+    light: Array  # (N,) int32
+    visible: Array  # (N,) bool, own KHR_node_visibility (not inherited)
+    in_scene: Array  # (N,) bool, reachable from the chosen scene
+    weights: Mapping[int, Array] = field(default_factory=dict)  # node's own morph weights
+    instances: Mapping[int, Array] = field(default_factory=dict)  # EXT_mesh_gpu_instancing: (K, 4, 4) node_from_instance
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def levels(self) -> list[Array]:
+        """Node indices by depth, parents before children: world matrices compose one level at a time."""
+        depth = np.zeros(len(self), dtype=np.int64)
+        ancestor = self.parent.copy()
+        while np.any(ancestor >= 0):
+            depth += ancestor >= 0
+            ancestor = np.where(ancestor >= 0, self.parent[np.maximum(ancestor, 0)], -1)
+        return [np.flatnonzero(depth == d) for d in range(int(depth.max(initial=-1)) + 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Everything one file says, for one of its scenes and one choice of animations."""
+
+    name: str
+    nodes: Nodes
+    meshes: tuple[Mesh, ...] = ()
+    materials: tuple[Material, ...] = ()
+    images: tuple[Image, ...] = ()
+    skins: tuple[Skin, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    lights: tuple[Light, ...] = ()
+    animations: tuple[Animation, ...] = ()  # all of the file
+    channels: tuple[Channel, ...] = ()  # those that play together
+    playing: tuple[str, ...] = ()  # names of the animations they come from
+    notes: tuple[Note, ...] = ()
+    path: Path | None = None
+    sha256: str | None = None
+    scene_names: tuple[str, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Seconds: the latest key of what plays; 0 for a still scene."""
+        return max((float(c.times[-1]) for c in self.channels), default=0.0)
+
+    @property
+    def camera_nodes(self) -> Array:
+        """Nodes of this scene that carry a camera, in file order.  (C,) int."""
+        return np.flatnonzero(self.nodes.in_scene & (self.nodes.camera >= 0))
+
+    @property
+    def light_nodes(self) -> Array:
+        """Nodes of this scene that carry a punctual light, in file order.  (L,) int."""
+        return np.flatnonzero(self.nodes.in_scene & (self.nodes.light >= 0))
+
+    @property
+    def mesh_nodes(self) -> Array:
+        """Nodes of this scene that carry a mesh, in file order.  (M,) int."""
+        return np.flatnonzero(self.nodes.in_scene & (self.nodes.mesh >= 0))
