@@ -23,7 +23,7 @@ def normalize(v: Array) -> Array:
 
 
 def mat3_from_quat(q: Array) -> Array:
-    """Rotation matrices of quaternions xyzw, normalised first.  (..., 4) -> (..., 3, 3); the zero quaternion is identity."""
+    """Rotation matrices of quaternions xyzw, normalised first.  (..., 4) -> (..., 3, 3); zero gives the identity."""
     q = normalize(q)
     x, y, z, w = np.moveaxis(q, -1, 0)
     out = np.empty((*q.shape[:-1], 3, 3))
@@ -101,6 +101,18 @@ def orthonormal(mat3: Array) -> Array:
             x = normalize(x)
             return np.stack([x, np.cross(z, x), z], axis=1)
     return np.eye(3)
+
+
+def normal_matrix(mat3: Array) -> Array:
+    """What turns normals where ``mat3`` turns points, up to a factor > 0.  (..., 3, 3) -> (..., 3, 3).
+
+    The cofactor matrix, which needs no inverse and so survives a scale of 0 along one axis, times the determinant's
+    sign: under a mirror the cofactors alone would point the normals inwards.
+    """
+    x, y, z = np.moveaxis(np.asarray(mat3, dtype=np.float64), -1, 0)
+    cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-1)
+    mirrored = np.sum(x * cofactors[..., 0], axis=-1) < 0
+    return np.where(mirrored[..., None, None], -cofactors, cofactors)
 
 
 def quat_multiply(a: Array, b: Array) -> Array:

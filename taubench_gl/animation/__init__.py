@@ -1,0 +1,20 @@
+"""Scene + seconds -> FrameState, and a camera's View of it.  Float64 NumPy, no GL."""
+
+from taubench_gl.animation.pose import Poser, pose_normals, pose_vertices, sample, skin_matrices
+from taubench_gl.animation.state import FrameState, View
+from taubench_gl.animation.views import CameraTrack, FileCamera, OrbitCamera, bounding_sphere, choose_camera
+
+__all__ = [
+    "CameraTrack",
+    "FileCamera",
+    "FrameState",
+    "OrbitCamera",
+    "Poser",
+    "View",
+    "bounding_sphere",
+    "choose_camera",
+    "pose_normals",
+    "pose_vertices",
+    "sample",
+    "skin_matrices",
+]

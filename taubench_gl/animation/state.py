@@ -1,4 +1,4 @@
-"""What the world and a camera look like at one instant.  Values only: how they are computed is in ``pose`` and ``views``."""
+"""The world and a camera at one instant.  Values only: how they are computed is in ``pose`` and ``views``."""
 
 from __future__ import annotations
 

@@ -1,0 +1,53 @@
+"""Views of results: tables beside the paper's, plots, mask pictures.  Takes summaries and arrays, opens no GL.
+
+``write_report`` puts everything that can be said of one run beside its summary.json.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.outputs import cannot_write
+from taubench_gl.report.pictures import mask_overlay, save_mask_picture
+from taubench_gl.report.plots import plot_frames, plot_thresholds
+from taubench_gl.report.render import FORMATS, MIN_WIDTH, TablesView
+from taubench_gl.report.tables import Column, Row, Table, paper_tables
+
+__all__ = [
+    "FORMATS",
+    "MIN_WIDTH",
+    "Column",
+    "Row",
+    "Table",
+    "TablesView",
+    "mask_overlay",
+    "paper_tables",
+    "plot_frames",
+    "plot_thresholds",
+    "save_mask_picture",
+    "write_report",
+]
+
+_TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "csv", "tables.tex": "latex"}
+
+
+def write_report(summary: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], folder: str | Path) -> list[Path]:
+    """Tables (text, Markdown, CSV, LaTeX) and plots (PNG, SVG) of one run into ``folder``.
+
+    Returns the files written.  Raises OutputError.
+    """
+    folder = Path(folder)
+    tables = paper_tables([summary])
+    written = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, look in _TABLE_FILES.items():
+            (folder / name).write_text(FORMATS[look](tables), encoding="utf-8")
+            written.append(folder / name)
+    except OSError as error:
+        raise cannot_write(folder, error) from None
+    written += plot_thresholds(summary, folder / "thresholds")
+    written += plot_frames(summary, frames, folder / "frames")
+    return written

@@ -1,0 +1,45 @@
+"""Reading scenes.  ``load_scene`` is the one way in; ``model`` is what comes out.  No GL."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from taubench_gl.errors import SceneError
+from taubench_gl.scene.model import Scene
+
+
+def _read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+    from taubench_gl.scene.gltf.reader import read_gltf
+
+    return read_gltf(path, scene, animation)
+
+
+READERS: dict[str, Callable[[Path, str | int | None, Sequence[str | int] | None], Scene]] = {
+    ".gltf": _read_gltf,
+    ".glb": _read_gltf,
+}
+"""File suffix, lower case -> reader.  A reader is imported when the first file of its kind is read."""
+
+
+def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequence[str | int] | None = None) -> Scene:
+    """Read and validate one scene file.
+
+    ``scene`` is the name or index of the scene to show; None takes the file's default, else its first.  ``animation``
+    lists names or indices of the animations to play; None plays all that do not fight over one target.  What the
+    reader decided on its own is in ``Scene.notes``.
+
+    Raises ``SceneError`` for anything missing, unreadable, invalid or not supported.
+    """
+    path = Path(path)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise SceneError(
+            f"no reader for files ending in {path.suffix!r}",
+            where=path.name,
+            hint=f"known: {', '.join(sorted(READERS))}",
+        )
+    return reader(path, scene, animation)
+
+
+__all__ = ["READERS", "Scene", "load_scene"]

@@ -1,0 +1,40 @@
+// Material table and texture sampling with KHR_texture_transform and mirrored wrapping.
+layout(std430, binding = 1) readonly buffer Materials { MaterialRecord materials[]; };
+
+#if TEXCOORDS
+in vec4 texcoord;
+#endif
+#if BASE_COLOR_MAP
+uniform sampler2D base_color_map;
+#endif
+#if NORMAL_MAP
+uniform sampler2D normal_map;
+#endif
+#if METALLIC_ROUGHNESS_MAP
+uniform sampler2D metallic_roughness_map;
+#endif
+#if EMISSIVE_MAP
+uniform sampler2D emissive_map;
+#endif
+#if OCCLUSION_MAP
+uniform sampler2D occlusion_map;
+#endif
+
+#if TEXCOORDS
+float fold(float x) { return 1.0 - abs(mod(x, 2.0) - 1.0); }
+
+// Gradients are taken of the varying, before anything read from a buffer touches it (helper invocations read buffers as 0
+// on Mesa), and before folding (a mirrored seam must not look like a jump to the mip selection).
+vec4 sample_map(sampler2D map, MaterialRecord m, int slot) {
+    vec4 row_x = m.uv_x[slot], row_y = m.uv_y[slot];
+    vec4 ddx = dFdx(texcoord), ddy = dFdy(texcoord);
+    bool first = row_x.w < 0.5;
+    mat2 uv_from_raw = mat2(row_x.x, row_y.x, row_x.y, row_y.y);
+    vec2 uv = uv_from_raw * (first ? texcoord.xy : texcoord.zw) + vec2(row_x.z, row_y.z);
+    vec2 dx = uv_from_raw * (first ? ddx.xy : ddx.zw), dy = uv_from_raw * (first ? ddy.xy : ddy.zw);
+    int mirrored = int(row_y.w);
+    if ((mirrored & 1) != 0) uv.x = fold(uv.x);
+    if ((mirrored & 2) != 0) uv.y = fold(uv.y);
+    return textureGrad(map, uv, dx, dy);
+}
+#endif

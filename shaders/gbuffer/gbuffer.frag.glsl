@@ -1,0 +1,89 @@
+// Geometry pass, fragments: one set of channels per visible surface point.
+//
+// Writes   the channels of OUTPUTS (channels.py), each at its own attachment.
+// Departs  Shading normals are turned over where the *triangle* faces away (as Cycles does), not where the interpolated
+//          normal does: turning smooth normals at a silhouette would make them jump by 180 degrees.
+#include "common/affine.glsl"
+#include "common/material.glsl"
+
+layout(std430, binding = 2) readonly buffer Frame { FrameRecord F; };
+
+in vec3 pos_rel;
+in vec3 normal_ws;
+flat in uvec4 ids;
+#if PREV_POSITION
+in vec3 prev_pos_rel;
+#endif
+#if TANGENTS
+in vec4 tangent_ws;
+#endif
+#if COLORS
+in vec4 vertex_color;
+#endif
+
+vec3 shading_normal(MaterialRecord m) {
+    vec3 n = safe_normalize(normal_ws);
+#if NORMAL_MAP
+    vec3 t = safe_normalize(tangent_ws.xyz - n * dot(n, tangent_ws.xyz));
+    vec3 b = tangent_ws.w * cross(n, t);
+    vec3 texel = sample_map(normal_map, m, SLOT_NORMAL).xyz * 2.0 - 1.0;
+    texel.xy *= m.factors.z;
+    n = safe_normalize(texel.x * t + texel.y * b + texel.z * n);
+#endif
+    return gl_FrontFacing ? n : -n;
+}
+
+void main() {
+    MaterialRecord m = materials[ids.y];
+#if ALPHA_TEST || OUTPUT_BASE_COLOR
+    vec4 base = m.base_color;
+#if BASE_COLOR_MAP
+    base *= sample_map(base_color_map, m, SLOT_BASE_COLOR);
+#endif
+#if COLORS
+    base *= vertex_color;
+#endif
+#endif
+#if ALPHA_TEST
+    if (base.a < m.alpha_cutoff.x) discard;
+#endif
+#if OUTPUT_POSITION
+    out_position = vec4(pos_rel, dot(F.forward.xyz, pos_rel));
+#endif
+#if OUTPUT_NORMAL
+    out_normal = vec4(shading_normal(m), 1.0);
+#endif
+#if OUTPUT_PREV_POSITION
+    out_prev_position = vec4(prev_pos_rel, 1.0);
+#endif
+#if OUTPUT_GEOMETRIC_NORMAL
+    // The triangle's plane from screen-space derivatives; where they vanish (sub-pixel slivers) the vertex normal stands in.
+    vec3 g = safe_normalize(cross(dFdx(pos_rel), dFdy(pos_rel)));
+    if (g == vec3(0.0)) g = safe_normalize(normal_ws) * (gl_FrontFacing ? 1.0 : -1.0);
+    out_geometric_normal = vec4(dot(g, pos_rel) > 0.0 ? -g : g, 1.0);
+#endif
+#if OUTPUT_BASE_COLOR
+    out_base_color = base;
+#endif
+#if OUTPUT_MATERIAL
+    vec2 metallic_roughness = m.factors.xy;
+#if METALLIC_ROUGHNESS_MAP
+    metallic_roughness *= sample_map(metallic_roughness_map, m, SLOT_METALLIC_ROUGHNESS).bg;
+#endif
+    float occlusion = 1.0;
+#if OCCLUSION_MAP
+    occlusion = 1.0 + m.factors.w * (sample_map(occlusion_map, m, SLOT_OCCLUSION).r - 1.0);
+#endif
+    out_material = vec4(metallic_roughness, occlusion, m.emissive.w);
+#endif
+#if OUTPUT_EMISSION
+    vec3 emission = m.emissive.xyz;
+#if EMISSIVE_MAP
+    emission *= sample_map(emissive_map, m, SLOT_EMISSIVE).rgb;
+#endif
+    out_emission = vec4(emission, 1.0);
+#endif
+#if OUTPUT_IDS
+    out_ids = ids.xy;
+#endif
+}

@@ -1,0 +1,256 @@
+// Reprojection (Eq. 3) and feature masks (f_B, section 3.2) of one frame pair, counted as they are made.
+//
+// Reads    current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
+//          and, where defined, prev_position, direct, indirect, color.
+// Writes   mask (reason bits), motion (previous - current, pixels, +y up).
+// Counts   combos[mask] (16 reason bits: every count is a sum of these), histogram of each feature's distance.
+// Twin     metrics.masks.pair_masks
+// Departs  Eq. (3) carries a guard of GUARD_PX and the near test one of NEAR_GUARD: a still pixel lies exactly on the
+//          boundary.  The position is interpolated and projected here, which equals interpolating the previous clip
+//          position (the map is linear) and never divides before w is tested.
+#include "common/numbers.glsl"
+
+layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
+
+layout(std430, binding = 0) readonly buffer Parameters { Reprojection P; };
+layout(std430, binding = 1) coherent buffer Combos { uint combos[]; };
+layout(std430, binding = 2) coherent buffer Histograms { uint histograms[]; };
+
+uniform sampler2D position;
+uniform sampler2D normal;
+uniform sampler2D history_position;
+uniform sampler2D history_normal;
+#if MOTION
+uniform sampler2D prev_position;
+#endif
+#if HAS_DIRECT
+uniform sampler2D direct;
+uniform sampler2D history_direct;
+#endif
+#if HAS_INDIRECT
+uniform sampler2D indirect;
+uniform sampler2D history_indirect;
+#endif
+#if HAS_COLOR
+uniform sampler2D color;
+uniform sampler2D history_color;
+#endif
+#if WRITE_MASK
+layout(r32ui, binding = 0) writeonly uniform uimage2D mask_out;
+#endif
+#if WRITE_MOTION
+layout(rg32f, binding = 1) writeonly uniform image2D motion_out;
+#endif
+
+struct Sample { // one pixel of channels, or a blend of history pixels
+    vec4 position;
+    vec3 normal;
+    vec3 direct;
+    vec3 indirect;
+    vec3 color;
+};
+
+bool is_surface(vec4 p) { return p.w > 0.0; }
+
+Sample fetch_current(ivec2 at) {
+    Sample s;
+    s.position = texelFetch(position, at, 0);
+    s.normal = texelFetch(normal, at, 0).xyz;
+#if HAS_DIRECT
+    s.direct = texelFetch(direct, at, 0).xyz;
+#endif
+#if HAS_INDIRECT
+    s.indirect = texelFetch(indirect, at, 0).xyz;
+#endif
+#if HAS_COLOR
+    s.color = texelFetch(color, at, 0).xyz;
+#endif
+    return s;
+}
+
+Sample fetch_history(ivec2 at) {
+    Sample s;
+    s.position = texelFetch(history_position, at, 0);
+    s.normal = texelFetch(history_normal, at, 0).xyz;
+#if HAS_DIRECT
+    s.direct = texelFetch(history_direct, at, 0).xyz;
+#endif
+#if HAS_INDIRECT
+    s.indirect = texelFetch(history_indirect, at, 0).xyz;
+#endif
+#if HAS_COLOR
+    s.color = texelFetch(history_color, at, 0).xyz;
+#endif
+    return s;
+}
+
+bool non_finite(Sample s) {
+    bool bad = non_finite(s.position) || non_finite(s.normal);
+#if HAS_DIRECT
+    bad = bad || non_finite(s.direct);
+#endif
+#if HAS_INDIRECT
+    bad = bad || non_finite(s.indirect);
+#endif
+#if HAS_COLOR
+    bad = bad || non_finite(s.color);
+#endif
+    return bad;
+}
+
+#if BILINEAR
+// Blend of the taps that are finite and of the same kind (surface or sky) as the current pixel.  If none is of that
+// kind, the nearest finite tap stands for the history; if none is finite, the result is not finite either.
+Sample sample_history(vec2 at, bool surface) {
+    vec2 base = floor(at);
+    vec2 f = at - base;
+    Sample nearest;
+    float nearest_weight = -1.0, total = 0.0;
+    Sample sum;
+    sum.position = vec4(0.0);
+    sum.normal = sum.direct = sum.indirect = sum.color = vec3(0.0);
+    for (int tap = 0; tap < 4; ++tap) {
+        ivec2 offset = ivec2(tap & 1, tap >> 1);
+        ivec2 texel = ivec2(base) + offset;
+        float weight = (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
+        if (weight <= 0.0 || any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, P.size.xy))) continue;
+        Sample s = fetch_history(texel);
+        bool bad = non_finite(s);
+        if (weight > nearest_weight && (!bad || nearest_weight < 0.0)) {
+            nearest = s;
+            if (!bad) nearest_weight = weight;
+        }
+        if (bad || is_surface(s.position) != surface) continue;
+        total += weight;
+        sum.position += weight * s.position;
+        sum.normal += weight * s.normal;
+#if HAS_DIRECT
+        sum.direct += weight * s.direct;
+#endif
+#if HAS_INDIRECT
+        sum.indirect += weight * s.indirect;
+#endif
+#if HAS_COLOR
+        sum.color += weight * s.color;
+#endif
+    }
+    if (total <= 0.0) return nearest;
+    sum.position /= total;
+    sum.normal /= total;
+    sum.direct /= total;
+    sum.indirect /= total;
+    sum.color /= total;
+    // A blend of unit normals is shorter than 1; the feature is the direction.
+    float norm = length(sum.normal);
+    if (norm > 0.0) sum.normal /= norm;
+    return sum;
+}
+#else
+Sample sample_history(vec2 at, bool surface) {
+    return fetch_history(clamp(ivec2(floor(at + 0.5)), ivec2(0), P.size.xy - 1));
+}
+#endif
+
+void count_distance(int feature, float distance) {
+    uint bin = histogram_bin(distance);
+    // Bin 0 is whatever of the comparable pixels is left over: still pixels cost no atomic.
+    if (bin > 0u) atomicAdd(histograms[feature * HISTOGRAM_BINS + int(bin)], 1u);
+}
+
+// f_B for every feature.  q: where this surface point was, relative to the previous camera.
+uint compare(Sample now, vec3 q, Sample before) {
+    uint mask = 0u;
+    bool surface = is_surface(now.position), history_surface = is_surface(before.position);
+    float inf = uintBitsToFloat(0x7f800000u);
+    if (!history_surface) mask |= HISTORY_SKY;
+    if (surface != history_surface) {
+        mask |= POSITION | NORMAL | (surface ? OCCLUDING : DISOCCLUDED);
+        count_distance(FEATURE_POSITION, inf);
+        count_distance(FEATURE_NORMAL, inf);
+    } else if (surface) {
+        float moved = distance(q, before.position.xyz);
+        if (moved > P.threshold_position) {
+            mask |= POSITION;
+            float nearer = length(q) - length(before.position.xyz);
+            if (nearer > P.threshold_position) mask |= DISOCCLUDED;
+            else if (-nearer > P.threshold_position) mask |= OCCLUDING;
+        }
+        count_distance(FEATURE_POSITION, moved);
+        float turned = distance(now.normal, before.normal);
+        if (turned > P.threshold_normal) mask |= NORMAL;
+        count_distance(FEATURE_NORMAL, turned);
+    }
+#if HAS_DIRECT
+    vec3 change = now.direct - before.direct;
+    float direct_distance = length(change);
+    if (direct_distance > P.threshold_direct) {
+        float luminance = dot(change, vec3(0.2126, 0.7152, 0.0722));
+        mask |= DIRECT | (luminance > 0.0 ? LIT : luminance < 0.0 ? SHADOWED : 0u);
+    }
+    count_distance(FEATURE_DIRECT, direct_distance);
+#endif
+#if HAS_INDIRECT
+    float indirect_distance = distance(now.indirect, before.indirect);
+    if (indirect_distance > P.threshold_indirect) mask |= INDIRECT;
+    count_distance(FEATURE_INDIRECT, indirect_distance);
+#endif
+#if HAS_COLOR
+    vec3 d = abs(now.color - before.color);
+    float color_distance = max(d.x, max(d.y, d.z));
+    if (color_distance > P.threshold_color) mask |= COLOR;
+    count_distance(FEATURE_COLOR, color_distance);
+#endif
+    return mask;
+}
+
+// Reason bits of one pixel; motion in pixels (0 where it is not defined).
+uint judge(ivec2 pixel, out vec2 motion) {
+    motion = vec2(0.0);
+    Sample now = fetch_current(pixel);
+    bool surface = is_surface(now.position);
+    uint mask = surface ? 0u : SKY;
+    if (P.declared != 0u) return mask | P.declared;
+    if (non_finite(now)) return INVALID;
+
+    vec4 p, q; // now, relative to the current camera; then, relative to the previous one
+    if (surface) {
+        p = vec4(now.position.xyz, 1.0);
+#if MOTION
+        q = vec4(texelFetch(prev_position, pixel, 0).xyz, 1.0);
+        if (non_finite(q)) return INVALID;
+#else
+        q = vec4(now.position.xyz + P.camera_delta.xyz, 1.0);
+#endif
+    } else { // the view ray itself: w = 0, or a point of the far plane for a parallel projection
+        p = P.sky_origin + float(pixel.x) * P.sky_dx + float(pixel.y) * P.sky_dy;
+        q = vec4(p.xyz + P.sky_origin.w * P.camera_delta.xyz, p.w);
+    }
+    // Decided before any division.
+    float prev_depth = dot(P.prev_forward.xyz, q.xyz);
+    if (prev_depth <= (surface ? P.prev_near : 0.0)) return mask | BEHIND;
+    vec4 prev_clip = P.prev_clip_from_prev * q;
+    vec4 clip = P.clip_from_current * p;
+    motion = (prev_clip.xy / prev_clip.w - clip.xy / clip.w) * 0.5 * vec2(P.size.xy);
+    vec2 at = vec2(pixel) + motion;
+    if (non_finite(motion)) { motion = vec2(0.0); return INVALID; }
+    vec2 last = vec2(P.size.xy - 1);
+    if (any(lessThan(at, vec2(-P.guard_px))) || any(greaterThan(at, last + P.guard_px))) return mask | OUTSIDE;
+
+    Sample before = sample_history(at, surface);
+    if (non_finite(before)) return INVALID | mask;
+    return mask | compare(now, q.xyz, before);
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, P.size.xy))) return;
+    vec2 motion;
+    uint mask = judge(pixel, motion);
+    atomicAdd(combos[mask], 1u);
+#if WRITE_MASK
+    imageStore(mask_out, pixel, uvec4(mask));
+#endif
+#if WRITE_MOTION
+    imageStore(motion_out, pixel, vec4(motion, 0.0, 0.0));
+#endif
+}

@@ -1,0 +1,130 @@
+"""One animated property at one time, float64: the formulas of glTF 2.0, appendix C (animation sampler interpolation).
+
+``interpolate`` is the only place where keys are blended.  It works on any number of channels at once, so the scalar
+``sample_channel`` and the vectorised ``timeline.Timeline`` run the same arithmetic and agree bit for bit.
+
+Everything is written so that equal keys give exactly the key at every time between them: ``a + u (b - a)`` and not
+``(1 - u) a + u b``.  A camera that stands still between two keys must have zero motion, not rounding noise.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.scene.model import Channel
+
+Array = np.ndarray
+
+STEP, LINEAR, CUBICSPLINE = "STEP", "LINEAR", "CUBICSPLINE"
+
+NLERP_BELOW = 1e-6
+"""Radians between two unit quaternions below which slerp is replaced by normalised lerp.  The two differ by about
+angle^3 / 16 there, below one part in 1e16, and sin(angle) is no longer divided by."""
+
+HALF_TURN = 1e-12
+"""Array whose quaternions have a dot product this close to 0 are 180 degrees apart and both ways round are equally
+short.  Such a pair is left as the file stores it, so that the sign of a rounding error never chooses the way."""
+
+
+def unit_quaternions(q: Array) -> Array:
+    """Unit length; the zero quaternion means no rotation.  (..., 4) -> (..., 4) float64, xyzw."""
+    q = math3d.normalize(q)
+    zero = ~np.any(q, axis=-1, keepdims=True)
+    return np.where(zero, (0.0, 0.0, 0.0, 1.0), q)
+
+
+def slerp(a: Array, b: Array, u: Array) -> Array:
+    """Spherical interpolation along the shorter arc.  (..., 4), (..., 4) unit xyzw, (...) in [0, 1] -> (..., 4) unit.
+
+    q and -q are one rotation: ``b`` is taken on ``a``'s hemisphere.  ``u == 0`` returns ``a`` bit for bit, and so does
+    every ``u`` when the keys are equal or opposite.  Array 180 degrees apart: see ``HALF_TURN``.
+    """
+    u = np.asarray(u, dtype=np.float64)[..., None]
+    b = np.where(_dot(a, b) < -HALF_TURN, -b, b)
+    difference, total = b - a, b + a
+    # The angle from both chords is accurate everywhere; acos of the dot product is blind below 1e-8 rad.
+    angle = 2.0 * np.arctan2(np.sqrt(_dot(difference, difference)), np.sqrt(_dot(total, total)))
+    small = angle < NLERP_BELOW
+    sine = np.sin(np.where(small, 1.0, angle))
+    arc = (np.sin((1.0 - u) * angle) / sine) * a + (np.sin(u * angle) / sine) * b
+    line = a + u * difference
+    line = line / np.sqrt(_dot(line, line))
+    out = np.where(small, line, arc)
+    # Rounding in sin/sin and in the normalisation may move the last bit; a key is returned as it is.
+    return np.where((u == 0.0) | ~np.any(difference, axis=-1, keepdims=True), a, out)
+
+
+def hermite(v0: Array, out0: Array, in1: Array, v1: Array, u: Array, dt: Array) -> Array:
+    """glTF's cubic spline; tangents are per second, so ``dt`` scales them.  4 x (..., n), (...), (...) -> (..., n)."""
+    u = np.asarray(u, dtype=np.float64)[..., None]
+    dt = np.asarray(dt, dtype=np.float64)[..., None]
+    u2 = u * u
+    u3 = u2 * u
+    # h00 = 1 - h01, written so that equal values with zero tangents stay exactly equal.
+    return v0 + (3 * u2 - 2 * u3) * (v1 - v0) + dt * ((u3 - 2 * u2 + u) * out0 + (u3 - u2) * in1)
+
+
+def segment(times: Array, t: float) -> tuple[int, int, float, float]:
+    """Array around ``t``: (i, j, u, dt) with u in [0, 1].  Outside the keys i == j, u == 0 and dt == 0.
+
+    ``times`` (K,) float64, strictly increasing, K >= 1.
+    """
+    i = int(np.searchsorted(times, t, side="right")) - 1
+    if i < 0 or i >= len(times) - 1:
+        i = min(max(i, 0), len(times) - 1)
+        return i, i, 0.0, 0.0
+    dt = float(times[i + 1] - times[i])
+    return i, i + 1, float(t - times[i]) / dt, dt
+
+
+def interpolate(interpolation: str, rotation: bool, first: Array, second: Array, u: Array, dt: Array) -> Array:
+    """Blend key rows ``first`` and ``second`` of C channels.  -> (C, n) float64.
+
+    Rows are (C, n), for CUBICSPLINE (C, 3, n) as in ``Channel.values``; ``u``, ``dt`` are (C,).  With ``rotation`` the
+    rows are quaternions, unit ones for STEP and LINEAR (``prepare_keys`` makes them so), and so is what is returned.
+    """
+    if interpolation == CUBICSPLINE:
+        out = hermite(first[:, 1], first[:, 2], second[:, 0], second[:, 1], u, dt)
+        return unit_quaternions(out) if rotation else out
+    if interpolation == STEP:
+        return first
+    if rotation:
+        return slerp(first, second, u)
+    return first + u[:, None] * (second - first)
+
+
+def prepare_keys(channel: Channel) -> Array:
+    """The channel's key rows as ``interpolate`` wants them: (K, n), or (K, 3, n) for CUBICSPLINE; float64."""
+    values = np.asarray(channel.values, dtype=np.float64)
+    shape = (len(channel.times), 3, -1) if channel.interpolation == CUBICSPLINE else (len(channel.times), -1)
+    values = values.reshape(shape)
+    if is_rotation(channel) and channel.interpolation != CUBICSPLINE:
+        return unit_quaternions(values)
+    return values
+
+
+def is_rotation(channel: Channel) -> bool:
+    return channel.target == "node" and channel.path == "rotation"
+
+
+def sample_channel(channel: Channel, t: float) -> Array:
+    """Value of one channel at ``t`` seconds, clamped to the first and last key.  -> (n,) float64.
+
+    Rotations come out as unit quaternions xyzw.  Finite for every finite key that fits a float32, however close two
+    keys lie.  The plain twin of ``timeline.Timeline``.
+    """
+    times = np.asarray(channel.times, dtype=np.float64)
+    keys = prepare_keys(channel)
+    i, j, u, dt = segment(times, t)
+    interpolation = STEP if channel.path == "visible" else channel.interpolation
+    first, second = keys[i : i + 1], keys[j : j + 1]
+    if channel.path == "visible" and keys.ndim == 3:
+        first = second = keys[i : i + 1, 1]
+    return interpolate(interpolation, is_rotation(channel), first, second, np.array([u]), np.array([dt]))[0]
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """(..., 4), (..., 4) -> (..., 1).  Spelled out: the sum's order must not depend on how many rows there are."""
+    p = a * b
+    return (p[..., 0] + p[..., 1] + p[..., 2] + p[..., 3])[..., None]

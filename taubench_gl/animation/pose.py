@@ -1,0 +1,174 @@
+"""Scene + seconds -> FrameState, and the float64 CPU twin of GPU skinning and morphing.
+
+Sources: glTF 2.0 sections 3.5 (node transforms), 3.7.2.2 (morph targets), 3.7.3 (skins), KHR_node_visibility.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.animation.state import FrameState
+from taubench_gl.animation.timeline import Timeline
+from taubench_gl.scene.model import Camera, Light, Primitive, Scene
+
+Array = np.ndarray
+
+
+class Poser:
+    """Samples one scene at many times.  Holds data derived from the scene and nothing that a sample leaves behind."""
+
+    def __init__(self, scene: Scene):
+        self.scene = scene
+        self.timeline = Timeline(scene.channels)
+        nodes = scene.nodes
+        self._levels = nodes.levels()
+        self._fixed = np.flatnonzero(nodes.has_matrix)
+        self._weights = _default_weights(scene)
+        for weights in self._weights.values():
+            weights.flags.writeable = False  # handed out with every state
+
+    @property
+    def duration(self) -> float:
+        """Seconds, the scene's."""
+        return self.scene.duration
+
+    def sample(self, t: float) -> FrameState:
+        """The scene at ``t`` seconds.  A pure function of (scene, t): the order of calls never matters."""
+        nodes = self.scene.nodes
+        values = {
+            "translation": np.array(nodes.translation, dtype=np.float64),
+            "rotation": np.array(nodes.rotation, dtype=np.float64),
+            "scale": np.array(nodes.scale, dtype=np.float64),
+        }
+        own = np.array(nodes.visible, dtype=bool)
+        weights = dict(self._weights)
+        cameras, lights = list(self.scene.cameras), list(self.scene.lights)
+        for track, sampled in self.timeline.sample(t):
+            if track.target == "camera":
+                _set_parameters(cameras, track.index, track.path, sampled)
+            elif track.target == "light":
+                _set_parameters(lights, track.index, track.path, sampled)
+            elif track.path == "visible":
+                own[track.index] = sampled[:, 0] > 0.5
+            elif track.path == "weights":
+                for node, row in zip(track.index.tolist(), sampled):
+                    if node in weights:
+                        weights[node] = _fit(row, len(weights[node]))
+            else:
+                values[track.path][track.index] = sampled
+        local = math3d.trs(values["translation"], values["rotation"], values["scale"])
+        # glTF forbids animating a node that has a matrix; where a file does so anyway, its matrix stays.
+        local[self._fixed] = nodes.matrix[self._fixed]
+        world, visible = local, own
+        for level in self._levels[1:]:
+            parent = nodes.parent[level]
+            world[level] = world[parent] @ local[level]
+            visible[level] &= visible[parent]
+        return FrameState(float(t), world, visible & nodes.in_scene, weights, tuple(cameras), tuple(lights))
+
+
+def sample(scene: Scene, t: float) -> FrameState:
+    """``Poser(scene).sample(t)``, for one time only; make a ``Poser`` to sample many."""
+    return Poser(scene).sample(t)
+
+
+def skin_matrices(scene: Scene, state: FrameState, skin: int) -> Array:
+    """Palette world_from_mesh of skin number ``skin``: world[joint] @ inverse_bind.  -> (J, 4, 4) float64.
+
+    The transform of the node that carries the skinned mesh plays no part (glTF 3.7.3.3).
+    """
+    s = scene.skins[skin]
+    return state.world[s.joints] @ s.inverse_bind
+
+
+def is_skinned(scene: Scene, node: int, primitive: Primitive) -> bool:
+    """Does the skin of ``node`` deform this primitive?  A primitive without joints moves with its node."""
+    return scene.nodes.skin[node] >= 0 and primitive.joints is not None and primitive.weights is not None
+
+
+def pose_vertices(
+    scene: Scene, state: FrameState, node: int, primitive: Primitive, instance: int | None = None
+) -> Array:
+    """World positions of a primitive of ``node``'s mesh: morphed, then skinned or moved with its node.
+
+    -> (V, 3) float64, metres.
+
+    ``instance`` counts in ``nodes.instances[node]``; None: as if the node were drawn once, at its own transform.
+    """
+    pos = _morphed(primitive.positions, [t.positions for t in primitive.targets], state.weights.get(node))
+    if is_skinned(scene, node, primitive):
+        world_from_mesh = _blended(scene, state, node, primitive)
+        return np.einsum("vij,vj->vi", world_from_mesh[:, :3, :3], pos) + world_from_mesh[:, :3, 3]
+    return math3d.transform_points(_world_from_mesh(scene, state, node, instance), pos)
+
+
+def pose_normals(
+    scene: Scene, state: FrameState, node: int, primitive: Primitive, instance: int | None = None
+) -> Array | None:
+    """World unit normals, as ``pose_vertices``.  -> (V, 3) float64; None where the primitive has none (flat)."""
+    if primitive.normals is None:
+        return None
+    normals = _morphed(primitive.normals, [t.normals for t in primitive.targets], state.weights.get(node))
+    if is_skinned(scene, node, primitive):
+        normal_matrix = math3d.normal_matrix(_blended(scene, state, node, primitive)[:, :3, :3])
+        return math3d.normalize(np.einsum("vij,vj->vi", normal_matrix, normals))
+    normal_matrix = math3d.normal_matrix(_world_from_mesh(scene, state, node, instance)[:3, :3])
+    return math3d.normalize(normals @ normal_matrix.T)
+
+
+def target_count(scene: Scene, mesh: int) -> int:
+    """Morph targets of a mesh: the most any of its primitives has."""
+    return max((len(p.targets) for p in scene.meshes[mesh].primitives), default=0)
+
+
+def _world_from_mesh(scene: Scene, state: FrameState, node: int, instance: int | None) -> Array:
+    world = state.world[node]
+    return world if instance is None else world @ scene.nodes.instances[node][instance]
+
+
+def _blended(scene: Scene, state: FrameState, node: int, primitive: Primitive) -> Array:
+    """Linear blend skinning: one world_from_mesh per vertex.  -> (V, 4, 4) float64."""
+    palette = skin_matrices(scene, state, int(scene.nodes.skin[node]))
+    out = np.zeros((len(primitive.positions), 4, 4))
+    for influence in range(primitive.joints.shape[1]):  # one at a time: (V, k, 4, 4) would be large
+        weight = primitive.weights[:, influence].astype(np.float64)
+        out += weight[:, None, None] * palette[primitive.joints[:, influence]]
+    return out
+
+
+def _morphed(base: Array, targets: list[Array | None], weights: Array | None) -> Array:
+    """base + sum of weight * displacement.  -> (V, 3) float64."""
+    out = base.astype(np.float64)
+    if weights is not None:
+        for target, weight in zip(targets, weights):
+            if target is not None and weight != 0.0:
+                out += weight * target
+    return out
+
+
+def _default_weights(scene: Scene) -> dict[int, Array]:
+    """Morph weights at rest of every node whose mesh has targets: the node's own, else its mesh's, else 0."""
+    out = {}
+    for node in np.flatnonzero(scene.nodes.mesh >= 0).tolist():
+        mesh = int(scene.nodes.mesh[node])
+        count = target_count(scene, mesh)
+        if count:
+            own = scene.nodes.weights.get(node)
+            out[node] = _fit(scene.meshes[mesh].weights if own is None else own, count)
+    return out
+
+
+def _fit(weights: Array, count: int) -> Array:
+    """Exactly ``count`` weights, missing ones 0.  Always a fresh array."""
+    out = np.zeros(count)
+    given = np.asarray(weights, dtype=np.float64).ravel()[:count]
+    out[: len(given)] = given
+    return out
+
+
+def _set_parameters(things: list[Camera] | list[Light], index: Array, path: str, values: Array) -> None:
+    for i, row in zip(index.tolist(), values.tolist()):
+        things[i] = dataclasses.replace(things[i], **{path: tuple(row) if path == "color" else row[0]})

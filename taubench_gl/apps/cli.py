@@ -1,0 +1,69 @@
+"""The command line ``taubench-gl``: a thin shell that turns options into calls and errors into exit codes.
+
+Every command imports its work when it runs, so ``--help`` needs neither OpenGL nor NumPy.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import NoReturn
+
+import click
+
+from taubench_gl import __version__
+from taubench_gl.apps.compare_command import compare
+from taubench_gl.apps.doctor_command import doctor
+from taubench_gl.apps.evaluate_command import evaluate
+from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.errors import TaubenchError
+
+EXIT_ERROR = 2
+EXIT_INTERRUPTED = 130
+
+
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="""\b
+Examples:
+  taubench-gl doctor
+  taubench-gl inspect scene.glb
+  taubench-gl evaluate scene.glb --out results
+  taubench-gl compare results other-results
+
+\b
+Errors end with exit code 2 and one line; TAUBENCH_DEBUG=1 adds the traceback.""",
+)
+@click.version_option(__version__, prog_name="taubench-gl")
+def cli() -> None:
+    """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
+
+
+for command in (doctor, inspect, evaluate, compare):
+    cli.add_command(command)
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Entry point of the console script.  Always exits: 0, 2 for an error, 130 when interrupted."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal that cannot show a dash or a superscript gets a question mark, not a traceback.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+    try:
+        code = cli.main(args=arguments, prog_name="taubench-gl", standalone_mode=False)
+    except TaubenchError as error:
+        if os.environ.get("TAUBENCH_DEBUG", "") not in ("", "0"):
+            raise
+        click.echo(f"taubench-gl: error: {error}", err=True)
+        code = EXIT_ERROR
+    except click.ClickException as error:
+        error.show()
+        code = error.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("taubench-gl: interrupted", err=True)
+        code = EXIT_INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has closed it (as head does); the interpreter must not try to flush it again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 1
+    sys.exit(code if isinstance(code, int) else 0)

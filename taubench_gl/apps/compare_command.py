@@ -1,0 +1,38 @@
+"""``taubench-gl compare``: stored runs side by side, and beside the paper."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl compare out/sponza out/bistro
+  taubench-gl compare out/* --no-paper --format csv > runs.csv
+  taubench-gl compare out/sponza --format latex > tables.tex"""
+)
+@click.argument("runs", nargs=-1, required=True, metavar="RUN...")
+@click.option(
+    "--format",
+    "look",
+    type=click.Choice(["text", "markdown", "csv", "latex", "html"]),
+    default="text",
+    show_default=True,
+    help="How the tables are written.",
+)
+@click.option("--paper/--no-paper", default=True, show_default=True, help="Add the rows of the paper.")
+def compare(runs: tuple[str, ...], look: str, paper: bool) -> None:
+    """Print Tables 1 to 4 of one or more runs.
+
+    RUN is a folder that 'taubench-gl evaluate --out' wrote.
+    """
+    from taubench_gl.apps.screen import show_tables
+    from taubench_gl.report import FORMATS, paper_tables
+    from taubench_gl.run import load_run
+
+    tables = paper_tables([load_run(run).summary for run in runs], paper=paper)
+    if look == "text":
+        show_tables(tables)
+    else:
+        click.echo(FORMATS[look](tables), nl=False)

@@ -1,0 +1,47 @@
+"""``taubench-gl doctor``: what OpenGL and which libraries this machine has."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import click
+
+from taubench_gl.apps.options import gpu_options
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl doctor
+  taubench-gl doctor --backend osmesa --json"""
+)
+@gpu_options
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
+def doctor(backend: str, device: int | None, as_json: bool) -> None:
+    """Show what OpenGL this machine offers, its limits, and the versions of what is installed.
+
+    Ends with exit code 2 and the command that would help if OpenGL 4.5 cannot be opened.
+    """
+    from taubench_gl.gpu.context import capability_report
+
+    report = capability_report(backend, device)
+    if as_json:
+        click.echo(json.dumps(report, indent=2))
+    else:
+        show_report(report)
+
+
+def show_report(report: dict[str, Any]) -> None:
+    """Print a capability report as tables.  Unknown keys are left to ``--json``."""
+    from taubench_gl.apps.screen import show_pairs
+
+    timer = report["timer"]
+    usable = "usable" if timer["usable"] else "not usable"
+    gl = {name: report.get(name) for name in ("backend", "renderer", "vendor", "version", "glsl")}
+    show_pairs("OpenGL", {**gl, "GPU timer": f"{usable}: {timer['why']}"})
+    ways = report.get("backends", {})
+    show_pairs("Backends", {name: f"{'yes' if b['usable'] else 'no'}: {b['why']}" for name, b in ways.items()})
+    show_pairs("Limits", report.get("limits", {}))
+    libraries = report.get("libraries", {})
+    show_pairs("Libraries", {name: version or "not installed" for name, version in libraries.items()})

@@ -1,0 +1,176 @@
+"""``taubench-gl evaluate``: the main job, for one scene or several in turn."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from taubench_gl.apps.options import Frames, Size, Threshold, Words, gpu_options, scene_options
+from taubench_gl.errors import TaubenchError
+from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.run import Run
+
+SAVE = ("masks", "channels")
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl evaluate scene.glb
+  taubench-gl evaluate scene.glb --out results --save masks
+  taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
+  taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
+\b
+With --out, DIR holds summary.json and frames.csv (one row per finished pair, also after an interrupt),
+tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one folder each inside DIR."""
+)
+@click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
+@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
+@scene_options
+@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
+@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
+@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
+@click.option(
+    "--reprojection",
+    type=click.Choice(REPROJECTIONS),
+    default=REPROJECTIONS[0],
+    show_default=True,
+    help="camera: as the paper, surfaces count as still.  motion: follow moving surfaces.",
+)
+@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of history.")
+@click.option(
+    "--threshold",
+    "thresholds",
+    type=Threshold(),
+    multiple=True,
+    help="a_B of color, position (metres), normal, direct or indirect; may be repeated.  [default: 32/255]",
+)
+@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
+@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
+@click.option("--save", type=Words(*SAVE), default="", help="Also write masks, channels (comma-separated) per pair.")
+@gpu_options
+def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], **options: Any) -> int:
+    """Measure how much of each frame can be reused in the next, and print the paper's Tables 1 to 4.
+
+    SCENE is a glTF 2.0 file (.glb or .gltf).  One scene that fails does not stop the others; the exit code is then 2.
+    """
+    if save and out is None:
+        raise click.UsageError("--save needs --out DIR to write to")
+    settings = _settings(options)
+    folders = out_folders(scenes, out)
+    runs: list[Run] = []
+    failed = 0
+    for scene, folder in zip(scenes, folders, strict=True):
+        try:
+            runs.append(_evaluate_one(scene, settings, folder, save))
+        except TaubenchError as error:
+            if len(scenes) == 1:
+                raise
+            _say(f"error: {error}")
+            failed += 1
+        except KeyboardInterrupt:
+            _say(_interrupted(folder, runs))
+            raise click.exceptions.Exit(130) from None
+        except Exception:
+            # A fault of ours in one scene of a batch: shown in full, and the night's other scenes still run.
+            if len(scenes) == 1:
+                raise
+            traceback.print_exc()
+            _say(f"error: {scene}: internal error, see above")
+            failed += 1
+    if runs:
+        _show(runs)
+    if failed:
+        _say(f"{failed} of {len(scenes)} scenes failed")
+    return 2 if failed else 0
+
+
+def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:
+    """Where each scene's results go: ``out`` itself for one scene, else a folder in it named after the file.
+
+    Equal names get -2, -3 and so on, never one that another scene has (compared without case, as some disks do).
+    """
+    if out is None:
+        return [None] * len(scenes)
+    if len(scenes) == 1:
+        return [out]
+    taken: set[str] = set()
+    stems = [Path(scene).stem or "scene" for scene in scenes]
+    folders: list[Path | None] = []
+    for i, stem in enumerate(stems):
+        others = {other.lower() for j, other in enumerate(stems) if j != i}
+        name, number = stem, 1
+        while name.lower() in taken or (number > 1 and name.lower() in others):
+            number += 1
+            name = f"{stem}-{number}"
+        taken.add(name.lower())
+        folders.append(out / name)
+    return folders
+
+
+def _settings(options: dict[str, Any]) -> Settings:
+    width, height = options.pop("size")
+    animations, thresholds = options.pop("animations"), options.pop("thresholds")
+    frames = options.pop("frames") or (None, None)
+    return Settings(
+        width=width,
+        height=height,
+        frames=frames,
+        animation=animations or None,
+        thresholds=dict(thresholds),
+        **options,
+    )
+
+
+def _evaluate_one(scene: str, settings: Settings, folder: Path | None, save: tuple[str, ...]) -> Run:
+    from taubench_gl.apps.screen import ProgressBar
+    from taubench_gl.evaluate import evaluate as evaluate_scene
+    from taubench_gl.report import write_report
+
+    with ProgressBar(Path(scene).name) as progress:
+        run = evaluate_scene(scene, settings, out=folder, save=save, progress=progress)
+    if folder is not None:
+        write_report(run.summary, run.frames, folder)
+    return run
+
+
+def _show(runs: list[Run]) -> None:
+    from taubench_gl.apps.screen import show_tables
+    from taubench_gl.report import paper_tables
+
+    show_tables(paper_tables([run.summary for run in runs]))
+    for run in runs:
+        name = run.summary["scene"]["name"]
+        # Capped: a broken exporter can produce one note per node, and all of them are in summary.json.
+        notes = [str(note) for note in run.summary.get("notes", ())]
+        for note in notes[:10]:
+            click.echo(f"note: {name}: {note}")
+        if len(notes) > 10:
+            click.echo(f"note: {name}: and {len(notes) - 10} more, see summary.json")
+        if run.out is not None:
+            click.echo(f"written to {run.out}{os.sep}")
+
+
+def _interrupted(folder: Path | None, runs: list[Run]) -> str:
+    """What is left after an interrupt, said in one line."""
+    from taubench_gl.run import FRAMES_FILE, read_frames
+
+    if folder is None:
+        return "interrupted; nothing was written (--out DIR keeps finished pairs)"
+    frames = folder / FRAMES_FILE
+    kept = f"{len(read_frames(frames))} finished pairs are in {frames}" if frames.is_file() else "no pair was finished"
+    whole = f"; {len(runs)} finished scenes are in {folder.parent}" if runs else ""
+    return f"interrupted; {kept}{whole}"
+
+
+def _say(line: str) -> None:
+    click.echo(f"taubench-gl: {line}", file=sys.stderr)

@@ -1,0 +1,142 @@
+"""``taubench-gl inspect``: what is in a scene file, without drawing it."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from taubench_gl.apps.options import scene_options
+from taubench_gl.conventions import DEFAULT_FPS
+
+if TYPE_CHECKING:
+    from taubench_gl.scene.model import Scene
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl inspect scene.glb
+  taubench-gl inspect scene.gltf --animation walk --json"""
+)
+@click.argument("path", metavar="SCENE")
+@scene_options
+@click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Rate at which changes are looked for.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
+def inspect(path: str, scene: str | None, animations: tuple[str, ...], fps: float, as_json: bool) -> None:
+    """Show what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
+
+    Needs no OpenGL.
+    """
+    from taubench_gl.scene import load_scene
+    from taubench_gl.settings import Settings
+
+    facts = describe(load_scene(path, scene, animations or None), Settings(fps=fps))
+    if as_json:
+        click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        _show(facts)
+
+
+def describe(scene: Scene, settings: Any) -> dict[str, Any]:
+    """Facts of a scene as plain values fit for JSON; lengths in metres, angles in degrees, times in seconds."""
+    from taubench_gl.animation import Poser, bounding_sphere, choose_camera
+    from taubench_gl.effects.census import census
+
+    poser = Poser(scene)
+    frames = settings.frame_count(scene.duration)
+    counts = census(scene, (i / settings.fps for i in range(frames)), poser)
+    center, radius = bounding_sphere(poser, [0.0])
+    nodes = scene.nodes
+    return {
+        "name": scene.name,
+        "path": None if scene.path is None else str(scene.path),
+        "bytes": scene.path.stat().st_size if scene.path is not None and scene.path.is_file() else None,
+        "sha256": scene.sha256,
+        "scenes": list(scene.scene_names),
+        "duration_s": scene.duration,
+        "fps": settings.fps,
+        "frames": frames,
+        "bounds": {"center": center.tolist(), "radius_m": radius},
+        "census": counts,
+        "camera": choose_camera(scene).describe(),
+        "cameras": [_camera(scene, int(node)) for node in scene.camera_nodes],
+        "animations": [
+            {
+                "name": animation.name,
+                "duration_s": animation.duration,
+                "channels": len(animation.channels),
+                "plays": animation.name in scene.playing,
+            }
+            for animation in scene.animations
+        ],
+        "lights": [
+            {
+                "node": nodes.names[node],
+                "name": (light := scene.lights[nodes.light[node]]).name,
+                "kind": light.kind,
+                "color": list(light.color),
+                "intensity": light.intensity,
+                "unit": "lx" if light.kind == "directional" else "cd",
+                "range_m": light.range if math.isfinite(light.range) else None,
+            }
+            for node in map(int, scene.light_nodes)
+        ],
+        "materials": len(scene.materials),
+        "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
+        "notes": [str(note) for note in scene.notes],
+    }
+
+
+def _camera(scene: Scene, node: int) -> dict[str, Any]:
+    camera = scene.cameras[scene.nodes.camera[node]]
+    facts: dict[str, Any] = {"node": scene.nodes.names[node], "name": camera.name, "kind": camera.kind}
+    if camera.kind == "perspective":
+        facts["yfov_deg"] = math.degrees(camera.yfov)
+    else:
+        facts |= {"xmag_m": camera.xmag, "ymag_m": camera.ymag}
+    return facts | {"near_m": camera.znear, "far_m": camera.zfar if math.isfinite(camera.zfar) else None}
+
+
+def _show(facts: dict[str, Any]) -> None:
+    from taubench_gl.apps.screen import show_pairs
+
+    size = facts["bounds"]
+    where = ", ".join(f"{x:.3g}" for x in size["center"])
+    file = None if facts["bytes"] is None else f"{facts['path']} ({facts['bytes']:,} bytes)"
+    show_pairs(
+        f"Scene {facts['name']}",
+        {
+            "file": file,
+            "sha256": facts["sha256"],
+            "scenes": ", ".join(name or "(no name)" for name in facts["scenes"]) or None,
+            "duration": f"{facts['duration_s']:.3f} s, {facts['frames']} frames at {facts['fps']:g} fps",
+            "bounds": f"radius {size['radius_m']:.4g} m around ({where}) at time 0",
+            "materials, images": f"{facts['materials']}, {len(facts['images'])}",
+            "camera used": facts["camera"],
+        },
+    )
+    counts = {name.replace("_", " "): n for name, n in facts["census"].items() if not isinstance(n, dict | list)}
+    show_pairs(f"Contents (changes looked for at {facts['fps']:g} fps)", counts)
+    for heading, key in (("Cameras", "cameras"), ("Animations", "animations"), ("Lights", "lights")):
+        listed = facts[key]
+        lines = {f"{i}": _line(entry) for i, entry in enumerate(listed[:20])}
+        if len(listed) > 20:
+            lines["..."] = f"{len(listed) - 20} more, see --json"
+        if lines:
+            show_pairs(heading, lines)
+    if facts["notes"]:
+        show_pairs("Notes of the reader", {f"{i}": note for i, note in enumerate(facts["notes"], start=1)})
+
+
+def _line(entry: dict[str, Any]) -> str:
+    parts = []
+    for name, value in entry.items():
+        if value is None or value == "":
+            continue
+        if isinstance(value, list):
+            value = "(" + ", ".join(f"{x:.3g}" for x in value) + ")"
+        parts.append(f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}")
+    return ", ".join(parts)

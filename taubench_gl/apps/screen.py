@@ -1,0 +1,86 @@
+"""What the commands share to print tables and progress."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from taubench_gl.report import Table
+    from taubench_gl.run import Progress
+
+PLAIN_STEPS = 10
+"""Progress lines per scene where there is no terminal to draw a bar on."""
+
+
+def show_tables(tables: list[Table]) -> None:
+    """Tables to standard output: styled on a terminal, plain text in a pipe."""
+    if not sys.stdout.isatty():
+        from taubench_gl.report import FORMATS
+
+        click.echo(FORMATS["text"](tables))
+        return
+    from rich.console import Console
+
+    from taubench_gl.report import MIN_WIDTH, TablesView
+
+    console = Console()
+    console.width = max(console.width, MIN_WIDTH)
+    console.print(TablesView(tables))
+
+
+def show_pairs(title: str, pairs: dict[str, Any]) -> None:
+    """A two-column listing; long values fold."""
+    from rich.console import Console
+    from rich.table import Table as Grid
+    from rich.text import Text
+
+    grid = Grid(show_header=False, box=None, padding=(0, 2, 0, 0), title=title, title_justify="left")
+    grid.add_column(no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, value in pairs.items():
+        grid.add_row(Text(f"  {name}"), Text("–" if value is None else str(value)))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = 160
+    console.print(grid)
+
+
+class ProgressBar:
+    """Callable given to ``evaluate``: a bar on a terminal, about ten lines where standard error is a file or pipe."""
+
+    def __init__(self, name: str):
+        self.name = name
+        self.done = 0
+        self.total = 0
+        self._bar: Any = None
+        self._task: Any = None
+        self._seconds = 0.0
+
+    def __enter__(self) -> ProgressBar:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+            rate = TextColumn("{task.fields[rate]}")
+            columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
+            self._bar = Progress(*columns, rate, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+            self._task = self._bar.add_task(self.name, total=None, rate="starting")
+            self._bar.start()
+        return self
+
+    def __exit__(self, *exc: Any) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, progress: Progress) -> None:
+        before, self.done, self.total = self.done, progress.done, progress.total
+        self._seconds += progress.frame_seconds
+        rate = f"{self.done / self._seconds:.2f} pairs/s" if self._seconds > 0 else ""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=self.done, total=self.total, rate=rate)
+        elif self.done * PLAIN_STEPS // max(self.total, 1) > before * PLAIN_STEPS // max(self.total, 1):
+            left = self._seconds / self.done * (self.total - self.done)
+            click.echo(f"{self.name}: {self.done}/{self.total} pairs, {rate}, {left:.0f} s left", err=True)

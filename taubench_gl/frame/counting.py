@@ -1,0 +1,87 @@
+"""Sums over the masks of all pairs: what Table 4 needs, in constant memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS
+from taubench_gl.frame.passes.masks import Counts
+from taubench_gl.metrics.counts import CLASSES, comparable_percent, counts_of, percent
+from taubench_gl.metrics.histogram import discarded_above, edges
+from taubench_gl.metrics.streaming import Welford
+
+
+class SequenceStats:
+    """Accumulates pairs.  ``measured``: the columns that were computed; the others come out as ``null``."""
+
+    def __init__(self, measured: tuple[str, ...], reasons: dict[str, str]):
+        self.measured, self.reasons = measured, reasons
+        self._all = {c: Welford() for c in COLUMNS}
+        self._comparable = {c: Welford() for c in COLUMNS}
+        self._classes = {c: Welford() for c in CLASSES}
+        self._per_pair = {c: [] for c in COLUMNS}
+        self._histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)
+        self._comparable_pixels = 0
+        self.pairs = 0
+
+    def add(self, counted: Counts) -> dict[str, int | None]:
+        """Take in one pair; its raw counts, ``None`` where a feature was not measured."""
+        counts: dict[str, int | None] = counts_of(counted.combos)
+        self.pairs += 1
+        self._comparable_pixels += counts["comparable"]
+        for name in CLASSES:
+            self._classes[name].add(counts[name])
+        for column in self.measured:
+            self._all[column].add(percent(counts, column))
+            self._per_pair[column].append(percent(counts, column))
+            share = comparable_percent(counts, column)
+            if share is not None:
+                self._comparable[column].add(share)
+        self._histograms += counted.histograms
+        for column in FEATURES:
+            if column not in self.measured:
+                counts[column] = None
+        if "direct" not in self.measured:
+            counts["lit"] = counts["shadowed"] = None
+        return counts
+
+    def discard(self, cuts: np.ndarray) -> dict[str, Any]:
+        """The ``discard`` block.  ``cuts`` (P,) bool: pairs left out of ``without_cuts_mean_percent``."""
+        out = {}
+        for column in COLUMNS:
+            if column not in self.measured or not self.pairs:
+                reason = self.reasons.get(column, "the scene gives no pair of frames")
+                out[column] = {"mean_percent": None, "comparable_mean_percent": None, "max_percent": None}
+                out[column] |= {"without_cuts_mean_percent": None, "reason": reason}
+                continue
+            kept = np.array(self._per_pair[column])[~cuts]
+            shares = self._comparable[column]
+            out[column] = {
+                "mean_percent": self._all[column].mean,
+                "comparable_mean_percent": shares.mean if shares.count else None,
+                "max_percent": self._all[column].max,
+                "without_cuts_mean_percent": float(kept.mean()) if len(kept) else None,
+            }
+        return out
+
+    def classes(self) -> dict[str, float | None]:
+        """Mean pixels per class; they add up to w * h."""
+        return {name: w.mean if w.count else None for name, w in self._classes.items()}
+
+    def curves(self) -> dict[str, Any]:
+        """Discard-versus-threshold: per measured feature, pixels (all pairs) with a distance at or above each edge."""
+        out = {}
+        for i, feature in enumerate(FEATURES):
+            if feature not in self.measured or not self.pairs:
+                continue
+            counts = self._histograms[i].copy()
+            counts[0] = self._comparable_pixels - counts[1:].sum()  # the GPU leaves bin 0 out: it is what remains
+            out[feature] = {
+                "edges": edges().tolist(),
+                "counts": counts.tolist(),
+                "at_or_above": discarded_above(counts).tolist(),
+                "comparable": self._comparable_pixels,
+            }
+        return out

@@ -1,0 +1,195 @@
+"""From a Scene's meshes to flat vertex pools and draw records.  NumPy only; ``frame.scene_buffers`` uploads the result.
+
+Two pools: *fixed* primitives are stored once and placed by a matrix per draw; *posed* ones (skinned or morphed) get a
+vertex range per draw, which the deform pass fills with camera-relative positions every frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taubench_gl.scene.model import Mesh, Primitive, Scene
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Soup:
+    """One primitive made ready for drawing: every attribute present, flat-shaded triangles unwelded."""
+
+    positions: Array  # (V, 3) float32
+    normals: Array  # (V, 3) float32
+    tangents: Array  # (V, 4) float32
+    texcoords: tuple[Array, Array]  # (V, 2) float32 each
+    colors: Array  # (V, 4) float32
+    triangles: Array  # (T, 3) uint32
+    flat: bool
+    source: Array  # (V,) vertex of the primitive each soup vertex was made from
+
+
+def make_soup(primitive: Primitive, *, tangents: bool) -> Soup:
+    """Fill in what the file leaves out: flat normals, tangents (only if asked), texture coordinates, white colours."""
+    flat = primitive.normals is None
+    triangles = primitive.triangles
+    source = triangles.reshape(-1) if flat else np.arange(len(primitive.positions))
+    if flat:
+        triangles = np.arange(len(source), dtype=np.uint32).reshape(-1, 3)
+    positions = primitive.positions[source]
+    count = len(source)
+    normals = np.repeat(face_normals(positions), 3, axis=0) if flat else primitive.normals
+    texcoords = tuple(
+        np.zeros((count, 2), np.float32) if uv is None else uv[source].astype(np.float32) for uv in primitive.texcoords
+    )
+    if primitive.tangents is not None:
+        tangent = primitive.tangents[source]
+    elif tangents:
+        tangent = make_tangents(positions, normals, texcoords[0], triangles)
+    else:
+        tangent = np.broadcast_to(np.float32([1, 0, 0, 1]), (count, 4))
+    colors = np.ones((count, 4), np.float32) if primitive.colors is None else primitive.colors[source]
+    return Soup(positions, normals.astype(np.float32), tangent, texcoords, colors, triangles, flat, source)
+
+
+def face_normals(positions: Array) -> Array:
+    """Unit normals of unwelded triangles, float64 inside; degenerate triangles give 0.  (3 T, 3) -> (T, 3)."""
+    corners = positions.astype(np.float64).reshape(-1, 3, 3)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    return np.where(length > 0, normal / np.where(length > 0, length, 1.0), 0.0)
+
+
+def make_tangents(positions: Array, normals: Array, uv: Array, triangles: Array) -> Array:
+    """Per-vertex tangents where the file has none: area-weighted sums of the triangles' u directions (Lengyel).
+
+    (V, 3), (V, 3), (V, 2), (T, 3) -> (V, 4) float32, w = handedness as glTF: bitangent = w cross(n, t).
+    """
+    p, t = positions.astype(np.float64)[triangles], uv.astype(np.float64)[triangles]
+    e1, e2 = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    d1, d2 = t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]
+    # Not divided by the determinant's size: that leaves a sum weighted by area in both spaces, finite everywhere.
+    side = np.sign(d1[:, 0] * d2[:, 1] - d2[:, 0] * d1[:, 1])[:, None]
+    u = (e1 * d2[:, 1:] - e2 * d1[:, 1:]) * side
+    v = (e2 * d1[:, :1] - e1 * d2[:, :1]) * side
+    tangent, bitangent = np.zeros(positions.shape), np.zeros(positions.shape)
+    for corner in range(3):
+        np.add.at(tangent, triangles[:, corner], u)
+        np.add.at(bitangent, triangles[:, corner], v)
+    n = normals.astype(np.float64)
+    tangent -= n * np.sum(n * tangent, axis=-1, keepdims=True)
+    length = np.linalg.norm(tangent, axis=-1, keepdims=True)
+    # No usable texture coordinates: any direction across the normal.
+    spare = np.cross(n, np.where(np.abs(n[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    spare /= np.maximum(np.linalg.norm(spare, axis=-1, keepdims=True), 1e-30)
+    tangent = np.where(length > 1e-30, tangent / np.maximum(length, 1e-30), spare)
+    hand = np.where(np.sum(np.cross(n, tangent) * bitangent, axis=-1) < 0, -1.0, 1.0)
+    return np.concatenate([tangent, hand[:, None]], axis=-1).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One primitive of one node (and instance): a row of the record table, ``ids`` channel = row + 1."""
+
+    node: int
+    mesh: int
+    primitive: int
+    material: int  # -1: the default material
+    local: Array | None  # (4, 4) node_from_instance, EXT_mesh_gpu_instancing
+    posed: bool
+    base_vertex: int  # in its pool
+    first_index: int
+    index_count: int
+    vertex_count: int
+    flat: bool
+
+
+@dataclass(slots=True)
+class Pool:
+    """Attribute arrays of one pool, concatenated."""
+
+    positions: Array
+    normals: Array
+    tangents: Array
+    texcoords0: Array
+    texcoords1: Array
+    colors: Array
+    indices: Array  # (I,) uint32, relative to a draw's base vertex
+
+
+@dataclass(slots=True)
+class _Builder:
+    soups: list[Soup] = field(default_factory=list)
+    vertices: int = 0
+    indices: int = 0
+
+    def add(self, soup: Soup) -> tuple[int, int]:
+        base = self.vertices, self.indices
+        self.soups.append(soup)
+        self.vertices += len(soup.positions)
+        self.indices += soup.triangles.size
+        return base
+
+    def pool(self) -> Pool:
+        def join(parts: list[Array], width: int, dtype=np.float32) -> Array:
+            return np.concatenate([np.zeros((0, width), dtype), *parts]).astype(dtype, copy=False)
+
+        return Pool(
+            join([s.positions for s in self.soups], 3),
+            join([s.normals for s in self.soups], 3),
+            join([s.tangents for s in self.soups], 4),
+            join([s.texcoords[0] for s in self.soups], 2),
+            join([s.texcoords[1] for s in self.soups], 2),
+            join([s.colors for s in self.soups], 4),
+            join([s.triangles for s in self.soups], 3, np.uint32).reshape(-1),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    draws: tuple[Draw, ...]
+    fixed: Pool
+    posed: Pool
+    posed_soups: dict[tuple[int, int], Soup]  # (mesh, primitive) -> soup of a deformed primitive
+
+
+def is_posed(scene: Scene, node: int, mesh: Mesh, primitive: Primitive) -> bool:
+    """Whether the vertices themselves move: skinned, or morph targets present."""
+    return bool(primitive.targets) or (scene.nodes.skin[node] >= 0 and primitive.joints is not None)
+
+
+def build_geometry(scene: Scene) -> Geometry:
+    """Pools and draws of everything the scene can draw, in node order."""
+    fixed, posed = _Builder(), _Builder()
+    soups: dict[tuple[int, int], Soup] = {}
+    placed: dict[tuple[int, int], tuple[int, int]] = {}
+    draws = []
+    for node in scene.mesh_nodes:
+        mesh_index = int(scene.nodes.mesh[node])
+        mesh = scene.meshes[mesh_index]
+        instances = scene.nodes.instances.get(int(node))
+        for index, primitive in enumerate(mesh.primitives):
+            if not len(primitive.triangles):
+                continue
+            key = (mesh_index, index)
+            if key not in soups:
+                soups[key] = make_soup(primitive, tangents=_has_normal_map(scene, primitive))
+            soup = soups[key]
+            moves = is_posed(scene, node, mesh, primitive)
+            for local in [None] if instances is None else instances:
+                if moves:
+                    base = posed.add(soup)
+                else:
+                    base = placed[key] = placed.get(key) or fixed.add(soup)
+                draws.append(
+                    Draw(
+                        int(node), mesh_index, index, primitive.material, local, moves, base[0], base[1],
+                        soup.triangles.size, len(soup.positions), soup.flat,
+                    )
+                )  # fmt: skip
+    posed_keys = {(d.mesh, d.primitive) for d in draws if d.posed}
+    return Geometry(tuple(draws), fixed.pool(), posed.pool(), {k: soups[k] for k in posed_keys})
+
+
+def _has_normal_map(scene: Scene, primitive: Primitive) -> bool:
+    return primitive.material >= 0 and scene.materials[primitive.material].normal_texture is not None

@@ -1,0 +1,155 @@
+"""Materials on the GPU: parameters in one table, textures decoded in threads and only if some channel needs them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.scene.model import Material, Scene, Texture
+
+SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
+"""Texture slots in binding order."""
+
+_SRGB_SLOTS = ("base_color", "emissive")
+_GL_SRGB8_ALPHA8 = 0x8C43
+_MIRRORED_REPEAT, _CLAMP = 33648, 33071
+BLEND_CUTOFF = 0.5
+"""Blended surfaces are taken as present where alpha >= 0.5 and absent elsewhere: Cycles' default for its data passes."""
+
+MATERIAL = Struct(
+    "MaterialRecord",
+    Field("base_color", "vec4", "linear, 0..1, with alpha"),
+    Field("emissive", "vec4", "xyz: linear radiance; w: 1 where unlit"),
+    Field("factors", "vec4", "x: metallic, y: roughness, z: normal scale, w: occlusion strength"),
+    Field("alpha_cutoff", "vec4", "x: smallest alpha that is drawn"),
+    Field("uv_x", "vec4", "per slot, xyz: first row of uv_transform; w: texture-coordinate set", len(SLOTS)),
+    Field("uv_y", "vec4", "per slot, xyz: second row; w: wrap mode bits, 1 mirrored s, 2 mirrored t", len(SLOTS)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialKey:
+    """What of a material decides which shader variant draws it."""
+
+    slots: tuple[str, ...]  # textures sampled
+    alpha_test: bool
+    double_sided: bool
+
+
+def texture_of(material: Material, slot: str) -> Texture | None:
+    return getattr(material, f"{slot}_texture")
+
+
+def wanted_slots(channels: Iterable[str], material: Material) -> tuple[str, ...]:
+    """Texture slots that the requested channels make necessary for this material."""
+    channels = set(channels)
+    needs = {
+        "base_color": "base_color" in channels or _tests_alpha(material),
+        "normal": "normal" in channels and material.normal_scale != 0.0,
+        "metallic_roughness": "material" in channels,
+        "emissive": "emission" in channels and any(material.emissive),
+        "occlusion": "material" in channels and material.occlusion_strength != 0.0,
+    }
+    return tuple(s for s in SLOTS if needs[s] and texture_of(material, s) is not None)
+
+
+def _tests_alpha(material: Material) -> bool:
+    return material.alpha_mode in ("MASK", "BLEND")
+
+
+class MaterialTable:
+    """Every material of the scene; row 0 is glTF's default material, row i + 1 the scene's material i."""
+
+    def __init__(self, gpu: Gpu, scene: Scene, channels: Iterable[str], used: Iterable[int]):
+        self._gpu = gpu
+        self._materials = (Material(), *scene.materials)
+        channels = tuple(channels)
+        self.keys = [self._key(m, channels) for m in self._materials]
+        rows = MATERIAL.zeros(len(self._materials))
+        for row, material in zip(rows, self._materials, strict=True):
+            _fill(row, material)
+        self.buffer = gpu.ctx.buffer(rows.tobytes())
+        self._textures: dict[tuple[int, bool], moderngl.Texture] = {}
+        self._samplers: dict[tuple, moderngl.Sampler] = {}
+        self._upload(scene, set(used))
+
+    def _key(self, material: Material, channels: tuple[str, ...]) -> MaterialKey:
+        return MaterialKey(wanted_slots(channels, material), _tests_alpha(material), material.double_sided)
+
+    def _upload(self, scene: Scene, used: set[int]) -> None:
+        wanted = {
+            (texture_of(self._materials[m + 1], slot).image, slot in _SRGB_SLOTS)
+            for m in used
+            for slot in self.keys[m + 1].slots
+        }
+        images = sorted({image for image, _ in wanted})
+        with ThreadPoolExecutor() as pool:
+            decoded = dict(zip(images, pool.map(lambda i: scene.images[i].decode(), images), strict=True))
+        for image, srgb in sorted(wanted):
+            self._textures[image, srgb] = self._texture(decoded[image], srgb, scene.images[image].name)
+
+    def _texture(self, pixels: np.ndarray, srgb: bool, name: str) -> moderngl.Texture:
+        height, width = pixels.shape[:2]
+        limit = self._gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
+        if max(width, height) > limit:
+            raise GraphicsError(f"image {name!r} is {width}x{height}, this device takes {limit}", hint="scale it down")
+        extra = {"internal_format": _GL_SRGB8_ALPHA8} if srgb else {}
+        # glTF's v runs downwards from the image's top row, so rows go up in file order: texture row 0 is v = 0.
+        texture = self._gpu.ctx.texture((width, height), 4, np.ascontiguousarray(pixels).tobytes(), dtype="f1", **extra)
+        texture.build_mipmaps()
+        return texture
+
+    def bind(self, material: int, program: moderngl.Program) -> None:
+        """Bind the textures of scene material ``material`` (-1: default) to the units their slots have."""
+        record = self._materials[material + 1]
+        for slot in self.keys[material + 1].slots:
+            texture = texture_of(record, slot)
+            unit = SLOTS.index(slot)
+            self._textures[texture.image, slot in _SRGB_SLOTS].use(unit)
+            self._sampler(texture).use(unit)
+            program[f"{slot}_map"] = unit
+
+    def unbind(self) -> None:
+        """Samplers outlive textures on a unit: clear them, or the next pass reads its inputs through them."""
+        for unit in range(len(SLOTS)):
+            self._gpu.ctx.clear_samplers(unit, unit + 1)
+
+    def _sampler(self, texture: Texture) -> moderngl.Sampler:
+        s = texture.sampler
+        key = (s.mag_filter, s.min_filter, s.wrap_s == 10497, s.wrap_t == 10497)
+        if key not in self._samplers:
+            sampler = self._gpu.ctx.sampler(repeat_x=key[2], repeat_y=key[3])
+            sampler.filter = (s.min_filter, s.mag_filter)
+            self._samplers[key] = sampler
+        return self._samplers[key]
+
+    @property
+    def texture_bytes(self) -> int:
+        """GPU memory of the textures with their mipmaps, bytes."""
+        return sum(t.width * t.height * 4 * 4 // 3 for t in self._textures.values())
+
+    def release(self) -> None:
+        self.buffer.release()
+        for item in (*self._textures.values(), *self._samplers.values()):
+            item.release()
+
+
+def _fill(row: np.ndarray, m: Material) -> None:
+    row["base_color"] = m.base_color
+    row["emissive"] = (*m.emissive, float(m.unlit))
+    row["factors"] = (m.metallic, m.roughness, m.normal_scale, m.occlusion_strength)
+    row["alpha_cutoff"][0] = m.alpha_cutoff if m.alpha_mode == "MASK" else BLEND_CUTOFF
+    for i, slot in enumerate(SLOTS):
+        texture = texture_of(m, slot)
+        if texture is None:
+            continue
+        row["uv_x"][i] = (*texture.uv_transform[0], texture.texcoord)
+        mirrored = (texture.sampler.wrap_s == _MIRRORED_REPEAT) + 2 * (texture.sampler.wrap_t == _MIRRORED_REPEAT)
+        row["uv_y"][i] = (*texture.uv_transform[1], mirrored)

@@ -1,0 +1,88 @@
+"""The geometry pass: everything visible, once, into the requested channels."""
+
+from __future__ import annotations
+
+import moderngl
+
+from taubench_gl.animation import View
+from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.materials import MATERIAL, SLOTS, MaterialTable
+from taubench_gl.frame.records import RECORD
+from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
+from taubench_gl.frame.targets import Targets
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.layout import Field, Struct, column_major
+from taubench_gl.gpu.shader import ShaderCache
+
+FRAME = Struct(
+    "FrameRecord",
+    Field("clip_from_relative", "mat4", "clip, reversed Z in [0, 1] <- relative to the current camera, world axes"),
+    Field("forward", "vec4", "xyz: unit, where the camera looks: dot with a relative position is planar depth"),
+)
+_GLSL_TYPE = {("f4", 4): "vec4", ("f2", 4): "vec4", ("u4", 2): "uvec2"}
+
+
+def attachments(channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Of the requested channels, those the geometry pass writes, in the table's order."""
+    return tuple(name for name, info in CHANNELS.items() if info.attachment and name in channels)
+
+
+class GBufferPass:
+    """Writes ``channels``; compiles a shader variant for a group of draws when the first such group appears."""
+
+    def __init__(self, gpu: Gpu, shaders: ShaderCache, channels: tuple[str, ...], colored_materials: frozenset[int]):
+        self._gpu, self._shaders, self._channels = gpu, shaders, channels
+        self._colored = colored_materials
+        self._frame = gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True)
+        outputs = [
+            f"layout(location = {i}) out {_GLSL_TYPE[CHANNELS[n].dtype, CHANNELS[n].components]} out_{n};"
+            for i, n in enumerate(channels)
+        ]
+        slots = [f"const int SLOT_{name.upper()} = {i};" for i, name in enumerate(SLOTS)]
+        self._preamble = "\n".join((RECORD.glsl, FRAME.glsl, MATERIAL.glsl, *slots))
+        self._outputs = "\n".join(outputs)
+
+    def program(self, group: Group, materials: MaterialTable) -> moderngl.Program:
+        """The shader variant that draws ``group``."""
+        key = materials.keys[group.material + 1]
+        defines = variant(key, group.posed, self._channels, group.material in self._colored)
+        defines |= {f"OUTPUT_{name.upper()}": name in self._channels for name, c in CHANNELS.items() if c.attachment}
+        # Vertex colours matter only where the base colour does.
+        defines["COLORS"] = defines["COLORS"] and (key.alpha_test or "base_color" in self._channels)
+        return self._shaders.render(
+            "gbuffer/gbuffer.vert.glsl",
+            "gbuffer/gbuffer.frag.glsl",
+            defines,
+            self._preamble,
+            self._outputs,
+        )
+
+    def run(self, view: View, targets: Targets, scene: SceneBuffers, materials: MaterialTable) -> None:
+        """Draw one frame.  The record table and commands of ``scene`` must be up to date."""
+        ctx = self._gpu.ctx
+        record = FRAME.zeros()
+        record["clip_from_relative"] = column_major(view.clip_from_relative(*targets.size))
+        record["forward"][:3] = -view.world_from_view[:, 2]
+        self._frame.write(record.tobytes())
+        targets.framebuffer.use()
+        targets.clear()
+        ctx.enable_only(moderngl.DEPTH_TEST)
+        ctx.depth_func = ">"
+        scene.records.bind_to_storage_buffer(0)
+        materials.buffer.bind_to_storage_buffer(1)
+        self._frame.bind_to_storage_buffer(2)
+        for group in scene.groups:
+            program = self.program(group, materials)
+            materials.bind(group.material, program)
+            if group.cull:
+                ctx.enable(moderngl.CULL_FACE)
+            else:
+                ctx.disable(moderngl.CULL_FACE)
+            ctx.front_face = "cw" if group.mirrored else "ccw"
+            scene.draw(group, program)
+        materials.unbind()
+        ctx.front_face = "ccw"
+        ctx.disable(moderngl.CULL_FACE)
+
+    def release(self) -> None:
+        self._frame.release()

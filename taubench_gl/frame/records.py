@@ -1,0 +1,62 @@
+"""The record table: one row per draw, with its camera-relative matrices now and one frame ago."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.animation import FrameState, View
+from taubench_gl.frame.geometry import Draw
+from taubench_gl.gpu.layout import Field, Struct
+
+Array = np.ndarray
+
+RECORD = Struct(
+    "DrawRecord",
+    Field("x", "vec4", "row 0 of relative_from_object (world axes, relative to the current camera)"),
+    Field("y", "vec4", "row 1"),
+    Field("z", "vec4", "row 2"),
+    Field("prev_x", "vec4", "row 0 of previous relative_from_object (relative to the previous camera)"),
+    Field("prev_y", "vec4", "row 1"),
+    Field("prev_z", "vec4", "row 2"),
+    Field("ids", "uvec4", "x: record + 1, y: material + 1, z: bounding group, w: unused"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where every draw is at one instant, relative to one camera."""
+
+    relative: Array  # (D, 4, 4) float64 relative_from_object; identity for posed draws
+    visible: Array  # (D,) bool
+    mirrored: Array  # (D,) bool: the world transform turns fronts into backs
+
+
+class RecordTable:
+    """Turns FrameStates into rows.  Vectorised over draws: a scene of thousands of objects costs a millisecond."""
+
+    def __init__(self, draws: tuple[Draw, ...]):
+        self._node = np.array([d.node for d in draws], dtype=np.int64)
+        self._posed = np.array([d.posed for d in draws], dtype=bool)
+        self._local = {i: d.local for i, d in enumerate(draws) if d.local is not None}
+        self.rows = RECORD.zeros(len(draws))
+        self.rows["ids"][:, 0] = np.arange(len(draws)) + 1
+        self.rows["ids"][:, 1] = [d.material + 1 for d in draws]
+
+    def place(self, state: FrameState, view: View, mirrored_posed: Array) -> Placement:
+        """``mirrored_posed`` (D,) bool: mirror of the skin or node of posed draws, whose own matrix is the identity."""
+        world = state.world[self._node]
+        for i, local in self._local.items():
+            world[i] = world[i] @ local
+        mirrored = np.linalg.det(world[:, :3, :3]) < 0
+        world[:, :3, 3] -= view.position  # float64: what is left is small enough for float32
+        world[self._posed] = np.eye(4)
+        return Placement(world, state.visible[self._node], np.where(self._posed, mirrored_posed, mirrored))
+
+    def update(self, now: Placement, previous: Placement) -> Array:
+        """Fill in the matrices; the rows (D,) ready for upload."""
+        for axis, name in enumerate(("x", "y", "z")):
+            self.rows[name] = now.relative[:, axis]
+            self.rows[f"prev_{name}"] = previous.relative[:, axis]
+        return self.rows

@@ -1,0 +1,146 @@
+"""A scene's geometry on the GPU: vertex pools, and the indirect draw commands grouped by state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from taubench_gl.frame.geometry import Draw, Geometry, Pool
+from taubench_gl.frame.materials import MaterialKey, MaterialTable
+from taubench_gl.frame.records import RECORD, Placement
+from taubench_gl.gpu.context import Gpu
+
+Array = np.ndarray
+COMMAND = np.dtype(
+    [("count", "u4"), ("instances", "u4"), ("first", "u4"), ("base_vertex", "i4"), ("base_instance", "u4")]
+)
+_ATTRIBUTES = (  # name in the shader, pool array, format
+    ("in_position", "positions", "3f"),
+    ("in_normal", "normals", "3f"),
+    ("in_tangent", "tangents", "4f"),
+    ("in_texcoord0", "texcoords0", "2f"),
+    ("in_texcoord1", "texcoords1", "2f"),
+    ("in_color", "colors", "4f"),
+    ("in_prev_position", "prev_positions", "3f"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Consecutive commands that share every piece of state."""
+
+    posed: bool
+    material: int
+    cull: bool
+    mirrored: bool
+    first: int
+    count: int
+
+
+class SceneBuffers:
+    """Pools, the record table and draw commands.  ``arrange`` regroups only when visibility or handedness changes."""
+
+    def __init__(self, gpu: Gpu, geometry: Geometry, *, previous: bool):
+        self._gpu, self._draws = gpu, geometry.draws
+        ctx = gpu.ctx
+        self.pools = {False: self._upload(geometry.fixed), True: self._upload(geometry.posed)}
+        if previous and len(geometry.posed.positions):
+            self.pools[True]["prev_positions"] = ctx.buffer(reserve=max(geometry.posed.positions.nbytes, 4))
+        self.records = ctx.buffer(reserve=max(len(self._draws), 1) * RECORD.dtype.itemsize, dynamic=True)
+        self._order = ctx.buffer(reserve=max(len(self._draws), 1) * 4, dynamic=True)
+        self._commands = ctx.buffer(reserve=max(len(self._draws), 1) * COMMAND.itemsize, dynamic=True)
+        self._vaos: dict[tuple[bool, int], moderngl.VertexArray] = {}
+        self._arranged: tuple[bytes, bytes] | None = None
+        self.groups: list[Group] = []
+        self._table = np.array(
+            [(d.index_count, 1, d.first_index, d.base_vertex, 0) for d in self._draws], dtype=COMMAND
+        ).reshape(-1)
+
+    def _upload(self, pool: Pool) -> dict[str, moderngl.Buffer]:
+        out = {}
+        for name in ("positions", "normals", "tangents", "texcoords0", "texcoords1", "colors", "indices"):
+            array = np.ascontiguousarray(getattr(pool, name))
+            out[name] = self._gpu.ctx.buffer(array) if array.nbytes else self._gpu.ctx.buffer(reserve=16)
+        return out
+
+    def arrange(self, placement: Placement, materials: MaterialTable, *, culling: bool) -> None:
+        """Sort visible draws by state into groups and upload their commands."""
+        state = (placement.visible.tobytes(), placement.mirrored.tobytes())
+        if state == self._arranged:
+            return
+        self._arranged = state
+
+        def key(i: int) -> tuple:
+            d: Draw = self._draws[i]
+            cull = culling and not materials.keys[d.material + 1].double_sided
+            return d.posed, d.material, cull, bool(placement.mirrored[i]) and cull, d.first_index
+
+        visible = sorted(np.flatnonzero(placement.visible).tolist(), key=key)
+        commands = self._table[visible].copy()
+        commands["base_instance"] = np.arange(len(visible))
+        # Draws of the same primitive in a row become one instanced command.
+        keep, self.groups = [], []
+        for position, i in enumerate(visible):
+            k = key(i)
+            if keep and k == key(visible[position - 1]) and not k[0]:
+                commands["instances"][keep[-1]] += 1
+                continue
+            if not self.groups or k[:4] != self._group_key():
+                self.groups.append(Group(*k[:4], first=len(keep), count=0))
+            last = self.groups[-1]
+            self.groups[-1] = Group(*k[:4], first=last.first, count=last.count + 1)
+            keep.append(position)
+        if visible:
+            self._order.write(np.array(visible, dtype=np.uint32).tobytes())
+            self._commands.write(commands[keep].tobytes())
+
+    def _group_key(self) -> tuple:
+        g = self.groups[-1]
+        return g.posed, g.material, g.cull, g.mirrored
+
+    def draw(self, group: Group, program: moderngl.Program) -> None:
+        """Issue the commands of one group with ``program`` (its state must be set)."""
+        key = (group.posed, program.glo)
+        if key not in self._vaos:
+            self._vaos[key] = self._vertex_array(self.pools[group.posed], program)
+        self._vaos[key].render_indirect(self._commands, moderngl.TRIANGLES, group.count, group.first)
+
+    def _vertex_array(self, pool: dict[str, moderngl.Buffer], program: moderngl.Program) -> moderngl.VertexArray:
+        content = [(pool[array], form, name) for name, array, form in _ATTRIBUTES if name in program]
+        if "in_record" in program:  # a posed draw that writes no ids needs nothing of its record
+            content.append((self._order, "1u/i", "in_record"))
+        return self._gpu.ctx.vertex_array(program, content, index_buffer=pool["indices"], index_element_size=4)
+
+    @property
+    def bytes(self) -> int:
+        """GPU memory of the pools, bytes."""
+        return sum(b.size for pool in self.pools.values() for b in pool.values())
+
+    def release(self) -> None:
+        for vao in self._vaos.values():
+            vao.release()
+        for pool in self.pools.values():
+            for buffer in pool.values():
+                buffer.release()
+        for buffer in (self.records, self._order, self._commands):
+            buffer.release()
+
+
+def variant(key: MaterialKey, posed: bool, channels: tuple[str, ...], colors: bool) -> dict[str, bool]:
+    """Defines of the geometry shaders for one group: what is off is not compiled in."""
+    slots = set(key.slots)
+    return {
+        "POSED": posed,
+        "TANGENTS": "normal" in slots,
+        "TEXCOORDS": bool(slots),
+        "COLORS": colors,
+        "ALPHA_TEST": key.alpha_test,
+        "PREV_POSITION": "prev_position" in channels,
+        "NORMAL_MAP": "normal" in slots,
+        "BASE_COLOR_MAP": "base_color" in slots,
+        "METALLIC_ROUGHNESS_MAP": "metallic_roughness" in slots,
+        "EMISSIVE_MAP": "emissive" in slots,
+        "OCCLUSION_MAP": "occlusion" in slots,
+    }

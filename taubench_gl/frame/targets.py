@@ -1,0 +1,93 @@
+"""Render targets: one texture per channel, double-buffered where the next frame reads them as history."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from taubench_gl.channels import CHANNELS
+from taubench_gl.errors import GraphicsError
+from taubench_gl.gpu.context import Gpu
+
+_NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32, "f1": np.uint8}
+_BYTES = {"f4": 4, "f2": 2, "u4": 4, "f1": 1}
+
+
+class Targets:
+    """Attachments of one frame: ``textures[name]`` and a framebuffer with a float depth buffer."""
+
+    def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str], depth: moderngl.Texture):
+        limit = min(gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], gpu.ctx.info["GL_MAX_FRAMEBUFFER_WIDTH"])
+        if max(size) > limit:
+            raise GraphicsError(f"{size[0]}x{size[1]} is more than this device's {limit} pixels", hint="lower --size")
+        self.size, self.channels = size, tuple(channels)
+        self.textures: dict[str, moderngl.Texture] = {}
+        for name in self.channels:
+            info = CHANNELS[name]
+            texture = gpu.ctx.texture(size, info.components, dtype=info.dtype)
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self.textures[name] = texture
+        self.framebuffer = gpu.ctx.framebuffer(list(self.textures.values()), depth)
+
+    def clear(self) -> None:
+        """All channels 0 (no surface), depth 0 (infinitely far, reversed Z)."""
+        self.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0)  # float and integer zeros have the same bits
+
+    def release(self) -> None:
+        self.framebuffer.release()
+        for texture in self.textures.values():
+            texture.release()
+
+
+class History:
+    """This frame's targets and the last frame's, swapped by ``advance``."""
+
+    def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str]):
+        self.depth = gpu.ctx.depth_texture(size)
+        self._frames = [Targets(gpu, size, channels, self.depth) for _ in range(2)]
+        self.bytes = 4 * size[0] * size[1] + 2 * sum(
+            size[0] * size[1] * CHANNELS[n].components * _BYTES[CHANNELS[n].dtype] for n in channels
+        )
+
+    @property
+    def current(self) -> Targets:
+        return self._frames[0]
+
+    @property
+    def previous(self) -> Targets:
+        return self._frames[1]
+
+    def advance(self) -> None:
+        """What was current becomes history; call before drawing a frame."""
+        self._frames.reverse()
+
+    def release(self) -> None:
+        for targets in self._frames:
+            targets.release()
+        self.depth.release()
+
+
+def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
+    """A channel as (h, w, components) with row 0 at the top: the one flip of the package.  Motion turns +y down here."""
+    info = CHANNELS[name]
+    width, height = texture.size
+    out = np.empty((height, width, info.components), dtype=_NUMPY[info.dtype])
+    texture.read_into(out)
+    out = out[::-1]
+    if name == "motion":
+        out = out * np.float32([1, -1])
+        out[out == 0] = 0.0  # no negative zeros
+    return out
+
+
+def write_channel(texture: moderngl.Texture, name: str, values: np.ndarray) -> None:
+    """The inverse of ``read_channel`` for float channels: (h, w, <= components), row 0 at the top."""
+    info = CHANNELS[name]
+    width, height = texture.size
+    full = np.zeros((height, width, info.components), dtype=_NUMPY[info.dtype])
+    full[..., : values.shape[-1]] = values[::-1]
+    if name == "motion":
+        full[..., 1] *= -1
+    texture.write(full)

@@ -1,0 +1,164 @@
+"""Opening a GL 4.5 context without a screen, and saying what it can do.
+
+``auto`` tries EGL first (hardware drivers and Mesa alike), then OSMesa.  One context per backend and device lives in a
+process: contexts are expensive, and everything here is single-threaded.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.metadata
+import os
+from dataclasses import dataclass, field
+from typing import Any
+
+import moderngl
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.gpu import loaders
+
+BACKEND_VARIABLE = "TAUBENCH_BACKEND"
+REQUIRED_VERSION = 450
+_GL_LOWER_LEFT, _GL_ZERO_TO_ONE = 0x8CA1, 0x935F
+_INSTALL = {
+    "egl": "apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri, or a vendor driver with EGL",
+    "osmesa": "apt-get install libosmesa6, on distributions that still have it",
+}
+_LIBRARIES = ("moderngl", "glcontext", "numpy", "pyrr", "imageio", "pygltflib", "msgspec", "OpenEXR", "matplotlib")
+_EXTRAS = ("DracoPy", "meshoptimizer", "glfw", "scipy")
+
+
+@dataclass(slots=True)
+class Gpu:
+    """A current GL context and the few facts about it that code may depend on."""
+
+    ctx: moderngl.Context
+    backend: str  # egl | osmesa
+    renderer: str
+    vendor: str
+    version: str
+    software: bool
+    _keep: Any = field(default=None, repr=False)  # objects the context needs alive
+
+    def __enter__(self) -> Gpu:
+        self.ctx.__enter__()
+        return self
+
+    def __exit__(self, *exc: Any) -> None:
+        self.ctx.__exit__(*exc)
+
+    def finish(self) -> None:
+        """Wait until everything submitted is done."""
+        self.ctx.finish()
+
+    def collect(self) -> int:
+        """Release GL objects nobody refers to any more; the number released."""
+        count = 0
+        while self.ctx.objects:  # ctx.gc() itself stumbles over objects that were released by hand
+            release = getattr(self.ctx.objects.popleft(), "release", None)
+            if release is not None:
+                release()
+                count += 1
+        return count
+
+    def check(self, where: str) -> None:
+        """Raise if GL has recorded an error: a clean error state is part of every result."""
+        error = self.ctx.error
+        if error != "GL_NO_ERROR":
+            raise GraphicsError(f"{error} after {where}", hint="this is a fault of taubench-gl or of the driver")
+
+
+_open: dict[tuple[str, int | None], Gpu] = {}
+
+
+def open_gpu(backend: str = "auto", device: int | None = None) -> Gpu:
+    """The process's context on ``backend`` (auto | egl | osmesa; TAUBENCH_BACKEND replaces auto).
+
+    ``device`` selects the EGL device.  Raises GraphicsError listing everything that was tried and how to get it.
+    """
+    if backend == "auto":
+        backend = os.environ.get(BACKEND_VARIABLE, "auto") or "auto"
+    if backend not in ("auto", "egl", "osmesa"):
+        raise GraphicsError(f"no backend is named {backend!r}", hint="choose from auto, egl, osmesa")
+    if device is not None and backend == "osmesa":
+        raise GraphicsError("OSMesa has no devices to choose from", hint="leave --device out, or use --backend egl")
+    faults = []
+    for name in ("egl", "osmesa") if backend == "auto" and device is None else (backend.replace("auto", "egl"),):
+        if (name, device) in _open:
+            return _open[name, device]
+        try:
+            gpu = _create(name, device)
+        except Exception as error:
+            # Drivers and loaders raise anything from OSError to bare Exception; all of it means "not here".
+            faults.append(f"{name}: {error} ({_INSTALL[name]})")
+            continue
+        _open[name, device] = gpu
+        return gpu
+    raise GraphicsError("no OpenGL 4.5 context: " + "; ".join(faults), hint="see 'taubench-gl doctor'")
+
+
+def _create(name: str, device: int | None) -> Gpu:
+    if name == "egl":
+        arguments = {} if device is None else {"device_index": device}
+        ctx = moderngl.create_context(standalone=True, backend="egl", **arguments)
+        keep, function = None, loaders.egl_function
+    else:
+        keep = loaders.OSMesaContext()
+        ctx = moderngl.create_context(context=keep)
+        function = keep.load_opengl_function
+    if ctx.version_code < REQUIRED_VERSION:
+        raise OSError(f"the driver offers GL {ctx.version_code / 100:.1f}, 4.5 is needed")
+    address = function("glClipControl")
+    if not address:
+        raise OSError("the driver has no glClipControl")
+    # Reversed Z needs depth in [0, 1] (conventions): with [-1, 1] the subtraction throws the precision away again.
+    ctypes.CFUNCTYPE(None, ctypes.c_uint, ctypes.c_uint)(address)(_GL_LOWER_LEFT, _GL_ZERO_TO_ONE)
+    ctx.gc_mode = "context_gc"
+    info = ctx.info
+    renderer = info["GL_RENDERER"]
+    software = any(word in renderer.lower() for word in ("llvmpipe", "softpipe", "swrast"))
+    return Gpu(ctx, name, renderer, info["GL_VENDOR"], info["GL_VERSION"], software, keep)
+
+
+def capability_report(backend: str = "auto", device: int | None = None) -> dict[str, Any]:
+    """What ``taubench-gl doctor`` prints.  Opens every backend it can; raises only if none opens at all."""
+    from taubench_gl.gpu.timing import probe_timer
+
+    backends = {}
+    for name in ("egl", "osmesa"):
+        try:
+            found = open_gpu(name)
+            backends[name] = {"usable": True, "why": f"{found.renderer}, {found.version}"}
+        except GraphicsError as error:
+            backends[name] = {"usable": False, "why": error.what}
+    gpu = open_gpu(backend, device)
+    with gpu:
+        timer = probe_timer(gpu)
+        info = gpu.ctx.info
+        limits = {
+            "texture size": info["GL_MAX_TEXTURE_SIZE"],
+            "colour attachments": info["GL_MAX_COLOR_ATTACHMENTS"],
+            "work group invocations": info["GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS"],
+            "storage blocks (compute)": info["GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS"],
+            "storage block bytes": info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"],
+            "sub-pixel bits": info["GL_SUBPIXEL_BITS"],
+        }
+    return {
+        "backend": gpu.backend,
+        "renderer": gpu.renderer,
+        "vendor": gpu.vendor,
+        "version": gpu.version,
+        "glsl": "4.50",
+        "software": gpu.software,
+        "limits": limits,
+        "timer": {"usable": timer.usable, "why": timer.why},
+        "libraries": {name: _version(name) for name in (*_LIBRARIES, *_EXTRAS)},
+        "backends": backends,
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None

@@ -1,0 +1,133 @@
+"""GLSL sources: include-once resolution, defines, and errors that name the file and line a person wrote.
+
+moderngl's own include is a single pass; Mesa drops the source number of ``#line``.  So sources are expanded here and a
+map from expanded line to ``file:line`` translates what the driver says.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import moderngl
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.paths import SHADERS
+
+VERSION = "#version 450\n"
+_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
+# Mesa: "0:12(5): error"; NVIDIA: "0(12) : error"; AMD and Intel on Windows: "ERROR: 0:12:"
+_DRIVER_LINE = re.compile(r"\b0[:(](\d+)[):(]")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Expanded GLSL and where each of its lines came from (``origin[i]`` belongs to line i + 1)."""
+
+    text: str
+    origin: tuple[str, ...]
+
+    def translate(self, message: str) -> str:
+        """The driver's message with its line numbers replaced by ``file:line``."""
+
+        def name(match: re.Match[str]) -> str:
+            line = int(match.group(1))
+            return f"{self.origin[line - 1]} " if 0 < line <= len(self.origin) else match.group(0)
+
+        return _DRIVER_LINE.sub(name, message)
+
+
+def resolve(entry: str, defines: Mapping[str, object] | None = None, preamble: str = "", root: Path = SHADERS) -> Source:
+    """Expand ``entry`` (a path from ``shaders/``) with ``defines``; ``preamble`` is GLSL text derived in Python."""
+    lines, origin = [VERSION.rstrip("\n")], ["version"]
+    for name, value in sorted((defines or {}).items()):
+        lines.append(f"#define {name} {int(value) if isinstance(value, bool) else value}")
+        origin.append(f"define {name}")
+    for number, line in enumerate(preamble.splitlines(), 1):
+        lines.append(line)
+        origin.append(f"preamble:{number}")
+    _expand(entry, root, lines, origin, seen=set(), chain=())
+    return Source("\n".join(lines) + "\n", tuple(origin))
+
+
+def _expand(entry: str, root: Path, lines: list[str], origin: list[str], seen: set[str], chain: tuple[str, ...]) -> None:
+    if entry in chain:
+        raise GraphicsError(f"shader includes form a cycle: {' > '.join((*chain, entry))}")
+    if entry in seen:
+        return
+    seen.add(entry)
+    for number, line in enumerate(_read(root / entry, entry, chain).splitlines(), 1):
+        include = _INCLUDE.match(line)
+        if include:
+            _expand(include.group(1), root, lines, origin, seen, (*chain, entry))
+        else:
+            lines.append(line)
+            origin.append(f"{entry}:{number}")
+
+
+@lru_cache(maxsize=256)
+def _read(path: Path, entry: str, chain: tuple[str, ...]) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        by = f" (included by {chain[-1]})" if chain else ""
+        raise GraphicsError(f"shader {entry} cannot be read{by}: {error.strerror}") from None
+
+
+class ShaderCache:
+    """Programs by entry points and defines: nothing is compiled twice, and nothing before it is asked for."""
+
+    def __init__(self, ctx: moderngl.Context):
+        self._ctx = ctx
+        self._programs: dict[tuple, moderngl.Program | moderngl.ComputeShader] = {}
+
+    def __len__(self) -> int:
+        return len(self._programs)
+
+    @property
+    def names(self) -> list[str]:
+        """Entry points with their defines, as compiled so far."""
+        return [" + ".join(key[0]) + (f" [{' '.join(n for n, _ in key[1])}]" if key[1] else "") for key in self._programs]
+
+    def compute(self, entry: str, defines: Mapping[str, object] | None = None, preamble: str = "") -> moderngl.ComputeShader:
+        key = ((entry,), tuple(sorted((defines or {}).items())), preamble)
+        if key not in self._programs:
+            source = resolve(entry, defines, preamble)
+            self._programs[key] = _compile(lambda: self._ctx.compute_shader(source.text), [source])
+        return self._programs[key]
+
+    def render(
+        self,
+        vertex: str,
+        fragment: str,
+        defines: Mapping[str, object] | None = None,
+        preamble: str = "",
+        outputs: str = "",
+    ) -> moderngl.Program:
+        """``outputs`` is GLSL text for the fragment stage alone (its ``out`` variables)."""
+        key = ((vertex, fragment), tuple(sorted((defines or {}).items())), preamble + outputs)
+        if key not in self._programs:
+            v, f = resolve(vertex, defines, preamble), resolve(fragment, defines, f"{preamble}\n{outputs}")
+            self._programs[key] = _compile(
+                lambda: self._ctx.program(vertex_shader=v.text, fragment_shader=f.text), [v, f]
+            )
+        return self._programs[key]
+
+    def release(self) -> None:
+        for program in self._programs.values():
+            program.release()
+        self._programs.clear()
+
+
+def _compile(make, sources: list[Source]):
+    try:
+        return make()
+    except moderngl.Error as error:
+        text = str(error)
+        # moderngl names the failing stage in a header; with two sources pick the one whose stage it names.
+        source = sources[-1] if "fragment_shader" in text.lower() or len(sources) == 1 else sources[0]
+        body = [line.strip() for line in text.splitlines() if _DRIVER_LINE.search(line)] or text.splitlines()[-3:]
+        raise GraphicsError(f"shader does not compile: {source.translate('; '.join(body))}") from None

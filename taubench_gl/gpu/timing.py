@@ -1,0 +1,93 @@
+"""Honest time: a GPU timer only where it has been proven, else finish() and the monotonic clock.
+
+Timer queries on llvmpipe are meaningless (a 100 ms pass reads 1 ns), so every sample carries the name of its clock.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.gpu.context import Gpu
+
+WALL_CLOCK = "finish + monotonic clock"
+GPU_CLOCK = "GL timer query"
+_PROBE_SOURCE = """#version 450
+layout(local_size_x = 64) in;
+layout(std430, binding = 0) buffer Sink { uint sink[]; };
+uniform uint rounds;
+void main() {
+    uint x = gl_GlobalInvocationID.x;
+    for (uint i = 0u; i < rounds; ++i) x = x * 1664525u + 1013904223u;
+    sink[gl_GlobalInvocationID.x] = x;
+}
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class TimerVerdict:
+    usable: bool
+    why: str
+    gpu_ms: float
+    wall_ms: float
+
+
+def probe_timer(gpu: Gpu) -> TimerVerdict:
+    """Run one pass of known weight under both clocks; the GPU timer is usable if it sees most of the wall time."""
+    sink = gpu.ctx.buffer(reserve=4 * 64 * 1024)
+    program = gpu.ctx.compute_shader(_PROBE_SOURCE)
+    program["rounds"] = 2000 if gpu.software else 200_000
+    sink.bind_to_storage_buffer(0)
+    program.run(16)
+    gpu.finish()
+    query = gpu.ctx.query(time=True)
+    start = time.perf_counter()
+    with query:
+        program.run(1024)
+    gpu.finish()
+    wall_ms = (time.perf_counter() - start) * 1e3
+    gpu_ms = query.elapsed * 1e-6
+    for item in (sink, program):
+        item.release()
+    usable = 0.5 * wall_ms <= gpu_ms <= 1.5 * wall_ms
+    why = f"a pass of {wall_ms:.2f} ms by the wall clock reads {gpu_ms:.2f} ms"
+    return TimerVerdict(usable, why, gpu_ms, wall_ms)
+
+
+class PassTimer:
+    """Collects milliseconds by pass name.  Wraps each pass in finish(): exact, at the price of some overlap.
+
+    Disabled (``enabled=False``) it costs nothing and never waits.
+    """
+
+    clock = WALL_CLOCK
+
+    def __init__(self, gpu: Gpu, enabled: bool = True):
+        self._gpu, self._enabled = gpu, enabled
+        self._samples: dict[str, list[float]] = defaultdict(list)
+
+    @contextmanager
+    def measure(self, name: str) -> Iterator[None]:
+        if not self._enabled:
+            yield
+            return
+        self._gpu.finish()
+        start = time.perf_counter()
+        yield
+        self._gpu.finish()
+        samples = self._samples[name]
+        if len(samples) < 4096:  # memory must not grow with the number of frames
+            samples.append((time.perf_counter() - start) * 1e3)
+
+    def median_ms(self, skip: int = 1) -> dict[str, float]:
+        """Median per pass, leaving out the first ``skip`` samples (shader compilation, first touch of memory)."""
+        return {k: statistics.median(v[skip:] or v) for k, v in self._samples.items()}
+
+    def samples_ms(self) -> dict[str, np.ndarray]:
+        return {k: np.array(v) for k, v in self._samples.items()}

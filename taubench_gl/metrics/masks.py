@@ -1,0 +1,167 @@
+"""Feature masks f_B (section 3.2) of one frame pair in NumPy float64: the oracle of shaders/masks/masks.comp.glsl."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NOT_COMPARABLE, Reason
+from taubench_gl.metrics.histogram import bin_of
+from taubench_gl.metrics.reprojection import Reprojection, reproject
+
+Array = np.ndarray
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+RADIANCE_FEATURES = ("direct", "indirect", "color")
+
+
+@dataclass(frozen=True, slots=True)
+class PairMasks:
+    """Per pixel (h, w), row 0 at the top."""
+
+    mask: Array  # (h, w) uint32 of conventions.Reason
+    motion_px: Array  # (h, w, 2) float64, +y down; NaN where behind
+    at_px: Array  # (h, w, 2) float64 previous coordinates, as ``motion_px``
+    distances: Mapping[str, Array]  # feature -> (h, w) float64; NaN where not compared
+
+    def combos(self) -> Array:
+        """Pixels per reason word.  (65536,) int64."""
+        return np.bincount(self.mask.ravel(), minlength=1 << 16)
+
+    def histogram(self, feature: str) -> Array:
+        """(HISTOGRAM_BINS,) int64 over comparable pixels; pixels without a distance (sky on sky) count as 0."""
+        comparable = (self.mask & NOT_COMPARABLE) == 0
+        distance = np.nan_to_num(self.distances[feature][comparable], nan=0.0, posinf=np.inf)
+        return np.bincount(bin_of(distance), minlength=HISTOGRAM_BINS)
+
+
+def pair_masks(
+    current: Mapping[str, Array],
+    history: Mapping[str, Array],
+    pair: Reprojection,
+    thresholds: Mapping[str, float],
+    *,
+    sampling: str = "nearest",
+    reprojection: str = "camera",
+) -> PairMasks:
+    """Reason bits of every pixel.
+
+    ``current`` and ``history`` hold ``position`` (h, w, 4), ``normal`` (h, w, >=3), optionally ``direct``, ``indirect``,
+    ``color`` (h, w, >=3), and ``current`` the ``prev_position`` (h, w, >=3) for ``motion`` reprojection.
+    """
+    names = ["normal"] + [n for n in RADIANCE_FEATURES if n in current and n in history]
+    now = {n: np.asarray(current[n], dtype=np.float64)[..., :3] for n in names}
+    now["position"] = np.asarray(current["position"], dtype=np.float64)
+    prev_position = np.asarray(current["prev_position"], np.float64) if reprojection == "motion" else None
+    surface = now["position"][..., 3] > 0
+    invalid = ~_finite(now)
+    if prev_position is not None:
+        invalid |= surface & ~np.isfinite(prev_position[..., :3]).all(axis=-1)
+    moved = reproject(pair, now["position"], prev_position)
+    not_finite = ~invalid & ~moved.behind & ~np.isfinite(moved.motion_px).all(axis=-1)
+    behind, outside = moved.behind & ~invalid, moved.outside & ~invalid & ~not_finite
+    alive = ~(invalid | not_finite | behind | outside)
+
+    before = {n: np.asarray(history[n], dtype=np.float64)[..., :3] for n in names}
+    before["position"] = np.asarray(history["position"], dtype=np.float64)
+    rows, columns = np.nonzero(alive)
+    sampler = _nearest if sampling == "nearest" else _bilinear
+    taken = sampler(before, moved.at_px[rows, columns], surface[rows, columns])
+    finite = _finite(taken)
+
+    mask = np.where(surface, 0, Reason.SKY).astype(np.uint32)
+    mask[invalid] = Reason.INVALID
+    mask[not_finite] = Reason.INVALID
+    mask[behind] |= np.uint32(Reason.BEHIND)
+    mask[outside] |= np.uint32(Reason.OUTSIDE)
+    mask[rows[~finite], columns[~finite]] |= np.uint32(Reason.INVALID)
+    rows, columns = rows[finite], columns[finite]
+    taken = {n: v[finite] for n, v in taken.items()}
+    here = {n: v[rows, columns] for n, v in now.items()}
+    bits, compared = compare(here, moved.q[rows, columns], taken, thresholds)
+    mask[rows, columns] |= bits
+    distances = {}
+    for feature, values in compared.items():
+        distances[feature] = np.full(mask.shape, np.nan)
+        distances[feature][rows, columns] = values
+    return PairMasks(mask, moved.motion_px, moved.at_px, distances)
+
+
+def compare(
+    now: Mapping[str, Array], q: Array, before: Mapping[str, Array], thresholds: Mapping[str, float]
+) -> tuple[Array, dict[str, Array]]:
+    """f_B for K pixel pairs: reason bits (K,) uint32 and the distance of each feature (K,), NaN for sky on sky.
+
+    ``q`` (K, 3): where each surface point was, relative to the previous camera.
+    """
+    surface, history_surface = now["position"][:, 3] > 0, before["position"][:, 3] > 0
+    bits = np.where(history_surface, 0, Reason.HISTORY_SKY).astype(np.uint32)
+    both, differ = surface & history_surface, surface != history_surface
+    distances = {}
+    for feature, a, b in (("position", q, before["position"][:, :3]), ("normal", now["normal"], before["normal"])):
+        distance = np.where(both, np.linalg.norm(a - b, axis=-1), np.where(differ, np.inf, np.nan))
+        distances[feature] = distance
+        bits[distance > thresholds[feature]] |= np.uint32(FEATURE_BIT[feature])
+    nearer = np.linalg.norm(q, axis=-1) - np.linalg.norm(before["position"][:, :3], axis=-1)
+    discard = both & (distances["position"] > thresholds["position"])
+    hidden = (discard & (nearer > thresholds["position"])) | (differ & history_surface)
+    covers = (discard & (-nearer > thresholds["position"])) | (differ & surface)
+    bits[hidden] |= np.uint32(Reason.DISOCCLUDED)
+    bits[covers] |= np.uint32(Reason.OCCLUDING)
+    for feature in RADIANCE_FEATURES:
+        if feature not in now:
+            continue
+        change = now[feature] - before[feature]
+        if feature == "color":
+            distances[feature] = np.abs(change).max(axis=-1)
+        else:
+            distances[feature] = np.linalg.norm(change, axis=-1)
+        over = distances[feature] > thresholds[feature]
+        bits[over] |= np.uint32(FEATURE_BIT[feature])
+        if feature == "direct":
+            luminance = change @ LUMINANCE
+            bits[over & (luminance > 0)] |= np.uint32(Reason.LIT)
+            bits[over & (luminance < 0)] |= np.uint32(Reason.SHADOWED)
+    return bits, {f: distances[f] for f in FEATURES if f in distances}
+
+
+def _finite(channels: Mapping[str, Array]) -> Array:
+    return np.logical_and.reduce([np.isfinite(v).all(axis=-1) for v in channels.values()])
+
+
+def _nearest(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
+    """History at floor(x + 0.5) with y up, as the GPU counts (SPEC section 3).  (K, 2) -> {name: (K, n)}."""
+    h, w = history["position"].shape[:2]
+    column = np.clip(np.floor(at_px[:, 0] + 0.5).astype(np.int64), 0, w - 1)
+    up = np.clip(np.floor((h - 1) - at_px[:, 1] + 0.5).astype(np.int64), 0, h - 1)
+    return {n: v[h - 1 - up, column] for n, v in history.items()}
+
+
+def _bilinear(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
+    """Blend of the taps that are inside, finite and of the pixel's own kind; else the heaviest finite tap."""
+    h, w = history["position"].shape[:2]
+    x, y = at_px[:, 0], (h - 1) - at_px[:, 1]
+    base_x, base_y = np.floor(x), np.floor(y)
+    sums = {n: np.zeros((len(x), v.shape[-1])) for n, v in history.items()}
+    nearest = {n: np.full((len(x), v.shape[-1]), np.nan) for n, v in history.items()}
+    total, best = np.zeros(len(x)), np.full(len(x), -1.0)
+    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        column, up = (base_x + dx).astype(np.int64), (base_y + dy).astype(np.int64)
+        weight = (x - base_x if dx else 1 - (x - base_x)) * (y - base_y if dy else 1 - (y - base_y))
+        inside = (weight > 0) & (column >= 0) & (column < w) & (up >= 0) & (up < h)
+        tap = {n: v[h - 1 - np.clip(up, 0, h - 1), np.clip(column, 0, w - 1)] for n, v in history.items()}
+        finite = _finite(tap)
+        better = inside & finite & (weight > best)
+        use = inside & finite & ((tap["position"][:, 3] > 0) == surface)
+        best[better] = weight[better]
+        total[use] += weight[use]
+        for n, v in tap.items():
+            nearest[n][better] = v[better]
+            sums[n][use] += weight[use, None] * v[use]
+    blended = total > 0
+    out = {n: np.where(blended[:, None], s / np.where(blended, total, 1.0)[:, None], nearest[n]) for n, s in sums.items()}
+    length = np.linalg.norm(out["normal"], axis=-1, keepdims=True)
+    unit = blended[:, None] & (length > 0)
+    out["normal"] = np.where(unit, out["normal"] / np.where(length > 0, length, 1.0), out["normal"])
+    return out

@@ -1,0 +1,48 @@
+"""Where a number comes from: version, command, driver, clock and commit travel with it."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import subprocess
+import sys
+from functools import lru_cache
+from typing import Any
+
+from taubench_gl import __version__
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.paths import PACKAGE
+
+
+def provenance(gpu: Gpu, clock: str) -> dict[str, Any]:
+    """The ``provenance`` block of summary.json."""
+    return {
+        "version": __version__,
+        "command": shlex.join(sys.argv),
+        "backend": gpu.backend,
+        "renderer": gpu.renderer,
+        "driver": gpu.version,
+        "clock": clock,
+        "git": git_commit(),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+    }
+
+
+@lru_cache(maxsize=1)
+def git_commit() -> str | None:
+    """Commit of the checkout the package runs from (``+`` appended if it has changes), None for an installed wheel."""
+    if not (PACKAGE.parent / ".git").exists():
+        return None
+    try:
+        head = _git("rev-parse", "--short=12", "HEAD")
+        return head + ("+" if _git("status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def _git(*arguments: str) -> str:
+    result = subprocess.run(
+        ["git", "-C", str(PACKAGE.parent), *arguments], capture_output=True, text=True, timeout=10, check=True
+    )
+    return result.stdout.strip()

@@ -1,0 +1,72 @@
+"""One colour per reason and per feature, the same in every picture and plot.
+
+From the palettes of Okabe and Ito (2008) and Paul Tol, which stay apart under the common colour-vision deficiencies.
+The reasons that often touch (frustum, position, normal, direct, color) also differ in lightness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from taubench_gl.conventions import FRUSTUM, Reason
+
+RGB = tuple[int, int, int]
+
+FEATURE_COLORS: Mapping[str, RGB] = {
+    "frustum": (0xD5, 0x5E, 0x00),
+    "color": (0xCC, 0x79, 0xA7),
+    "position": (0x00, 0x72, 0xB2),
+    "normal": (0x00, 0x9E, 0x73),
+    "direct": (0xF0, 0xE4, 0x42),
+    "indirect": (0xE6, 0x9F, 0x00),
+}
+
+REASON_COLORS: Mapping[Reason, RGB] = {
+    Reason.FIRST: (0xBB, 0xBB, 0xBB),
+    Reason.CUT: (0x77, 0x77, 0x77),
+    Reason.INVALID: (0xFF, 0xFF, 0xFF),
+    FRUSTUM: FEATURE_COLORS["frustum"],
+    Reason.BEHIND: (0x88, 0x22, 0x55),
+    Reason.OUTSIDE: FEATURE_COLORS["frustum"],
+    Reason.POSITION: FEATURE_COLORS["position"],
+    Reason.NORMAL: FEATURE_COLORS["normal"],
+    Reason.DIRECT: FEATURE_COLORS["direct"],
+    Reason.INDIRECT: FEATURE_COLORS["indirect"],
+    Reason.COLOR: FEATURE_COLORS["color"],
+    Reason.DISOCCLUDED: (0x56, 0xB4, 0xE9),
+    Reason.OCCLUDING: (0x33, 0x22, 0x88),
+    Reason.LIT: (0xDD, 0xCC, 0x77),
+    Reason.SHADOWED: (0x44, 0xAA, 0x99),
+    Reason.SKY: (0x88, 0xCC, 0xEE),
+    Reason.HISTORY_SKY: (0x99, 0xDD, 0xFF),
+}
+
+DEFAULT_REASONS: tuple[Reason, ...] = (
+    Reason.FIRST,
+    Reason.CUT,
+    Reason.INVALID,
+    FRUSTUM,
+    Reason.POSITION,
+    Reason.NORMAL,
+    Reason.DIRECT,
+    Reason.INDIRECT,
+    Reason.COLOR,
+)
+"""What a mask picture shows unless told otherwise: the classes that are not compared, then the features."""
+
+
+def color_of(reason: Reason) -> RGB:
+    """8-bit sRGB of a reason or a combination in REASON_COLORS.  Raises KeyError for others."""
+    return REASON_COLORS[reason]
+
+
+def name_of(reason: Reason) -> str:
+    """``position``, ``history sky``; a combination is named by its class (frustum)."""
+    return "frustum" if reason == FRUSTUM else (reason.name or str(int(reason))).lower().replace("_", " ")
+
+
+def hex_of(feature: str) -> str:
+    """``#rrggbb`` of a column of Table 4."""
+    return "#{:02x}{:02x}{:02x}".format(*np.array(FEATURE_COLORS[feature]))

@@ -1,0 +1,225 @@
+"""One Table, five looks: terminal text, Markdown, CSV, LaTeX and HTML."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from taubench_gl.report.tables import Column, Row, Table
+
+NONE = "–"
+MIN_WIDTH = 100
+"""Terminal columns Table 3 needs; a narrower terminal breaks its lines."""
+_SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LATEX = str.maketrans(
+    {
+        "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+        "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}",
+        "–": "--", "²": "$^2$", "·": r"$\cdot$", "<": "$<$", ">": "$>$",
+    }
+)  # fmt: skip
+
+
+def format_value(value: Any, column: Column) -> str:
+    """As printed: ``–`` for none, and ``<0.01`` rather than a 0.00 that is not zero."""
+    if value is None:
+        return NONE
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if column.digits is None:
+        return str(value)
+    if column.unit == "1/s":
+        return f"{value:g}"
+    smallest = 10.0**-column.digits
+    if 0 < abs(value) < 0.5 * smallest:
+        return f"<{smallest:.{column.digits}f}"
+    return f"{value:.{column.digits}f}"
+
+
+class Footnotes:
+    """Numbers reasons in the order they are met; the same words get the same number."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def mark(self, row: Row, index: int) -> str:
+        """The number for this cell as decimal digits, or nothing."""
+        reason = row.reasons.get(index)
+        if reason is None:
+            return ""
+        if reason not in self.texts:
+            self.texts.append(reason)
+        return str(self.texts.index(reason) + 1)
+
+
+def _heading(column: Column) -> str:
+    return f"{column.name} [{column.unit}]" if column.unit and column.unit not in ("pairs", "1/s") else column.name
+
+
+def _body(table: Table, superscript: Any) -> tuple[list[list[str]], list[str]]:
+    """Cells as text with their footnote marks (label first), and the footnotes in order."""
+    notes = Footnotes()
+    lines = []
+    for row in table.rows:
+        cells = [row.label + (" (paper)" if row.paper else "")]
+        for index, (value, column) in enumerate(zip(row.values, table.columns, strict=True)):
+            mark = notes.mark(row, index)
+            cells.append(format_value(value, column) + (superscript(mark) if mark else ""))
+        lines.append(cells)
+    return lines, notes.texts
+
+
+def _unicode_mark(mark: str) -> str:
+    return mark.translate(_SUPERSCRIPT)
+
+
+def _title(table: Table) -> str:
+    return f"Table {table.number}: {table.title}"
+
+
+def to_rich(table: Table) -> Any:
+    """A rich renderable, MIN_WIDTH columns at least.  The paper's rows are dim, beneath the run's."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    lines, footnotes = _body(table, _unicode_mark)
+    grid = RichTable(
+        title=Text(_title(table)), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, collapse_padding=True
+    )
+    grid.add_column("", overflow="fold", max_width=40)
+    for column in table.columns:
+        # One word a line keeps Table 3 within MIN_WIDTH: left to itself, rich folds labels and numbers instead.
+        # Text, never markup: rich would take "[m]" for a tag, and names come from files.
+        grid.add_column(Text(_heading(column).replace(" ", "\n")), justify="right", no_wrap=True)
+    for position, (row, cells) in enumerate(zip(table.rows, lines, strict=True)):
+        if row.paper and (position == 0 or not table.rows[position - 1].paper):
+            grid.add_section()
+            grid.add_row(Text("the paper:"), style="dim")
+        label = f"  {row.label}" if row.paper else row.label
+        grid.add_row(*map(Text, [label, *cells[1:]]), style="dim" if row.paper else "")
+    below = [f"{_unicode_mark(str(i))} {text}" for i, text in enumerate(footnotes, start=1)] + list(table.notes)
+    return Group(grid, *(Text(line, style="dim") for line in below), Text(""))
+
+
+def to_text(tables: Sequence[Table], width: int = 120) -> str:
+    """Plain text without colour, ``width`` columns wide (MIN_WIDTH at least)."""
+    from rich.console import Console
+
+    console = Console(file=io.StringIO(), width=max(width, MIN_WIDTH), color_system=None, force_terminal=False)
+    for table in tables:
+        console.print(to_rich(table))
+    return "\n".join(line.rstrip() for line in console.file.getvalue().splitlines()) + "\n"
+
+
+def to_markdown(tables: Sequence[Table]) -> str:
+    """GitHub-flavoured Markdown."""
+
+    def cell(text: str) -> str:
+        return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")
+
+    parts = []
+    for table in tables:
+        lines, footnotes = _body(table, _unicode_mark)
+        heads = ["", *map(_heading, table.columns)]
+        rows = [heads, ["---", *["---:"] * len(table.columns)], *lines]
+        text = [f"**{_title(table)}**", ""]
+        text += ["| " + " | ".join(line if i == 1 else map(cell, line)) + " |" for i, line in enumerate(rows)]
+        notes = [f"{_unicode_mark(str(i))} {note}" for i, note in enumerate(footnotes, start=1)] + list(table.notes)
+        text += [line for note in notes for line in ("", cell(note))]
+        parts.append("\n".join(text))
+    return "\n\n".join(parts) + "\n"
+
+
+def to_csv(tables: Sequence[Table]) -> str:
+    """One line per value, all digits: table, row, source (run or paper), column, unit, value, note.
+
+    The long form, because the four tables have different columns.  No value: an empty cell, with the reason as note.
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(("table", "row", "source", "column", "unit", "value", "note"))
+    for table in tables:
+        for row in table.rows:
+            for index, (column, value) in enumerate(zip(table.columns, row.values, strict=True)):
+                source = "paper" if row.paper else "run"
+                value = "" if value is None else value
+                note = row.reasons.get(index, "")
+                writer.writerow((table.number, row.label, source, column.name, column.unit, value, note))
+    return out.getvalue()
+
+
+def to_latex(tables: Sequence[Table]) -> str:
+    """``table`` environments with booktabs rules; footnotes below the tabular."""
+
+    def safe(text: str) -> str:
+        return text.translate(_LATEX)
+
+    parts = [r"% needs \usepackage{booktabs}"]
+    for table in tables:
+        lines, footnotes = _body(table, lambda mark: f"\x01{mark}\x02")
+        text = [r"\begin{table}", r"\centering", rf"\caption{{{safe(table.title)}}}"]
+        text += [rf"\begin{{tabular}}{{l{'r' * len(table.columns)}}}", r"\toprule"]
+        text += [" & ".join(["", *(safe(_heading(column)) for column in table.columns)]) + r" \\", r"\midrule"]
+        for position, (row, cells) in enumerate(zip(table.rows, lines, strict=True)):
+            if position and row.paper and not table.rows[position - 1].paper:
+                text.append(r"\midrule")
+            line = " & ".join(map(safe, cells)) + r" \\"
+            text.append(line.replace("\x01", r"\textsuperscript{").replace("\x02", "}"))
+        text += [r"\bottomrule", r"\end{tabular}"]
+        notes = [rf"\textsuperscript{{{i}}} {safe(note)}" for i, note in enumerate(footnotes, start=1)]
+        text += [rf"\par\footnotesize {note}" for note in [*notes, *map(safe, table.notes)]]
+        parts.append("\n".join([*text, r"\end{table}"]))
+    return "\n\n".join(parts) + "\n"
+
+
+def to_html(tables: Sequence[Table]) -> str:
+    """A fragment without scripts; carries its few styles inline, as notebooks strip style sheets."""
+    right, left, dim = ' style="text-align:right"', ' style="text-align:left"', ' style="opacity:.65"'
+    parts = []
+    for table in tables:
+        lines, footnotes = _body(table, lambda mark: f"\x01{mark}\x02")
+        heads = "".join(f"<th{right}>{html.escape(_heading(column))}</th>" for column in table.columns)
+        rows = []
+        for row, (label, *cells) in zip(table.rows, lines, strict=True):
+            body = f"<th{left} scope='row'>{html.escape(label)}</th>"
+            body += "".join(f"<td{right}>{html.escape(cell)}</td>" for cell in cells)
+            body = body.replace("\x01", "<sup>").replace("\x02", "</sup>")
+            rows.append(f"<tr{dim if row.paper else ''}>{body}</tr>")
+        notes = [f"<sup>{i}</sup> {html.escape(note)}" for i, note in enumerate(footnotes, start=1)]
+        notes += [html.escape(note) for note in table.notes]
+        caption = f"<caption style='text-align:left;font-weight:bold'>{html.escape(_title(table))}</caption>"
+        parts.append(
+            f"<table>{caption}<thead><tr><th></th>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+            f"<p{dim}><small>{'<br>'.join(notes)}</small></p>"
+        )
+    return f"<div class='taubench-tables'>{''.join(parts)}</div>"
+
+
+class TablesView:
+    """Several tables to look at: ``print`` it, give it to rich, or let a notebook show it."""
+
+    def __init__(self, tables: Sequence[Table]):
+        self.tables = tuple(tables)
+
+    def __rich__(self) -> Any:
+        from rich.console import Group
+
+        return Group(*map(to_rich, self.tables))
+
+    def __str__(self) -> str:
+        return to_text(self.tables)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return to_html(self.tables)
+
+
+FORMATS = {"text": to_text, "markdown": to_markdown, "csv": to_csv, "latex": to_latex, "html": to_html}
+"""Name -> function of a sequence of tables, giving a string."""

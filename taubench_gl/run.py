@@ -1,0 +1,253 @@
+"""A finished evaluation, and how it gets to and from disk: ``summary.json`` and ``frames.csv`` (SPEC section 6)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.conventions import SUMMARY_SCHEMA
+from taubench_gl.errors import OutputError
+from taubench_gl.outputs import cannot_write, write_atomically
+
+SUMMARY_FILE = "summary.json"
+FRAMES_FILE = "frames.csv"
+
+COUNT_COLUMNS = (
+    "pixels", "first", "cut", "invalid", "sky", "history_sky", "behind", "outside", "frustum", "comparable",
+    "position", "normal", "direct", "indirect", "color", "disoccluded", "occluding", "lit", "shadowed",
+)  # fmt: skip
+"""Raw pixel counts of a pair, exact integers; ``frustum`` is behind or outside."""
+
+CAMERA_COLUMNS = ("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg")
+"""Camera activity of a pair (Eqs. 1 and 2); ``angle_deg`` is the geodesic angle."""
+
+FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut", "gimbal")
+"""Columns of frames.csv, one row per pair: ``frame`` is the later frame of the pair, ``time_s`` its time.
+
+``camera_cut`` and ``gimbal`` are 0 or 1 (``cut`` is the count of pixels without a counterpart).  A value that was not
+measured is ``None`` here and an empty cell in the file.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Said once per finished pair.  ``frame_seconds`` is the wall-clock time this pair took."""
+
+    scene: str
+    done: int
+    total: int
+    frame_seconds: float
+
+
+@dataclass(slots=True)
+class Run:
+    """What ``evaluate`` returns and ``load_run`` reads back.
+
+    ``summary`` is summary.json as plain Python values; ``frames`` is one dict per pair with FRAME_COLUMNS as keys, a
+    value not measured being ``None``; ``out`` is the folder it was written to, if any.
+    """
+
+    summary: dict[str, Any]
+    frames: list[dict[str, Any]]
+    out: Path | None = None
+
+    def tables(self, paper: bool = True) -> list[Any]:
+        """Tables 1 to 4 as plain data (``report.tables.Table``), with the paper's rows unless ``paper`` is False."""
+        from taubench_gl.report import paper_tables
+
+        return paper_tables([self.summary], paper=paper)
+
+    def table(self, paper: bool = True) -> Any:
+        """Tables 1 to 4 to look at: printable, a rich renderable, and HTML in a notebook."""
+        from taubench_gl.report import TablesView
+
+        return TablesView(self.tables(paper))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write summary.json and frames.csv into ``folder``.  Raises OutputError."""
+        columns = list(self.frames[0]) if self.frames else list(FRAME_COLUMNS)
+        with RunWriter(folder, columns) as writer:
+            for row in self.frames:
+                writer.write_row(row)
+            writer.write_summary(self.summary)
+        return writer.out
+
+    def __repr__(self) -> str:
+        discard = self.summary.get("discard", {})
+        shares = ", ".join(
+            f"{name} {entry['mean_percent']:.2f} %"
+            for name, entry in discard.items()
+            if entry.get("mean_percent") is not None
+        )
+        settings = self.summary.get("settings", {})
+        size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
+        name = self.summary.get("scene", {}).get("name", "?")
+        what = f"{self.summary.get('pairs', 0)} pairs at {settings.get('fps', '?')} fps, {size}"
+        return f"<Run {name}: {what}: {shares or 'nothing measured'}>"
+
+
+class RunWriter:
+    """Writes a run while it happens.  A context manager; ``with`` creates the folder or raises OutputError.
+
+    ``frames.csv`` grows by one whole line per finished pair, each handed to the system at once: what is interrupted
+    keeps its finished pairs.  ``summary.json`` appears only when it is complete, by renaming; one left by an earlier
+    run is removed first, so that it never stands beside the rows of another.
+    """
+
+    def __init__(self, out: str | Path, frame_columns: Sequence[str] = FRAME_COLUMNS):
+        self.out = Path(out)
+        self.columns = tuple(frame_columns)
+        self.rows = 0
+        self._file: io.FileIO | None = None
+
+    def __enter__(self) -> RunWriter:
+        try:
+            self.out.mkdir(parents=True, exist_ok=True)
+            self.path(SUMMARY_FILE).unlink(missing_ok=True)
+            # Unbuffered: one write call per row, so no row can be cut in two by an interrupt between flushes.
+            self._file = open(self.path(FRAMES_FILE), "wb", buffering=0)
+            self._write_line(self.columns)
+        except (FileExistsError, NotADirectoryError):
+            raise OutputError("is not a folder", where=str(self.out), hint="give --out another name") from None
+        except OSError as error:
+            raise cannot_write(self.out, error) from None
+        return self
+
+    def __exit__(self, *exc: Any) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def path(self, name: str) -> Path:
+        """Where a further output called ``name`` goes; its folder exists on return.  Raises OutputError."""
+        path = self.out / name
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise cannot_write(path.parent, error) from None
+        return path
+
+    def write_row(self, row: Mapping[str, Any]) -> None:
+        """Append one pair.  Raises KeyError for a column nobody declared, OutputError when the disk refuses."""
+        unknown = row.keys() - set(self.columns)
+        if unknown:
+            raise KeyError(f"frames.csv has no column {', '.join(sorted(unknown))}")
+        try:
+            self._write_line([_cell(row.get(name)) for name in self.columns])
+        except OSError as error:
+            raise cannot_write(self.path(FRAMES_FILE), error) from None
+        self.rows += 1
+
+    def rewrite_rows(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Replace frames.csv, whole or not at all, once what only the whole sequence can tell (cuts) is known."""
+        text = io.StringIO()
+        table = csv.writer(text, lineterminator="\n")
+        table.writerow(self.columns)
+        table.writerows([_cell(row.get(name)) for name in self.columns] for row in rows)
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+        write_atomically(self.path(FRAMES_FILE), text.getvalue())
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """Write summary.json whole or not at all.  NaN and infinity are not JSON: they raise ValueError."""
+        text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False, default=_plain) + "\n"
+        write_atomically(self.path(SUMMARY_FILE), text)
+
+    def _write_line(self, cells: Sequence[Any]) -> None:
+        if self._file is None:
+            raise ValueError("RunWriter is used outside of its with block")
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerow(cells)
+        self._file.write(text.getvalue().encode())
+
+
+def load_run(folder: str | Path) -> Run:
+    """Read back what a run wrote; ``folder`` may also name its summary.json.
+
+    Raises OutputError if it is missing, unfinished, damaged, or written by another schema version.
+    """
+    out = Path(folder)
+    if out.name == SUMMARY_FILE:
+        out = out.parent
+    path = out / SUMMARY_FILE
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise _no_summary(out) from None
+    except NotADirectoryError:
+        raise OutputError("is not a folder with a run", where=str(out), hint="give the folder evaluate wrote") from None
+    except OSError as error:
+        raise OutputError(f"cannot be read: {error.strerror}", where=str(path)) from None
+    except ValueError as error:
+        raise OutputError(f"is not valid JSON: {error}", where=str(path)) from None
+    schema = summary.get("schema") if isinstance(summary, dict) else None
+    if schema != SUMMARY_SCHEMA:
+        raise OutputError(
+            f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}",
+            where=str(path),
+            hint="written by another version of taubench-gl, or not a run at all",
+        )
+    return Run(summary, read_frames(out / FRAMES_FILE), out)
+
+
+def read_frames(path: Path) -> list[dict[str, Any]]:
+    """Rows of a frames.csv: numbers as int or float, an empty cell as None.  Works on an interrupted run too."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise OutputError("is missing", where=str(path), hint="the run's folder is not complete") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise OutputError(f"cannot be read: {error}", where=str(path)) from None
+    header, *lines = text.split("\n")[:-1] or [""]
+    columns = next(csv.reader([header]), [])
+    rows = []
+    for number, cells in enumerate(csv.reader(lines), start=2):
+        if len(cells) != len(columns):
+            raise OutputError(f"{len(cells)} cells, expected {len(columns)}", where=f"{path}:{number}")
+        try:
+            rows.append({name: _number(cell) for name, cell in zip(columns, cells, strict=True)})
+        except ValueError as error:
+            raise OutputError(str(error), where=f"{path}:{number}") from None
+    return rows
+
+
+def _cell(value: Any) -> Any:
+    """None as an empty cell, flags as 0 or 1, NumPy scalars as Python's; floats keep every digit."""
+    value = value.item() if hasattr(value, "item") else value
+    if value is None:
+        return ""
+    return int(value) if isinstance(value, bool) else value
+
+
+def _number(cell: str) -> int | float | None:
+    if cell == "":
+        return None
+    try:
+        return int(cell)
+    except ValueError:
+        pass
+    return float(cell)
+
+
+def _plain(value: Any) -> Any:
+    """JSON for what json does not know: NumPy scalars and arrays, paths."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} has no place in summary.json")
+
+
+def _no_summary(out: Path) -> OutputError:
+    frames = out / FRAMES_FILE
+    if frames.is_file():
+        kept = len(read_frames(frames))
+        return OutputError(f"the run was not finished; {FRAMES_FILE} holds {kept} pairs", where=str(out))
+    what = "holds no run" if out.is_dir() else "does not exist"
+    return OutputError(what, where=str(out), hint=f"give the folder in which evaluate wrote {SUMMARY_FILE}")

@@ -1,0 +1,303 @@
+"""Buffer views and accessors: from bytes to checked arrays.  Every length is checked before anything is allocated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.scene.gltf import schema
+from taubench_gl.scene.gltf.compression import decode_meshopt
+from taubench_gl.scene.gltf.document import Document
+
+Array = np.ndarray
+
+DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COMPONENT_NAMES = {5120: "BYTE", 5121: "UNSIGNED_BYTE", 5122: "SHORT", 5123: "UNSIGNED_SHORT", 5125: "UNSIGNED_INT",
+                   5126: "FLOAT"}  # fmt: skip
+FLOAT = 5126
+MESHOPT = {"EXT_meshopt_compression", "KHR_meshopt_compression"}
+ROWS_COLUMNS = {"SCALAR": (1, 1), "VEC2": (2, 1), "VEC3": (3, 1), "VEC4": (4, 1), "MAT2": (2, 2), "MAT3": (3, 3),
+                "MAT4": (4, 4)}  # fmt: skip
+
+MAX_FILLED_BYTES = 256 << 20
+"""Zeros that accessors without a bufferView may ask for, all together: a few bytes of JSON can ask for terabytes."""
+
+MAX_DECODED_BYTES = 1 << 30
+"""Bytes that compressed bufferViews may unpack to, all together."""
+
+
+class Accessors:
+    """Decoded accessors of one document, each decoded and checked once."""
+
+    def __init__(self, document: Document):
+        self.document = document
+        self._views: dict[int, memoryview] = {}
+        self._raw: dict[int, Array] = {}
+        self._floats: dict[int, Array] = {}
+        self._usage: dict[int, str] = {}
+        self._filled = self._decoded = 0
+
+    def check_all(self) -> None:
+        """Check every bufferView, and every accessor that has data of its own, whether or not anything uses it."""
+        for index in range(len(self.document.root.buffer_views or [])):
+            self._check_view(index)
+        for index, accessor in enumerate(self.document.root.accessors or []):
+            if accessor.buffer_view is not None or accessor.sparse is not None:
+                self._check_layout(accessor, f"/accessors/{index}")
+                if self._has_data(accessor):
+                    self.raw(index, f"/accessors/{index}")
+
+    def _check_layout(self, accessor: schema.Accessor, pointer: str) -> None:
+        """What can be said of an accessor without its data, for those in buffers that have none."""
+        if accessor.buffer_view is not None:
+            view = self.document.item("buffer_views", accessor.buffer_view, f"{pointer}/bufferView")
+            self._layout(accessor, view.byte_length, accessor.byte_offset, accessor.count, view, pointer)
+        if accessor.sparse is not None:
+            self._sparse_parts(accessor, pointer)
+
+    def _has_data(self, accessor: schema.Accessor) -> bool:
+        sparse = accessor.sparse
+        used = [accessor.buffer_view] + ([sparse.indices.buffer_view, sparse.values.buffer_view] if sparse else [])
+        views = [self.document.root.buffer_views[v] for v in used if v is not None]
+        return all(self.document.buffers[v.buffer] is not None or MESHOPT & v.extensions.keys() for v in views)
+
+    def get(self, index: int, pointer: str) -> schema.Accessor:
+        return self.document.item("accessors", index, pointer)
+
+    def describe(self, index: int, pointer: str) -> str:
+        """For error messages: ``VEC3 of FLOAT``."""
+        a = self.get(index, pointer)
+        return f"{a.type} of {'normalized ' if a.normalized else ''}{COMPONENT_NAMES[a.component_type]}"
+
+    def raw(self, index: int, pointer: str) -> Array:
+        """Components as stored, sparse values applied.  (count, n), the component type's dtype, read-only."""
+        accessor = self.get(index, pointer)
+        if index not in self._raw:
+            array = self._decode(accessor, f"/accessors/{index}")
+            array.flags.writeable = False
+            self._raw[index] = array
+        return self._raw[index]
+
+    def floats(self, index: int, pointer: str) -> Array:
+        """Values as float32: normalized integers by glTF's formulas, others as they are.  (count, n), read-only."""
+        if index not in self._floats:
+            self._floats[index] = self.to_float(self.get(index, pointer), self.raw(index, pointer))
+        return self._floats[index]
+
+    @staticmethod
+    def dtype(accessor: schema.Accessor) -> np.dtype:
+        return np.dtype(DTYPES[accessor.component_type])
+
+    @staticmethod
+    def shape(accessor: schema.Accessor) -> tuple[int, int]:
+        rows, columns = ROWS_COLUMNS[accessor.type]
+        return accessor.count, rows * columns
+
+    @staticmethod
+    def to_float(accessor: schema.Accessor, raw: Array) -> Array:
+        if raw.dtype == np.float32:
+            array = np.ascontiguousarray(raw, dtype=np.float32)
+        elif accessor.normalized:
+            array = np.maximum(raw / np.float64(np.iinfo(raw.dtype).max), -1.0).astype(np.float32)
+        else:
+            array = raw.astype(np.float32)
+        array.flags.writeable = False
+        return array
+
+    def use(self, index: int, usage: str, pointer: str) -> None:
+        """Record that an accessor's bufferView holds vertex attributes or indices; glTF forbids both in one."""
+        view = self.get(index, pointer).buffer_view
+        if view is None:
+            return
+        target = self.document.item("buffer_views", view, pointer).target
+        declared = {34962: "vertex attributes", 34963: "indices"}.get(target, usage)
+        if self._usage.setdefault(view, declared) != usage:
+            raise self.document.error(f"bufferViews[{view}] holds {self._usage[view]} and {usage}", pointer)
+
+    def no_stride(self, index: int, pointer: str) -> None:
+        """Only vertex attributes may lie in a bufferView with byteStride."""
+        view = self.get(index, pointer).buffer_view
+        if view is not None and self.document.item("buffer_views", view, pointer).byte_stride is not None:
+            raise self.document.error("its bufferView has a byteStride, which only vertex attributes may have", pointer)
+
+    def view_bytes(self, index: int, pointer: str) -> memoryview:
+        """Bytes of one bufferView, decompressed if need be."""
+        view = self.document.item("buffer_views", index, pointer)
+        if index not in self._views:
+            where = f"/bufferViews/{index}"
+            self._check_view(index)
+            data = self._meshopt(view, where)
+            if data is None:
+                buffer = self.document.buffers[view.buffer]
+                if buffer is None:
+                    raise self.document.error("lies in a buffer without data", where)
+                data = buffer[view.byte_offset : view.byte_offset + view.byte_length]
+            self._views[index] = data
+        return self._views[index]
+
+    def _check_view(self, index: int) -> None:
+        view, pointer = self.document.root.buffer_views[index], f"/bufferViews/{index}"
+        buffer = self.document.item("buffers", view.buffer, f"{pointer}/buffer")
+        if view.byte_offset + view.byte_length > buffer.byte_length:
+            raise self.document.error(
+                f"bytes {view.byte_offset} to {view.byte_offset + view.byte_length} do not fit the "
+                f"{buffer.byte_length} bytes of buffers[{view.buffer}]",
+                pointer,
+            )
+        if view.byte_stride is not None and view.byte_stride > view.byte_length:
+            raise self.document.error(f"byteStride {view.byte_stride} exceeds byteLength {view.byte_length}", pointer)
+
+    def _meshopt(self, view: schema.BufferView, pointer: str) -> memoryview | None:
+        for name in sorted(MESHOPT):
+            packed = self.document.extension(view, name, schema.Meshopt, pointer)
+            if packed is None:
+                continue
+            where = f"{pointer}/extensions/{name}"
+            self.document.item("buffers", packed.buffer, where)
+            buffer = self.document.buffers[packed.buffer]
+            end = packed.byte_offset + packed.byte_length
+            if buffer is None or end > len(buffer):
+                raise self.document.error(f"bytes {packed.byte_offset} to {end} do not fit its buffer", where)
+            if packed.count * packed.byte_stride != view.byte_length:
+                raise self.document.error(
+                    f"{packed.count} x {packed.byte_stride} bytes are not byteLength {view.byte_length}", where
+                )
+            self._decoded += view.byte_length
+            if self._decoded > MAX_DECODED_BYTES:
+                raise self.document.error(f"unpacks to more than {MAX_DECODED_BYTES >> 20} MiB in all", where)
+            return decode_meshopt(self.document, packed, buffer[packed.byte_offset : end], where)
+        return None
+
+    def _decode(self, accessor: schema.Accessor, pointer: str) -> Array:
+        dtype, (count, components) = self.dtype(accessor), self.shape(accessor)
+        if accessor.buffer_view is not None:
+            view = self.document.item("buffer_views", accessor.buffer_view, f"{pointer}/bufferView")
+            data = self.view_bytes(accessor.buffer_view, f"{pointer}/bufferView")
+            array = self._elements(accessor, data, accessor.byte_offset, accessor.count, view, pointer)
+        else:
+            self._filled += count * components * dtype.itemsize
+            if self._filled > MAX_FILLED_BYTES:
+                raise self.document.error(
+                    f"accessors without a bufferView ask for more than {MAX_FILLED_BYTES >> 20} MiB of zeros", pointer
+                )
+            array = np.zeros((count, components), dtype)
+        if accessor.sparse is not None:
+            array = self._apply_sparse(accessor, array, pointer)
+        if accessor.buffer_view is not None or accessor.sparse is not None:
+            self._check_values(accessor, array, pointer)
+        return array
+
+    def _elements(
+        self,
+        accessor: schema.Accessor,
+        data: memoryview,
+        offset: int,
+        count: int,
+        view: schema.BufferView,
+        pointer: str,
+    ) -> Array:
+        """View of ``count`` elements at ``offset`` in ``data``.  (count, n)."""
+        dtype = self.dtype(accessor)
+        rows, columns = ROWS_COLUMNS[accessor.type]
+        stride, column = self._layout(accessor, len(data), offset, count, view, pointer)
+        if columns == 1:
+            return np.ndarray((count, rows), dtype, data, offset, (stride, dtype.itemsize))
+        matrix = np.ndarray((count, columns, rows), dtype, data, offset, (stride, column, dtype.itemsize))
+        return matrix.reshape(count, rows * columns)
+
+    def _layout(
+        self,
+        accessor: schema.Accessor,
+        length: int,
+        offset: int,
+        count: int,
+        view: schema.BufferView,
+        pointer: str,
+    ) -> tuple[int, int]:
+        """Bytes from element to element and from matrix column to column, after checking that all fits ``length``."""
+        dtype = self.dtype(accessor)
+        if accessor.normalized and accessor.component_type in (FLOAT, 5125):
+            raise self.document.error("only 8- and 16-bit integers can be normalized", f"{pointer}/normalized")
+        rows, columns = ROWS_COLUMNS[accessor.type]
+        # Columns of matrices are aligned to four bytes.
+        column = rows * dtype.itemsize
+        column = -(-column // 4) * 4 if columns > 1 else column
+        # The last column is not padded at its end, but all writers and the validator count it as if it were.
+        size = column * columns
+        stride = view.byte_stride or size
+        if stride < size:
+            raise self.document.error(f"byteStride {stride} is less than an element's {size} bytes", pointer)
+        start = view.byte_offset
+        if offset % dtype.itemsize or (start + offset) % dtype.itemsize or stride % dtype.itemsize:
+            raise self.document.error(
+                f"byte offset {offset} (in all {start + offset}) is not a multiple of the component's "
+                f"{dtype.itemsize} bytes",
+                pointer,
+            )
+        if offset + stride * (count - 1) + size > length:
+            raise self.document.error(
+                f"{count} elements of {size} bytes, {stride} apart, from byte {offset} do not fit {length} bytes",
+                pointer,
+                "the accessor's count, offset or type is wrong",
+            )
+        return stride, column
+
+    def _sparse_parts(
+        self, accessor: schema.Accessor, pointer: str
+    ) -> list[tuple[schema.Accessor, schema.SparseIndices | schema.SparseValues, schema.BufferView, str]]:
+        """Indices and values, layout checked: what their elements are like, where they lie, their view, a pointer."""
+        sparse, where = accessor.sparse, f"{pointer}/sparse"
+        if sparse.count > accessor.count:
+            raise self.document.error(f"replaces {sparse.count} of {accessor.count} elements", f"{where}/count")
+        parts = []
+        for name, part, element in (
+            ("indices", sparse.indices, schema.Accessor(component_type=sparse.indices.component_type, count=1,
+                                                        type="SCALAR")),
+            ("values", sparse.values, accessor),
+        ):  # fmt: skip
+            at = f"{where}/{name}"
+            view = self.document.item("buffer_views", part.buffer_view, f"{at}/bufferView")
+            if view.byte_stride is not None:
+                raise self.document.error("its bufferView has a byteStride, which only vertex attributes may have",
+                                          f"{at}/bufferView")  # fmt: skip
+            self._layout(element, view.byte_length, part.byte_offset, sparse.count, view, at)
+            parts.append((element, part, view, at))
+        return parts
+
+    def _apply_sparse(self, accessor: schema.Accessor, base: Array, pointer: str) -> Array:
+        sparse, where = accessor.sparse, f"{pointer}/sparse"
+        indices, values = (
+            self._elements(element, self.view_bytes(part.buffer_view, at), part.byte_offset, sparse.count, view, at)
+            for element, part, view, at in self._sparse_parts(accessor, pointer)
+        )
+        indices = indices[:, 0].astype(np.int64)
+        if np.any(np.diff(indices) <= 0):
+            raise self.document.error("sparse indices do not strictly increase", f"{where}/indices")
+        if indices[-1] >= accessor.count:
+            raise self.document.error(
+                f"sparse index {indices[-1]} of an accessor with {accessor.count} elements", f"{where}/indices"
+            )
+        out = base.copy()
+        out[indices] = values
+        return out
+
+    def _check_values(self, accessor: schema.Accessor, array: Array, pointer: str) -> None:
+        low, high = array.min(axis=0), array.max(axis=0)
+        if array.dtype == np.float32 and not (np.all(np.isfinite(low)) and np.all(np.isfinite(high))):
+            bad = int(np.argmin(np.all(np.isfinite(array), axis=1)))
+            raise self.document.error(f"element {bad} is NaN or infinite", pointer, "repair the file")
+        for name, actual, declared in (("min", low, accessor.min), ("max", high, accessor.max)):
+            if declared is None:
+                continue
+            if len(declared) != len(actual):
+                raise self.document.error(f"{name} has {len(declared)} numbers, expected {len(actual)}",
+                                          f"{pointer}/{name}")  # fmt: skip
+            with np.errstate(over="ignore"):
+                expected = np.array(declared).astype(array.dtype if array.dtype == np.float32 else np.float64)
+            wrong = np.flatnonzero(expected != actual)
+            if len(wrong):
+                at = int(wrong[0])
+                raise self.document.error(
+                    f"declared {name} {declared[at]:g} is not the data's {name} {actual[at]:g}",
+                    f"{pointer}/{name}/{at}",
+                    "the data does not match its description: export the file again",
+                )

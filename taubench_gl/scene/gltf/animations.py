@@ -1,0 +1,207 @@
+"""Animations: samplers and channels, and which animations play together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from taubench_gl.scene.gltf import schema
+from taubench_gl.scene.gltf.accessors import FLOAT, Accessors
+from taubench_gl.scene.gltf.document import Document
+from taubench_gl.scene.gltf.nodes import check_quaternions, pick
+from taubench_gl.scene.gltf.pointers import POINTER, Target, resolve_pointer
+from taubench_gl.scene.model import Animation, Channel, Mesh
+
+Array = np.ndarray
+
+PATHS = {"translation": 3, "rotation": 4, "scale": 3}
+SMALL = {5120, 5121, 5122, 5123}
+
+
+class AnimationReader:
+    """Reads the animations of one document; ``meshes`` tell how many morph weights a node has."""
+
+    def __init__(self, document: Document, accessors: Accessors, meshes: tuple[Mesh, ...]):
+        self.document, self.accessors, self.meshes = document, accessors, meshes
+        self._times: dict[int, tuple[Array, Array | None]] = {}
+
+    def read(self) -> tuple[Animation, ...]:
+        return tuple(
+            self._animation(animation, f"/animations/{i}")
+            for i, animation in enumerate(self.document.root.animations or [])
+        )
+
+    def _animation(self, animation: schema.Animation, pointer: str) -> Animation:
+        for k, sampler in enumerate(animation.samplers):
+            self._check_sampler(sampler, f"{pointer}/samplers/{k}")
+        channels: list[Channel] = []
+        taken: dict[tuple[str, int, str], int] = {}
+        for k, channel in enumerate(animation.channels):
+            where = f"{pointer}/channels/{k}"
+            if channel.sampler >= len(animation.samplers):
+                raise self.document.error(
+                    f"refers to samplers[{channel.sampler}], the animation has {len(animation.samplers)}",
+                    f"{where}/sampler",
+                )
+            sampler, at = animation.samplers[channel.sampler], f"{pointer}/samplers/{channel.sampler}"
+            for target in self._targets(channel, where):
+                key = (target.kind, target.index, target.path)
+                if key in taken:
+                    raise self.document.error(f"has the same target as channel {taken[key]}", f"{where}/target")
+                taken[key] = k
+                channels.append(self._channel(sampler, target, at))
+        return Animation(animation.name, tuple(channels))
+
+    def _targets(self, channel: schema.Channel, pointer: str) -> list[Target]:
+        """What a channel moves: nothing (noted), one property, or one per node for a mesh's own weights."""
+        target, document = channel.target, self.document
+        animated = document.extension(target, POINTER, schema.AnimationPointer, f"{pointer}/target")
+        if animated is not None:
+            where = f"{pointer}/target/extensions/{POINTER}"
+            if target.path != "pointer":
+                raise document.error(f"target path is {target.path!r}, the extension requires 'pointer'", where)
+            return resolve_pointer(document, animated.pointer, self._weight_count, f"{where}/pointer")
+        if target.node is None:
+            document.note("channel without a target node is ignored", pointer)
+            return []
+        node = document.item("nodes", target.node, f"{pointer}/target/node")
+        if target.path == "weights":
+            count = self._weight_count(target.node)
+            if count == 0:
+                raise document.error(f"nodes[{target.node}] has no morph targets to animate", f"{pointer}/target")
+            return [Target("node", target.node, "weights", count)]
+        if target.path not in PATHS:
+            document.note(f"channel of unknown path {target.path!r} is ignored", pointer)
+            return []
+        if node.matrix is not None:
+            raise document.error(f"nodes[{target.node}] has a matrix and cannot be animated", f"{pointer}/target/node")
+        return [Target("node", target.node, target.path, PATHS[target.path])]
+
+    def _weight_count(self, node: int) -> int:
+        mesh = self.document.root.nodes[node].mesh
+        return 0 if mesh is None else len(self.meshes[mesh].weights)
+
+    def _check_sampler(self, sampler: schema.AnimationSampler, pointer: str) -> None:
+        document, accessors = self.document, self.accessors
+        where = f"{pointer}/input"
+        accessor = accessors.get(sampler.input, where)
+        if accessor.type != "SCALAR" or accessor.component_type != FLOAT:
+            raise document.error(
+                f"times are {accessors.describe(sampler.input, where)}, must be SCALAR of FLOAT", where
+            )
+        if accessor.min is None or accessor.max is None:
+            raise document.error("accessor of key times lacks min and max", where)
+        accessors.get(sampler.output, f"{pointer}/output")
+        accessors.no_stride(sampler.input, where)
+        accessors.no_stride(sampler.output, f"{pointer}/output")
+
+    def _interpolation(self, sampler: schema.AnimationSampler, pointer: str) -> str:
+        given = sampler.interpolation
+        if given in ("STEP", "LINEAR", "CUBICSPLINE"):
+            return given
+        if isinstance(given, int):
+            self.document.note(f"interpolation is the number {given}, not a word; taken as LINEAR", pointer)
+            return "LINEAR"
+        raise self.document.error(f"{given!r} is no interpolation", f"{pointer}/interpolation",
+                                  "STEP, LINEAR or CUBICSPLINE")  # fmt: skip
+
+    def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str) -> Channel:
+        interpolation = self._interpolation(sampler, pointer)
+        times, last = self._key_times(sampler.input, f"{pointer}/input")
+        keys = len(times) if last is None else len(last)
+        values = self._values(sampler, target, interpolation, keys, f"{pointer}/output")
+        if last is not None:
+            self.document.note(f"{keys - len(times)} keys share their time with a later one, which is used", pointer)
+            values = values[last]
+        values.flags.writeable = False
+        return Channel(target.kind, target.index, target.path, interpolation, times, values)
+
+    def _key_times(self, index: int, pointer: str) -> tuple[Array, Array | None]:
+        """Strictly increasing times (K,) float64, and which of the file's keys they are (None: all)."""
+        if index not in self._times:
+            times, last = self.accessors.raw(index, pointer)[:, 0].astype(np.float64), None
+            steps = times[1:] - times[:-1]
+            if times[0] < 0 or (steps < 0).any():
+                at = 0 if times[0] < 0 else int(np.argmax(steps < 0)) + 1
+                raise self.document.error(
+                    f"key time {at} is {times[at]:g}; times must be at least 0 and increase", pointer
+                )
+            if (steps == 0).any():
+                last = np.append(steps > 0, True)
+                times = times[last]
+            times.flags.writeable = False
+            self._times[index] = times, last
+        return self._times[index]
+
+    def _values(
+        self, sampler: schema.AnimationSampler, target: Target, interpolation: str, keys: int, pointer: str
+    ) -> Array:
+        """(K, n) float64, for CUBICSPLINE (K, 3, n)."""
+        document, accessors = self.document, self.accessors
+        accessor = accessors.get(sampler.output, pointer)
+        scalar = target.path == "weights" or target.size == 1
+        kind = "SCALAR" if scalar else f"VEC{target.size}"
+        if target.path == "visible":
+            fits = accessor.component_type == 5121 and not accessor.normalized and interpolation == "STEP"
+        else:
+            integers = (
+                accessor.normalized and accessor.component_type in SMALL and target.path in ("rotation", "weights")
+            )
+            fits = accessor.component_type == FLOAT or integers
+        if accessor.type != kind or not fits:
+            raise document.error(
+                f"output for {target.path} is {accessors.describe(sampler.output, pointer)} ({interpolation}), "
+                f"expected {kind}",
+                pointer,
+            )
+        rows = 3 if interpolation == "CUBICSPLINE" else 1
+        expected = keys * rows * (target.size if scalar else 1)
+        if accessor.count != expected:
+            raise document.error(f"has {accessor.count} elements, {keys} keys need {expected}", pointer)
+        values = accessors.floats(sampler.output, pointer).astype(np.float64).reshape(keys, rows, target.size)
+        if target.path == "rotation":
+            check_quaternions(document, values[:, rows // 2], pointer)
+        return values if rows == 3 else values[:, 0]
+
+
+def choose_animations(
+    document: Document, animations: tuple[Animation, ...], wanted: Sequence[str | int] | None
+) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
+    """The channels that play together, and the names of their animations.
+
+    Exporters that write one animation per object mean them all to play; files with several takes of one character
+    mean one at a time.  So every animation plays whose targets no earlier one moves already.
+    """
+    names = [animation.name for animation in animations]
+    if wanted is None:
+        order = list(range(len(animations)))
+    else:
+        if isinstance(wanted, (str, int)):
+            wanted = [wanted]
+        order = list(dict.fromkeys(pick(document, w, names, "animation", "/animations") for w in wanted))
+    channels: list[Channel] = []
+    playing: list[str] = []
+    silent: dict[str, list[str]] = {}
+    taken: dict[tuple[str, int, str], int] = {}
+    for i in order:
+        keys = [(c.target, c.index, c.path) for c in animations[i].channels]
+        rival = next((taken[key] for key in keys if key in taken), None)
+        label = names[i] or f"animation {i}"
+        if rival is None:
+            taken.update(dict.fromkeys(keys, i))
+            channels.extend(animations[i].channels)
+            playing.append(label)
+            continue
+        other = names[rival] or f"animation {rival}"
+        if wanted is not None:
+            raise document.error(f"moves what {other!r} moves too", f"/animations/{i}", "choose one of the two")
+        silent.setdefault(other, []).append(label)
+    for other, labels in silent.items():
+        shown = ", ".join(repr(label) for label in labels[:8])
+        more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
+        document.note(
+            f"only {other!r} plays of the animations that move the same things; not {shown}{more} "
+            f"(choose with --animation)"
+        )
+    return tuple(channels), tuple(playing)

@@ -1,0 +1,110 @@
+"""Materials and how they sample textures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.scene.gltf import schema
+from taubench_gl.scene.gltf.accessors import Accessors
+from taubench_gl.scene.gltf.document import Document
+from taubench_gl.scene.gltf.images import read_image, unused_image
+from taubench_gl.scene.model import Image, Material, Sampler, Texture
+
+Array = np.ndarray
+
+
+class MaterialReader:
+    """Reads the materials of one document, then the images they turned out to need."""
+
+    def __init__(self, document: Document, accessors: Accessors):
+        self.document, self.accessors = document, accessors
+        self._needed: set[int] = set()
+
+    def materials(self) -> tuple[Material, ...]:
+        """Also checks textures and samplers that no material uses."""
+        root = self.document.root
+        for i, texture in enumerate(root.textures or []):
+            if texture.sampler is not None:
+                self.document.item("samplers", texture.sampler, f"/textures/{i}/sampler")
+            if texture.source is not None:
+                self.document.item("images", texture.source, f"/textures/{i}/source")
+        return tuple(self._material(m, f"/materials/{i}") for i, m in enumerate(root.materials or []))
+
+    def images(self) -> tuple[Image, ...]:
+        """All images of the file; those no material samples are not opened.  Call after ``materials``."""
+        document = self.document
+        return tuple(
+            read_image(document, self.accessors, i) if i in self._needed else unused_image(document, i)
+            for i in range(len(document.root.images or []))
+        )
+
+    def _material(self, material: schema.Material, pointer: str) -> Material:
+        document = self.document
+        pbr = material.pbr_metallic_roughness or schema.MetallicRoughness()
+        strength = document.extension(material, "KHR_materials_emissive_strength", schema.EmissiveStrength, pointer)
+        scale = 1.0 if strength is None else strength.emissive_strength
+        normal, occlusion = material.normal_texture, material.occlusion_texture
+        return Material(
+            name=material.name,
+            base_color=pbr.base_color_factor,
+            base_color_texture=self._texture(
+                pbr.base_color_texture, f"{pointer}/pbrMetallicRoughness/baseColorTexture"
+            ),
+            metallic=pbr.metallic_factor,
+            roughness=pbr.roughness_factor,
+            metallic_roughness_texture=self._texture(
+                pbr.metallic_roughness_texture, f"{pointer}/pbrMetallicRoughness/metallicRoughnessTexture"
+            ),
+            normal_texture=self._texture(normal, f"{pointer}/normalTexture"),
+            normal_scale=1.0 if normal is None else normal.scale,
+            occlusion_texture=self._texture(occlusion, f"{pointer}/occlusionTexture"),
+            occlusion_strength=1.0 if occlusion is None else occlusion.strength,
+            emissive=tuple(c * scale for c in material.emissive_factor),
+            emissive_texture=self._texture(material.emissive_texture, f"{pointer}/emissiveTexture"),
+            alpha_mode=material.alpha_mode,
+            alpha_cutoff=material.alpha_cutoff,
+            double_sided=material.double_sided,
+            unlit="KHR_materials_unlit" in material.extensions,
+        )
+
+    def _texture(self, info: schema.TextureInfo | None, pointer: str) -> Texture | None:
+        if info is None:
+            return None
+        document = self.document
+        texture = document.item("textures", info.index, f"{pointer}/index")
+        source, where = texture.source, f"/textures/{info.index}"
+        webp = document.extension(texture, "EXT_texture_webp", schema.TextureSource, where)
+        if webp is not None:
+            source = webp.source
+            document.item("images", source, f"{where}/extensions/EXT_texture_webp/source")
+        if source is None:
+            document.note("texture has no image this program can read; drawn without it", where)
+            return None
+        transform = document.extension(info, "KHR_texture_transform", schema.TextureTransform, pointer)
+        texcoord = info.tex_coord
+        if transform is not None and transform.tex_coord is not None:
+            texcoord = transform.tex_coord
+        if texcoord > 1:
+            document.note(f"texture uses TEXCOORD_{texcoord}, only 0 and 1 are read; drawn without it", pointer)
+            return None
+        self._needed.add(source)
+        return Texture(source, self._sampler(texture), texcoord, uv_transform(transform))
+
+    def _sampler(self, texture: schema.Texture) -> Sampler:
+        if texture.sampler is None:
+            return Sampler()
+        s = self.document.root.samplers[texture.sampler]
+        default = Sampler()
+        return Sampler(s.mag_filter or default.mag_filter, s.min_filter or default.min_filter, s.wrap_s, s.wrap_t)
+
+
+def uv_transform(transform: schema.TextureTransform | None) -> Array:
+    """KHR_texture_transform as uv' = M @ (u, v, 1): offset * rotation * scale.  (2, 3) float64.
+
+    Rotation is counter-clockwise as seen on the image, whose v points down, hence the sign of the sines.
+    """
+    if transform is None:
+        return np.eye(2, 3)
+    c, s = np.cos(transform.rotation), np.sin(transform.rotation)
+    (x, y), (sx, sy) = transform.offset, transform.scale
+    return np.array([[c * sx, s * sy, x], [-s * sx, c * sy, y]])

@@ -1,0 +1,240 @@
+"""Meshes: attributes, triangles, morph targets and skin weights."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+import numpy as np
+
+from taubench_gl.scene.gltf import schema
+from taubench_gl.scene.gltf.accessors import COMPONENT_NAMES, Accessors
+from taubench_gl.scene.gltf.attributes import FORMATS, TARGET_FORMATS, check_format, check_semantics
+from taubench_gl.scene.gltf.compression import decode_draco
+from taubench_gl.scene.gltf.document import Document
+from taubench_gl.scene.gltf.triangles import POINTS, TRIANGLES, line_count, triangle_list
+from taubench_gl.scene.gltf.weights import skin_weights
+from taubench_gl.scene.model import Material, Mesh, MorphTarget, Primitive
+
+Array = np.ndarray
+UNIT_TOLERANCE = 0.00674  # on a vector's length; half a step of a normalized byte, as the Khronos validator has it
+
+
+class MeshReader:
+    """Reads the meshes of one document; ``materials`` are the ones already read."""
+
+    def __init__(self, document: Document, accessors: Accessors, materials: tuple[Material, ...]):
+        self.document, self.accessors, self.materials = document, accessors, materials
+        self.undrawn: Counter[str] = Counter()
+        self.fixes: Counter[str] = Counter()
+        self._checked: set[tuple[int, str]] = set()
+
+    def read(self) -> tuple[Mesh, ...]:
+        meshes = tuple(self._mesh(mesh, f"/meshes/{i}") for i, mesh in enumerate(self.document.root.meshes or []))
+        if self.undrawn:
+            parts = ", ".join(f"{n} {what}" for what, n in self.undrawn.items() if what != "primitives")
+            self.document.note(f"{self.undrawn['primitives']} primitives of points or lines are not drawn ({parts})")
+        for what, count in self.fixes.items():
+            self.document.note(f"{count} {what}")
+        return meshes
+
+    def _mesh(self, mesh: schema.Mesh, pointer: str) -> Mesh:
+        targets = {len(p.targets or []) for p in mesh.primitives}
+        if len(targets) > 1:
+            raise self.document.error(f"primitives have different numbers of morph targets {sorted(targets)}", pointer)
+        (count,) = targets
+        if mesh.weights is not None and len(mesh.weights) != count:
+            raise self.document.error(f"{len(mesh.weights)} weights for {count} morph targets", f"{pointer}/weights")
+        weights = np.array(mesh.weights, dtype=np.float64) if mesh.weights is not None else np.zeros(count)
+        primitives = (self._primitive(p, f"{pointer}/primitives/{i}") for i, p in enumerate(mesh.primitives))
+        return Mesh(mesh.name, tuple(p for p in primitives if p is not None), weights)
+
+    def _primitive(self, primitive: schema.Primitive, pointer: str) -> Primitive | None:
+        document, names = self.document, primitive.attributes
+        check_semantics(document, primitive, pointer)
+        for name, index in names.items():
+            check_format(document, self.accessors, name, index, FORMATS, f"{pointer}/attributes/{name}")
+            self.accessors.use(index, "vertex attributes", f"{pointer}/attributes/{name}")
+        if primitive.indices is not None:
+            self._check_indices(primitive.indices, f"{pointer}/indices")
+        for i, target in enumerate(primitive.targets or []):
+            self._check_target(target, names, f"{pointer}/targets/{i}")
+        if "POSITION" not in names:
+            document.note("primitive without POSITION is not drawn", pointer)
+            return None
+        count = self.accessors.get(names["POSITION"], pointer).count
+        draco = self._draco(primitive, count, pointer)
+        arrays = {name: self._attribute(name, index, count, draco, f"{pointer}/attributes/{name}")
+                  for name, index in names.items() if not name.startswith("_")}  # fmt: skip
+        triangles = self._triangles(primitive, count, draco, pointer)
+        targets = tuple(
+            self._target(target, count, f"{pointer}/targets/{i}") for i, target in enumerate(primitive.targets or [])
+        )
+        texcoords = self._texcoords(primitive, arrays, count, pointer)
+        joints, weights = skin_weights(document, self.fixes, arrays, pointer)
+        if triangles is None:
+            return None
+        return Primitive(
+            positions=arrays["POSITION"],
+            triangles=triangles,
+            material=-1 if primitive.material is None else primitive.material,
+            normals=arrays.get("NORMAL"),
+            tangents=arrays.get("TANGENT") if "NORMAL" in arrays else None,
+            texcoords=texcoords,
+            colors=_rgba(arrays.get("COLOR_0")),
+            joints=joints,
+            weights=weights,
+            targets=targets,
+        )
+
+    def _attribute(self, name: str, index: int, count: int, draco: dict[str, Array], pointer: str) -> Array:
+        """One vertex attribute: uint32 joints, float32 all else.  (V, n)."""
+        accessor = self.accessors.get(index, pointer)
+        if accessor.count != count:
+            raise self.document.error(f"has {accessor.count} elements, POSITION has {count}", pointer)
+        if name in draco:
+            raw = draco[name]
+            array = raw.astype(np.uint32) if name.startswith("JOINTS") else self.accessors.to_float(accessor, raw)
+        elif name.startswith("JOINTS"):
+            array = self.accessors.raw(index, pointer).astype(np.uint32)
+        else:
+            array = self.accessors.floats(index, pointer)
+        if (index, name) not in self._checked or name in draco:
+            self._checked.add((index, name))
+            self._check_values(name, array, pointer, accessor.component_type)
+        return array
+
+    def _check_values(self, name: str, array: Array, pointer: str, component_type: int) -> None:
+        if name in ("NORMAL", "TANGENT"):
+            length = np.sqrt(np.einsum("ij,ij->i", array[:, :3], array[:, :3], dtype=np.float64))
+            bad = np.abs(length - 1.0) > UNIT_TOLERANCE
+            if np.any(bad):
+                at = int(np.argmax(bad))
+                raise self.document.error(f"element {at} has length {length[at]:.6g}, must be 1", pointer)
+        if name == "TANGENT" and np.any(np.abs(array[:, 3]) != 1.0):
+            at = int(np.argmax(np.abs(array[:, 3]) != 1.0))
+            raise self.document.error(f"element {at} has w = {array[at, 3]:g}, must be 1 or -1", pointer)
+        if name.startswith("COLOR") and COMPONENT_NAMES[component_type] == "FLOAT":
+            bad = np.any((array < 0.0) | (array > 1.0), axis=1)
+            if np.any(bad):
+                at = int(np.argmax(bad))
+                raise self.document.error(f"element {at} is {array[at].tolist()}, must lie in 0..1", pointer)
+
+    def _check_indices(self, index: int, pointer: str) -> None:
+        accessor = self.accessors.get(index, pointer)
+        if accessor.type != "SCALAR" or accessor.component_type not in (5121, 5123, 5125) or accessor.normalized:
+            raise self.document.error(
+                f"indices are {self.accessors.describe(index, pointer)}, must be SCALAR of unsigned integers", pointer
+            )
+        self.accessors.no_stride(index, pointer)
+        self.accessors.use(index, "indices", pointer)
+
+    def _triangles(
+        self, primitive: schema.Primitive, count: int, draco: dict[str, Array], pointer: str
+    ) -> Array | None:
+        """Triangle list (T, 3) uint32, or None where there is nothing to draw (which is noted)."""
+        if "" in draco:
+            indices, mode = draco[""], TRIANGLES
+        elif primitive.indices is not None:
+            indices, mode = self.accessors.raw(primitive.indices, f"{pointer}/indices")[:, 0], primitive.mode
+        else:
+            indices, mode = np.arange(count, dtype=np.uint32), primitive.mode
+        if len(indices) and int(indices.max()) >= count:
+            at = int(np.argmax(indices >= count))
+            raise self.document.error(
+                f"index {indices[at]} at position {at}, the primitive has {count} vertices", f"{pointer}/indices"
+            )
+        if mode < TRIANGLES:
+            self.undrawn["primitives"] += 1
+            self.undrawn["points" if mode == POINTS else "lines"] += (
+                len(indices) if mode == POINTS else line_count(mode, len(indices))
+            )
+            return None
+        if mode == TRIANGLES and len(indices) % 3:
+            self.document.note(f"{len(indices) % 3} indices at the end make no triangle", pointer)
+        triangles = triangle_list(mode, indices)
+        if not len(triangles):
+            self.document.note("primitive without a triangle is not drawn", pointer)
+            return None
+        triangles.flags.writeable = False
+        return triangles
+
+    def _texcoords(
+        self, primitive: schema.Primitive, arrays: dict[str, Array], count: int, pointer: str
+    ) -> tuple[Array | None, Array | None]:
+        texcoords = [arrays.get("TEXCOORD_0"), arrays.get("TEXCOORD_1")]
+        if primitive.material is None:
+            return texcoords[0], texcoords[1]
+        self.document.item("materials", primitive.material, f"{pointer}/material")
+        material = self.materials[primitive.material]
+        for texture in (material.base_color_texture, material.metallic_roughness_texture, material.normal_texture,
+                        material.occlusion_texture, material.emissive_texture):  # fmt: skip
+            if texture is not None and texcoords[texture.texcoord] is None:
+                # OpenGL's value of an attribute that is not there; every viewer draws such files.
+                texcoords[texture.texcoord] = np.zeros((count, 2), np.float32)
+                self.document.note(
+                    f"TEXCOORD_{texture.texcoord}, by which the material samples a texture, is missing: taken as 0, 0",
+                    pointer,
+                )
+        return texcoords[0], texcoords[1]
+
+    def _check_target(self, target: dict[str, int], base: dict[str, int], pointer: str) -> None:
+        for name, index in target.items():
+            where = f"{pointer}/{name}"
+            if not name.startswith("_") and name not in base:
+                raise self.document.error("the primitive itself has no such attribute", where)
+            check_format(self.document, self.accessors, name, index, TARGET_FORMATS, where)
+            self.accessors.use(index, "vertex attributes", where)
+
+    def _target(self, target: dict[str, int], count: int, pointer: str) -> MorphTarget:
+        arrays: dict[str, Array] = {}
+        for name, index in target.items():
+            where = f"{pointer}/{name}"
+            accessor = self.accessors.get(index, where)
+            if accessor.count != count:
+                raise self.document.error(f"has {accessor.count} elements, POSITION has {count}", where)
+            if name in ("POSITION", "NORMAL", "TANGENT"):
+                arrays[name] = self.accessors.floats(index, where)
+            elif not name.startswith("_"):
+                self.document.note(f"morphing of {re.sub('_[0-9]+$', '', name)} is not simulated")
+        return MorphTarget(arrays.get("POSITION"), arrays.get("NORMAL"), arrays.get("TANGENT"))
+
+    def _draco(self, primitive: schema.Primitive, count: int, pointer: str) -> dict[str, Array]:
+        """Decoded attributes by semantic, and under '' the flat indices.  Empty where nothing is compressed."""
+        name = "KHR_draco_mesh_compression"
+        packed = self.document.extension(primitive, name, schema.Draco, pointer)
+        if packed is None:
+            return {}
+        where = f"{pointer}/extensions/{name}"
+        data = self.accessors.view_bytes(packed.buffer_view, f"{where}/bufferView")
+        faces, by_id = decode_draco(self.document, data, where)
+        out: dict[str, Array] = {"": faces.reshape(-1)}
+        for semantic, unique_id in packed.attributes.items():
+            at = f"{where}/attributes/{semantic}"
+            if semantic not in primitive.attributes:
+                raise self.document.error("the primitive itself has no such attribute", at)
+            array = by_id.get(unique_id)
+            if array is None:
+                raise self.document.error(f"the Draco data has no attribute with id {unique_id}", at)
+            accessor = self.accessors.get(primitive.attributes[semantic], at)
+            expected = self.accessors.shape(accessor)
+            if array.shape != expected:
+                raise self.document.error(f"decodes to {array.shape}, the accessor says {expected}", at)
+            if not np.all(np.isfinite(array)):
+                raise self.document.error("decodes to NaN or infinity", at)
+            out[semantic] = array.astype(self.accessors.dtype(accessor))
+        if primitive.indices is not None:
+            declared = self.accessors.get(primitive.indices, f"{pointer}/indices").count
+            if declared != faces.size:
+                self.document.note(f"Draco data holds {faces.size} indices, the accessor says {declared}", pointer)
+        return out
+
+
+def _rgba(colors: Array | None) -> Array | None:
+    """Linear RGBA (V, 4) float32; RGB is opaque."""
+    if colors is None or colors.shape[1] == 4:
+        return colors
+    out = np.ones((len(colors), 4), np.float32)
+    out[:, :3] = colors
+    out.flags.writeable = False
+    return out

@@ -1,0 +1,239 @@
+"""Nodes, the hierarchy, the chosen scene, and EXT_mesh_gpu_instancing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.scene.gltf import schema
+from taubench_gl.scene.gltf.accessors import Accessors
+from taubench_gl.scene.gltf.document import Document
+from taubench_gl.scene.gltf.views import LIGHTS
+from taubench_gl.scene.model import Mesh, Nodes, Skin
+
+Array = np.ndarray
+QUATERNION_TOLERANCE = 0.00769  # on the length, as the Khronos validator has it: a step of a normalized byte
+MATRIX_TOLERANCE = 1e-3  # on the cosine between columns
+INSTANCING, VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
+
+
+def parents(document: Document) -> Array:
+    """Parent of every node, -1 for roots.  (N,) int32.  Refuses second parents and loops."""
+    nodes = document.root.nodes or []
+    parent = np.full(len(nodes), -1, dtype=np.int32)
+    for i, node in enumerate(nodes):
+        for k, child in enumerate(node.children or []):
+            pointer = f"/nodes/{i}/children/{k}"
+            document.item("nodes", child, pointer)
+            if parent[child] >= 0:
+                raise document.error(f"nodes[{child}] already is a child of nodes[{parent[child]}]", pointer,
+                                     "a node has one parent")  # fmt: skip
+            parent[child] = i
+    # With one parent each, the nodes that no walk down from a root reaches are those of the loops.
+    unseen = np.ones(len(nodes), dtype=bool)
+    unseen[_reach(nodes, np.flatnonzero(parent < 0).tolist())] = False
+    if np.any(unseen):
+        raise document.error("is its own ancestor", f"/nodes/{int(np.argmax(unseen))}")
+    return parent
+
+
+def _reach(nodes: list[schema.Node], roots: list[int]) -> list[int]:
+    stack, seen = list(roots), []
+    while stack:
+        i = stack.pop()
+        seen.append(i)
+        stack.extend(nodes[i].children or [])
+    return seen
+
+
+def choose_scene(document: Document, wanted: str | int | None, parent: Array) -> tuple[Array, tuple[str, ...]]:
+    """Which nodes belong to the wanted scene, (N,) bool, and the names of all scenes."""
+    root = document.root
+    nodes, scenes = root.nodes or [], root.scenes or []
+    for i, scene in enumerate(scenes):
+        listed: set[int] = set()
+        for k, node in enumerate(scene.nodes or []):
+            pointer = f"/scenes/{i}/nodes/{k}"
+            document.item("nodes", node, pointer)
+            if parent[node] >= 0:
+                raise document.error(f"nodes[{node}] is not a root: it is a child of nodes[{parent[node]}]", pointer)
+            if node in listed:
+                raise document.error(f"nodes[{node}] is listed twice", pointer)
+            listed.add(node)
+    if root.scene is not None:
+        document.item("scenes", root.scene, "/scene")
+    names = tuple(scene.name or f"scene {i}" for i, scene in enumerate(scenes))
+    if wanted is not None:
+        index = pick(document, wanted, [s.name for s in scenes], "scene", "/scenes")
+    else:
+        index = root.scene or 0
+    roots = scenes[index].nodes or [] if scenes else np.flatnonzero(parent < 0).tolist()
+    in_scene = np.zeros(len(nodes), dtype=bool)
+    in_scene[_reach(nodes, roots)] = True
+    return in_scene, names
+
+
+def pick(document: Document, wanted: str | int, names: list[str], what: str, pointer: str) -> int:
+    """Index of the item with this name, or with this number (also written as text)."""
+    index = -1
+    if isinstance(wanted, str):
+        found = [i for i, name in enumerate(names) if name == wanted]
+        if len(found) > 1:
+            raise document.error(f"{len(found)} {what}s are called {wanted!r}", pointer, f"use an index: {found}")
+        if found:
+            return found[0]
+        if wanted.isascii() and wanted.isdigit() and len(wanted) < 10:
+            index = int(wanted)
+    else:
+        index = int(wanted)
+    if 0 <= index < len(names):
+        return index
+    known = ", ".join(f"{i}: {name!r}" for i, name in enumerate(names[:20])) or "none"
+    raise document.error(f"has no {what} {wanted!r}", pointer, f"it has {known}{', ...' if len(names) > 20 else ''}")
+
+
+def read_nodes(
+    document: Document,
+    accessors: Accessors,
+    parent: Array,
+    in_scene: Array,
+    meshes: tuple[Mesh, ...],
+    skins: tuple[Skin, ...],
+    light_count: int,
+) -> Nodes:
+    """All nodes as arrays, with every reference checked."""
+    nodes = document.root.nodes or []
+    n = len(nodes)
+    out = Nodes(
+        names=tuple(node.name for node in nodes),
+        parent=parent,
+        translation=np.zeros((n, 3)),
+        rotation=np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)),
+        scale=np.ones((n, 3)),
+        matrix=np.tile(np.eye(4), (n, 1, 1)),
+        has_matrix=np.zeros(n, dtype=bool),
+        mesh=np.full(n, -1, np.int32),
+        skin=np.full(n, -1, np.int32),
+        camera=np.full(n, -1, np.int32),
+        light=np.full(n, -1, np.int32),
+        visible=np.ones(n, dtype=bool),
+        in_scene=in_scene,
+    )
+    for i, node in enumerate(nodes):
+        pointer = f"/nodes/{i}"
+        _transform(document, node, out, i)
+        _references(document, node, out, i, meshes, skins)
+        light = document.extension(node, LIGHTS, schema.LightReference, pointer)
+        if light is not None:
+            if light.light >= light_count:
+                raise document.error(f"refers to lights[{light.light}], the file has {light_count}",
+                                     f"{pointer}/extensions/{LIGHTS}/light")  # fmt: skip
+            out.light[i] = light.light
+        visibility = document.extension(node, VISIBILITY, schema.Visibility, pointer)
+        if visibility is not None:
+            out.visible[i] = visibility.visible
+        instancing = document.extension(node, INSTANCING, schema.Instancing, pointer)
+        if instancing is not None:
+            out.instances[i] = _instances(
+                document, accessors, instancing, f"{pointer}/extensions/{INSTANCING}/attributes"
+            )
+    for array in (out.parent, out.translation, out.rotation, out.scale, out.matrix, out.has_matrix, out.mesh, out.skin,
+                  out.camera, out.light, out.visible, out.in_scene):  # fmt: skip
+        array.flags.writeable = False
+    return out
+
+
+def _transform(document: Document, node: schema.Node, out: Nodes, i: int) -> None:
+    pointer = f"/nodes/{i}"
+    if node.matrix is not None:
+        if not (node.translation is None and node.rotation is None and node.scale is None):
+            raise document.error("has both a matrix and translation, rotation or scale", pointer)
+        matrix = np.array(node.matrix).reshape(4, 4).T
+        axes = math3d.normalize(matrix[:3, :3].T)
+        shear = np.abs(axes @ axes.T)[np.triu_indices(3, 1)]
+        if np.any(matrix[3] != (0, 0, 0, 1)) or np.any(shear > MATRIX_TOLERANCE):
+            raise document.error(
+                "matrix is not a translation, rotation and scale", f"{pointer}/matrix", "it shears or projects"
+            )
+        out.matrix[i], out.has_matrix[i] = matrix, True
+    if node.translation is not None:
+        out.translation[i] = node.translation
+    if node.rotation is not None:
+        length = float(np.linalg.norm(node.rotation))
+        if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
+            raise document.error(f"quaternion has length {length:.6g}, must be 1", f"{pointer}/rotation")
+        out.rotation[i] = node.rotation
+    if node.scale is not None:
+        out.scale[i] = node.scale
+
+
+def _references(
+    document: Document, node: schema.Node, out: Nodes, i: int, meshes: tuple[Mesh, ...], skins: tuple[Skin, ...]
+) -> None:
+    pointer = f"/nodes/{i}"
+    if node.camera is not None:
+        document.item("cameras", node.camera, f"{pointer}/camera")
+        out.camera[i] = node.camera
+    if node.mesh is None:
+        if node.skin is not None or node.weights is not None:
+            raise document.error("has a skin or weights but no mesh", pointer)
+        return
+    declared = document.item("meshes", node.mesh, f"{pointer}/mesh")
+    mesh = meshes[node.mesh]
+    out.mesh[i] = node.mesh
+    if node.weights is not None:
+        if len(node.weights) != len(mesh.weights):
+            raise document.error(
+                f"{len(node.weights)} weights for {len(mesh.weights)} morph targets", f"{pointer}/weights"
+            )
+        out.weights[i] = np.array(node.weights)
+    if node.skin is None:
+        return
+    document.item("skins", node.skin, f"{pointer}/skin")
+    out.skin[i] = node.skin
+    if any("JOINTS_0" not in p.attributes for p in declared.primitives):
+        raise document.error("has a skin, but its mesh has no joints and weights", pointer)
+    joints = len(skins[node.skin].joints)
+    for k, primitive in enumerate(mesh.primitives):
+        if primitive.joints is not None and int(primitive.joints.max()) >= joints:
+            raise document.error(
+                f"joint {int(primitive.joints.max())} in primitives[{k}] of meshes[{node.mesh}]; "
+                f"skins[{node.skin}] has {joints} joints",
+                pointer,
+            )
+
+
+def _instances(document: Document, accessors: Accessors, instancing: schema.Instancing, pointer: str) -> Array:
+    """node_from_instance, (K, 4, 4) float64."""
+    counts = {accessors.get(index, f"{pointer}/{name}").count for name, index in instancing.attributes.items()}
+    if len(counts) != 1:
+        raise document.error(f"attributes have {len(counts)} different counts", pointer)
+    (count,) = counts
+    normalized = {(5120, True), (5122, True)}
+    parts: dict[str, Array] = {}
+    for name, kind, formats in (
+        ("TRANSLATION", "VEC3", {(5126, False)}),
+        ("ROTATION", "VEC4", {(5126, False)} | normalized),
+        ("SCALE", "VEC3", {(5126, False)}),
+    ):
+        index, where = instancing.attributes.get(name), f"{pointer}/{name}"
+        if index is None:
+            continue
+        accessor = accessors.get(index, where)
+        if accessor.type != kind or (accessor.component_type, accessor.normalized) not in formats:
+            raise document.error(f"is {accessors.describe(index, where)}, which the extension does not allow", where)
+        parts[name] = accessors.floats(index, where).astype(np.float64)
+    rotation = parts.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
+    check_quaternions(document, rotation, f"{pointer}/ROTATION")
+    out = math3d.trs(parts.get("TRANSLATION", np.zeros((count, 3))), rotation, parts.get("SCALE", np.ones((count, 3))))
+    out.flags.writeable = False
+    return out
+
+
+def check_quaternions(document: Document, quaternions: Array, pointer: str) -> None:
+    """All of unit length within the tolerance.  (K, 4)."""
+    length = np.linalg.norm(quaternions, axis=1)
+    bad = ~(np.abs(length - 1.0) <= QUATERNION_TOLERANCE)
+    if np.any(bad):
+        at = int(np.argmax(bad))
+        raise document.error(f"quaternion {at} has length {length[at]:.6g}, must be 1", pointer)

@@ -1,0 +1,56 @@
+"""Reads one glTF file into a Scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from taubench_gl.scene.gltf.accessors import Accessors
+from taubench_gl.scene.gltf.animations import AnimationReader, choose_animations
+from taubench_gl.scene.gltf.container import open_document
+from taubench_gl.scene.gltf.extensions import check_extensions
+from taubench_gl.scene.gltf.materials import MaterialReader
+from taubench_gl.scene.gltf.meshes import MeshReader
+from taubench_gl.scene.gltf.nodes import choose_scene, parents, read_nodes
+from taubench_gl.scene.gltf.skins import read_skins
+from taubench_gl.scene.gltf.views import read_cameras, read_lights
+from taubench_gl.scene.model import Scene
+
+
+def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+    """``load_scene`` for .gltf and .glb.  Raises SceneError.
+
+    The order follows who refers to whom, so that every reference is checked by the time it is followed.
+    """
+    document = open_document(path)
+    check_extensions(document)
+    accessors = Accessors(document)
+    accessors.check_all()
+    material_reader = MaterialReader(document, accessors)
+    materials = material_reader.materials()
+    images = material_reader.images()
+    meshes = MeshReader(document, accessors, materials).read()
+    parent = parents(document)
+    in_scene, scene_names = choose_scene(document, scene, parent)
+    skins = read_skins(document, accessors, parent)
+    cameras, lights = read_cameras(document), read_lights(document)
+    nodes = read_nodes(document, accessors, parent, in_scene, meshes, skins, len(lights))
+    animations = AnimationReader(document, accessors, meshes).read()
+    channels, playing = choose_animations(document, animations, animation)
+    return Scene(
+        name=path.stem,
+        nodes=nodes,
+        meshes=meshes,
+        materials=materials,
+        images=images,
+        skins=skins,
+        cameras=cameras,
+        lights=lights,
+        animations=animations,
+        channels=channels,
+        playing=playing,
+        notes=tuple(document.notes),
+        path=path,
+        sha256=document.sha256,
+        scene_names=scene_names,
+    )

@@ -1,0 +1,92 @@
+"""What a user can choose about an evaluation.  One immutable object, checked when made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from taubench_gl.conventions import DEFAULT_FPS, DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.errors import SettingsError
+
+REPROJECTIONS = ("camera", "motion")
+SAMPLINGS = ("nearest", "bilinear")
+CULLINGS = ("gltf", "none")
+BACKENDS = ("auto", "egl", "osmesa")
+MAX_SIZE = 16384
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Settings of one evaluation.
+
+    ``frames`` is a Python slice (A, B) of frame numbers, ``None`` for a default end.  ``thresholds`` maps a feature of
+    ``conventions.FEATURES`` to its a_B; the position threshold is in metres *before* ``unit_scale`` multiplies it.
+    """
+
+    width: int = 1920
+    height: int = 1080
+    fps: float = DEFAULT_FPS
+    frames: tuple[int | None, int | None] = (None, None)
+    camera: str | int | None = None  # node name, camera name or index; None: the first, else a framing orbit
+    scene: str | int | None = None
+    animation: tuple[str | int, ...] | None = None  # None: all that do not collide
+    reprojection: str = "camera"
+    sampling: str = "nearest"
+    thresholds: Mapping[str, float] = field(default_factory=dict)
+    unit_scale: float = 1.0
+    culling: str = "gltf"
+    backend: str = "auto"
+    device: int | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("width", self.width), ("height", self.height)):
+            if not 1 <= value <= MAX_SIZE:
+                raise SettingsError(f"{name} is {value}", hint=f"give a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels")
+        if not (math.isfinite(self.fps) and self.fps > 0):
+            raise SettingsError(f"fps is {self.fps}", hint="give a rate above 0")
+        if not (math.isfinite(self.unit_scale) and self.unit_scale > 0):
+            raise SettingsError(f"unit scale is {self.unit_scale}", hint="give a factor above 0")
+        for option, value, allowed in (
+            ("reprojection", self.reprojection, REPROJECTIONS),
+            ("sampling", self.sampling, SAMPLINGS),
+            ("culling", self.culling, CULLINGS),
+            ("backend", self.backend, BACKENDS),
+        ):
+            if value not in allowed:
+                raise SettingsError(f"{option} is {value!r}", hint=f"choose from {', '.join(allowed)}")
+        for name, value in self.thresholds.items():
+            if name not in FEATURES:
+                raise SettingsError(f"no feature is named {name!r}", hint=f"choose from {', '.join(FEATURES)}")
+            if not (math.isfinite(value) and value >= 0):
+                raise SettingsError(f"threshold of {name} is {value}", hint="give a finite number of at least 0")
+
+    def threshold(self, feature: str) -> float:
+        """a_B of ``feature`` as the masks use it: position in metres times ``unit_scale``."""
+        value = float(self.thresholds.get(feature, DEFAULT_THRESHOLD))
+        return value * self.unit_scale if feature == "position" else value
+
+    def frame_count(self, duration: float) -> int:
+        """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration * fps + 1e-6) (SPEC section 1)."""
+        return math.floor(duration * self.fps + 1e-6) + 1
+
+    def frame_range(self, duration: float) -> range:
+        """Frame numbers to evaluate, as ``frames`` slices them."""
+        first, stop = self.frames
+        return range(self.frame_count(duration))[slice(first, stop)]
+
+    def as_summary(self, frames: range) -> dict[str, Any]:
+        """The ``settings`` block of summary.json (SPEC section 6)."""
+        return {
+            "width": self.width,
+            "height": self.height,
+            "fps": self.fps,
+            "first_frame": frames[0] if frames else None,
+            "last_frame": frames[-1] if frames else None,
+            "reprojection": self.reprojection,
+            "sampling": self.sampling,
+            "thresholds": {name: self.threshold(name) for name in FEATURES},
+            "unit_scale": self.unit_scale,
+            "culling": self.culling,
+        }

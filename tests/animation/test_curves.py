@@ -1,0 +1,213 @@
+"""One channel at one time: closed forms, SciPy as second opinion, and the inputs where the textbook formula fails."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_scenes import make_channel
+from scipy.interpolate import CubicHermiteSpline
+from scipy.spatial.transform import Rotation, Slerp
+
+from taubench_gl import math3d
+from taubench_gl.animation import curves
+
+unit = st.floats(0.0, 1.0)
+components = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 1e-3)
+
+
+def quat(*q):
+    return math3d.normalize(np.array(q, dtype=np.float64))
+
+
+def about_y(degrees):
+    return math3d.quat_from_axis_angle(np.array([0.0, 1.0, 0.0]), np.radians(degrees))
+
+
+def textbook_slerp(a, b, u):
+    """What is found in most textbooks, for showing that the cases below are hard."""
+    angle = np.arccos(np.dot(a, b))
+    return (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
+
+
+# --- clamping and the three interpolations -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
+def test_clamps_outside_the_keys_and_hits_every_key(interpolation):
+    times, keys = [0.5, 1.0, 3.0], np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [-7.0, 8.0, 0.1]])
+    values = np.stack([keys + 100, keys, keys - 100], axis=1) if interpolation == "CUBICSPLINE" else keys
+    channel = make_channel(0, "translation", times, values, interpolation)
+    for t, expected in [(-1, 0), (0.5, 0), (1.0, 1), (3.0, 2), (99, 2), (np.inf, 2), (-np.inf, 0)]:
+        assert np.array_equal(curves.sample_channel(channel, t), keys[expected])
+
+
+def test_step_holds_until_the_next_key():
+    channel = make_channel(0, "translation", [0, 1], [[1, 1, 1], [2, 2, 2]], "STEP")
+    assert curves.sample_channel(channel, np.nextafter(1.0, 0.0))[0] == 1
+    assert curves.sample_channel(channel, 1.0)[0] == 2
+
+
+def test_linear_is_linear():
+    channel = make_channel(0, "translation", [1, 3], [[0, 10, -4], [2, 20, 4]])
+    assert np.allclose(curves.sample_channel(channel, 1.5), [0.5, 12.5, -2], rtol=1e-15)
+
+
+@pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
+@pytest.mark.parametrize("path", ["translation", "rotation"])
+def test_a_single_key_is_a_constant(interpolation, path):
+    key = quat(1, 2, 3, 4) if path == "rotation" else np.array([1.0, 2.0, 3.0])
+    values = np.stack([key * 9, key, key * 9])[None] if interpolation == "CUBICSPLINE" else key[None]
+    channel = make_channel(0, path, [2.0], values, interpolation)
+    for t in (-1.0, 2.0, 5.0):
+        assert np.allclose(curves.sample_channel(channel, t), key, rtol=0, atol=1e-16)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.floats(0.01, 5.0), min_size=1, max_size=6),
+    st.integers(0, 2**32 - 1),
+    st.lists(unit, min_size=1, max_size=8),
+)
+def test_cubicspline_is_scipys_hermite_spline(steps, seed, places):
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    values = np.random.default_rng(seed).normal(size=(len(times), 3, 3))
+    channel = make_channel(0, "translation", times, values, "CUBICSPLINE")
+    for place in places:
+        t = place * times[-1]
+        i = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 2)
+        # glTF has separate in- and out-tangents, so SciPy is asked one segment at a time.
+        oracle = CubicHermiteSpline(times[i : i + 2], values[i : i + 2, 1], [values[i, 2], values[i + 1, 0]])
+        assert np.allclose(curves.sample_channel(channel, t), oracle(t), rtol=1e-10, atol=1e-10)
+
+
+def test_cubicspline_tangents_are_per_second():
+    # v(t) = t^3 on [0, 2] has slopes 0 and 12: only tangents scaled by dt give 1 at t = 1.
+    values = np.array([[[0], [0], [0]], [[12], [8], [0]]], dtype=float)
+    assert curves.sample_channel(make_channel(0, "weights", [0, 2], values, "CUBICSPLINE"), 1.0)[0] == pytest.approx(1)
+
+
+@settings(deadline=None)
+@given(components, components, components, components, unit)
+def test_cubicspline_rotations_are_unit(in1, a, b, out0, u):
+    values = np.array([[a, a, out0], [in1, b, b]], dtype=float)
+    q = curves.sample_channel(make_channel(0, "rotation", [0, 1], values, "CUBICSPLINE"), u)
+    assert np.linalg.norm(q) == pytest.approx(1, abs=1e-12)
+
+
+@pytest.mark.parametrize("interpolation", ["LINEAR", "CUBICSPLINE"])
+@pytest.mark.parametrize("path", ["translation", "rotation"])
+def test_equal_keys_are_constant_to_the_last_bit(interpolation, path):
+    key = quat(0.1, 0.2, 0.3, 0.7) if path == "rotation" else np.array([0.1, 1 / 3, 1e6 / 7])
+    values = np.stack([key, key])
+    if interpolation == "CUBICSPLINE":
+        values = np.stack([values * 0, values, values * 0], axis=1)
+    channel = make_channel(0, path, [0, 1], values, interpolation)
+    samples = {curves.sample_channel(channel, t).tobytes() for t in np.linspace(0, 1, 97)}
+    assert len(samples) == 1
+    # The form (1 - u) a + u b, seen more often, trembles.
+    trembling = {((1 - u) * key + u * key).tobytes() for u in np.linspace(0, 1, 97)}
+    assert len(trembling) > 1
+
+
+@pytest.mark.parametrize("dt", [5e-324, 1e-310, 1e-45, 1e-20])
+@pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
+@pytest.mark.parametrize("path", ["translation", "rotation"])
+def test_denormal_time_steps_stay_finite(dt, interpolation, path):
+    n = 4 if path == "rotation" else 3
+    keys = np.random.default_rng(1).normal(size=(3, n)).astype(np.float32).astype(float)
+    keys[1] *= 3e38 if path == "translation" else 1.0
+    values = np.stack([keys * 0 + 3e38, keys, keys * 0 - 3e38], axis=1) if interpolation == "CUBICSPLINE" else keys
+    channel = make_channel(0, path, [0.0, dt, 1.0], values, interpolation)
+    for t in (0.0, dt / 2, dt, np.nextafter(dt, 1), 0.5, 1.0):
+        assert np.all(np.isfinite(curves.sample_channel(channel, t)))
+
+
+# --- slerp ---------------------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None)
+@given(components, components, unit)
+def test_slerp_is_scipys_slerp(a, b, u):
+    a, b = quat(*a), quat(*b)
+    if abs(np.dot(a, b)) < 1e-6:  # 180 degrees apart: both ways are right
+        return
+    oracle = Slerp([0, 1], Rotation.from_quat([a, b]))(u)
+    ours = Rotation.from_quat(curves.slerp(a, b, u))
+    assert (oracle.inv() * ours).magnitude() < 1e-7
+
+
+@settings(deadline=None)
+@given(components, components, unit)
+def test_slerp_is_unit_and_ends_at_its_keys(a, b, u):
+    a, b = quat(*a), quat(*b)
+    assert np.linalg.norm(curves.slerp(a, b, u)) == pytest.approx(1, abs=1e-14)
+    assert np.array_equal(curves.slerp(a, b, 0.0), a)
+    assert math3d.quat_angle(curves.slerp(a, b, 1.0), b) < 1e-14
+
+
+@settings(deadline=None)
+@given(components, components, st.lists(unit, min_size=2, max_size=10))
+def test_slerp_turns_at_constant_speed_and_never_more_than_180_degrees(a, b, places):
+    a, b = quat(*a), quat(*b)
+    whole = math3d.quat_angle(a, b)
+    assert whole <= np.pi + 1e-12
+    for u in places:
+        q = curves.slerp(a, b, u)
+        assert math3d.quat_angle(a, q) == pytest.approx(u * whole, abs=1e-12)
+        assert math3d.quat_angle(q, b) == pytest.approx((1 - u) * whole, abs=1e-12)
+
+
+def test_slerp_takes_the_short_way_where_the_textbook_takes_the_long_one():
+    a, b = about_y(-10), about_y(10)
+    assert Rotation.from_quat(curves.slerp(a, -b, 0.5)).magnitude() < 1e-15
+    assert Rotation.from_quat(textbook_slerp(a, -b, 0.5)).magnitude() == pytest.approx(np.pi)
+
+
+def test_slerp_of_opposite_quaternions_stands_still_where_the_textbook_gives_nan():
+    a = quat(0.1, 0.2, 0.3, 0.9)
+    with np.errstate(all="ignore"):
+        worst = textbook_slerp(a, -a, 0.5)
+    assert not np.all(np.isfinite(worst)) or np.linalg.norm(worst) > 1.5 or np.linalg.norm(worst) < 0.5
+    for u in np.linspace(0, 1, 11):
+        assert np.array_equal(curves.slerp(a, -a, u), a)
+
+
+@pytest.mark.parametrize("axis", [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 2, 3]])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_slerp_180_degrees_apart_does_not_depend_on_rounding(axis, sign):
+    a = quat(0.3, -0.4, 0.5, 0.6)
+    b = sign * math3d.quat_multiply(math3d.quat_from_axis_angle(np.array(axis, float), np.pi), a)
+    middle = curves.slerp(a, b, 0.5)
+    assert math3d.quat_angle(a, middle) == pytest.approx(np.pi / 2)
+    for nudge in (1e-16, -1e-16):  # moves the dot product to either side of 0
+        nudged = math3d.normalize(b + nudge * a)
+        assert math3d.quat_angle(curves.slerp(a, nudged, 0.5), middle) < 1e-12
+
+
+@pytest.mark.parametrize("degrees", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_slerp_of_tiny_turns(degrees):
+    a, b = about_y(0), about_y(degrees)
+    got = math3d.quat_angle(a, curves.slerp(a, b, 0.25))
+    assert np.degrees(got) == pytest.approx(0.25 * degrees, rel=1e-6)
+    if degrees <= 1e-7:  # the textbook's acos no longer sees the turn at all
+        with np.errstate(all="ignore"):
+            assert not np.all(np.isfinite(textbook_slerp(a, b, 0.25)))
+
+
+def test_zero_quaternion_key_is_no_rotation():
+    channel = make_channel(0, "rotation", [0, 1], [[0, 0, 0, 0], about_y(90)])
+    assert np.array_equal(curves.sample_channel(channel, 0.0), [0, 0, 0, 1])
+    assert math3d.quat_angle(curves.sample_channel(channel, 0.5), about_y(45)) < 1e-14
+
+
+@settings(deadline=None)
+@given(st.lists(components, min_size=2, max_size=5), st.floats(-1, 6))
+def test_rotation_keys_need_not_be_normalised(keys, t):
+    keys = np.array(keys)
+    lengths = np.linspace(0.2, 3, len(keys))[:, None]
+    times = np.arange(len(keys))
+    one = curves.sample_channel(make_channel(0, "rotation", times, keys), t)
+    other = curves.sample_channel(make_channel(0, "rotation", times, keys * lengths), t)
+    assert np.allclose(one, other, atol=1e-9)

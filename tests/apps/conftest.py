@@ -1,0 +1,81 @@
+"""The command line in this process, with an evaluation that draws nothing."""
+
+from __future__ import annotations
+
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taubench_gl.apps import cli
+from taubench_gl.errors import SceneError
+from taubench_gl.run import Progress, Run, RunWriter
+
+
+class FakeEvaluate:
+    """Stands in for ``taubench_gl.evaluate.evaluate``: same signature, files as RunWriter writes them.
+
+    A scene called ``bad*`` raises SceneError, ``bug*`` a ZeroDivisionError, ``slow*`` is interrupted after two pairs.
+    """
+
+    pairs = 4
+
+    def __init__(self) -> None:
+        self.calls: list[dict[str, Any]] = []
+
+    def __call__(self, scene, settings=None, *, out=None, save=(), progress=None, **overrides) -> Run:
+        name = Path(scene).stem
+        self.calls.append({"scene": scene, "settings": settings, "out": out, "save": tuple(save), **overrides})
+        if name.startswith("bad"):
+            raise SceneError("no such thing", where=f"{scene}#/nodes/3", hint="mend it")
+        if name.startswith("bug"):
+            raise ZeroDivisionError("oops")
+        rows = [{"frame": i, "pixels": 10, "frustum": i} for i in range(1, self.pairs + 1)]
+        summary = {
+            "schema": "taubench-gl/summary/1",
+            "scene": {"name": name},
+            "settings": {"width": 5, "height": 2, "fps": settings.fps, "thresholds": {}},
+            "pairs": self.pairs,
+            "discard": {"frustum": {"mean_percent": 25.0}},
+            "notes": [f"a note about {name}"],
+        }
+        writer = RunWriter(out) if out else None
+        if writer:
+            writer.__enter__()
+        for i, row in enumerate(rows, start=1):
+            if name.startswith("slow") and i == 3:
+                raise KeyboardInterrupt
+            if writer:
+                writer.write_row(row)
+            if progress:
+                progress(Progress(name, i, self.pairs, 0.5))
+        if writer:
+            writer.write_summary(summary)
+            writer.__exit__(None, None, None)
+        return Run(summary, rows, out)
+
+
+@pytest.fixture
+def evaluate(monkeypatch) -> FakeEvaluate:
+    fake = FakeEvaluate()
+    module = types.ModuleType("taubench_gl.evaluate")
+    module.evaluate = fake
+    monkeypatch.setitem(sys.modules, "taubench_gl.evaluate", module)
+    return fake
+
+
+@pytest.fixture
+def taubench(capsys, monkeypatch):
+    """Runs the command line: arguments -> (exit code, stdout, stderr)."""
+    monkeypatch.delenv("TAUBENCH_DEBUG", raising=False)
+    monkeypatch.delenv("TAUBENCH_BACKEND", raising=False)
+
+    def run(*arguments: str | Path) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as exit_:
+            cli.main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return exit_.value.code, out, err
+
+    return run

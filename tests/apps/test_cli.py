@@ -1,0 +1,210 @@
+"""The shell around the commands: help without OpenGL, doctor, compare, inspect, and how they end."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import types
+
+import pytest
+
+from taubench_gl.run import RunWriter
+
+REPORT = {
+    "backend": "egl",
+    "renderer": "llvmpipe [x]",
+    "vendor": "Mesa",
+    "version": "4.5",
+    "glsl": "4.50",
+    "limits": {"texture size": 16384},
+    "timer": {"usable": False, "why": "reads 1 ns"},
+    "libraries": {"numpy": "2.0", "glfw": None},
+    "backends": {"egl": {"usable": True, "why": "works"}, "osmesa": {"usable": False, "why": "libOSMesa is absent"}},
+}
+
+
+def fresh(*command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *command], capture_output=True, text=True, timeout=120)
+
+
+@pytest.mark.parametrize("command", ["", "doctor", "inspect", "evaluate", "compare"])
+def test_help_needs_no_opengl_and_no_numpy(command):
+    code = f"""
+import sys
+from taubench_gl.apps.cli import main
+try:
+    main({[command, "--help"] if command else ["--help"]})
+finally:
+    heavy = {{"moderngl", "numpy", "matplotlib", "rich"}} & set(sys.modules)
+    assert not heavy, heavy
+"""
+    done = fresh("-c", code)
+    assert done.returncode == 0, done.stderr
+    assert "Examples:" in done.stdout and "taubench-gl" in done.stdout
+
+
+def test_module_and_script_are_the_same():
+    done = fresh("-m", "taubench_gl", "--version")
+    assert done.returncode == 0 and done.stdout.startswith("taubench-gl, version ")
+
+
+def test_unknown_command_is_a_usage_error(taubench):
+    code, _, err = taubench("polish")
+    assert code == 2 and "No such command 'polish'" in err
+
+
+def test_a_reader_that_goes_away_is_no_traceback(tmp_path):
+    with RunWriter(tmp_path) as writer:
+        writer.write_summary({"schema": "taubench-gl/summary/1", "pairs": 0})
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-m", "taubench_gl", "compare", str(tmp_path)]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, timeout=120)
+    os.close(write)
+    assert done.returncode == 1 and done.stderr == ""
+
+
+@pytest.fixture
+def gpu(monkeypatch):
+    from taubench_gl.errors import GraphicsError
+
+    module = types.ModuleType("taubench_gl.gpu.context")
+
+    def capability_report(backend, device):
+        if backend == "osmesa":
+            raise GraphicsError("no OpenGL 4.5 context", hint="install it")
+        return REPORT
+
+    module.capability_report = capability_report
+    monkeypatch.setitem(sys.modules, "taubench_gl.gpu.context", module)
+
+
+def test_doctor_shows_the_report(taubench, gpu):
+    code, out, _ = taubench("doctor")
+    assert code == 0
+    for text in ("llvmpipe [x]", "16384", "not usable: reads 1 ns", "libOSMesa is absent", "not installed"):
+        assert text in out
+
+
+def test_doctor_json_is_the_report(taubench, gpu):
+    code, out, _ = taubench("doctor", "--json")
+    assert code == 0 and json.loads(out) == REPORT
+
+
+def test_doctor_without_opengl(taubench, gpu):
+    code, out, err = taubench("doctor", "--backend", "osmesa")
+    assert (code, out) == (2, "") and err == "taubench-gl: error: no OpenGL 4.5 context (install it)\n"
+
+
+@pytest.fixture
+def stored(tmp_path):
+    folders = []
+    for name in ("one", "two"):
+        with RunWriter(tmp_path / name) as writer:
+            discard = {"frustum": {"mean_percent": 12.5}}
+            scene = {"schema": "taubench-gl/summary/1", "scene": {"name": name}, "pairs": 0, "discard": discard}
+            writer.write_summary(scene)
+        folders.append(tmp_path / name)
+    return folders
+
+
+def test_compare_puts_runs_side_by_side(taubench, stored):
+    code, out, _ = taubench("compare", *stored)
+    assert code == 0
+    assert "one of w·h" in out and "two of w·h" in out and "Emerald Square" in out
+    _, without, _ = taubench("compare", *stored, "--no-paper")
+    assert "Emerald Square" not in without
+
+
+@pytest.mark.parametrize(
+    ("look", "start"),
+    [("markdown", "**Table 1"), ("csv", "table,row,source"), ("latex", "% needs"), ("html", "<div")],
+)
+def test_compare_formats(taubench, stored, look, start):
+    code, out, _ = taubench("compare", stored[0], "--format", look)
+    assert code == 0 and out.startswith(start) and "12.5" in out
+
+
+def test_compare_of_nothing(taubench, tmp_path):
+    code, out, err = taubench("compare", tmp_path / "gone")
+    assert (code, out) == (2, "")
+    assert err.startswith("taubench-gl: error: ") and "does not exist" in err and err.count("\n") == 1
+
+
+def box(path):
+    """A glTF file with one triangle, a moving camera and a point light."""
+    import base64
+
+    import numpy as np
+
+    points = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0]], np.float32).tobytes()
+    times, places = np.array([0, 0.5], np.float32).tobytes(), np.array([[0, 0, 5], [0, 0, 6]], np.float32).tobytes()
+    data = points + times + places
+    views = [(0, 36), (36, 8), (44, 24)]
+    gltf = {
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "name": "lamp", "intensity": 7}]}},
+        "scene": 0,
+        "scenes": [{"name": "hall", "nodes": [0, 1, 2]}],
+        "nodes": [
+            {"mesh": 0}, {"name": "eye", "camera": 0}, {"extensions": {"KHR_lights_punctual": {"light": 0}}},
+        ],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}],
+        "animations": [{
+            "name": "fly", "samplers": [{"input": 1, "output": 2}],
+            "channels": [{"sampler": 0, "target": {"node": 1, "path": "translation"}}],
+        }],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [2, 2, 0]},
+            {"bufferView": 1, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [0.5]},
+            {"bufferView": 2, "componentType": 5126, "count": 2, "type": "VEC3"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": n} for at, n in views],
+        "buffers": [{
+            "byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode(),
+        }],
+    }  # fmt: skip
+    path.write_text(json.dumps(gltf))
+    return path
+
+
+def test_inspect_json(taubench, tmp_path):
+    code, out, err = taubench("inspect", box(tmp_path / "hall.gltf"), "--json")
+    assert code == 0, err
+    facts = json.loads(out)
+    assert facts["duration_s"] == 0.5 and facts["frames"] == 13
+    assert facts["animations"] == [{"name": "fly", "duration_s": 0.5, "channels": 1, "plays": True}]
+    assert facts["cameras"][0]["node"] == "eye"
+    assert facts["lights"][0]["intensity"] == 7 and facts["lights"][0]["unit"] == "cd"
+    assert facts["census"]["static_rigid_objects"] == 1 and facts["census"]["static_point_lights"] == 1
+    assert facts["bounds"] == {"center": [1, 1, 0], "radius_m": pytest.approx(2**0.5)}
+
+
+def test_inspect_text(taubench, tmp_path):
+    code, out, err = taubench("inspect", box(tmp_path / "hall.gltf"))
+    assert code == 0, err
+    for text in ("0.500 s, 13 frames at 24 fps", "static rigid objects", "name fly", "kind perspective", "name lamp"):
+        assert text in out
+
+
+def test_inspect_leaves_opengl_alone(tmp_path):
+    path = box(tmp_path / "hall.gltf")
+    code = f"""
+import sys
+from taubench_gl.apps.cli import main
+try:
+    main(["inspect", {str(path)!r}])
+finally:
+    assert "moderngl" not in sys.modules
+"""
+    done = fresh("-c", code)
+    assert done.returncode == 0, done.stderr
+
+
+def test_inspect_of_a_missing_file(taubench, tmp_path):
+    code, out, err = taubench("inspect", tmp_path / "gone.glb")
+    assert (code, out) == (2, "") and "gone.glb" in err and err.count("\n") == 1

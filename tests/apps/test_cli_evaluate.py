@@ -1,0 +1,131 @@
+"""``taubench-gl evaluate``: options reach Settings, results reach the folder, errors reach the exit code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taubench_gl.apps.evaluate_command import out_folders
+from taubench_gl.run import load_run
+from taubench_gl.settings import Settings
+
+
+def test_defaults_are_those_of_settings(taubench, evaluate):
+    code, out, _ = taubench("evaluate", "walk.glb")
+    assert code == 0
+    assert evaluate.calls == [{"scene": "walk.glb", "settings": Settings(), "out": None, "save": ()}]
+    assert "Table 4" in out and "25.00" in out and "Eternal Valley FPS" in out
+    assert "a note about walk" in out
+
+
+def test_every_option_arrives(taubench, evaluate, tmp_path):
+    options = "--camera Cam --animation run --animation 2 --scene 1 --fps 30 --frames 2:-1 --size 64X32"
+    options += " --reprojection motion --sampling bilinear --threshold normal=0.5 --threshold position=1e-3"
+    options += " --unit-scale 100 --culling none --save masks,channels --backend osmesa --device 3"
+    code, _, err = taubench("evaluate", "walk.glb", *options.split(), "--out", tmp_path / "o")
+    assert code == 0, err
+    assert evaluate.calls[0]["settings"] == Settings(
+        width=64, height=32, fps=30.0, frames=(2, -1), camera="Cam", scene="1", animation=("run", "2"),
+        reprojection="motion", sampling="bilinear", thresholds={"normal": 0.5, "position": 1e-3},
+        unit_scale=100.0, culling="none", backend="osmesa", device=3,
+    )  # fmt: skip
+    assert evaluate.calls[0]["out"] == tmp_path / "o"
+    assert evaluate.calls[0]["save"] == ("masks", "channels")
+
+
+def test_results_lie_in_the_folder(taubench, evaluate, tmp_path):
+    code, out, _ = taubench("evaluate", "walk.glb", "--out", tmp_path)
+    assert code == 0 and f"written to {tmp_path}" in out
+    assert len(load_run(tmp_path).frames) == 4
+    assert {"tables.txt", "tables.md", "tables.csv", "tables.tex", "frames.png", "frames.svg"} <= {
+        file.name for file in tmp_path.iterdir()
+    }
+
+
+def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
+    monkeypatch.setenv("TAUBENCH_BACKEND", "osmesa")
+    taubench("evaluate", "a.glb")
+    taubench("evaluate", "a.glb", "--backend", "egl")
+    assert [call["settings"].backend for call in evaluate.calls] == ["osmesa", "egl"]
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--size", "wide"], "'wide' is not a size such as 1920x1080"),
+        (["--size", "0x5"], "width is 0"),
+        (["--frames", "7"], "'7' is not a range of frames"),
+        (["--frames", "a:b"], "not a range of frames"),
+        (["--threshold", "normal"], "'normal' is not a threshold"),
+        (["--threshold", "shine=1"], "no feature is named 'shine'"),
+        (["--threshold", "normal=-1"], "threshold of normal is -1.0"),
+        (["--fps", "0"], "fps is 0.0"),
+        (["--fps", "nan"], "fps is nan"),
+        (["--save", "masks"], "--save needs --out"),
+        (["--save", "music", "--out", "x"], "cannot save music; choose from masks, channels"),
+        (["--reprojection", "both"], "'both' is not one of"),
+        (["--nope"], "No such option"),
+    ],
+)
+def test_options_that_cannot_be_meant(taubench, evaluate, options, complaint):
+    code, out, err = taubench("evaluate", "a.glb", *options)
+    assert code == 2 and complaint in err and out == ""
+    assert "Traceback" not in err and evaluate.calls == []
+
+
+def test_error_is_one_line_and_exit_code_2(taubench, evaluate):
+    code, out, err = taubench("evaluate", "bad.glb")
+    assert (code, out) == (2, "")
+    assert err == "taubench-gl: error: bad.glb#/nodes/3: no such thing (mend it)\n"
+
+
+def test_debug_shows_the_traceback(evaluate, monkeypatch):
+    from taubench_gl.apps import cli
+    from taubench_gl.errors import SceneError
+
+    monkeypatch.setenv("TAUBENCH_DEBUG", "1")
+    with pytest.raises(SceneError):
+        cli.main(["evaluate", "bad.glb"])
+
+
+def test_one_scene_that_fails_does_not_stop_the_others(taubench, evaluate, tmp_path):
+    code, out, err = taubench("evaluate", "a.glb", "bad.glb", "bug.glb", "c.glb", "--out", tmp_path)
+    assert code == 2
+    assert [Path(call["scene"]).stem for call in evaluate.calls] == ["a", "bad", "bug", "c"]
+    assert load_run(tmp_path / "a").frames and load_run(tmp_path / "c").frames
+    assert "error: bad.glb#/nodes/3" in err and "ZeroDivisionError: oops" in err and "2 of 4 scenes failed" in err
+    assert "a of w·h" in out and "c of w·h" in out
+
+
+def test_interrupt_says_what_is_kept(taubench, evaluate, tmp_path):
+    code, _, err = taubench("evaluate", "a.glb", "slow.glb", "c.glb", "--out", tmp_path)
+    assert code == 130
+    assert f"2 finished pairs are in {tmp_path / 'slow' / 'frames.csv'}" in err
+    assert "1 finished scenes" in err and "Traceback" not in err
+    assert len(evaluate.calls) == 2
+
+
+def test_interrupt_without_a_folder(taubench, evaluate):
+    code, _, err = taubench("evaluate", "slow.glb")
+    assert code == 130 and "nothing was written" in err
+
+
+def test_progress_in_a_pipe_is_a_few_plain_lines(taubench, evaluate):
+    evaluate.pairs = 100
+    _, _, err = taubench("evaluate", "walk.glb")
+    lines = [line for line in err.splitlines() if "pairs" in line]
+    assert len(lines) == 10
+    assert lines[0].startswith("walk.glb: 10/100 pairs, 2.00 pairs/s, 45 s left") and "\x1b" not in err
+
+
+@pytest.mark.parametrize(
+    ("scenes", "names"),
+    [
+        (["a/x.glb"], ["."]),
+        (["a/x.glb", "b/x.gltf", "b/X.glb"], ["x", "x-2", "X-3"]),
+        (["x.glb", "q/x.glb", "x-2.glb"], ["x", "x-3", "x-2"]),
+    ],
+)
+def test_folders_are_unique(scenes, names):
+    assert out_folders(scenes, Path("out")) == [Path("out") / name for name in names]

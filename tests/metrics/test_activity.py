@@ -1,0 +1,215 @@
+"""Eqs. (1) and (2): SciPy's Euler angles away from the poles, closed forms at them, and tiny motion."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from taubench_gl.metrics.activity import camera_activity, describe, euler_yxz, summarize, translation, wrap_degrees
+
+
+def rotations(yaw, pitch=0.0, roll=0.0):
+    """Intrinsic Y-X-Z by SciPy, degrees; broadcasts.  -> (N, 3, 3)."""
+    angles = np.stack(np.broadcast_arrays(*np.atleast_1d(yaw, pitch, roll)), axis=-1).astype(float)
+    return Rotation.from_euler("YXZ", angles, degrees=True).as_matrix()
+
+
+def activity(yaw, pitch=0.0, roll=0.0):
+    r = rotations(yaw, pitch, roll)
+    return camera_activity(np.zeros((len(r), 3)), r)
+
+
+# --- Eq. (1) -------------------------------------------------------------------------------------------------------
+
+
+def test_translation_is_the_euclidean_distance():
+    assert translation([[0, 0, 0], [3, 4, 0], [3, 4, 0], [3, 4, -2]]).tolist() == [5, 0, 2]
+
+
+def test_translation_of_tiny_and_huge_steps_neither_vanishes_nor_overflows():
+    assert translation([[0, 0, 0], [3e-170, 4e-170, 0]])[0] == pytest.approx(5e-170)
+    assert np.linalg.norm([3e-170, 4e-170, 0]) == 0  # what the plain formula says
+    assert translation([[0, 0, 0], [3e200, 4e200, 0]])[0] == pytest.approx(5e200)
+
+
+# --- wrapping ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("difference", "expected"),
+    [(1 - 359, 2), (359 - 1, -2), (180, 180), (-180, 180), (180.5, -179.5), (-180.5, 179.5), (540, 180), (-540, 180),
+     (360, 0), (0, 0), (1e-12, 1e-12), (-1e-300, -1e-300)],
+)  # fmt: skip
+def test_wrap(difference, expected):
+    assert wrap_degrees(difference) == expected
+
+
+@settings(deadline=None)
+@given(st.floats(-720, 720))
+def test_wrap_is_in_range_and_a_whole_number_of_turns_away(difference):
+    wrapped = float(wrap_degrees(difference))
+    assert -180 < wrapped <= 180
+    turns = (difference - wrapped) / 360
+    assert abs(turns - round(turns)) < 1e-12
+
+
+# --- Eq. (2) -------------------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_differences_are_scipys_euler_differences_wrapped(seed):
+    r = Rotation.from_quat(np.random.default_rng(seed).normal(size=(20, 4)))
+    a = camera_activity(np.zeros((20, 3)), r.as_matrix())
+    degrees = r.as_euler("YXZ", degrees=True)
+    expected = np.abs((np.diff(degrees, axis=0) + 180) % 360 - 180)
+    ours = np.stack([a.yaw, a.pitch, a.roll], axis=-1)
+    assert np.allclose(ours[~a.gimbal], expected[~a.gimbal], atol=1e-6)
+    assert np.allclose(a.angle, np.degrees((r[:-1].inv() * r[1:]).magnitude()), atol=1e-6)
+
+
+@settings(deadline=None)
+@given(st.floats(-180, 180), st.floats(-88, 88), st.floats(-180, 180))
+def test_euler_angles_come_back(yaw, pitch, roll):
+    got = np.degrees(euler_yxz(rotations(yaw, pitch, roll)[0]))
+    assert np.allclose(wrap_degrees(got - [yaw, pitch, roll]), 0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["yaw", "pitch", "roll"])
+def test_each_axis_is_its_own(name):
+    a = activity(**{"yaw": 0.0, name: [0.0, 10.0, 7.0]})
+    for other in ("yaw", "pitch", "roll"):
+        assert np.allclose(getattr(a, other), [10, 3] if other == name else 0, atol=1e-13)
+    assert np.allclose(a.angle, [10, 3])
+
+
+def test_yaw_is_about_the_worlds_up_even_for_a_tilted_camera():
+    a = activity([20, 50], pitch=60, roll=15)
+    assert np.allclose([a.yaw, a.pitch, a.roll], [[30], [0], [0]], atol=1e-12)
+    # About the camera's own Y the same turn would have been a different angle: only the world's axis keeps pitch.
+    own = Rotation.from_euler("YXZ", [20, 60, 15], degrees=True) * Rotation.from_euler("Y", 30, degrees=True)
+    assert abs(own.as_euler("YXZ", degrees=True)[1] - 60) > 1
+
+
+@pytest.mark.parametrize(("first", "second"), [(359, 1), (179, -179), (-179, 179), (180, -180), (-1, 1)])
+def test_yaw_across_its_seam(first, second):
+    assert activity([first, second]).yaw[0] == pytest.approx(abs((second - first + 180) % 360 - 180), abs=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [1e-3, 1e-5, 1e-8])
+@pytest.mark.parametrize("axis", ["yaw", "pitch", "roll"])
+def test_tiny_turns_keep_their_digits(degrees, axis):
+    steps = 30.0 + degrees * np.arange(5)
+    # Exact reference: matrices of float64 angles, whose own differences are what float64 leaves of the steps.
+    a = activity(**{"yaw": 20.0, "pitch": 10.0, axis: steps})
+    assert np.allclose(getattr(a, axis), np.diff(steps), rtol=0, atol=3e-14)
+    assert np.allclose(a.angle, np.diff(steps), rtol=0, atol=6e-14)
+
+
+def test_the_geodesic_angle_sees_what_acos_cannot():
+    tiny = np.degrees(1e-9)
+    r = rotations([0.0, tiny])
+    assert camera_activity(np.zeros((2, 3)), r).angle[0] == pytest.approx(tiny, rel=1e-6)
+    q = Rotation.from_matrix(r).as_quat()
+    assert np.degrees(2 * np.arccos(min(1.0, abs(q[0] @ q[1])))) == 0.0
+
+
+def test_a_still_camera_has_exactly_zero_activity_at_any_orientation_and_offset():
+    for r in Rotation.from_quat(np.random.default_rng(1).normal(size=(50, 4))).as_matrix():
+        for still in (r, rotations(30, 90, 20)[0], rotations(30, -89.7, 20)[0]):
+            a = camera_activity(np.full((4, 3), 1e7 / 3), np.tile(still, (4, 1, 1)))
+            for name in ("position", "yaw", "pitch", "roll", "angle"):
+                assert np.all(getattr(a, name) == 0.0)
+
+
+# --- poles ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", [0.3, 0.5, 1.0, 3.0, 7.0, 15.0])
+@pytest.mark.parametrize("roll", [0.0, 25.0])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_pitch_through_90_degrees_without_jumps(step, roll, sign):
+    pitch = sign * (90 + step * (np.arange(-12, 12) + 0.4))
+    a = activity(40.0, pitch, roll)
+    assert np.allclose(a.pitch, step, atol=0.05)
+    assert np.all(a.yaw < 0.6) and np.all(a.roll < 0.6)
+    assert np.any(a.gimbal) and not a.gimbal[0] and not a.gimbal[-1]
+    # The plain formula turns the camera round: yaw and roll jump by 180 degrees.
+    principal = Rotation.from_matrix(rotations(40, pitch, roll)).as_euler("YXZ", degrees=True)
+    plain = np.abs(wrap_degrees(np.diff(principal, axis=0)))
+    assert plain[:, 0].max() > 170 and plain[:, 2].max() > 170
+
+
+def test_pitch_through_exactly_90():
+    a = activity(40.0, [80, 85, 90, 95, 100])
+    assert np.allclose(a.pitch, 5, atol=1e-6) and np.allclose(a.yaw, 0, atol=1e-6) and np.allclose(a.roll, 0, atol=1e-6)
+    assert a.gimbal.tolist() == [False, True, True, False]
+
+
+def test_looking_straight_down_and_turning_is_yaw_with_roll_held():
+    a = activity([0, 10, 30, 60], -90.0)
+    assert np.allclose(a.yaw, [10, 20, 30]) and np.allclose(a.roll, 0) and np.allclose(a.pitch, 0, atol=1e-6)
+    assert a.gimbal.all()
+
+
+@settings(deadline=None)
+@given(st.floats(0.1, 179.0), st.floats(-85, 85), st.floats(-85, 85))
+def test_ordinary_motion_is_never_flagged(yaw, first, second):
+    assert not activity([0.0, yaw / 2], [first, second]).gimbal.any()
+
+
+def test_a_wide_turn_near_the_pole_is_taken_as_it_is():
+    # 180 degrees of yaw at pitch 60 is a turn by 60 degrees over the pole: too wide to say it went that way.
+    a = activity([0, 180], 60.0)
+    assert a.yaw[0] == pytest.approx(180) and not a.gimbal[0]
+
+
+# --- statistics ----------------------------------------------------------------------------------------------------
+
+
+def test_describe_is_the_population():
+    assert describe([1.0, 2.0, 3.0, 10.0]) == {
+        "mean": 4.0, "variance": 12.5, "max": 10.0, "median": 2.5, "p95": pytest.approx(8.95)
+    }  # fmt: skip
+
+
+def test_describe_keeps_a_small_variance_around_a_large_mean():
+    values = 1e9 + np.array([-1.0, 1.0] * 500)
+    assert describe(values)["variance"] == 1.0
+    one_pass = np.mean(values**2) - np.mean(values) ** 2
+    assert abs(one_pass - 1.0) > 0.5
+
+
+def test_summary_block():
+    r = rotations([0, 10, 30, 30])
+    a = camera_activity([[0, 0, 0], [1, 0, 0], [9, 0, 0], [9, 0, 0]], r)
+    block = summarize(a, np.array([False, True, False]), fps=60, first_frame=100)
+    assert list(block) == ["position", "yaw", "pitch", "roll", "angle", "fps", "samples", "cuts", "gimbal_pairs"]
+    assert (block["fps"], block["samples"], block["cuts"], block["gimbal_pairs"]) == (60.0, 3, [102], [])
+    assert block["position"]["mean"] == 3.0 and block["position"]["max"] == 8.0
+    assert block["position"]["without_cuts"]["mean"] == 0.5
+    assert list(block["yaw"]) == ["mean", "variance", "max", "median", "p95", "without_cuts"]
+    assert block["yaw"]["without_cuts"]["max"] == pytest.approx(10)
+    json.dumps(block, allow_nan=False)
+    assert summarize(a, None, 24)["cuts"] == []
+
+
+@pytest.mark.parametrize("frames", [0, 1])
+def test_no_pairs_is_all_null(frames):
+    block = summarize(camera_activity(np.zeros((frames, 3)), np.tile(np.eye(3), (frames, 1, 1))), None, 24)
+    assert block["samples"] == 0 and block["cuts"] == [] and block["gimbal_pairs"] == []
+    for name in ("position", "yaw", "pitch", "roll", "angle"):
+        nothing = dict.fromkeys(("mean", "variance", "max", "median", "p95"))
+        assert block[name] == {**nothing, "without_cuts": nothing}
+
+
+def test_lengths_must_agree():
+    with pytest.raises(ValueError, match="3 positions and 2 rotations"):
+        camera_activity(np.zeros((3, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    with pytest.raises(ValueError, match="cuts"):
+        summarize(activity([0, 1, 2]), [True], 24)

@@ -1,0 +1,110 @@
+"""What is a cut and what is only fast: camera paths with the statistics of Tables 2 and 3."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taubench_gl.metrics.activity import Activity
+from taubench_gl.metrics.cuts import WINDOW, detect_cuts, surroundings
+
+SEEDS = range(40)
+
+
+def path(position, angle=None) -> Activity:
+    position = np.asarray(position, dtype=float)
+    angle = np.zeros_like(position) if angle is None else np.asarray(angle, dtype=float)
+    nothing = np.zeros_like(position)
+    return Activity(position, angle, nothing, nothing, angle, np.zeros(len(position), dtype=bool))
+
+
+def gamma(rng, mean, variance, n=360):
+    return rng.gamma(mean**2 / variance, variance / mean, size=n)
+
+
+def cuts_of(activity, **options):
+    return np.flatnonzero(detect_cuts(activity, **options)).tolist()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_vr_cameras_one_teleport_is_found_and_nothing_else(seed):
+    rng = np.random.default_rng(seed)
+    position = gamma(rng, 0.021, 0.0004)
+    at = int(rng.integers(0, 360))
+    position[at] = 7.163
+    assert np.mean(position) == pytest.approx(0.041, abs=0.005) and np.var(position) == pytest.approx(0.16, rel=0.15)
+    assert cuts_of(path(position, gamma(rng, 8.222, 72.563))) == [at]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_fast_game_camera_has_no_cuts(seed):
+    rng = np.random.default_rng(seed)
+    position = gamma(rng, 1.892, 0.826)
+    position[rng.integers(0, 360)] = 5.475
+    assert cuts_of(path(np.minimum(position, 5.475), gamma(rng, 3.9, 11.0))) == []
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_jittery_head_turns_are_no_cuts(seed):
+    rng = np.random.default_rng(seed)
+    assert cuts_of(path(gamma(rng, 0.02, 0.0004), gamma(rng, 8.222, 72.563))) == []
+
+
+def test_lulls_in_jitter_do_not_make_the_next_turn_a_cut():
+    angle = gamma(np.random.default_rng(3), 8.222, 72.563)
+    angle[100:112] = 0.1
+    angle[106] = 60.0
+    assert cuts_of(path(np.zeros(360), angle)) == []
+
+
+@pytest.mark.parametrize("n", [3, 4, 20, 1000])
+def test_still_sequences_have_no_cuts(n):
+    assert cuts_of(path(np.zeros(n), np.zeros(n))) == []
+
+
+@pytest.mark.parametrize("at", [0, 1, 7, 18, 19])
+def test_a_jump_in_an_otherwise_still_sequence_is_a_cut(at):
+    still = np.zeros(20)
+    still[at] = 1.0
+    assert cuts_of(path(still)) == [at]
+    assert cuts_of(path(np.zeros(20), 45 * still)) == [at]
+
+
+def test_twitches_below_the_floor_are_no_cuts():
+    twitch = np.zeros(20)
+    twitch[10] = 1.0
+    assert cuts_of(path(0.2 * twitch, 25 * twitch)) == []
+    assert cuts_of(path(0.2 * twitch), unit_scale=0.1) == [10]
+
+
+def test_starting_and_stopping_is_no_cut():
+    moving = np.concatenate([np.zeros(50), np.full(30, 2.0), np.zeros(50)])
+    assert cuts_of(path(moving, 20 * moving)) == []
+
+
+def test_cuts_next_to_each_other_do_not_hide_each_other():
+    position = np.full(60, 0.05)
+    position[[20, 22, 23]] = [5.0, 8.0, 6.0]
+    assert cuts_of(path(position)) == [20, 22, 23]
+
+
+def test_constant_speed_is_never_a_cut_however_fast():
+    assert cuts_of(path(np.full(100, 50.0), np.full(100, 120.0))) == []
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_too_few_pairs_to_tell(n):
+    assert cuts_of(path(np.full(n, 100.0))) == []
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(0, 100), min_size=3, max_size=40))
+def test_surroundings_are_what_the_rule_says(values):
+    values = np.array(values)
+    for i, got in enumerate(surroundings(values)):
+        before, after = values[max(0, i - WINDOW) : i], values[i + 1 : i + 1 + WINDOW]
+        medians = [np.median(side) for side in (before, after) if len(side)]
+        expected = max(*medians, np.percentile(np.delete(values, i), 75)) if medians else 0
+        assert got == pytest.approx(expected, rel=1e-12, abs=1e-12)

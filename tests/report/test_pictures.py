@@ -1,0 +1,113 @@
+"""Mask pictures: the right pixels in the right colours, nothing hidden by anything else."""
+
+from __future__ import annotations
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, Reason
+from taubench_gl.errors import OutputError
+from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of, name_of
+from taubench_gl.report.pictures import STRIPE_PX, legend, legend_strip, mask_overlay, save_mask_picture
+
+
+def one_reason(reason: Reason, shape=(6, 8)) -> np.ndarray:
+    return np.full(shape, int(reason), dtype=np.uint32)
+
+
+def nearest(pixel: np.ndarray) -> Reason:
+    return min(DEFAULT_REASONS, key=lambda r: float(np.abs(np.subtract(color_of(r), pixel, dtype=float)).sum()))
+
+
+@pytest.mark.parametrize("reason", DEFAULT_REASONS, ids=name_of)
+def test_each_reason_shows_its_own_color(reason):
+    bit = Reason.OUTSIDE if reason == FRUSTUM else reason
+    pixel = mask_overlay(one_reason(bit))[0, 0]
+    assert nearest(pixel) == reason
+
+
+def test_behind_and_outside_are_frustum():
+    assert np.array_equal(mask_overlay(one_reason(Reason.BEHIND)), mask_overlay(one_reason(Reason.OUTSIDE)))
+
+
+def test_only_masked_pixels_are_tinted_and_rows_keep_their_order():
+    mask = np.zeros((4, 4), np.uint32)
+    mask[0, 3] = int(Reason.NORMAL)
+    picture = mask_overlay(mask)
+    assert picture.shape == (4, 4, 3) and picture.dtype == np.uint8
+    tinted = np.ptp(picture.astype(int), axis=-1) > 0
+    assert np.argwhere(tinted).tolist() == [[0, 3]]
+
+
+def test_overlapping_reasons_share_the_pixels_evenly():
+    both = Reason.POSITION | Reason.DIRECT | Reason.COLOR
+    picture = mask_overlay(one_reason(both, (STRIPE_PX * 6, STRIPE_PX * 6)))
+    shares = {}
+    for pixel in picture.reshape(-1, 3):
+        shares[nearest(pixel)] = shares.get(nearest(pixel), 0) + 1
+    assert set(shares) == {Reason.POSITION, Reason.DIRECT, Reason.COLOR}
+    assert max(shares.values()) - min(shares.values()) <= picture.shape[0] * STRIPE_PX
+
+
+def test_reasons_not_asked_for_are_not_shown():
+    plain = mask_overlay(one_reason(Reason(0)))
+    assert np.array_equal(mask_overlay(one_reason(Reason.SKY | Reason.LIT)), plain)
+    assert not np.array_equal(mask_overlay(one_reason(Reason.LIT), reasons=(Reason.LIT,)), plain)
+    assert np.array_equal(mask_overlay(one_reason(Reason.LIT), reasons=()), plain)
+
+
+def test_base_is_grey_and_broken_values_do_not_spread():
+    base = np.random.default_rng(0).random((6, 8, 3))
+    base[0, 0], base[1, 1] = np.nan, np.inf
+    picture = mask_overlay(one_reason(Reason(0)), base)
+    assert np.ptp(picture.astype(int), axis=-1).max() == 0
+    assert picture[0, 0, 0] < picture[1, 1, 0]
+
+
+@pytest.mark.parametrize(("mask", "base"), [((4,), None), ((4, 4), (4, 5, 3)), ((4, 4), (4, 4))])
+def test_shapes_that_do_not_fit_are_refused(mask, base):
+    with pytest.raises(ValueError, match="shape"):
+        mask_overlay(np.zeros(mask, np.uint32), None if base is None else np.zeros(base))
+
+
+def test_legend_counts_every_reason_of_a_pixel():
+    mask = np.zeros((2, 2), np.uint32)
+    mask[0, 0] = int(Reason.POSITION | Reason.NORMAL)
+    mask[0, 1] = int(Reason.BEHIND)
+    percents = {name: percent for name, _, percent in legend(mask)}
+    assert percents["position"] == percents["normal"] == percents["frustum"] == 25.0
+    assert percents["color"] == 0.0
+
+
+def test_legend_strip_wraps_instead_of_cutting():
+    entries = legend(one_reason(Reason.NORMAL))
+    wide, narrow = legend_strip(entries, 2000), legend_strip(entries, 300)
+    assert wide.shape[1] == 2000 and narrow.shape[1] == 300
+    for _, color, _ in entries:
+        assert np.any(np.all(narrow == color, axis=-1)), "a swatch fell off the strip"
+
+
+def test_picture_file_holds_overlay_and_legend(tmp_path):
+    mask = one_reason(Reason.POSITION, (300, 500))
+    path = save_mask_picture(tmp_path / "mask.png", mask, title="frame 1")
+    picture = iio.imread(path)
+    assert np.array_equal(picture[:300], mask_overlay(mask))
+    assert picture.shape[0] > 300 and picture.shape[1] == 500
+
+
+def test_small_masks_are_enlarged(tmp_path):
+    mask = one_reason(Reason.POSITION, (2, 4))
+    picture = iio.imread(save_mask_picture(tmp_path / "mask.png", mask))
+    assert picture.shape[1] == 480
+
+
+def test_unwritable_picture_is_one_line(tmp_path):
+    with pytest.raises(OutputError, match="cannot be written"):
+        save_mask_picture(tmp_path / "missing" / "mask.png", one_reason(Reason(0)))
+
+
+def test_every_reason_and_feature_has_a_color_and_defaults_differ():
+    assert all(reason in REASON_COLORS for reason in Reason)
+    assert all(bit in DEFAULT_REASONS for bit in FEATURE_BIT.values())
+    assert len({color_of(reason) for reason in DEFAULT_REASONS}) == len(DEFAULT_REASONS)

@@ -1,0 +1,75 @@
+"""Plots: the numbers behind the lines, and files that open."""
+
+from __future__ import annotations
+
+import sys
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.errors import OutputError
+from taubench_gl.metrics.histogram import bin_of, edges
+from taubench_gl.report import plot_frames, plot_thresholds, write_report
+from taubench_gl.report.plots import discard_curve
+
+
+def test_curve_is_the_share_of_distances_at_or_above_each_edge():
+    distances = np.random.default_rng(1).lognormal(-2, 2, 5000)
+    counts = np.bincount(bin_of(distances), minlength=HISTOGRAM_BINS)
+    thresholds, percent = discard_curve({"edges": edges().tolist(), "counts": counts.tolist()}, 10_000)
+    for i in (0, 50, 130, 200, len(thresholds) - 1):
+        expected = 100.0 * np.count_nonzero(distances.astype(np.float32) >= np.float32(thresholds[i])) / 10_000
+        assert percent[i] == pytest.approx(expected, abs=1e-9)
+    assert np.all(np.diff(percent) <= 0)
+
+
+def test_curve_refuses_lengths_that_do_not_fit():
+    with pytest.raises(ValueError, match="3 counts and 3 edges"):
+        discard_curve({"edges": [1, 2, 3], "counts": [1, 2, 3]}, 1)
+
+
+def test_plots_are_written_as_png_and_svg_without_pyplot(summary, frames, tmp_path):
+    sys.modules.pop("matplotlib.pyplot", None)
+    summary["camera"]["cuts"] = [3]
+    files = plot_thresholds(summary, tmp_path / "thresholds") + plot_frames(summary, frames, tmp_path / "frames")
+    assert [file.name for file in files] == ["thresholds.png", "thresholds.svg", "frames.png", "frames.svg"]
+    for file in files:
+        if file.suffix == ".png":
+            picture = iio.imread(file)[..., :3]
+            assert picture.shape[0] > 500 and np.std(picture) > 5
+        else:
+            assert "<svg" in file.read_text(encoding="utf-8")
+    assert "matplotlib.pyplot" not in sys.modules
+
+
+def test_same_run_same_svg(summary, tmp_path):
+    first = plot_thresholds(summary, tmp_path / "a")[1].read_bytes()
+    assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
+
+
+def test_names_that_look_like_formulas(summary, frames, tmp_path):
+    summary["scene"]["name"] = r"$\frac{ 100 % $x_1$ <b>"
+    assert len(plot_frames(summary, frames, tmp_path / "frames")) == 2
+
+
+def test_nothing_to_plot_writes_nothing(summary, tmp_path):
+    summary["curves"] = {}
+    assert plot_thresholds(summary, tmp_path / "x") == []
+    assert plot_frames(summary, [], tmp_path / "x") == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unmeasured_columns_and_one_pair(summary, frames, tmp_path):
+    row = frames[0] | dict.fromkeys(("color", "direct", "position", "translation_m", "angle_deg"))
+    assert len(plot_frames(summary, [row], tmp_path / "frames")) == 2
+
+
+def test_report_folder(summary, frames, tmp_path):
+    files = {file.name for file in write_report(summary, frames, tmp_path / "out")}
+    assert files == {file.name for file in (tmp_path / "out").iterdir()}
+    assert {"tables.txt", "tables.md", "tables.csv", "tables.tex", "thresholds.svg", "frames.png"} <= files
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_report(summary, frames, tmp_path / "file")

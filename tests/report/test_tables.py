@@ -1,0 +1,181 @@
+"""Tables: the paper's numbers as printed there, ours beside them, reasons for what is missing, five renderings."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import io
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.report import FORMATS, Column, Row, Table, paper_tables
+from taubench_gl.report.render import MIN_WIDTH, format_value
+from taubench_gl.report.tables import paper_numbers
+
+# Typed off the paper's Tables 1 to 4 by hand, one row of each: a slip in paper.json must not pass.
+PAPER_ROWS = {
+    1: ("Eternal Valley VR", (491, 34, None, 63, 626, None, None)),
+    2: ("Emerald Square", (0.154, 0.004, 0.248, None, None, None, None)),
+    3: ("Eternal Valley VR", (3.174, 10.539, 8.222, 72.563, 1.871, 3.469, None, None, None, None, None)),
+    4: ("Bistro Exterior", (0.3, 6.4, 2.9, 20.3, 7.7, 0.4, 24.0, None)),
+}
+
+
+def find(table: Table, label: str) -> Row:
+    return next(row for row in table.rows if row.label == label)
+
+
+def value(table: Table, row: Row, column: str):
+    return row.values[[c.name for c in table.columns].index(column)]
+
+
+def test_paper_rows_are_the_papers(summary):
+    for table in paper_tables([summary]):
+        label, expected = PAPER_ROWS[table.number]
+        assert find(table, label).values == expected
+        assert find(table, label).paper
+        assert sum(row.paper for row in table.rows) == 6
+
+
+def test_paper_is_left_out_on_request(summary):
+    tables = paper_tables([summary], paper=False)
+    assert not any(row.paper for table in tables for row in table.rows)
+    assert not any("Paper" in note for table in tables for note in table.notes)
+
+
+def test_fps_and_pairs_stand_in_every_table(summary):
+    for table in paper_tables([summary]):
+        row = table.rows[0]
+        assert (value(table, row, "fps"), value(table, row, "N")) == (24.0, 12)
+
+
+def test_own_numbers_land_in_their_columns(summary):
+    census, position, rotation, discard = paper_tables([summary])
+    assert value(census, census.rows[0], "dynamic point lights") == 7
+    assert value(position, position.rows[0], "max") == 2
+    assert value(rotation, rotation.rows[0], "yaw mean") == 1
+    assert value(rotation, rotation.rows[0], "pitch var") == 3
+    assert value(rotation, rotation.rows[0], "angle max") == 6
+    assert [c.name for c in discard.columns[:6]] == list(COLUMNS)
+    assert discard.rows[0].values[:6] == (0.0, 1.5, 3.0, 4.5, 6.0, None)
+    assert discard.rows[0].label.endswith("of w·h") and discard.rows[1].label.endswith("of comparable")
+    assert discard.rows[1].values[1:5] == (2.5, 5.0, 7.5, 10.0)
+
+
+def test_missing_values_carry_their_reason_never_zero(summary):
+    discard = paper_tables([summary])[3]
+    index = COLUMNS.index("indirect")
+    assert discard.rows[0].values[index] is None
+    assert discard.rows[0].reasons[index] == "no indirect light here"
+    text = FORMATS["text"](paper_tables([summary]))
+    mark = re.search(r"(\S) no indirect light here", text)[1]
+    assert f"–{mark}" in text
+
+
+def test_still_image_has_no_camera_statistics(summary):
+    summary["pairs"] = 0
+    summary["camera"] = {"samples": 0, "cuts": [], "position": dict.fromkeys(("mean", "variance", "max"))}
+    table = paper_tables([summary])[1]
+    assert table.rows[0].values[0] is None
+    assert table.rows[0].reasons[0] == "no frame pair"
+
+
+def test_cuts_add_a_row_without_them(summary):
+    assert not any("without cuts" in row.label for row in paper_tables([summary])[1].rows)
+    summary["camera"]["cuts"] = [4, 9]
+    table = paper_tables([summary])[1]
+    row = next(row for row in table.rows if row.label.endswith("without cuts"))
+    assert value(table, row, "variance") == 0.5
+    assert value(table, row, "N") == 10
+
+
+def test_captions_name_the_camera_and_the_settings(summary):
+    tables = paper_tables([summary])
+    assert all(any("framing orbit" in note for note in table.notes) for table in tables)
+    parts = ("40x20", "normal 0.1255", "camera reprojection")
+    assert any(all(part in note for part in parts) for note in tables[3].notes)
+
+
+def test_runs_side_by_side_are_told_apart(summary):
+    other = copy.deepcopy(summary)
+    other["settings"]["width"] = 99
+    table = paper_tables([summary, other], paper=False)[3]
+    labels = [row.label for row in table.rows]
+    assert len(set(labels)) == 4
+    assert any(note.startswith("walk [1] | 50 %_x #2: 99x20") for note in table.notes)
+
+
+@pytest.mark.parametrize(
+    ("number", "digits", "expected"),
+    [(0.0, 2, "0.00"), (0.004, 2, "<0.01"), (0.006, 2, "0.01"), (12.345, 2, "12.35"), (3, None, "3"), (None, 2, "–")],
+)
+def test_small_is_not_zero(number, digits, expected):
+    assert format_value(number, Column("x", "%", digits)) == expected
+
+
+def test_text_fits_its_width_and_keeps_units_and_brackets(summary):
+    text = FORMATS["text"](paper_tables([summary]))
+    assert max(map(len, text.splitlines())) <= 120
+    assert "[m]" in text and "[%]" in text and "[deg²]" in text and "walk [1] | 50 %_x" in text
+    narrow = FORMATS["text"](paper_tables([summary]), width=20)
+    assert max(map(len, narrow.splitlines())) <= MIN_WIDTH
+    assert "72.563" in narrow
+
+
+def test_markdown_rows_have_the_same_number_of_cells(summary):
+    for block in FORMATS["markdown"](paper_tables([summary])).split("**Table")[1:]:
+        rows = [line for line in block.splitlines() if line.startswith("|")]
+        assert len({len(re.findall(r"(?<!\\)\|", row)) for row in rows}) == 1
+        assert rows[2].startswith("| walk [1] \\| 50 %_x")
+
+
+def test_csv_is_complete_and_exact(summary):
+    summary["camera"]["position"]["mean"] = 0.1 + 0.2
+    rows = list(csv.DictReader(io.StringIO(FORMATS["csv"](paper_tables([summary])))))
+    tables = paper_tables([summary])
+    assert len(rows) == sum(len(table.rows) * len(table.columns) for table in tables)
+    mean = next(row for row in rows if row["table"] == "2" and row["column"] == "mean")
+    assert float(mean["value"]) == 0.1 + 0.2 and mean["source"] == "run" and mean["unit"] == "m"
+    missing = [row for row in rows if row["note"] == "no indirect light here"]
+    assert len(missing) == 2 and all(row["value"] == "" for row in missing)
+
+
+def test_latex_escapes_and_balances(summary):
+    text = FORMATS["latex"](paper_tables([summary]))
+    assert r"50 \%\_x" in text
+    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 4
+    assert not re.search(r"(?<!\\)%(?! needs)", text) and not re.search(r"[^\x00-\x7f]", text)
+
+
+def test_html_is_well_formed_and_escaped(summary):
+    summary["scene"]["name"] = "<script>alert(1)</script>"
+    open_tags: list[str] = []
+
+    class Check(HTMLParser):
+        def handle_starttag(self, tag, attrs):
+            assert tag != "script"
+            if tag != "br":
+                open_tags.append(tag)
+
+        def handle_endtag(self, tag):
+            assert open_tags.pop() == tag
+
+    Check().feed(FORMATS["html"](paper_tables([summary])))
+    assert not open_tags
+
+
+def test_run_table_prints_and_shows_in_notebooks(run):
+    view = run.table()
+    assert "Table 4" in str(view) and "Eternal Valley" in str(view)
+    assert "<table>" in view._repr_html_()
+    assert "Eternal Valley" not in str(run.table(paper=False))
+    assert [table.number for table in run.tables()] == [1, 2, 3, 4]
+
+
+def test_paper_numbers_cover_every_column():
+    for scene in paper_numbers()["scenes"]:
+        assert set(scene["discard"]) == set(COLUMNS)
+        assert len(scene["rotation"]) == 6 and len(scene["position"]) == 3 and len(scene["census"]) == 4

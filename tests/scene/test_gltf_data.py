@@ -1,0 +1,276 @@
+"""Real files: all good ones load, all bad ones are refused by one clean line, and second opinions agree."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pygltflib
+import pytest
+from gltf_files import read_json
+
+from taubench_gl.errors import SceneError
+from taubench_gl.scene import load_scene
+
+# Errors of the Khronos validator that we read over on purpose.
+TOLERATED = {
+    "DUPLICATE_ELEMENTS": "an extension declared twice is still declared",
+    "MESH_PRIMITIVE_TOO_FEW_TEXCOORDS": "drawn with texture coordinate 0, noted; touches texturing only",
+    "IMAGE_DATA_INVALID": "no material samples the image, so it is not opened",
+    "IMAGE_UNEXPECTED_EOS": "likewise; where one does, Image.decode raises",
+}
+# Pointers below these are textures and images, which are read only when a material samples them.
+TEXTURING = ("/images", "/textures", "/samplers")
+
+# Files the validator has no error for and that we refuse all the same.
+STRICTER = {
+    "min_version_valid.gltf": "asks for glTF 2.1",
+    "perspective_yfov.gltf": "a field of view above 180 degrees, a warning there",
+    "integer_written_as_float.gltf": "its normals are all zero",
+    "primitive_generated_tangent_space.gltf": "its normals are all zero",
+    "named_objects.gltf": "an image lies in a buffer without data",
+    "unused_objects.gltf": "an image lies in a buffer without data",
+    "valid.gltf": "inverse bind matrices are all zero",
+    "unknown_type.gltf": "a light that is neither point, spot nor directional",
+}
+
+
+def scenes(root: Path) -> list[Path]:
+    return sorted(p for p in root.rglob("*") if p.suffix in (".gltf", ".glb"))
+
+
+def outcome(path: Path) -> SceneError | None:
+    """None if the file loads; the error if it is refused.  Any other exception gets through and fails the test."""
+    try:
+        load_scene(path)
+    except SceneError as e:
+        assert "\n" not in str(e) and path.name in str(e), str(e)
+        return e
+    return None
+
+
+def test_all_good_files_load(data: Path) -> None:
+    files = [p for p in scenes(data) if not p.relative_to(data).parts[0].startswith("bad_")]
+    assert len(files) >= 130
+    refused = [str(e) for p in files if (e := outcome(p)) is not None]
+    assert not refused
+
+
+def test_bad_files_never_crash(data: Path) -> None:
+    files = scenes(data / "bad_gltf")
+    assert len(files) >= 200
+    for path in files:
+        outcome(path)
+
+
+def test_bad_files_of_other_projects(data: Path) -> None:
+    """Those of assimp are all invalid; of the rest, these few are fine."""
+    fine = {
+        "buffer-long-size.glb", "empty.glb", "image-buffer-embedded.gltf", "image-embedded.gltf",
+        "image-invalid-ktx.gltf", "image.gltf", "material-clearcoat.gltf", "material-sheen.gltf",
+        "material-specularglossiness.gltf", "texture-extensions.gltf", "issue-492.glb",
+        "zero-sized-bin-chunk-issue-440.glb",
+    }  # fmt: skip
+    files = [p for folder in ("assimp", "magnum", "tinygltf") for p in scenes(data / "bad_gltf" / folder)]
+    assert {p.name for p in files if outcome(p) is None} == fine
+
+
+def reports(data: Path) -> list[tuple[Path, list[dict]]]:
+    out = []
+    for report in sorted((data / "bad_gltf" / "validator").rglob("*.report.json")):
+        messages = json.loads(report.read_text(encoding="utf-8"))["issues"]["messages"]
+        out.append((report.with_name(report.name.removesuffix(".report.json")), [m for m in messages if m["severity"] == 0]))
+    assert len(out) >= 140
+    return out
+
+
+def test_validator_errors_are_refused(data: Path) -> None:
+    missed = []
+    for path, errors in reports(data):
+        serious = [
+            m for m in errors
+            if m["code"] not in TOLERATED and not m.get("pointer", "").startswith(TEXTURING)
+        ]  # fmt: skip
+        if serious and outcome(path) is None:
+            missed.append((path.name, serious[0]["code"]))
+    assert not missed
+
+
+def test_validator_errors_name_the_place(data: Path) -> None:
+    """For most files the first complaint is at, above or below the validator's own pointer."""
+    hits = total = 0
+    for path, errors in reports(data):
+        error = outcome(path)
+        pointers = [m["pointer"] for m in errors if m.get("pointer")]
+        if error is None or not pointers:
+            continue
+        total += 1
+        ours = str(error.where).partition("#")[2].replace("/*", "")
+        hits += any(ours.startswith(p) or p.startswith(ours) for p in pointers)
+    assert total >= 80 and hits >= 0.9 * total, f"{hits} of {total}"
+
+
+def test_clean_reports_load(data: Path) -> None:
+    refused = {path.name for path, errors in reports(data) if not errors and outcome(path) is not None}
+    assert refused <= set(STRICTER), refused - set(STRICTER)
+
+
+def test_broken_images_fail_when_sampled(data: Path, tmp_path: Path) -> None:
+    """The same broken images, but with a material that needs them."""
+    folder = data / "bad_gltf" / "validator" / "base" / "data" / "image"
+    for name in ("invalid_data_uri", "invalid_image_data", "invalid_uri_scheme", "not_found", "png_eos"):
+        document = read_json(folder / f"{name}.gltf")
+        document["textures"] = [{"source": 0}]
+        document["materials"] = [{"emissiveTexture": {"index": 0}}]
+        for file in folder.iterdir():
+            if file.suffix in (".png", ".jpg"):
+                (tmp_path / file.name).write_bytes(file.read_bytes())
+        path = tmp_path / f"{name}.gltf"
+        path.write_text(json.dumps(document), encoding="utf-8")
+        with pytest.raises(SceneError, match="/images/0"):
+            load_scene(path).images[0].decode()
+
+
+SAMPLES = [
+    "khronos/BoxInterleaved/BoxInterleaved.glb",
+    "khronos/CesiumMan/CesiumMan.glb",
+    "khronos/Fox/Fox.gltf",
+    "khronos/MultipleScenes/MultipleScenes.gltf",
+    "khronos/UnicodeTest/Unicode❤♻Test.gltf",
+    "khronos/Box With Spaces/Box With Spaces.gltf",
+    "khronos/AnimatedMorphCube/AnimatedMorphCube.glb",
+    "khronos/Cameras/Cameras.gltf",
+    "playcanvas/Lights/Lights.glb",
+    "blender_io/24_animation_pointer/24_animation_pointer.gltf",
+]
+IDS = [Path(s).stem for s in SAMPLES]
+
+
+@pytest.mark.parametrize("name", SAMPLES, ids=IDS)
+def test_counts_agree_with_pygltflib(data: Path, name: str) -> None:
+    scene, other = load_scene(data / name), pygltflib.GLTF2().load(str(data / name))
+    assert len(scene.nodes) == len(other.nodes)
+    assert len(scene.meshes) == len(other.meshes)
+    assert len(scene.materials) == len(other.materials)
+    assert len(scene.images) == len(other.images)
+    assert len(scene.skins) == len(other.skins)
+    assert len(scene.cameras) == len(other.cameras)
+    assert len(scene.animations) == len(other.animations)
+    assert len(scene.scene_names) == len(other.scenes)
+    assert len(scene.lights) == len((other.extensions or {}).get("KHR_lights_punctual", {}).get("lights", []))
+    for i, node in enumerate(other.nodes):
+        for child in node.children or []:
+            assert scene.nodes.parent[child] == i
+        assert scene.nodes.names[i] == (node.name or "")
+
+
+def binary(path: Path, document: dict, buffer: int) -> bytes:
+    uri = document["buffers"][buffer].get("uri")
+    if uri is not None:
+        return (path.parent / uri.replace("%20", " ")).read_bytes()
+    data = path.read_bytes()
+    start = 20 + struct.unpack_from("<I", data, 12)[0] + 8
+    return data[start:]
+
+
+@pytest.mark.parametrize("name", [s for s in SAMPLES if "Unicode" not in s])
+def test_positions_agree_with_struct(data: Path, name: str) -> None:
+    """Every vertex of every drawn primitive, decoded number by number."""
+    path = data / name
+    scene, document = load_scene(path), read_json(path)
+    compared = 0
+    for mesh, declared in zip(scene.meshes, document["meshes"], strict=True):
+        if len(mesh.primitives) != len(declared["primitives"]):
+            continue  # points and lines are left out
+        for primitive, source in zip(mesh.primitives, declared["primitives"], strict=True):
+            accessor = document["accessors"][source["attributes"]["POSITION"]]
+            view = document["bufferViews"][accessor["bufferView"]]
+            raw = binary(path, document, view["buffer"])
+            start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+            stride = view.get("byteStride", 12)
+            expected = [struct.unpack_from("<3f", raw, start + i * stride) for i in range(accessor["count"])]
+            np.testing.assert_array_equal(primitive.positions, np.array(expected, np.float32))
+            assert primitive.triangles.max() < len(expected)
+            compared += 1
+    assert compared
+
+
+def test_draco_and_meshopt_agree_with_the_plain_box(data: Path) -> None:
+    """BoxDraco and BoxMeshopt hold the same cube, compressed with loss."""
+    boxes = [load_scene(data / "gltf_transform" / f).meshes[0].primitives[0] for f in ("BoxDraco.gltf", "BoxMeshopt.glb")]
+    for box in boxes:
+        assert len(box.triangles) == 12
+        corners = box.positions[box.triangles.reshape(-1)].astype(np.float64)
+        span = corners.max(axis=0) - corners.min(axis=0)
+        np.testing.assert_allclose(span, span[0], rtol=1e-3)
+        unit = (corners - corners.min(axis=0)) / span
+        np.testing.assert_allclose(unit, unit.round(), atol=2e-3)
+        a, b, c = corners.reshape(-1, 3, 3).swapaxes(0, 1)
+        normals = np.cross(b - a, c - a)
+        outward = np.einsum("ij,ij->i", normals, (a + b + c) / 3 - corners.mean(axis=0))
+        assert np.all(outward > 0)
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1) / span[0] ** 2, 1.0, rtol=5e-3)
+
+
+def test_interpolation_written_as_a_number(data: Path) -> None:
+    scene = load_scene(data / "babylon" / "morphLoader" / "morphLoader.glb")
+    assert {c.interpolation for c in scene.channels} == {"LINEAR"}
+    assert any("is the number 0" in n.message for n in scene.notes)
+
+
+def test_takes_of_one_character_do_not_mix(data: Path) -> None:
+    fox = data / "khronos" / "Fox" / "Fox.gltf"
+    scene = load_scene(fox)
+    assert scene.playing == ("Survey",) and len(scene.animations) == 3
+    assert any("--animation" in n.message and "'Run'" in n.message for n in scene.notes)
+    assert load_scene(fox, animation=["Run"]).playing == ("Run",)
+    assert load_scene(fox, animation=[1]).playing == load_scene(fox, animation=["1"]).playing == ("Walk",)
+    with pytest.raises(SceneError, match="moves too"):
+        load_scene(fox, animation=["Run", "Walk"])
+    with pytest.raises(SceneError, match="no animation 'Swim'"):
+        load_scene(fox, animation=["Swim"])
+
+
+def test_one_animation_per_object_all_play(data: Path) -> None:
+    scene = load_scene(data / "cycles" / "sponza_man" / "sponza_man_camera_lights.glb")
+    assert len(scene.playing) == len(scene.animations) >= 2
+
+
+def test_texture_transform_markers(data: Path) -> None:
+    """The asset marks where the arrow's tip must appear: there, the transform must give the tip's own coordinates."""
+    scene = load_scene(data / "khronos" / "TextureTransformTest" / "TextureTransformTest.gltf")
+    for quad, correct, unsupported in ((3, 4, 5), (7, 8, 9)):
+        primitive = scene.meshes[scene.nodes.mesh[quad]].primitives[0]
+        design = np.c_[primitive.positions[:, :2], np.ones(len(primitive.positions))]
+        uv_from_xy = np.linalg.lstsq(design, primitive.texcoords[0], rcond=None)[0]
+        shown, tip = (np.r_[scene.nodes.translation[n, :2], 1.0] @ uv_from_xy for n in (correct, unsupported))
+        transform = scene.materials[primitive.material].base_color_texture.uv_transform
+        np.testing.assert_allclose(transform @ np.r_[shown, 1.0], tip, atol=1e-4)
+
+
+def test_animation_pointer_file(data: Path) -> None:
+    scene = load_scene(data / "blender_io" / "24_animation_pointer" / "24_animation_pointer.gltf")
+    targets = {(c.target, c.index, c.path) for c in scene.channels}
+    assert {("camera", 3, "yfov"), ("camera", 2, "ymag"), ("light", 0, "color"), ("light", 1, "outer_cone"),
+            ("light", 3, "range"), ("node", 44, "scale"), ("node", 43, "weights")} <= targets  # fmt: skip
+    assert any(n.message.startswith("not animated: /materials/2/") for n in scene.notes)
+
+
+def test_arrays_are_read_only_and_finite(data: Path) -> None:
+    scene = load_scene(data / "khronos" / "CesiumMan" / "CesiumMan.glb")
+    primitive = scene.meshes[0].primitives[0]
+    for array in (primitive.positions, primitive.triangles, primitive.normals, primitive.joints, primitive.weights,
+                  scene.skins[0].inverse_bind, scene.nodes.parent, scene.channels[0].times):  # fmt: skip
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    np.testing.assert_allclose(primitive.weights.sum(axis=1), 1.0, atol=1e-6)
+    assert primitive.joints.dtype == primitive.triangles.dtype == np.uint32
+
+
+def test_images_decode(data: Path) -> None:
+    scene = load_scene(data / "khronos" / "Duck" / "Duck.glb")
+    pixels = scene.images[0].decode()
+    assert pixels.dtype == np.uint8 and pixels.shape == (*scene.images[0].size[::-1], 4)
+    assert pixels[..., :3].std() > 10

@@ -1,0 +1,97 @@
+# Sourced by tools/demo and tools/test: everything a bare Debian or Ubuntu with Python and git still lacks.
+#
+# Leaves $root (the checkout) and $py (the environment's Python).  Installs system packages only as root or with
+# password-free sudo; otherwise prints the exact command and exits 2.  A stamp makes the second run skip pip altogether.
+# shellcheck shell=bash
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+venv=$root/.venv
+py=$venv/bin/python
+
+gl_packages=(libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri)
+
+say() { printf '%s\n' "$*" >&2; }
+stop() {
+  say "$(basename "$0"): $*"
+  exit 2
+}
+
+# apt_prefix: how apt-get may be run here (nothing, "sudo -n"), or status 1 if it may not.
+apt_prefix() {
+  command -v apt-get >/dev/null || return 1
+  if [ "$(id -u)" = 0 ]; then return 0; fi
+  if command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
+    echo "sudo -n"
+    return 0
+  fi
+  return 1
+}
+
+# apt_install PACKAGE...: quiet and unattended; a bare image has no package lists, so those are fetched when needed.
+apt_install() {
+  local prefix
+  prefix=$(apt_prefix) || return 1
+  local get="$prefix env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0"
+  $get install -y --no-install-recommends "$@" >/dev/null 2>&1 </dev/null && return 0
+  $get update >/dev/null 2>&1 </dev/null
+  $get install -y --no-install-recommends "$@" >/dev/null </dev/null
+}
+
+# need_apt WHAT PACKAGE...: install, or stop with the command that would.
+need_apt() {
+  local what=$1
+  shift
+  say "$what; installing: $*"
+  apt_install "$@" || stop "$what. Install it and run this again:
+  sudo apt-get update && sudo apt-get install -y --no-install-recommends $*"
+}
+
+find_python() {
+  local candidate
+  for candidate in "${PYTHON:-}" python3 python3.13 python3.12 python3.11; do
+    if [ -n "$candidate" ] && "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+      echo "$candidate"
+      return 0
+    fi
+  done
+  stop "Python 3.11 or newer is needed (set PYTHON to one, or: sudo apt-get install -y python3 python3-venv)"
+}
+
+ensure_venv() {
+  # Not only whether it is there: an interrupted run leaves half an environment, a system upgrade a dangling one.
+  if "$py" -c 'import pip' 2>/dev/null; then return 0; fi
+  local base version
+  base=$(find_python) || exit 2
+  version=$("$base" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+  if ! "$base" -c 'import ensurepip, venv' 2>/dev/null; then
+    need_apt "Python's venv module is missing" "python$version-venv"
+  fi
+  say "making the environment .venv (Python $version)"
+  "$base" -m venv --clear "$venv" || stop "cannot make $venv"
+}
+
+ensure_packages() {
+  local stamp=$venv/.taubench-setup key
+  # The path is part of the key: an editable install and the scripts of an environment hold absolute paths.
+  key=$({ cat "$root/pyproject.toml" "$root/setup.py" "$root/constraints.txt"; "$py" -VV; echo "$root"; } | sha256sum)
+  if [ "$(cat "$stamp" 2>/dev/null)" = "$key" ]; then return 0; fi
+  say "installing taubench-gl and what it needs into .venv (a minute or two, once)"
+  local pip=("$py" -m pip --disable-pip-version-check install -qq --constraint "$root/constraints.txt")
+  "${pip[@]}" --editable "$root[draco,test]" || stop "pip could not install the package (see above)"
+  # No wheels for every Python, and building it takes a compiler: without it, meshopt-compressed files cannot be read.
+  "${pip[@]}" "meshoptimizer" >/dev/null 2>&1 \
+    || say "note: meshoptimizer could not be installed (it needs a C++ compiler); scenes with EXT_meshopt_compression will not load"
+  printf '%s\n' "$key" >"$stamp"
+}
+
+ensure_gl() {
+  if "$py" "$root/tools/gl_probe.py" >/dev/null; then return 0; fi
+  need_apt "no OpenGL driver was found" "${gl_packages[@]}"
+  # A second way beside EGL where the distribution still has it; Mesa 25.1 dropped it.
+  apt_install libosmesa6 2>/dev/null || say "note: this distribution has no libosmesa6; carrying on with EGL alone"
+  "$py" "$root/tools/gl_probe.py" >&2 || stop "OpenGL still cannot be opened (see above)"
+}
+
+ensure_venv
+ensure_packages
+ensure_gl
