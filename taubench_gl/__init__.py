@@ -15,7 +15,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 _LAZY = {
-    "evaluate": "taubench_gl.evaluate:evaluate",
+    "evaluate": "taubench_gl.api:evaluate",
     "Settings": "taubench_gl.settings:Settings",
     "Run": "taubench_gl.run:Run",
     "load_run": "taubench_gl.run:load_run",

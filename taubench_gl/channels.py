@@ -45,18 +45,34 @@ CHANNELS: dict[str, ChannelInfo] = {
             ("GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z", None),
         ),
         ChannelInfo(
-            "base_color", 4, "f2", "1", "linear base colour, alpha", ("BaseColor.R", "BaseColor.G", "BaseColor.B", "BaseColor.A")
+            "base_color", 4, "f2", "1", "linear base colour, alpha",
+            ("BaseColor.R", "BaseColor.G", "BaseColor.B", "BaseColor.A"),
         ),
         ChannelInfo(
             "material", 4, "f2", "1",
-            "x: metallic, y: perceptual roughness, z: ambient occlusion, w: 1 where unlit",
-            ("Metallic", "Roughness", "Occlusion", "Unlit"),
+            "x: metallic, y: perceptual roughness, z: ambient occlusion, w: specular factor, -1 where unlit",
+            ("Metallic", "Roughness", "Occlusion", "Specular"),
         ),
         ChannelInfo(
-            "emission", 4, "f4", "W/(sr m2)", "emitted radiance, linear", ("Emission.R", "Emission.G", "Emission.B", None)
+            "emission", 4, "f4", "W/(sr m2)", "emitted radiance, linear",
+            ("Emission.R", "Emission.G", "Emission.B", None),
         ),
         ChannelInfo(
             "ids", 2, "u4", "1", "x: draw record + 1 (0 = no surface), y: material + 1", ("InstanceId", "MaterialId")
+        ),
+        *(
+            ChannelInfo(
+                name, 4, "f4", "W/(sr m2)", doc, (f"{exr}.R", f"{exr}.G", f"{exr}.B", None), attachment=False
+            )
+            for name, doc, exr in (
+                ("direct", "radiance after one bounce from lights and sky, all lobes, linear", "Direct"),
+                ("direct_diffuse", "its diffuse lobe", "DirectDiffuse"),
+                ("direct_glossy", "its glossy lobe", "DirectGlossy"),
+                ("indirect", "radiance after two bounces or more, linear", "Indirect"),
+            )
+        ),
+        ChannelInfo(
+            "color", 4, "f4", "1", "tone-mapped, sRGB-encoded, 0..1", ("R", "G", "B", None), attachment=False
         ),
         ChannelInfo(
             "motion", 2, "f4", "px", "previous - current, +x right", ("Motion.X", "Motion.Y"), attachment=False

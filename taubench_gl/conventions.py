@@ -5,7 +5,7 @@ Matrices   column vectors, named ``dst_from_src``: ``clip_from_view @ view_from_
 Pixels     pixel-index coordinates: the centre of pixel i is i, so Eq. (3)'s valid range is [0, w-1] x [0, h-1].
 Rows       row 0 is the top in every array that leaves ``gpu``; GL memory is bottom-up and flipped once, at read-back.
 Motion     previous - current, pixels, +x right; +y up in GL memory and down in every array that leaves ``gpu``.
-Depth      reversed Z in [0, 1] for the depth test; the ``depth`` channel is planar view depth in metres, 0 = no surface.
+Depth      reversed Z in [0, 1] for the depth test; ``position.w`` is planar view depth in metres, 0 = no surface.
 Time       frame i is at t = i / fps; a pair is (i-1, i); N frames give N-1 pairs; every mean is over pairs.
 """
 
@@ -19,7 +19,7 @@ DEFAULT_FPS = 24.0
 """Frames per second of the paper's renders (section 4.2)."""
 
 GUARD_PX = 1.0 / 256.0
-"""Guard of the outside test, pixels: a still pixel lies exactly on Eq. (3)'s boundary, rounding must not push it out."""
+"""Guard of the outside test: a still pixel lies exactly on Eq. (3)'s boundary, rounding must not push it out."""
 
 DEFAULT_THRESHOLD = 32.0 / 255.0
 """The paper's threshold (section 3.2), in the unit of each feature; position: times the scene's ``unit_scale``."""

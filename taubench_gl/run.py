@@ -134,9 +134,7 @@ class RunWriter:
 
     def write_row(self, row: Mapping[str, Any]) -> None:
         """Append one pair.  Raises KeyError for a column nobody declared, OutputError when the disk refuses."""
-        unknown = row.keys() - set(self.columns)
-        if unknown:
-            raise KeyError(f"frames.csv has no column {', '.join(sorted(unknown))}")
+        self._check(row)
         try:
             self._write_line([_cell(row.get(name)) for name in self.columns])
         except OSError as error:
@@ -144,15 +142,18 @@ class RunWriter:
         self.rows += 1
 
     def rewrite_rows(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Replace frames.csv, whole or not at all, once what only the whole sequence can tell (cuts) is known."""
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(self.columns)
-        table.writerows([_cell(row.get(name)) for name in self.columns] for row in rows)
+        """Replace frames.csv, whole or not at all, once what only the whole sequence can tell (cuts) is known.
+
+        The last thing written to it: appending afterwards raises ValueError.
+        """
+        for row in rows:
+            self._check(row)
+        lines = [_line(self.columns), *(_line([_cell(row.get(name)) for name in self.columns]) for row in rows)]
         if self._file is not None:
             self._file.close()
             self._file = None
-        write_atomically(self.path(FRAMES_FILE), text.getvalue())
+        write_atomically(self.path(FRAMES_FILE), "".join(lines))
+        self.rows = len(rows)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
         """Write summary.json whole or not at all.  NaN and infinity are not JSON: they raise ValueError."""
@@ -161,10 +162,13 @@ class RunWriter:
 
     def _write_line(self, cells: Sequence[Any]) -> None:
         if self._file is None:
-            raise ValueError("RunWriter is used outside of its with block")
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerow(cells)
-        self._file.write(text.getvalue().encode())
+            raise ValueError("frames.csv is not open: rows belong in the with block, before rewrite_rows")
+        self._file.write(_line(cells).encode())
+
+    def _check(self, row: Mapping[str, Any]) -> None:
+        unknown = row.keys() - set(self.columns)
+        if unknown:
+            raise KeyError(f"frames.csv has no column {', '.join(sorted(unknown))}")
 
 
 def load_run(folder: str | Path) -> Run:
@@ -215,6 +219,12 @@ def read_frames(path: Path) -> list[dict[str, Any]]:
         except ValueError as error:
             raise OutputError(str(error), where=f"{path}:{number}") from None
     return rows
+
+
+def _line(cells: Sequence[Any]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(cells)
+    return text.getvalue()
 
 
 def _cell(value: Any) -> Any:

@@ -7,13 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from taubench_gl.conventions import DEFAULT_FPS, DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.conventions import COLUMNS, DEFAULT_FPS, DEFAULT_THRESHOLD, FEATURES
 from taubench_gl.errors import SettingsError
 
 REPROJECTIONS = ("camera", "motion")
 SAMPLINGS = ("nearest", "bilinear")
 CULLINGS = ("gltf", "none")
 BACKENDS = ("auto", "egl", "osmesa")
+EFFECTS = ("auto", "all")
+TONE_MAPS = ("linear", "reinhard", "aces")
+SHADOW_FILTERS = ("hard", "bilinear")
 MAX_SIZE = 16384
 
 
@@ -37,6 +40,15 @@ class Settings:
     thresholds: Mapping[str, float] = field(default_factory=dict)
     unit_scale: float = 1.0
     culling: str = "gltf"
+    columns: tuple[str, ...] = COLUMNS  # columns asked for; what no column needs is not simulated
+    effects: str = "auto"  # auto: what the scene calls for | all: everything, needed or not
+    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear
+    exposure: float = 1.0  # factor on radiance before thresholds and tone mapping
+    tone_map: str = "linear"
+    shadow_size: int = 1024  # texels along a shadow face; directional maps have four times as many
+    shadow_lights: int = 8  # lights that get shadows, the most significant first
+    shadow_filter: str = "bilinear"
+    light_error: float = 1e-3  # radiance that light culling may leave out of a tile
     backend: str = "auto"
     device: int | None = None
 
@@ -53,9 +65,25 @@ class Settings:
             ("sampling", self.sampling, SAMPLINGS),
             ("culling", self.culling, CULLINGS),
             ("backend", self.backend, BACKENDS),
+            ("effects", self.effects, EFFECTS),
+            ("tone map", self.tone_map, TONE_MAPS),
+            ("shadow filter", self.shadow_filter, SHADOW_FILTERS),
         ):
             if value not in allowed:
                 raise SettingsError(f"{option} is {value!r}", hint=f"choose from {', '.join(allowed)}")
+        for name in self.columns:
+            if name not in COLUMNS:
+                raise SettingsError(f"no column is named {name!r}", hint=f"choose from {', '.join(COLUMNS)}")
+        if not (math.isfinite(self.exposure) and self.exposure > 0):
+            raise SettingsError(f"exposure is {self.exposure}", hint="give a factor above 0")
+        if len(self.sky) != 3 or not all(math.isfinite(c) and c >= 0 for c in self.sky):
+            raise SettingsError(f"sky is {self.sky}", hint="give three radiances of at least 0: R,G,B")
+        if not 16 <= self.shadow_size <= 4096:
+            raise SettingsError(f"shadow size is {self.shadow_size}", hint="give 16 to 4096 texels")
+        if self.shadow_lights < 0:
+            raise SettingsError(f"shadow lights is {self.shadow_lights}", hint="give 0 or more")
+        if not (math.isfinite(self.light_error) and self.light_error >= 0):
+            raise SettingsError(f"light error is {self.light_error}", hint="give a radiance of at least 0")
         for name, value in self.thresholds.items():
             if name not in FEATURES:
                 raise SettingsError(f"no feature is named {name!r}", hint=f"choose from {', '.join(FEATURES)}")
@@ -89,4 +117,13 @@ class Settings:
             "thresholds": {name: self.threshold(name) for name in FEATURES},
             "unit_scale": self.unit_scale,
             "culling": self.culling,
+            "columns": list(self.columns),
+            "effects": self.effects,
+            "sky": list(self.sky),
+            "exposure": self.exposure,
+            "tone_map": self.tone_map,
+            "shadow_size": self.shadow_size,
+            "shadow_lights": self.shadow_lights,
+            "shadow_filter": self.shadow_filter,
+            "light_error": self.light_error,
         }

@@ -34,7 +34,12 @@ apt_install() {
   local get="$prefix env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0"
   $get install -y --no-install-recommends "$@" >/dev/null 2>&1 </dev/null && return 0
   $get update >/dev/null 2>&1 </dev/null
-  $get install -y --no-install-recommends "$@" >/dev/null </dev/null
+  # What apt-get says is noise unless it fails.
+  local output
+  output=$($get install -y --no-install-recommends "$@" 2>&1 </dev/null) || {
+    say "$output"
+    return 1
+  }
 }
 
 # need_apt WHAT PACKAGE...: install, or stop with the command that would.

@@ -74,12 +74,15 @@ void main() {
 #if OCCLUSION_MAP
     occlusion = 1.0 + m.factors.w * (sample_map(occlusion_map, m, SLOT_OCCLUSION).r - 1.0);
 #endif
-    out_material = vec4(metallic_roughness, occlusion, m.emissive.w);
+    out_material = vec4(metallic_roughness, occlusion, m.emissive.w > 0.5 ? -1.0 : m.alpha_cutoff.y);
 #endif
 #if OUTPUT_EMISSION
     vec3 emission = m.emissive.xyz;
 #if EMISSIVE_MAP
     emission *= sample_map(emissive_map, m, SLOT_EMISSIVE).rgb;
+#endif
+#if OUTPUT_BASE_COLOR
+    if (m.emissive.w > 0.5) emission = base.rgb; // unlit: the base colour is what leaves the surface
 #endif
     out_emission = vec4(emission, 1.0);
 #endif

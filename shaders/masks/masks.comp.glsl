@@ -115,6 +115,7 @@ Sample sample_history(vec2 at, bool surface) {
         float weight = (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
         if (weight <= 0.0 || any(lessThan(texel, ivec2(0))) || any(greaterThanEqual(texel, P.size.xy))) continue;
         Sample s = fetch_history(texel);
+        if (weight == 1.0) return s; // an unmoved pixel sees its own history, bit for bit
         bool bad = non_finite(s);
         if (weight > nearest_weight && (!bad || nearest_weight < 0.0)) {
             nearest = s;
@@ -181,7 +182,7 @@ uint compare(Sample now, vec3 q, Sample before) {
         count_distance(FEATURE_NORMAL, turned);
     }
 #if HAS_DIRECT
-    vec3 change = now.direct - before.direct;
+    vec3 change = (now.direct - before.direct) * P.exposure;
     float direct_distance = length(change);
     if (direct_distance > P.threshold_direct) {
         float luminance = dot(change, vec3(0.2126, 0.7152, 0.0722));
@@ -190,7 +191,7 @@ uint compare(Sample now, vec3 q, Sample before) {
     count_distance(FEATURE_DIRECT, direct_distance);
 #endif
 #if HAS_INDIRECT
-    float indirect_distance = distance(now.indirect, before.indirect);
+    float indirect_distance = distance(now.indirect, before.indirect) * P.exposure;
     if (indirect_distance > P.threshold_indirect) mask |= INDIRECT;
     count_distance(FEATURE_INDIRECT, indirect_distance);
 #endif
@@ -227,7 +228,9 @@ uint judge(ivec2 pixel, out vec2 motion) {
     }
     // Decided before any division.
     float prev_depth = dot(P.prev_forward.xyz, q.xyz);
-    if (prev_depth <= (surface ? P.prev_near : 0.0)) return mask | BEHIND;
+    // A pixel that rounding drew in front of its own near plane may have been as far in front of the previous one.
+    float limit = surface ? P.prev_near - max(P.near - now.position.w, 0.0) : 0.0;
+    if (prev_depth <= limit) return mask | BEHIND;
     vec4 prev_clip = P.prev_clip_from_prev * q;
     vec4 clip = P.clip_from_current * p;
     motion = (prev_clip.xy / prev_clip.w - clip.xy / clip.w) * 0.5 * vec2(P.size.xy);

@@ -30,4 +30,5 @@ def reprojection(view: View, previous: View, width: int, height: int) -> Reproje
         sky_origin=np.append(rotate @ corner, w),
         sky_dx=np.append(rotate[:, 0] * step_x, 0.0),
         sky_dy=np.append(rotate[:, 1] * step_y, 0.0),
+        near=view.camera.znear,
     )

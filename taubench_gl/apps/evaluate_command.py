@@ -132,15 +132,11 @@ def _settings(options: dict[str, Any]) -> Settings:
 
 
 def _evaluate_one(scene: str, settings: Settings, folder: Path | None, save: tuple[str, ...]) -> Run:
+    from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.screen import ProgressBar
-    from taubench_gl.evaluate import evaluate as evaluate_scene
-    from taubench_gl.report import write_report
 
     with ProgressBar(Path(scene).name) as progress:
-        run = evaluate_scene(scene, settings, out=folder, save=save, progress=progress)
-    if folder is not None:
-        write_report(run.summary, run.frames, folder)
-    return run
+        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress)
 
 
 def _show(runs: list[Run]) -> None:

@@ -32,12 +32,12 @@ def show_tables(tables: list[Table]) -> None:
 
 
 def show_pairs(title: str, pairs: dict[str, Any]) -> None:
-    """A two-column listing; long values fold."""
+    """A heading and a two-column listing; long values fold."""
     from rich.console import Console
     from rich.table import Table as Grid
     from rich.text import Text
 
-    grid = Grid(show_header=False, box=None, padding=(0, 2, 0, 0), title=title, title_justify="left")
+    grid = Grid(show_header=False, box=None, padding=(0, 2, 0, 0), pad_edge=False)
     grid.add_column(no_wrap=True)
     grid.add_column(overflow="fold")
     for name, value in pairs.items():
@@ -45,7 +45,7 @@ def show_pairs(title: str, pairs: dict[str, Any]) -> None:
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = 160
-    console.print(grid)
+    console.print(Text(title, style="bold"), grid)
 
 
 class ProgressBar:

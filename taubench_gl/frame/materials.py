@@ -21,14 +21,14 @@ _SRGB_SLOTS = ("base_color", "emissive")
 _GL_SRGB8_ALPHA8 = 0x8C43
 _MIRRORED_REPEAT, _CLAMP = 33648, 33071
 BLEND_CUTOFF = 0.5
-"""Blended surfaces are taken as present where alpha >= 0.5 and absent elsewhere: Cycles' default for its data passes."""
+"""Blended surfaces are present where alpha >= 0.5 and absent elsewhere: Cycles' default for its data passes."""
 
 MATERIAL = Struct(
     "MaterialRecord",
     Field("base_color", "vec4", "linear, 0..1, with alpha"),
     Field("emissive", "vec4", "xyz: linear radiance; w: 1 where unlit"),
     Field("factors", "vec4", "x: metallic, y: roughness, z: normal scale, w: occlusion strength"),
-    Field("alpha_cutoff", "vec4", "x: smallest alpha that is drawn"),
+    Field("alpha_cutoff", "vec4", "x: smallest alpha that is drawn; y: specular factor of the dielectric lobe"),
     Field("uv_x", "vec4", "per slot, xyz: first row of uv_transform; w: texture-coordinate set", len(SLOTS)),
     Field("uv_y", "vec4", "per slot, xyz: second row; w: wrap mode bits, 1 mirrored s, 2 mirrored t", len(SLOTS)),
 )
@@ -54,7 +54,7 @@ def wanted_slots(channels: Iterable[str], material: Material) -> tuple[str, ...]
         "base_color": "base_color" in channels or _tests_alpha(material),
         "normal": "normal" in channels and material.normal_scale != 0.0,
         "metallic_roughness": "material" in channels,
-        "emissive": "emission" in channels and any(material.emissive),
+        "emissive": "emission" in channels and any(material.emissive) and not material.unlit,
         "occlusion": "material" in channels and material.occlusion_strength != 0.0,
     }
     return tuple(s for s in SLOTS if needs[s] and texture_of(material, s) is not None)
@@ -106,10 +106,12 @@ class MaterialTable:
         texture.build_mipmaps()
         return texture
 
-    def bind(self, material: int, program: moderngl.Program) -> None:
+    def bind(self, material: int, program: moderngl.Program, only: tuple[str, ...] = SLOTS) -> None:
         """Bind the textures of scene material ``material`` (-1: default) to the units their slots have."""
         record = self._materials[material + 1]
         for slot in self.keys[material + 1].slots:
+            if slot not in only:
+                continue
             texture = texture_of(record, slot)
             unit = SLOTS.index(slot)
             self._textures[texture.image, slot in _SRGB_SLOTS].use(unit)
@@ -145,6 +147,7 @@ def _fill(row: np.ndarray, m: Material) -> None:
     row["base_color"] = m.base_color
     row["emissive"] = (*m.emissive, float(m.unlit))
     row["factors"] = (m.metallic, m.roughness, m.normal_scale, m.occlusion_strength)
+    row["alpha_cutoff"][1] = m.specular
     row["alpha_cutoff"][0] = m.alpha_cutoff if m.alpha_mode == "MASK" else BLEND_CUTOFF
     for i, slot in enumerate(SLOTS):
         texture = texture_of(m, slot)

@@ -28,6 +28,7 @@ RECORD = Struct(
 class Placement:
     """Where every draw is at one instant, relative to one camera."""
 
+    world: Array  # (D, 4, 4) float64 world_from_object (of the node, for posed draws)
     relative: Array  # (D, 4, 4) float64 relative_from_object; identity for posed draws
     visible: Array  # (D,) bool
     mirrored: Array  # (D,) bool: the world transform turns fronts into backs
@@ -50,9 +51,10 @@ class RecordTable:
         for i, local in self._local.items():
             world[i] = world[i] @ local
         mirrored = np.linalg.det(world[:, :3, :3]) < 0
-        world[:, :3, 3] -= view.position  # float64: what is left is small enough for float32
-        world[self._posed] = np.eye(4)
-        return Placement(world, state.visible[self._node], np.where(self._posed, mirrored_posed, mirrored))
+        relative = world.copy()
+        relative[:, :3, 3] -= view.position  # float64: what is left is small enough for float32
+        relative[self._posed] = np.eye(4)
+        return Placement(world, relative, state.visible[self._node], np.where(self._posed, mirrored_posed, mirrored))
 
     def update(self, now: Placement, previous: Placement) -> Array:
         """Fill in the matrices; the rows (D,) ready for upload."""

@@ -54,6 +54,7 @@ class Renderer:
         self.materials = MaterialTable(gpu, scene, self.channels, used)
         self._gbuffer = GBufferPass(gpu, self.shaders, self.channels, _colored(scene))
         self.history = History(gpu, size, self.channels)
+        self.current_view: View | None = None
 
     def view(self, time: float) -> tuple[FrameState, View]:
         """The pose and the camera at ``time`` seconds."""
@@ -65,6 +66,7 @@ class Renderer:
         with self.timer.measure("pose"):
             state, view = self.view(time)
             before, before_view = self.view(previous_time) if self._previous else (state, view)
+        self.current_view = view
         self.history.advance()
         mirrored = np.zeros(len(self._posed), dtype=bool)
         if self._deform is not None:

@@ -82,6 +82,7 @@ class SceneBuffers:
         commands["base_instance"] = np.arange(len(visible))
         # Draws of the same primitive in a row become one instanced command.
         keep, self.groups = [], []
+        owner = np.full(len(visible), -1)
         for position, i in enumerate(visible):
             k = key(i)
             if keep and k == key(visible[position - 1]) and not k[0]:
@@ -92,9 +93,24 @@ class SceneBuffers:
             last = self.groups[-1]
             self.groups[-1] = Group(*k[:4], first=last.first, count=last.count + 1)
             keep.append(position)
+            owner[position] = len(self.groups) - 1
+        self._group_of = _fill_forward(owner)
+        self._visible = np.array(visible, dtype=np.int64)
         if visible:
             self._order.write(np.array(visible, dtype=np.uint32).tobytes())
             self._commands.write(commands[keep].tobytes())
+
+    def subset(self, seen: Array) -> tuple[Array, list[tuple[Group, int, int]]]:
+        """Commands of those visible draws that are in ``seen`` (K,), and (group, first, count) runs within them."""
+        positions = np.flatnonzero(np.isin(self._visible, seen))
+        commands = self._table[self._visible[positions]]
+        commands["base_instance"] = positions
+        owner = self._group_of[positions]
+        runs = []
+        for g in np.unique(owner):
+            at = np.flatnonzero(owner == g)
+            runs.append((self.groups[g], int(at[0]), len(at)))
+        return commands, runs
 
     def _group_key(self) -> tuple:
         g = self.groups[-1]
@@ -102,10 +118,16 @@ class SceneBuffers:
 
     def draw(self, group: Group, program: moderngl.Program) -> None:
         """Issue the commands of one group with ``program`` (its state must be set)."""
+        self.draw_commands(group, program, self._commands, group.first, group.count)
+
+    def draw_commands(
+        self, group: Group, program: moderngl.Program, commands: moderngl.Buffer, first: int, count: int
+    ) -> None:
+        """Issue ``count`` commands of a buffer made by ``subset``, all of them of ``group``."""
         key = (group.posed, program.glo)
         if key not in self._vaos:
             self._vaos[key] = self._vertex_array(self.pools[group.posed], program)
-        self._vaos[key].render_indirect(self._commands, moderngl.TRIANGLES, group.count, group.first)
+        self._vaos[key].render_indirect(commands, moderngl.TRIANGLES, count, first)
 
     def _vertex_array(self, pool: dict[str, moderngl.Buffer], program: moderngl.Program) -> moderngl.VertexArray:
         content = [(pool[array], form, name) for name, array, form in _ATTRIBUTES if name in program]
@@ -126,6 +148,12 @@ class SceneBuffers:
                 buffer.release()
         for buffer in (self.records, self._order, self._commands):
             buffer.release()
+
+
+def _fill_forward(owner: Array) -> Array:
+    """Merged draws belong to the group of the command they were merged into."""
+    at = np.maximum.accumulate(np.where(owner >= 0, np.arange(len(owner)), 0))
+    return owner[at] if len(owner) else owner
 
 
 def variant(key: MaterialKey, posed: bool, channels: tuple[str, ...], colors: bool) -> dict[str, bool]:

@@ -22,20 +22,22 @@ class Targets:
         limit = min(gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], gpu.ctx.info["GL_MAX_FRAMEBUFFER_WIDTH"])
         if max(size) > limit:
             raise GraphicsError(f"{size[0]}x{size[1]} is more than this device's {limit} pixels", hint="lower --size")
-        self.size, self.channels = size, tuple(channels)
+        self._gpu, self.size, self.channels = gpu, size, tuple(channels)
         self.textures: dict[str, moderngl.Texture] = {}
         for name in self.channels:
             info = CHANNELS[name]
             texture = gpu.ctx.texture(size, info.components, dtype=info.dtype)
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self.textures[name] = texture
-        self.framebuffer = gpu.ctx.framebuffer(list(self.textures.values()), depth)
+        drawn = [texture for name, texture in self.textures.items() if CHANNELS[name].attachment]
+        self.framebuffer = gpu.ctx.framebuffer(drawn, depth)
 
     def clear(self) -> None:
         """All channels 0 (no surface), depth 0 (infinitely far, reversed Z)."""
         self.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0)  # float and integer zeros have the same bits
 
     def release(self) -> None:
+        self._gpu.unbind_framebuffer()
         self.framebuffer.release()
         for texture in self.textures.values():
             texture.release()
@@ -45,7 +47,7 @@ class History:
     """This frame's targets and the last frame's, swapped by ``advance``."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str]):
-        self.depth = gpu.ctx.depth_texture(size)
+        self.depth = gpu.depth_texture(size)
         self._frames = [Targets(gpu, size, channels, self.depth) for _ in range(2)]
         self.bytes = 4 * size[0] * size[1] + 2 * sum(
             size[0] * size[1] * CHANNELS[n].components * _BYTES[CHANNELS[n].dtype] for n in channels
@@ -70,7 +72,7 @@ class History:
 
 
 def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
-    """A channel as (h, w, components) with row 0 at the top: the one flip of the package.  Motion turns +y down here."""
+    """A channel as (h, w, components), row 0 at the top: the one flip of the package; motion turns +y down here."""
     info = CHANNELS[name]
     width, height = texture.size
     out = np.empty((height, width, info.components), dtype=_NUMPY[info.dtype])

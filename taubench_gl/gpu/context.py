@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import importlib.metadata
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +21,7 @@ from taubench_gl.gpu import loaders
 BACKEND_VARIABLE = "TAUBENCH_BACKEND"
 REQUIRED_VERSION = 450
 _GL_LOWER_LEFT, _GL_ZERO_TO_ONE = 0x8CA1, 0x935F
+_GL_TEXTURE_2D, _GL_DEPTH_COMPONENT, _GL_DEPTH_COMPONENT32F, _GL_FLOAT = 0x0DE1, 0x1902, 0x8CAC, 0x1406
 _INSTALL = {
     "egl": "apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri, or a vendor driver with EGL",
     "osmesa": "apt-get install libosmesa6, on distributions that still have it",
@@ -39,6 +41,8 @@ class Gpu:
     version: str
     software: bool
     _keep: Any = field(default=None, repr=False)  # objects the context needs alive
+    _function: Callable[[str], int] = field(default=lambda name: 0, repr=False)  # address of a GL function
+    _nothing: moderngl.Framebuffer | None = field(default=None, repr=False)  # framebuffer 0
 
     def __enter__(self) -> Gpu:
         self.ctx.__enter__()
@@ -50,6 +54,26 @@ class Gpu:
     def finish(self) -> None:
         """Wait until everything submitted is done."""
         self.ctx.finish()
+
+    def depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
+        """A depth texture of 32-bit floats.
+
+        moderngl's own is 24-bit fixed point, with which reversed Z is no better than standard Z: near 1e-4 puts
+        everything beyond 1700 m on one value.
+        """
+        texture = self.ctx.depth_texture(size)
+        texture.use(0)
+        integers = [ctypes.c_int] * 5
+        prototype = ctypes.CFUNCTYPE(None, ctypes.c_uint, *integers, ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
+        define_image = prototype(self._function("glTexImage2D"))
+        define_image(_GL_TEXTURE_2D, 0, _GL_DEPTH_COMPONENT32F, *size, 0, _GL_DEPTH_COMPONENT, _GL_FLOAT, None)
+        return texture
+
+    def unbind_framebuffer(self) -> None:
+        """Bind framebuffer 0.  moderngl re-binds what was bound after making a framebuffer; a deleted one is an error."""
+        if self._nothing is None:
+            self._nothing = self.ctx.detect_framebuffer(0)
+        self._nothing.use()
 
     def collect(self) -> int:
         """Release GL objects nobody refers to any more; the number released."""
@@ -117,7 +141,7 @@ def _create(name: str, device: int | None) -> Gpu:
     info = ctx.info
     renderer = info["GL_RENDERER"]
     software = any(word in renderer.lower() for word in ("llvmpipe", "softpipe", "swrast"))
-    return Gpu(ctx, name, renderer, info["GL_VENDOR"], info["GL_VERSION"], software, keep)
+    return Gpu(ctx, name, renderer, info["GL_VENDOR"], info["GL_VERSION"], software, keep, function)
 
 
 def capability_report(backend: str = "auto", device: int | None = None) -> dict[str, Any]:

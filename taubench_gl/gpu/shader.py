@@ -40,7 +40,9 @@ class Source:
         return _DRIVER_LINE.sub(name, message)
 
 
-def resolve(entry: str, defines: Mapping[str, object] | None = None, preamble: str = "", root: Path = SHADERS) -> Source:
+def resolve(
+    entry: str, defines: Mapping[str, object] | None = None, preamble: str = "", root: Path = SHADERS
+) -> Source:
     """Expand ``entry`` (a path from ``shaders/``) with ``defines``; ``preamble`` is GLSL text derived in Python."""
     lines, origin = [VERSION.rstrip("\n")], ["version"]
     for name, value in sorted((defines or {}).items()):
@@ -53,7 +55,9 @@ def resolve(entry: str, defines: Mapping[str, object] | None = None, preamble: s
     return Source("\n".join(lines) + "\n", tuple(origin))
 
 
-def _expand(entry: str, root: Path, lines: list[str], origin: list[str], seen: set[str], chain: tuple[str, ...]) -> None:
+def _expand(
+    entry: str, root: Path, lines: list[str], origin: list[str], seen: set[str], chain: tuple[str, ...]
+) -> None:
     if entry in chain:
         raise GraphicsError(f"shader includes form a cycle: {' > '.join((*chain, entry))}")
     if entry in seen:
@@ -90,9 +94,13 @@ class ShaderCache:
     @property
     def names(self) -> list[str]:
         """Entry points with their defines, as compiled so far."""
-        return [" + ".join(key[0]) + (f" [{' '.join(n for n, _ in key[1])}]" if key[1] else "") for key in self._programs]
+        return [
+            " + ".join(key[0]) + (f" [{' '.join(n for n, _ in key[1])}]" if key[1] else "") for key in self._programs
+        ]
 
-    def compute(self, entry: str, defines: Mapping[str, object] | None = None, preamble: str = "") -> moderngl.ComputeShader:
+    def compute(
+        self, entry: str, defines: Mapping[str, object] | None = None, preamble: str = ""
+    ) -> moderngl.ComputeShader:
         key = ((entry,), tuple(sorted((defines or {}).items())), preamble)
         if key not in self._programs:
             source = resolve(entry, defines, preamble)

@@ -25,7 +25,7 @@ def edges() -> np.ndarray:
     per_octave = 1 << HISTOGRAM_MANTISSA_BITS
     octave = np.arange(HISTOGRAM_MIN_EXPONENT, HISTOGRAM_MAX_EXPONENT)
     steps = 1.0 + np.arange(per_octave) / per_octave
-    return np.append((2.0**octave[:, None] * steps).ravel(), 2.0**HISTOGRAM_MAX_EXPONENT)
+    return np.append((2.0 ** octave[:, None] * steps).ravel(), 2.0**HISTOGRAM_MAX_EXPONENT)
 
 
 def discarded_above(counts: np.ndarray) -> np.ndarray:

@@ -44,11 +44,12 @@ def pair_masks(
     *,
     sampling: str = "nearest",
     reprojection: str = "camera",
+    exposure: float = 1.0,
 ) -> PairMasks:
     """Reason bits of every pixel.
 
-    ``current`` and ``history`` hold ``position`` (h, w, 4), ``normal`` (h, w, >=3), optionally ``direct``, ``indirect``,
-    ``color`` (h, w, >=3), and ``current`` the ``prev_position`` (h, w, >=3) for ``motion`` reprojection.
+    ``current`` and ``history`` hold ``position`` (h, w, 4), ``normal`` (h, w, >=3), optionally ``direct``,
+    ``indirect``, ``color`` (h, w, >=3), and ``current`` the ``prev_position`` (h, w, >=3) for ``motion`` reprojection.
     """
     names = ["normal"] + [n for n in RADIANCE_FEATURES if n in current and n in history]
     now = {n: np.asarray(current[n], dtype=np.float64)[..., :3] for n in names}
@@ -79,7 +80,7 @@ def pair_masks(
     rows, columns = rows[finite], columns[finite]
     taken = {n: v[finite] for n, v in taken.items()}
     here = {n: v[rows, columns] for n, v in now.items()}
-    bits, compared = compare(here, moved.q[rows, columns], taken, thresholds)
+    bits, compared = compare(here, moved.q[rows, columns], taken, thresholds, exposure)
     mask[rows, columns] |= bits
     distances = {}
     for feature, values in compared.items():
@@ -89,7 +90,11 @@ def pair_masks(
 
 
 def compare(
-    now: Mapping[str, Array], q: Array, before: Mapping[str, Array], thresholds: Mapping[str, float]
+    now: Mapping[str, Array],
+    q: Array,
+    before: Mapping[str, Array],
+    thresholds: Mapping[str, float],
+    exposure: float = 1.0,
 ) -> tuple[Array, dict[str, Array]]:
     """f_B for K pixel pairs: reason bits (K,) uint32 and the distance of each feature (K,), NaN for sky on sky.
 
@@ -116,7 +121,7 @@ def compare(
         if feature == "color":
             distances[feature] = np.abs(change).max(axis=-1)
         else:
-            distances[feature] = np.linalg.norm(change, axis=-1)
+            distances[feature] = np.linalg.norm(change, axis=-1) * exposure
         over = distances[feature] > thresholds[feature]
         bits[over] |= np.uint32(FEATURE_BIT[feature])
         if feature == "direct":
@@ -160,7 +165,9 @@ def _bilinear(history: Mapping[str, Array], at_px: Array, surface: Array) -> dic
             nearest[n][better] = v[better]
             sums[n][use] += weight[use, None] * v[use]
     blended = total > 0
-    out = {n: np.where(blended[:, None], s / np.where(blended, total, 1.0)[:, None], nearest[n]) for n, s in sums.items()}
+    out = {
+        n: np.where(blended[:, None], s / np.where(blended, total, 1.0)[:, None], nearest[n]) for n, s in sums.items()
+    }
     length = np.linalg.norm(out["normal"], axis=-1, keepdims=True)
     unit = blended[:, None] & (length > 0)
     out["normal"] = np.where(unit, out["normal"] / np.where(length > 0, length, 1.0), out["normal"])

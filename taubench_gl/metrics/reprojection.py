@@ -33,6 +33,7 @@ class Reprojection:
     sky_origin: Array  # (4,)
     sky_dx: Array  # (4,)
     sky_dy: Array  # (4,)
+    near: float = 0.0  # metres, of the current camera: what rounding carried across it gets as much slack before
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,10 @@ def reproject(pair: Reprojection, position: Array, prev_position: Array | None =
     q = p + p_w[..., None] * pair.camera_delta
     if prev_position is not None:
         q = np.where(surface[..., None], prev_position[..., :3], q)
-    near = np.where(surface, pair.prev_near * (1.0 - NEAR_GUARD), 0.0)
+    # Interpolation over a large triangle rounds by more than NEAR_GUARD: a pixel drawn in front of its own near plane
+    # may have been as far in front of the previous one.
+    slack = np.maximum(pair.near - position[..., 3], 0.0)
+    near = np.where(surface, pair.prev_near * (1.0 - NEAR_GUARD) - slack, 0.0)
     behind = q @ pair.prev_forward <= near  # before any division
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ndc = _ndc(pair.clip_from_current, p, p_w)

@@ -63,7 +63,8 @@ def save_mask_picture(
 ) -> Path:
     """Write ``mask_overlay`` with a legend strip beneath it as PNG.  Small masks are enlarged by whole pixels.
 
-    Reasons that no pixel has stay out of the legend, unless they are features.  Raises OutputError.
+    Give only ``reasons`` that were measured: the legend says 0 % for a feature that no pixel has.  First, cut and
+    invalid stay out of it where there are none.  Raises OutputError.
     """
     import imageio.v3 as iio
 

@@ -55,10 +55,11 @@ def plot_thresholds(summary: Summary, path: str | Path) -> list[Path]:
         if used and value is not None:
             axes.plot([used], [value], "o", color=hex_of(name), markeredgecolor="black", markersize=7, zorder=5)
             used_all.append(used)
-        changing = np.flatnonzero(np.diff(percent) < 0)
-        if len(changing):
-            starts.append(thresholds[changing[0]])
-            ends.append(thresholds[min(changing[-1] + 1, len(thresholds) - 1)])
+        # Where the curve has left its plateau, to half a percent of it: the flat ends say nothing.
+        falling = np.flatnonzero(np.abs(percent - percent[[0, -1], None]).min(axis=0) > 0.005 * percent[0])
+        if len(falling):
+            starts.append(thresholds[falling[0]])
+            ends.append(thresholds[falling[-1]])
     for used in sorted(set(used_all)):
         axes.axvline(used, color="black", linewidth=0.8, alpha=0.4, zorder=0)
     low, high = min([1e-3, *starts, *used_all]), max([1.0, *ends, *used_all])

@@ -128,12 +128,17 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
     for label, summary in zip(labels, summaries, strict=True):
         discard = summary.get("discard") or {}
         entries = [discard.get(name) or {} for name in COLUMNS]
-        for basis, key in (("of w·h", "mean_percent"), ("of comparable", "comparable_mean_percent")):
+        bases = [("of w·h", "mean_percent"), ("of comparable", "comparable_mean_percent")]
+        cuts = (summary.get("camera") or {}).get("cuts") or ()
+        if cuts:
+            bases.insert(1, (f"of w·h {WITHOUT_CUTS}", "without_cuts_mean_percent"))
+        for basis, key in bases:
             why = [entry.get("reason") for entry in entries]
-            if key != "mean_percent":
+            if key == "comparable_mean_percent":
                 why[0] = why[0] or "frustum discards are what is not comparable"
-            row = _row(label, [entry.get(key) for entry in entries], summary, *why)
-            rows.append(Row(f"{label} {basis}", row.values, reasons=row.reasons))
+            left_out = len(cuts) if key == "without_cuts_mean_percent" else 0
+            values = [entry.get(key) for entry in entries]
+            rows.append(_row(f"{label} {basis}", values, summary, *why, left_out=left_out))
     if paper:
         fps = float(paper_numbers()["settings"]["render_fps"])
         rows += [
@@ -158,17 +163,17 @@ def _camera_rows(summaries: Sequence[Summary], labels: Sequence[str], wanted: Se
         rows.append(_row(label, values, summary, reason))
         if cuts := camera.get("cuts"):
             kept = [((camera.get(name) or {}).get("without_cuts") or {}).get(key) for name, key in wanted]
-            fps, pairs = rows[-1].values[-2:]
-            left = None if pairs is None else pairs - len(cuts)
-            rows.append(Row(f"{label} {WITHOUT_CUTS}", (*kept, fps, left)))
+            rows.append(_row(f"{label} {WITHOUT_CUTS}", kept, summary, "every pair is a cut", left_out=len(cuts)))
     return rows
 
 
-def _row(label: str, values: Sequence[Any], summary: Summary, *why: str | None) -> Row:
-    """A row with fps and N at its end.  ``why`` a value is None: one reason for all, or one for each."""
+def _row(label: str, values: Sequence[Any], summary: Summary, *why: str | None, left_out: int = 0) -> Row:
+    """A row with fps and N (less ``left_out``) at its end.  ``why`` a value is None: one for all, or for each."""
     each = why if len(why) == len(values) else why * len(values)
     reasons = {i: each[i] or "not measured" for i, value in enumerate(values) if value is None}
-    return Row(label, (*values, (summary.get("settings") or {}).get("fps"), summary.get("pairs")), reasons=reasons)
+    pairs = summary.get("pairs")
+    pairs = None if pairs is None else pairs - left_out
+    return Row(label, (*values, (summary.get("settings") or {}).get("fps"), pairs), reasons=reasons)
 
 
 def _labels(summaries: Sequence[Summary]) -> list[str]:

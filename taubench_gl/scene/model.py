@@ -73,6 +73,7 @@ class Material:
     alpha_mode: str = "OPAQUE"  # OPAQUE | MASK | BLEND
     alpha_cutoff: float = 0.5
     double_sided: bool = False
+    specular: float = 1.0  # KHR_materials_specular: scales the dielectric lobe, 0 = Lambert
     unlit: bool = False
 
 

@@ -15,7 +15,7 @@ from taubench_gl.run import Progress, Run, RunWriter
 
 
 class FakeEvaluate:
-    """Stands in for ``taubench_gl.evaluate.evaluate``: same signature, files as RunWriter writes them.
+    """Stands in for ``taubench_gl.api.evaluate``: same signature, files as RunWriter writes them.
 
     A scene called ``bad*`` raises SceneError, ``bug*`` a ZeroDivisionError, ``slow*`` is interrupted after two pairs.
     """
@@ -60,9 +60,9 @@ class FakeEvaluate:
 @pytest.fixture
 def evaluate(monkeypatch) -> FakeEvaluate:
     fake = FakeEvaluate()
-    module = types.ModuleType("taubench_gl.evaluate")
+    module = types.ModuleType("taubench_gl.api")
     module.evaluate = fake
-    monkeypatch.setitem(sys.modules, "taubench_gl.evaluate", module)
+    monkeypatch.setitem(sys.modules, "taubench_gl.api", module)
     return fake
 
 

@@ -61,6 +61,21 @@ def test_summary_appears_whole_or_not_at_all(tmp_path):
     assert sorted(os.listdir(tmp_path)) == [FRAMES_FILE, SUMMARY_FILE]
 
 
+def test_rows_can_be_replaced_at_the_end(frames, tmp_path):
+    marked = [row | {"camera_cut": 1} for row in frames]
+    with RunWriter(tmp_path) as writer:
+        for row in frames:
+            writer.write_row(row)
+        with pytest.raises(KeyError, match="typo"):
+            writer.rewrite_rows([{"typo": 1}])
+        assert read_frames(tmp_path / FRAMES_FILE) == frames
+        writer.rewrite_rows(marked)
+        with pytest.raises(ValueError, match="not open"):
+            writer.write_row(frames[0])
+    assert read_frames(tmp_path / FRAMES_FILE) == marked
+    assert os.listdir(tmp_path) == [FRAMES_FILE]
+
+
 def test_unknown_column_is_a_fault_of_ours(tmp_path):
     with RunWriter(tmp_path, ("a",)) as writer, pytest.raises(KeyError, match="typo"):
         writer.write_row({"typo": 1})

@@ -86,10 +86,14 @@ def test_still_image_has_no_camera_statistics(summary):
 def test_cuts_add_a_row_without_them(summary):
     assert not any("without cuts" in row.label for row in paper_tables([summary])[1].rows)
     summary["camera"]["cuts"] = [4, 9]
-    table = paper_tables([summary])[1]
-    row = next(row for row in table.rows if row.label.endswith("without cuts"))
-    assert value(table, row, "variance") == 0.5
-    assert value(table, row, "N") == 10
+    summary["discard"]["normal"]["without_cuts_mean_percent"] = 3.25
+    position, discard = (paper_tables([summary])[i] for i in (1, 3))
+    row = next(row for row in position.rows if row.label.endswith("without cuts"))
+    assert value(position, row, "variance") == 0.5
+    assert value(position, row, "N") == 10
+    row = next(row for row in discard.rows if row.label.endswith("without cuts"))
+    assert value(discard, row, "normal") == 3.25
+    assert value(discard, row, "N") == 10
 
 
 def test_captions_name_the_camera_and_the_settings(summary):

@@ -81,7 +81,9 @@ def reports(data: Path) -> list[tuple[Path, list[dict]]]:
     out = []
     for report in sorted((data / "bad_gltf" / "validator").rglob("*.report.json")):
         messages = json.loads(report.read_text(encoding="utf-8"))["issues"]["messages"]
-        out.append((report.with_name(report.name.removesuffix(".report.json")), [m for m in messages if m["severity"] == 0]))
+        out.append(
+            (report.with_name(report.name.removesuffix(".report.json")), [m for m in messages if m["severity"] == 0])
+        )
     assert len(out) >= 140
     return out
 
@@ -199,7 +201,9 @@ def test_positions_agree_with_struct(data: Path, name: str) -> None:
 
 def test_draco_and_meshopt_agree_with_the_plain_box(data: Path) -> None:
     """BoxDraco and BoxMeshopt hold the same cube, compressed with loss."""
-    boxes = [load_scene(data / "gltf_transform" / f).meshes[0].primitives[0] for f in ("BoxDraco.gltf", "BoxMeshopt.glb")]
+    boxes = [
+        load_scene(data / "gltf_transform" / f).meshes[0].primitives[0] for f in ("BoxDraco.gltf", "BoxMeshopt.glb")
+    ]
     for box in boxes:
         assert len(box.triangles) == 12
         corners = box.positions[box.triangles.reshape(-1)].astype(np.float64)

@@ -602,6 +602,15 @@ def test_animation_pointers(tmp_path: Path, text: str, values: list, target: tup
     np.testing.assert_array_equal(channel.values.ravel(), np.ravel(values))
 
 
+def test_mesh_weights_move_only_nodes_without_their_own(tmp_path: Path) -> None:
+    gltf = morphing(1)
+    gltf.extension("KHR_animation_pointer")
+    gltf.node(mesh=0, weights=[0.5])
+    gltf.node(mesh=0)
+    gltf.animation(pointer("/meshes/0/weights"), [0, 1], [0, 1])
+    assert [c.index for c in load_scene(gltf.save(tmp_path)).channels] == [0, 2]
+
+
 def test_animated_visibility(tmp_path: Path) -> None:
     gltf = triangle_scene()
     gltf.extension("KHR_animation_pointer")
@@ -651,7 +660,9 @@ def test_draco_against_the_same_mesh_uncompressed(tmp_path: Path) -> None:
     np.testing.assert_allclose(primitive.texcoords[0], uv, atol=1e-5)
 
 
-def compressed(gltf: Gltf, data: bytes, stride: int, count: int, mode: str, filter: str = "NONE", **view: object) -> int:
+def compressed(
+    gltf: Gltf, data: bytes, stride: int, count: int, mode: str, filter: str = "NONE", **view: object
+) -> int:
     """A bufferView whose only data is compressed; its own buffer is a fallback without bytes."""
     packed = {"buffer": 0, "byteOffset": len(gltf.blob) + -len(gltf.blob) % 4, "byteLength": len(data),
               "byteStride": stride, "count": count, "mode": mode, "filter": filter}  # fmt: skip

@@ -199,5 +199,3 @@ def _work_groups(counts: list[int], per_thread: int) -> Array:
     """(G, 2) uint32: job and first thread of every work group."""
     rows = [(job, first) for job, count in enumerate(counts) for first in range(0, count // per_thread, GROUP)]
     return np.array(rows, dtype=np.uint32).reshape(-1, 2)
-
-

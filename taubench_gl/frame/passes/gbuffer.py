@@ -27,6 +27,12 @@ def attachments(channels: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name, info in CHANNELS.items() if info.attachment and name in channels)
 
 
+def geometry_preamble() -> str:
+    """GLSL structs and slot numbers shared by every pass that draws the scene's geometry."""
+    slots = [f"const int SLOT_{name.upper()} = {i};" for i, name in enumerate(SLOTS)]
+    return "\n".join((RECORD.glsl, FRAME.glsl, MATERIAL.glsl, *slots))
+
+
 class GBufferPass:
     """Writes ``channels``; compiles a shader variant for a group of draws when the first such group appears."""
 
@@ -38,8 +44,6 @@ class GBufferPass:
             f"layout(location = {i}) out {_GLSL_TYPE[CHANNELS[n].dtype, CHANNELS[n].components]} out_{n};"
             for i, n in enumerate(channels)
         ]
-        slots = [f"const int SLOT_{name.upper()} = {i};" for i, name in enumerate(SLOTS)]
-        self._preamble = "\n".join((RECORD.glsl, FRAME.glsl, MATERIAL.glsl, *slots))
         self._outputs = "\n".join(outputs)
 
     def program(self, group: Group, materials: MaterialTable) -> moderngl.Program:
@@ -53,7 +57,7 @@ class GBufferPass:
             "gbuffer/gbuffer.vert.glsl",
             "gbuffer/gbuffer.frag.glsl",
             defines,
-            self._preamble,
+            geometry_preamble(),
             self._outputs,
         )
 

@@ -26,12 +26,14 @@ REPROJECTION = Struct(
     Field("camera_delta", "vec4", "xyz: current - previous camera position, metres"),
     Field("size", "ivec4", "xy: pixels"),
     Field("prev_near", "float", "metres, previous camera's near plane less NEAR_GUARD"),
+    Field("near", "float", "metres, current camera's near plane"),
     Field("guard_px", "float", "pixels, guard of the outside test"),
     Field("threshold_color", "float", "sRGB-encoded, 0..1, largest channel difference"),
     Field("threshold_position", "float", "metres, Euclidean"),
     Field("threshold_normal", "float", "Euclidean distance of unit vectors, 0..2"),
     Field("threshold_direct", "float", "linear radiance x exposure, Euclidean"),
     Field("threshold_indirect", "float", "linear radiance x exposure, Euclidean"),
+    Field("exposure", "float", "factor on direct and indirect radiance before they are compared"),
     Field("declared", "uint", "FIRST or CUT for the whole frame, else 0"),
 )
 COMBOS = 1 << 16
@@ -60,8 +62,8 @@ class Counts:
 class MaskPass:
     """Compares current channels with history channels.
 
-    Reads ``position normal prev.position prev.normal`` (+ ``prev_position`` for motion reprojection, + radiance channels
-    where both frames have them).  Writes ``mask`` and ``motion`` when asked.  Owns its buffers; ``release`` frees them.
+    Reads ``position normal prev.position prev.normal`` (+ ``prev_position`` for motion reprojection, + radiance
+    channels where both frames have them).  Writes ``mask`` and ``motion`` when asked.  ``release`` frees its buffers.
     """
 
     def __init__(
@@ -106,9 +108,11 @@ class MaskPass:
         thresholds: Mapping[str, float],
         current: Mapping[str, moderngl.Texture],
         history: Mapping[str, moderngl.Texture],
-        declared: Reason = Reason(0),
+        declared: int = 0,
+        exposure: float = 1.0,
     ) -> None:
-        """Submit the pass.  ``thresholds``: a_B of every feature; ``declared``: FIRST or CUT for the whole frame."""
+        """Submit the pass.  ``thresholds``: a_B of every feature; ``declared``: Reason.FIRST or CUT
+        for the whole frame, else 0."""
         record = REPROJECTION.zeros()
         record["clip_from_current"] = column_major(pair.clip_from_current)
         record["prev_clip_from_prev"] = column_major(pair.prev_clip_from_prev)
@@ -116,8 +120,9 @@ class MaskPass:
         record["prev_forward"][:3], record["camera_delta"][:3] = pair.prev_forward, pair.camera_delta
         record["size"][:2] = self._size
         record["prev_near"] = pair.prev_near * (1.0 - NEAR_GUARD)
+        record["near"] = pair.near
         record["guard_px"] = conventions.GUARD_PX
-        record["declared"] = int(declared)
+        record["declared"], record["exposure"] = int(declared), exposure
         for feature in FEATURES:
             record[f"threshold_{feature}"] = thresholds[feature]
         self._parameters.write(record.tobytes())

@@ -21,8 +21,9 @@ ROWS_COLUMNS = {"SCALAR": (1, 1), "VEC2": (2, 1), "VEC3": (3, 1), "VEC4": (4, 1)
 MAX_FILLED_BYTES = 256 << 20
 """Zeros that accessors without a bufferView may ask for, all together: a few bytes of JSON can ask for terabytes."""
 
-MAX_DECODED_BYTES = 1 << 30
-"""Bytes that compressed bufferViews may unpack to, all together."""
+MAX_UNPACKED_BYTES = 4 << 30
+"""Bytes that decompressed bufferViews, sparse accessors and converted integers may take, all together: many small
+objects can refer to one large bufferView."""
 
 
 class Accessors:
@@ -34,7 +35,7 @@ class Accessors:
         self._raw: dict[int, Array] = {}
         self._floats: dict[int, Array] = {}
         self._usage: dict[int, str] = {}
-        self._filled = self._decoded = 0
+        self._filled = self._unpacked = 0
 
     def check_all(self) -> None:
         """Check every bufferView, and every accessor that has data of its own, whether or not anything uses it."""
@@ -80,7 +81,10 @@ class Accessors:
     def floats(self, index: int, pointer: str) -> Array:
         """Values as float32: normalized integers by glTF's formulas, others as they are.  (count, n), read-only."""
         if index not in self._floats:
-            self._floats[index] = self.to_float(self.get(index, pointer), self.raw(index, pointer))
+            raw = self.raw(index, pointer)
+            if raw.dtype != np.float32 or not raw.flags.c_contiguous:
+                self._spend(raw.size * 4, pointer)
+            self._floats[index] = self.to_float(self.get(index, pointer), raw)
         return self._floats[index]
 
     @staticmethod
@@ -118,6 +122,13 @@ class Accessors:
         view = self.get(index, pointer).buffer_view
         if view is not None and self.document.item("buffer_views", view, pointer).byte_stride is not None:
             raise self.document.error("its bufferView has a byteStride, which only vertex attributes may have", pointer)
+
+    def _spend(self, size: int, pointer: str) -> None:
+        self._unpacked += size
+        if self._unpacked > MAX_UNPACKED_BYTES:
+            raise self.document.error(
+                f"the file unpacks to more than {MAX_UNPACKED_BYTES >> 20} MiB", pointer, "split it into smaller files"
+            )
 
     def view_bytes(self, index: int, pointer: str) -> memoryview:
         """Bytes of one bufferView, decompressed if need be."""
@@ -161,9 +172,7 @@ class Accessors:
                 raise self.document.error(
                     f"{packed.count} x {packed.byte_stride} bytes are not byteLength {view.byte_length}", where
                 )
-            self._decoded += view.byte_length
-            if self._decoded > MAX_DECODED_BYTES:
-                raise self.document.error(f"unpacks to more than {MAX_DECODED_BYTES >> 20} MiB in all", where)
+            self._spend(view.byte_length, where)
             return decode_meshopt(self.document, packed, buffer[packed.byte_offset : end], where)
         return None
 
@@ -276,6 +285,7 @@ class Accessors:
             raise self.document.error(
                 f"sparse index {indices[-1]} of an accessor with {accessor.count} elements", f"{where}/indices"
             )
+        self._spend(base.nbytes, where)
         out = base.copy()
         out[indices] = values
         return out

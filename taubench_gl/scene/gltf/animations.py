@@ -25,6 +25,7 @@ class AnimationReader:
     def __init__(self, document: Document, accessors: Accessors, meshes: tuple[Mesh, ...]):
         self.document, self.accessors, self.meshes = document, accessors, meshes
         self._times: dict[int, tuple[Array, Array | None]] = {}
+        self._outputs: dict[tuple[int, ...], Array] = {}
 
     def read(self) -> tuple[Animation, ...]:
         return tuple(
@@ -109,12 +110,10 @@ class AnimationReader:
     def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str) -> Channel:
         interpolation = self._interpolation(sampler, pointer)
         times, last = self._key_times(sampler.input, f"{pointer}/input")
-        keys = len(times) if last is None else len(last)
-        values = self._values(sampler, target, interpolation, keys, f"{pointer}/output")
         if last is not None:
-            self.document.note(f"{keys - len(times)} keys share their time with a later one, which is used", pointer)
-            values = values[last]
-        values.flags.writeable = False
+            dropped = len(last) - len(times)
+            self.document.note(f"{dropped} keys share their time with a later one, which is used", f"{pointer}/input")
+        values = self._values(sampler, target, interpolation, f"{pointer}/output")
         return Channel(target.kind, target.index, target.path, interpolation, times, values)
 
     def _key_times(self, index: int, pointer: str) -> tuple[Array, Array | None]:
@@ -134,11 +133,11 @@ class AnimationReader:
             self._times[index] = times, last
         return self._times[index]
 
-    def _values(
-        self, sampler: schema.AnimationSampler, target: Target, interpolation: str, keys: int, pointer: str
-    ) -> Array:
-        """(K, n) float64, for CUBICSPLINE (K, 3, n)."""
+    def _values(self, sampler: schema.AnimationSampler, target: Target, interpolation: str, pointer: str) -> Array:
+        """(K, n) float64, for CUBICSPLINE (K, 3, n); channels that share a sampler share the array."""
         document, accessors = self.document, self.accessors
+        times, last = self._times[sampler.input]
+        keys = len(times) if last is None else len(last)
         accessor = accessors.get(sampler.output, pointer)
         scalar = target.path == "weights" or target.size == 1
         kind = "SCALAR" if scalar else f"VEC{target.size}"
@@ -159,10 +158,17 @@ class AnimationReader:
         expected = keys * rows * (target.size if scalar else 1)
         if accessor.count != expected:
             raise document.error(f"has {accessor.count} elements, {keys} keys need {expected}", pointer)
-        values = accessors.floats(sampler.output, pointer).astype(np.float64).reshape(keys, rows, target.size)
-        if target.path == "rotation":
-            check_quaternions(document, values[:, rows // 2], pointer)
-        return values if rows == 3 else values[:, 0]
+        rotation = target.path == "rotation"
+        key = (sampler.input, sampler.output, rows, target.size, rotation)
+        if key not in self._outputs:
+            values = accessors.floats(sampler.output, pointer).astype(np.float64).reshape(keys, rows, target.size)
+            if rotation:
+                check_quaternions(document, values[:, rows // 2], pointer)
+            values = values if rows == 3 else values[:, 0]
+            values = values if last is None else values[last]
+            values.flags.writeable = False
+            self._outputs[key] = values
+        return self._outputs[key]
 
 
 def choose_animations(

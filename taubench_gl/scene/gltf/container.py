@@ -34,7 +34,9 @@ def open_document(path: Path) -> Document:
     _check_version(document)
     digest = hashlib.sha256(data)
     for index, buffer in enumerate(document.root.buffers or []):
-        document.buffers.append(_buffer_bytes(document, buffer, index, digest))
+        document.buffers.append(_buffer_bytes(document, buffer, index))
+    for external in document.external.values():
+        digest.update(external)
     document.sha256 = digest.hexdigest()
     return document
 
@@ -147,12 +149,10 @@ def _check_version(document: Document) -> None:
             )
 
 
-def _buffer_bytes(document: Document, buffer: schema.Buffer, index: int, digest: Any) -> memoryview | None:
+def _buffer_bytes(document: Document, buffer: schema.Buffer, index: int) -> memoryview | None:
     pointer = f"/buffers/{index}"
     if buffer.uri is not None:
-        data, external = read_uri(document, buffer.uri, f"{pointer}/uri", BUFFER_MEDIA_TYPES)
-        if external:
-            digest.update(data)
+        data = read_uri(document, buffer.uri, f"{pointer}/uri", BUFFER_MEDIA_TYPES)
     elif index == 0 and document.chunk is not None:
         data = document.chunk
     elif index == 0 and document.binary and not any(name in buffer.extensions for name in MESHOPT):

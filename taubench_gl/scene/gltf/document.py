@@ -25,6 +25,7 @@ class Document:
     binary: bool = False  # GLB
     chunk: memoryview | None = None  # its BIN chunk
     buffers: list[memoryview | None] = field(default_factory=list)
+    external: dict[Path, bytes] = field(default_factory=dict)  # files the buffers lie in, in order of first use
     notes: dict[Note, None] = field(default_factory=dict)  # an ordered set
     sha256: str = ""
 

@@ -39,7 +39,7 @@ def read_image(document: Document, accessors: Accessors, index: int) -> Image:
     if image.buffer_view is not None:
         source: Source = accessors.view_bytes(image.buffer_view, f"{pointer}/bufferView")
     elif image.uri[:5].lower() == "data:":
-        source = read_uri(document, image.uri, f"{pointer}/uri", MEDIA_TYPES)[0]
+        source = read_uri(document, image.uri, f"{pointer}/uri", MEDIA_TYPES)
     else:
         source = resolve(document, image.uri, f"{pointer}/uri")
     # The closure must not keep the whole document in memory, only what errors need.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable, Hashable
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,6 +22,17 @@ Array = np.ndarray
 UNIT_TOLERANCE = 0.00674  # on a vector's length; half a step of a normalized byte, as the Khronos validator has it
 
 
+T = TypeVar("T")
+
+
+class DracoData(NamedTuple):
+    """``key`` tells apart what was decoded; ``indices`` (3 T,) uint32; ``attributes`` by semantic, as stored."""
+
+    key: Hashable
+    indices: Array | None
+    attributes: dict[str, Array]
+
+
 class MeshReader:
     """Reads the meshes of one document; ``materials`` are the ones already read."""
 
@@ -27,7 +40,9 @@ class MeshReader:
         self.document, self.accessors, self.materials = document, accessors, materials
         self.undrawn: Counter[str] = Counter()
         self.fixes: Counter[str] = Counter()
-        self._checked: set[tuple[int, str]] = set()
+        # Primitives that share accessors share the arrays made from them: a file of a few kilobytes can share one large
+        # accessor among thousands of primitives.
+        self._shared: dict[Hashable, Any] = {}
 
     def read(self) -> tuple[Mesh, ...]:
         meshes = tuple(self._mesh(mesh, f"/meshes/{i}") for i, mesh in enumerate(self.document.root.meshes or []))
@@ -63,7 +78,7 @@ class MeshReader:
             document.note("primitive without POSITION is not drawn", pointer)
             return None
         count = self.accessors.get(names["POSITION"], pointer).count
-        draco = self._draco(primitive, count, pointer)
+        draco = self._draco(primitive, pointer)
         arrays = {name: self._attribute(name, index, count, draco, f"{pointer}/attributes/{name}")
                   for name, index in names.items() if not name.startswith("_")}  # fmt: skip
         triangles = self._triangles(primitive, count, draco, pointer)
@@ -71,7 +86,11 @@ class MeshReader:
             self._target(target, count, f"{pointer}/targets/{i}") for i, target in enumerate(primitive.targets or [])
         )
         texcoords = self._texcoords(primitive, arrays, count, pointer)
-        joints, weights = skin_weights(document, self.fixes, arrays, pointer)
+        skinning = tuple((n, names[n]) for n in sorted(names) if n.startswith(("JOINTS", "WEIGHTS")))
+        joints, weights = self._share(
+            ("skin", skinning, draco.key), lambda: skin_weights(document, self.fixes, arrays, pointer)
+        )
+        colors = self._share(("rgba", names.get("COLOR_0"), draco.key), lambda: _rgba(arrays.get("COLOR_0")))
         if triangles is None:
             return None
         return Primitive(
@@ -81,28 +100,36 @@ class MeshReader:
             normals=arrays.get("NORMAL"),
             tangents=arrays.get("TANGENT") if "NORMAL" in arrays else None,
             texcoords=texcoords,
-            colors=_rgba(arrays.get("COLOR_0")),
+            colors=colors,
             joints=joints,
             weights=weights,
             targets=targets,
         )
 
-    def _attribute(self, name: str, index: int, count: int, draco: dict[str, Array], pointer: str) -> Array:
+    def _share(self, key: Hashable, make: Callable[[], T]) -> T:
+        if key not in self._shared:
+            self._shared[key] = make()
+        return self._shared[key]
+
+    def _attribute(self, name: str, index: int, count: int, draco: DracoData, pointer: str) -> Array:
         """One vertex attribute: uint32 joints, float32 all else.  (V, n)."""
         accessor = self.accessors.get(index, pointer)
         if accessor.count != count:
             raise self.document.error(f"has {accessor.count} elements, POSITION has {count}", pointer)
-        if name in draco:
-            raw = draco[name]
-            array = raw.astype(np.uint32) if name.startswith("JOINTS") else self.accessors.to_float(accessor, raw)
-        elif name.startswith("JOINTS"):
-            array = self.accessors.raw(index, pointer).astype(np.uint32)
-        else:
-            array = self.accessors.floats(index, pointer)
-        if (index, name) not in self._checked or name in draco:
-            self._checked.add((index, name))
+        unpacked = draco.attributes.get(name)
+
+        def make() -> Array:
+            if name.startswith("JOINTS"):
+                raw = self.accessors.raw(index, pointer) if unpacked is None else unpacked
+                array = raw.astype(np.uint32)
+            elif unpacked is not None:
+                array = self.accessors.to_float(accessor, unpacked)
+            else:
+                array = self.accessors.floats(index, pointer)
             self._check_values(name, array, pointer, accessor.component_type)
-        return array
+            return array
+
+        return self._share(("attribute", name, index, draco.key if unpacked is not None else None), make)
 
     def _check_values(self, name: str, array: Array, pointer: str, component_type: int) -> None:
         if name in ("NORMAL", "TANGENT"):
@@ -129,16 +156,15 @@ class MeshReader:
         self.accessors.no_stride(index, pointer)
         self.accessors.use(index, "indices", pointer)
 
-    def _triangles(
-        self, primitive: schema.Primitive, count: int, draco: dict[str, Array], pointer: str
-    ) -> Array | None:
+    def _triangles(self, primitive: schema.Primitive, count: int, draco: DracoData, pointer: str) -> Array | None:
         """Triangle list (T, 3) uint32, or None where there is nothing to draw (which is noted)."""
-        if "" in draco:
-            indices, mode = draco[""], TRIANGLES
+        if draco.indices is not None:
+            indices, mode = draco.indices, TRIANGLES
         elif primitive.indices is not None:
             indices, mode = self.accessors.raw(primitive.indices, f"{pointer}/indices")[:, 0], primitive.mode
         else:
-            indices, mode = np.arange(count, dtype=np.uint32), primitive.mode
+            indices = self._share(("order", count), lambda: np.arange(count, dtype=np.uint32))
+            mode = primitive.mode
         if len(indices) and int(indices.max()) >= count:
             at = int(np.argmax(indices >= count))
             raise self.document.error(
@@ -152,7 +178,9 @@ class MeshReader:
             return None
         if mode == TRIANGLES and len(indices) % 3:
             self.document.note(f"{len(indices) % 3} indices at the end make no triangle", pointer)
-        triangles = triangle_list(mode, indices)
+        triangles = self._share(
+            ("triangles", primitive.indices, count, mode, draco.key), lambda: triangle_list(mode, indices)
+        )
         if not len(triangles):
             self.document.note("primitive without a triangle is not drawn", pointer)
             return None
@@ -171,7 +199,7 @@ class MeshReader:
                         material.occlusion_texture, material.emissive_texture):  # fmt: skip
             if texture is not None and texcoords[texture.texcoord] is None:
                 # OpenGL's value of an attribute that is not there; every viewer draws such files.
-                texcoords[texture.texcoord] = np.zeros((count, 2), np.float32)
+                texcoords[texture.texcoord] = self._share(("zeros", count), lambda: np.zeros((count, 2), np.float32))
                 self.document.note(
                     f"TEXCOORD_{texture.texcoord}, by which the material samples a texture, is missing: taken as 0, 0",
                     pointer,
@@ -199,16 +227,18 @@ class MeshReader:
                 self.document.note(f"morphing of {re.sub('_[0-9]+$', '', name)} is not simulated")
         return MorphTarget(arrays.get("POSITION"), arrays.get("NORMAL"), arrays.get("TANGENT"))
 
-    def _draco(self, primitive: schema.Primitive, count: int, pointer: str) -> dict[str, Array]:
-        """Decoded attributes by semantic, and under '' the flat indices.  Empty where nothing is compressed."""
+    def _draco(self, primitive: schema.Primitive, pointer: str) -> DracoData:
+        """Decoded Draco data of one primitive; all None and empty where it is not compressed."""
         name = "KHR_draco_mesh_compression"
         packed = self.document.extension(primitive, name, schema.Draco, pointer)
         if packed is None:
-            return {}
+            return DracoData(None, None, {})
         where = f"{pointer}/extensions/{name}"
         data = self.accessors.view_bytes(packed.buffer_view, f"{where}/bufferView")
-        faces, by_id = decode_draco(self.document, data, where)
-        out: dict[str, Array] = {"": faces.reshape(-1)}
+        faces, by_id = self._share(
+            ("draco", packed.buffer_view), lambda: decode_draco(self.document, data, f"{where}/bufferView")
+        )
+        attributes: dict[str, Array] = {}
         for semantic, unique_id in packed.attributes.items():
             at = f"{where}/attributes/{semantic}"
             if semantic not in primitive.attributes:
@@ -222,12 +252,13 @@ class MeshReader:
                 raise self.document.error(f"decodes to {array.shape}, the accessor says {expected}", at)
             if not np.all(np.isfinite(array)):
                 raise self.document.error("decodes to NaN or infinity", at)
-            out[semantic] = array.astype(self.accessors.dtype(accessor))
+            attributes[semantic] = array.astype(self.accessors.dtype(accessor))
         if primitive.indices is not None:
             declared = self.accessors.get(primitive.indices, f"{pointer}/indices").count
             if declared != faces.size:
                 self.document.note(f"Draco data holds {faces.size} indices, the accessor says {declared}", pointer)
-        return out
+        key = (packed.buffer_view, tuple(sorted(packed.attributes.items())))
+        return DracoData(key, faces.reshape(-1), attributes)
 
 
 def _rgba(colors: Array | None) -> Array | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from taubench_gl import math3d
@@ -14,6 +16,9 @@ from taubench_gl.scene.model import Mesh, Nodes, Skin
 Array = np.ndarray
 QUATERNION_TOLERANCE = 0.00769  # on the length, as the Khronos validator has it: a step of a normalized byte
 MATRIX_TOLERANCE = 1e-3  # on the cosine between columns
+MAX_DEPTH = 2000
+"""Levels of nodes.  World matrices are composed level by level, so absurd depth would cost absurd time."""
+
 INSTANCING, VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
 
 
@@ -31,7 +36,12 @@ def parents(document: Document) -> Array:
             parent[child] = i
     # With one parent each, the nodes that no walk down from a root reaches are those of the loops.
     unseen = np.ones(len(nodes), dtype=bool)
-    unseen[_reach(nodes, np.flatnonzero(parent < 0).tolist())] = False
+    level, depth = np.flatnonzero(parent < 0).tolist(), 0
+    while level:
+        unseen[level] = False
+        level, depth = [child for i in level for child in nodes[i].children or []], depth + 1
+        if level and depth >= MAX_DEPTH:
+            raise document.error(f"lies more than {MAX_DEPTH} levels below its root", f"/nodes/{level[0]}")
     if np.any(unseen):
         raise document.error("is its own ancestor", f"/nodes/{int(np.argmax(unseen))}")
     return parent
@@ -119,6 +129,7 @@ def read_nodes(
         visible=np.ones(n, dtype=bool),
         in_scene=in_scene,
     )
+    shared: dict[tuple[tuple[str, int], ...], Array] = {}  # instances, by the accessors they come from
     for i, node in enumerate(nodes):
         pointer = f"/nodes/{i}"
         _transform(document, node, out, i)
@@ -134,9 +145,10 @@ def read_nodes(
             out.visible[i] = visibility.visible
         instancing = document.extension(node, INSTANCING, schema.Instancing, pointer)
         if instancing is not None:
-            out.instances[i] = _instances(
-                document, accessors, instancing, f"{pointer}/extensions/{INSTANCING}/attributes"
-            )
+            where, key = f"{pointer}/extensions/{INSTANCING}/attributes", tuple(sorted(instancing.attributes.items()))
+            if key not in shared:
+                shared[key] = _instances(document, accessors, instancing, where)
+            out.instances[i] = shared[key]
     for array in (out.parent, out.translation, out.rotation, out.scale, out.matrix, out.has_matrix, out.mesh, out.skin,
                   out.camera, out.light, out.visible, out.in_scene):  # fmt: skip
         array.flags.writeable = False
@@ -159,7 +171,7 @@ def _transform(document: Document, node: schema.Node, out: Nodes, i: int) -> Non
     if node.translation is not None:
         out.translation[i] = node.translation
     if node.rotation is not None:
-        length = float(np.linalg.norm(node.rotation))
+        length = math.hypot(*node.rotation)
         if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
             raise document.error(f"quaternion has length {length:.6g}, must be 1", f"{pointer}/rotation")
         out.rotation[i] = node.rotation

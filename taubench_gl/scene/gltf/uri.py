@@ -13,15 +13,17 @@ from taubench_gl.scene.gltf.document import Document
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]*:")
 
 
-def read_uri(document: Document, uri: str, pointer: str, media_types: tuple[str, ...]) -> tuple[bytes, bool]:
-    """Bytes behind ``uri`` and whether they come from a file of their own.  Raises SceneError."""
+def read_uri(document: Document, uri: str, pointer: str, media_types: tuple[str, ...]) -> bytes:
+    """Bytes behind ``uri``; a file is read once however often it is named.  Raises SceneError."""
     if uri[:5].lower() == "data:":
-        return _data_uri(document, uri, pointer, media_types), False
+        return _data_uri(document, uri, pointer, media_types)
     path = resolve(document, uri, pointer)
-    try:
-        return path.read_bytes(), True
-    except OSError as e:
-        raise document.error(f"{_short(uri)} cannot be read: {e.strerror}", pointer) from None
+    if path not in document.external:
+        try:
+            document.external[path] = path.read_bytes()
+        except OSError as e:
+            raise document.error(f"{_short(uri)} cannot be read: {e.strerror}", pointer) from None
+    return document.external[path]
 
 
 def resolve(document: Document, uri: str, pointer: str) -> Path:

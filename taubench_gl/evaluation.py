@@ -18,13 +18,13 @@ from taubench_gl.animation import CameraTrack, OrbitCamera, Poser, View, choose_
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, FEATURES, SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
-from taubench_gl.effects.decide import as_summary, decide
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.passes.masks import MaskPass
-from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.sources import RasterSource, Source
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.metrics.cuts import detect_cuts
@@ -34,11 +34,8 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
-MEASURED = ("frustum", "position", "normal")
 STILL_ORBIT_SECONDS = 2.0
 """A still scene without a camera is seen from the framing orbit for this long; with a camera it has one frame."""
-
-_UNMEASURED = "light is not simulated yet"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +45,7 @@ class Pair:
     frame: int
     row: dict[str, Any]
     view: View
-    _renderer: Renderer
+    source: Source
     _masks: MaskPass
 
     def mask(self) -> np.ndarray:
@@ -58,14 +55,6 @@ class Pair:
     def motion(self) -> np.ndarray:
         """Previous - current, pixels, +x right, +y down.  (h, w, 2) float32; 0 where behind."""
         return read_channel(self._masks.motion, "motion")
-
-    def channel(self, name: str, *, previous: bool = False) -> np.ndarray:
-        """A channel of the current or previous frame, (h, w, components), row 0 at the top."""
-        return self._renderer.read(name, previous=previous)
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        return self._renderer.channels
 
 
 def evaluate_scene(
@@ -120,55 +109,20 @@ def _run(
     extra: tuple[str, ...],
 ) -> Run:
     gpu = open_gpu(settings.backend, settings.device)
-    effects = decide(scene, settings)
-    motion = "motion" if effects["previous_pose"].on else "camera"
-    needed = ("position", "normal") + (("prev_position",) if motion == "motion" else ())
-    size = (settings.width, settings.height)
-    thresholds = {f: settings.threshold(f) for f in FEATURES}
-    stats = SequenceStats(MEASURED, {c: _UNMEASURED for c in COLUMNS if c not in MEASURED})
-    rows: list[dict[str, Any]] = []
     with gpu:
-        timer = PassTimer(gpu)
-        poser = Poser(scene)
-        renderer = Renderer(
-            gpu, scene, camera, size, {*needed, *extra}, culling=settings.culling, timer=timer, poser=poser
-        )
-        seen = on_pair is not None
-        masks = MaskPass(
-            gpu, renderer.shaders, size, reprojection=motion, sampling=settings.sampling, write_mask=seen, write_motion=seen
-        )
+        timer, poser = PassTimer(gpu), Poser(scene)
+        source = RasterSource(gpu, scene, camera, settings, extra=extra, timer=timer, poser=poser)
         try:
-            views: list[View] = []
-            for done, frame in enumerate(frames):
-                started = time.perf_counter()
-                moment, before = frame / settings.fps, (frame - 1) / settings.fps
-                view = renderer.view(moment)[1]
-                renderer.draw(moment, before)
-                views.append(view)
-                if done == 0:
-                    continue
-                with timer.measure("masks"):
-                    pair = reprojection(view, views[-2], *size)
-                    masks.run(pair, thresholds, renderer.history.current.textures, renderer.history.previous.textures)
-                    counts = stats.add(masks.read())
-                row = {"frame": frame, "time_s": moment, **counts, **_camera_row(views[-2:])}
-                rows.append(row)
-                if writer is not None:
-                    writer.write_row(row)
-                if on_pair is not None:
-                    on_pair(Pair(frame, row, view, renderer, masks))
-                if progress is not None:
-                    progress(Progress(scene.name, done, len(frames) - 1, time.perf_counter() - started))
+            rows, views, stats = count_pairs(
+                gpu, source, frames, settings, scene.name, timer, writer, progress, on_pair
+            )
             gpu.check("evaluation")
-            summary = _summary(scene, camera, frames, settings, views, stats, poser, effects)
-            summary["timing"] = {"clock": timer.clock, "unit": "ms", "passes": timer.median_ms()}
-            summary["memory"] = {"gpu_bytes": renderer.bytes}
-            summary["provenance"] = provenance(gpu, timer.clock)
+            summary = _summary(scene, camera, frames, settings, views, stats, poser) | source.describe()
         finally:
-            masks.release()
-            renderer.release()
-            renderer.shaders.release()
+            source.release()
             gpu.collect()
+        summary["timing"] = {"clock": timer.clock, "unit": "ms", "passes": timer.median_ms()}
+        summary["provenance"] = provenance(gpu, timer.clock)
     _mark_cuts(rows, summary)
     if writer is not None:
         writer.rewrite_rows(rows)
@@ -176,8 +130,66 @@ def _run(
     return Run(summary, rows, None if writer is None else writer.out)
 
 
-def _summary(scene, camera, frames, settings, views, stats, poser, effects) -> dict[str, Any]:
-    """summary.json of SPEC section 6 (provenance and timing are added by the caller)."""
+def count_pairs(
+    gpu: Gpu,
+    source: Source,
+    frames: range,
+    settings: Settings,
+    name: str,
+    timer: PassTimer,
+    writer: RunWriter | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    on_pair: Callable[[Pair], None] | None = None,
+) -> tuple[list[dict[str, Any]], list[View], SequenceStats]:
+    """Masks and counts of every pair of a source: rows of frames.csv, views of all frames, sums over all pairs."""
+    thresholds = {f: settings.threshold(f) for f in FEATURES}
+    stats = SequenceStats(tuple(c for c in COLUMNS if c not in source.unmeasured), dict(source.unmeasured))
+    shaders = ShaderCache(gpu.ctx)
+    masks = MaskPass(
+        gpu,
+        shaders,
+        source.size,
+        reprojection=source.reprojection,
+        sampling=settings.sampling,
+        radiance=source.radiance,
+        write_mask=on_pair is not None,
+        write_motion=on_pair is not None,
+    )
+    rows: list[dict[str, Any]] = []
+    views: list[View] = []
+    try:
+        for done, frame in enumerate(frames):
+            started = time.perf_counter()
+            views.append(source.advance(frame))
+            if done == 0:
+                continue
+            with timer.measure("masks"):
+                pair = reprojection(views[-1], views[-2], *source.size)
+                masks.run(pair, thresholds, source.current, source.previous)
+                counts = stats.add(masks.read())
+            rows.append({"frame": frame, "time_s": frame / settings.fps, **counts, **_camera_row(views[-2:])})
+            if writer is not None:
+                writer.write_row(rows[-1])
+            if on_pair is not None:
+                on_pair(Pair(frame, rows[-1], views[-1], source, masks))
+            if progress is not None:
+                progress(Progress(name, done, len(frames) - 1, time.perf_counter() - started))
+    finally:
+        masks.release()
+        shaders.release()
+    return rows, views, stats
+
+
+def _summary(
+    scene: Scene,
+    camera: CameraTrack,
+    frames: range,
+    settings: Settings,
+    views: list[View],
+    stats: SequenceStats,
+    poser: Poser,
+) -> dict[str, Any]:
+    """summary.json of SPEC section 6 (effects, timing and provenance are added by the caller)."""
     positions = np.array([v.position for v in views]).reshape(-1, 3)
     rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
     activity = camera_activity(positions, rotations)
@@ -202,15 +214,12 @@ def _summary(scene, camera, frames, settings, views, stats, poser, effects) -> d
         "discard": stats.discard(cuts),
         "classes": stats.classes(),
         "curves": stats.curves(),
-        "effects": as_summary(effects),
         "notes": notes,
     }
 
 
 def _camera_row(views: list[View]) -> dict[str, Any]:
-    activity = camera_activity(
-        np.array([v.position for v in views]), np.array([v.world_from_view for v in views])
-    )
+    activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
     return {
         "translation_m": float(activity.position[0]),
         "yaw_deg": float(activity.yaw[0]),
@@ -235,4 +244,6 @@ def _draws_anything(scene: Scene) -> bool:
 def _what_is_in(scene: Scene) -> str:
     if len(scene.mesh_nodes):
         return "its meshes hold only points or lines"
-    return f"it has {len(scene.nodes)} nodes, {len(scene.cameras)} cameras, {len(scene.lights)} lights and no mesh in use"
+    return (
+        f"it has {len(scene.nodes)} nodes, {len(scene.cameras)} cameras, {len(scene.lights)} lights and no mesh in use"
+    )

@@ -1,0 +1,44 @@
+// glTF 2.0 metallic-roughness (appendix B of the specification), per lobe.  Twin: metrics.brdf
+//
+// Every function returns brdf * cos(theta_l) for unit vectors n, v, l.  ``specular`` scales the dielectric lobe
+// (KHR_materials_specular): F0 = 0.04 specular, F90 = specular; 0 is a pure Lambert surface.
+#include "common/affine.glsl"
+
+const float PI = 3.14159265358979;
+
+struct Surface {
+    vec3 base_color;
+    float metallic;
+    float alpha; // perceptual roughness squared
+    float specular;
+    vec3 n;
+    vec3 v; // towards the camera
+};
+
+struct Lobes {
+    vec3 diffuse;
+    vec3 glossy;
+};
+
+// Below this roughness a highlight is thinner than a pixel and only adds noise between frames.
+const float MIN_ALPHA = 1e-3;
+
+Lobes evaluate_brdf(Surface s, vec3 l) {
+    Lobes r = Lobes(vec3(0.0), vec3(0.0));
+    float n_l = dot(s.n, l);
+    if (n_l <= 0.0) return r;
+    float n_v = max(dot(s.n, s.v), 1e-4);
+    vec3 h = safe_normalize(l + s.v);
+    float n_h = clamp(dot(s.n, h), 0.0, 1.0), v_h = clamp(dot(s.v, h), 0.0, 1.0);
+    float schlick = pow(1.0 - v_h, 5.0);
+    float a2 = s.alpha * s.alpha;
+    float f = n_h * n_h * (a2 - 1.0) + 1.0;
+    float d = a2 / (PI * f * f);
+    float vis = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - a2) + a2) + n_v * sqrt(n_l * n_l * (1.0 - a2) + a2));
+    float lobe = d * vis;
+    float dielectric_f = s.specular * (0.04 + 0.96 * schlick);
+    vec3 metal_f = s.base_color + (1.0 - s.base_color) * schlick;
+    r.diffuse = (1.0 - s.metallic) * (1.0 - dielectric_f) * s.base_color / PI * n_l;
+    r.glossy = ((1.0 - s.metallic) * dielectric_f + s.metallic * metal_f) * lobe * n_l;
+    return r;
+}

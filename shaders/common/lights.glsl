@@ -1,0 +1,34 @@
+// Punctual lights (KHR_lights_punctual): candela and lux, 1/d^2 with range window and spot falloff.
+// Twin: metrics.lighting.incident
+const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0;
+
+struct Incident {
+    vec3 l; // unit, towards the light
+    vec3 radiance; // irradiance on a surface that faces the light
+};
+
+// p: relative to the camera, world axes.
+Incident incident(LightRecord light, vec3 p) {
+    Incident r;
+    r.radiance = light.color.rgb;
+    float kind = light.direction.w;
+    if (kind == KIND_DIRECTIONAL) {
+        r.l = -light.direction.xyz;
+        return r;
+    }
+    vec3 to_light = light.position.xyz - p;
+    // A light on the surface itself must not divide by 0: nearer than MIN_LIGHT_DISTANCE counts as that far.
+    float d2 = max(dot(to_light, to_light), MIN_LIGHT_DISTANCE * MIN_LIGHT_DISTANCE);
+    r.l = safe_normalize(to_light);
+    r.radiance /= d2;
+    float range = light.position.w;
+    if (range > 0.0) { // 0: unlimited
+        float x = d2 / (range * range);
+        r.radiance *= clamp(1.0 - x * x, 0.0, 1.0);
+    }
+    if (kind == KIND_SPOT) {
+        float cone = clamp(dot(light.direction.xyz, -r.l) * light.spot.x + light.spot.y, 0.0, 1.0);
+        r.radiance *= cone * cone;
+    }
+    return r;
+}

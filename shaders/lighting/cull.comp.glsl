@@ -1,0 +1,73 @@
+// Per-tile light lists with a bounded error: a light is left out of a tile only while the sum of the upper bounds of all
+// lights left out there stays under P.light_error (radiance, before exposure).
+//
+// Bound of one light in one tile: its irradiance at the tile's nearest point times the largest brdf * cos the tile's
+// materials can have, 1/pi + 1 / (2 pi alpha^3) (Lambert plus the GGX peak with its visibility term at its largest).
+// Reads    position, material.   Writes   tile_counts, tile_lists.   Twin   metrics.light_bounds (tests)
+#include "common/affine.glsl"
+#include "common/brdf.glsl"
+#include "common/lights.glsl"
+
+layout(local_size_x = 8) in;
+
+layout(std430, binding = 0) readonly buffer Parameters { LightingRecord P; };
+layout(std430, binding = 1) readonly buffer Lights { LightRecord lights[]; };
+layout(std430, binding = 2) writeonly buffer TileCounts { uint tile_counts[]; };
+layout(std430, binding = 3) writeonly buffer TileLists { uint tile_lists[]; };
+
+uniform sampler2D position;
+uniform sampler2D material;
+
+const int BINS = 40; // powers of two of the bound, the last one 2^7 and above
+const int LOWEST = -32;
+
+float bound(LightRecord light, vec3 low, vec3 high, float brdf) {
+    float peak = max(light.color.r, max(light.color.g, light.color.b)) * brdf;
+    if (light.direction.w == KIND_DIRECTIONAL) return peak;
+    vec3 nearest = clamp(light.position.xyz, low, high) - light.position.xyz;
+    float d2 = max(dot(nearest, nearest), MIN_LIGHT_DISTANCE * MIN_LIGHT_DISTANCE);
+    float range = light.position.w;
+    if (range > 0.0) {
+        float x = d2 / (range * range);
+        peak *= clamp(1.0 - x * x, 0.0, 1.0);
+    }
+    return peak / d2;
+}
+
+int bin_of(float b) { return clamp(int(ceil(log2(b))) - LOWEST, 0, BINS - 1); }
+
+void main() {
+    uint tile = gl_GlobalInvocationID.x;
+    if (tile >= uint(P.tiles)) return;
+    ivec2 first = ivec2(int(tile) % P.size.z, int(tile) / P.size.z) * TILE;
+    ivec2 last = min(first + TILE, P.size.xy);
+    vec3 low = vec3(3.0e38), high = vec3(-3.0e38);
+    float alpha = 1.0;
+    for (int y = first.y; y < last.y; ++y)
+        for (int x = first.x; x < last.x; ++x) {
+            vec4 p = texelFetch(position, ivec2(x, y), 0);
+            if (!(p.w > 0.0)) continue;
+            vec4 m = texelFetch(material, ivec2(x, y), 0);
+            low = min(low, p.xyz);
+            high = max(high, p.xyz);
+            if (m.w > 0.0 || m.x > 0.0) alpha = min(alpha, max(m.y * m.y, MIN_ALPHA));
+        }
+    uint kept = 0u, base = tile * uint(P.size.w);
+    if (low.x <= high.x) {
+        float brdf = 1.0 / PI + 1.0 / (2.0 * PI * alpha * alpha * alpha);
+        float sums[BINS];
+        for (int b = 0; b < BINS; ++b) sums[b] = 0.0;
+        for (int i = 0; i < P.size.w; ++i) {
+            float b = bound(lights[i], low, high, brdf);
+            if (b > 0.0) sums[bin_of(b)] += b;
+        }
+        int cut = 0; // bins below ``cut`` are left out
+        float left_out = 0.0;
+        while (cut < BINS && left_out + sums[cut] <= P.light_error) left_out += sums[cut++];
+        for (int i = 0; i < P.size.w; ++i) {
+            float b = bound(lights[i], low, high, brdf);
+            if (b > 0.0 && bin_of(b) >= cut) tile_lists[base + kept++] = uint(i);
+        }
+    }
+    tile_counts[tile] = kept;
+}

@@ -1,0 +1,95 @@
+// Direct radiance: what every punctual light and the uniform sky give the visible point, scattered once to the camera.
+//
+// Paper    section 3.2, f_dir: the direct radiance whose change is thresholded.
+// Reads    position normal geometric_normal base_color material, light table, shadow atlas, per-tile light lists.
+// Writes   direct (diffuse + glossy), and each lobe on request.
+// Twin     metrics.brdf, metrics.lighting
+// Departs  The sky's own occlusion is not simulated: its light is that of an unoccluded point.
+#include "common/affine.glsl"
+#include "common/brdf.glsl"
+#include "common/lights.glsl"
+#if SHADOWS
+#include "common/shadow.glsl"
+#endif
+
+layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
+
+layout(std430, binding = 0) readonly buffer Parameters { LightingRecord P; };
+layout(std430, binding = 1) readonly buffer Lights { LightRecord lights[]; };
+#if TILED
+layout(std430, binding = 2) readonly buffer TileCounts { uint tile_counts[]; };
+layout(std430, binding = 3) readonly buffer TileLists { uint tile_lists[]; };
+#endif
+
+uniform sampler2D position;
+uniform sampler2D normal;
+uniform sampler2D geometric_normal;
+uniform sampler2D base_color;
+uniform sampler2D material;
+layout(rgba32f, binding = 0) writeonly uniform image2D direct_out;
+#if SPLIT_LOBES
+layout(rgba32f, binding = 1) writeonly uniform image2D direct_diffuse_out;
+layout(rgba32f, binding = 2) writeonly uniform image2D direct_glossy_out;
+#endif
+
+// Directional albedo of the glossy lobe under a uniform sky (Karis 2014's fit of the split sum).
+float environment_brdf(float f0, float f90, float roughness, float n_v) {
+    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+    float a004 = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
+    vec2 ab = vec2(-1.04, 1.04) * a004 + r.zw;
+    return f0 * ab.x + f90 * ab.y;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, P.size.xy))) return;
+    vec4 p = texelFetch(position, pixel, 0);
+    vec4 m = texelFetch(material, pixel, 0);
+    vec3 diffuse = vec3(0.0), glossy = vec3(0.0);
+    if (p.w > 0.0 && m.w >= 0.0) { // a surface, and not unlit
+        Surface s;
+        s.base_color = texelFetch(base_color, pixel, 0).rgb;
+        s.metallic = m.x;
+        s.alpha = max(m.y * m.y, MIN_ALPHA);
+        s.specular = m.w;
+        s.n = texelFetch(normal, pixel, 0).xyz;
+        s.v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p.xyz);
+        vec3 g = texelFetch(geometric_normal, pixel, 0).xyz;
+#if TILED
+        uint tile = uint(pixel.y / TILE) * uint(P.size.z) + uint(pixel.x / TILE);
+        uint count = tile_counts[tile];
+#else
+        uint count = uint(P.size.w);
+#endif
+        for (uint i = 0u; i < count; ++i) {
+#if TILED
+            LightRecord light = lights[tile_lists[tile * uint(P.size.w) + i]];
+#else
+            LightRecord light = lights[i];
+#endif
+            Incident in_light = incident(light, p.xyz);
+            // Behind the triangle nothing arrives, whatever the interpolated normal says.
+            if (dot(g, in_light.l) <= 0.0) continue;
+            Lobes lobes = evaluate_brdf(s, in_light.l);
+            vec3 radiance = in_light.radiance;
+#if SHADOWS
+            if (radiance.r + radiance.g + radiance.b > 0.0) radiance *= visibility(light, p.xyz, g);
+#endif
+            diffuse += lobes.diffuse * radiance;
+            glossy += lobes.glossy * radiance;
+        }
+#if SKY
+        float n_v = max(dot(s.n, s.v), 1e-4);
+        float dielectric = environment_brdf(0.04 * s.specular, s.specular, m.y, n_v);
+        diffuse += (1.0 - s.metallic) * (1.0 - dielectric) * s.base_color * P.sky.rgb;
+        vec3 metal;
+        for (int c = 0; c < 3; ++c) metal[c] = environment_brdf(s.base_color[c], 1.0, m.y, n_v);
+        glossy += ((1.0 - s.metallic) * dielectric + s.metallic * metal) * P.sky.rgb;
+#endif
+    }
+    imageStore(direct_out, pixel, vec4(diffuse + glossy, 1.0));
+#if SPLIT_LOBES
+    imageStore(direct_diffuse_out, pixel, vec4(diffuse, 1.0));
+    imageStore(direct_glossy_out, pixel, vec4(glossy, 1.0));
+#endif
+}

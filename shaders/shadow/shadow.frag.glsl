@@ -1,0 +1,22 @@
+// Shadow pass, fragments: depth alone, less what an alpha mask cuts out.
+#include "common/material.glsl"
+
+in vec3 pos_rel;
+flat in uvec4 ids;
+#if COLORS
+in vec4 vertex_color;
+#endif
+
+void main() {
+#if ALPHA_TEST
+    MaterialRecord m = materials[ids.y];
+    float alpha = m.base_color.a;
+#if BASE_COLOR_MAP
+    alpha *= sample_map(base_color_map, m, SLOT_BASE_COLOR).a;
+#endif
+#if COLORS
+    alpha *= vertex_color.a;
+#endif
+    if (alpha < m.alpha_cutoff.x) discard;
+#endif
+}

@@ -1,0 +1,127 @@
+"""``taubench_gl.evaluate``: the main job as a person means it, with pictures, tables and plots beside the numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import FEATURE_BIT, Reason
+from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.evaluation import Pair, evaluate_scene
+from taubench_gl.report import save_mask_picture, write_report
+from taubench_gl.run import Progress, Run
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+SAVES = ("masks", "channels")
+SAVED_CHANNELS = ("position", "normal", "geometric_normal", "base_color", "material", "emission", "ids")
+_GEOMETRY_REASONS = (Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING)
+_LIGHT_REASONS = {"direct": (Reason.LIT, Reason.SHADOWED)}
+
+
+def evaluate(
+    scene: Scene | str | Path,
+    settings: Settings | None = None,
+    *,
+    out: str | Path | None = None,
+    save: Collection[str] = (),
+    progress: Callable[[Progress], None] | None = None,
+    **overrides: Any,
+) -> Run:
+    """Evaluate the frame pairs of ``scene`` (a Scene, or the path of a scene file) and return the Run.
+
+    ``overrides`` are fields of ``Settings``, such as ``width=640, height=360, reprojection="motion"``.  ``out`` is the
+    folder that receives summary.json, frames.csv, tables, plots and a picture of the most discarded frame's mask.
+    ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  Raises TaubenchError.
+
+    >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
+    """
+    try:
+        settings = Settings(**overrides) if settings is None else _replace(settings, overrides)
+    except TypeError as error:
+        raise SettingsError(str(error), hint="see taubench_gl.Settings") from None
+    unknown = set(save) - set(SAVES)
+    if unknown:
+        raise SettingsError(f"cannot save {', '.join(sorted(unknown))}", hint=f"choose from {', '.join(SAVES)}")
+    if out is None:
+        if save:
+            raise SettingsError("nowhere to save to", hint="give out, a folder")
+        return evaluate_scene(scene, settings, progress=progress)
+    saver = _Saver(Path(out), frozenset(save))
+    extra = SAVED_CHANNELS if "channels" in save else ()
+    run = evaluate_scene(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
+    saver.finish(run)
+    write_report(run.summary, run.frames, Path(out))
+    return run
+
+
+def _replace(settings: Settings, overrides: dict[str, Any]) -> Settings:
+    import dataclasses
+
+    return dataclasses.replace(settings, **overrides) if overrides else settings
+
+
+class _Saver:
+    """Keeps the most discarded pair seen so far and writes what ``save`` asks for."""
+
+    def __init__(self, out: Path, save: frozenset[str]):
+        self._out, self._save = out, save
+        self._worst: tuple[int, int, np.ndarray, np.ndarray] | None = None
+        self._measured: set[str] = set()
+
+    def __call__(self, pair: Pair) -> None:
+        self._measured = {name for name in FEATURE_BIT if pair.row[name] is not None}
+        discarded = sum(pair.row[name] or 0 for name in ("frustum", *FEATURE_BIT))
+        if self._worst is None or discarded > self._worst[0]:
+            self._worst = (discarded, pair.frame, pair.mask(), shaded(pair))
+        try:
+            if "masks" in self._save:
+                self._save_masks(pair)
+            if "channels" in self._save:
+                self._save_channels(pair)
+        except OSError as error:
+            raise OutputError(f"cannot be written: {error.strerror}", where=str(self._out)) from None
+
+    def _save_masks(self, pair: Pair) -> None:
+        folder = self._out / "masks"
+        folder.mkdir(exist_ok=True)
+        mask = pair.mask()
+        np.savez_compressed(folder / f"mask_{pair.frame:05d}.npz", mask=mask.astype(np.uint16))
+        title = f"frame {pair.frame}"
+        save_mask_picture(folder / f"mask_{pair.frame:05d}.png", mask, shaded(pair), self._reasons(), title)
+
+    def _save_channels(self, pair: Pair) -> None:
+        folder = self._out / "channels"
+        folder.mkdir(exist_ok=True)
+        arrays = {name: pair.source.read(name) for name in pair.source.channels}
+        arrays |= {"motion": pair.motion(), "mask": pair.mask(), "camera_position": pair.view.position}
+        arrays["world_from_view"] = pair.view.world_from_view
+        np.savez_compressed(folder / f"channels_{pair.frame:05d}.npz", **arrays)
+
+    def _reasons(self) -> tuple[Reason, ...]:
+        features = tuple(FEATURE_BIT[n] for n in FEATURE_BIT if n in self._measured and n not in ("position",))
+        light = tuple(r for name, reasons in _LIGHT_REASONS.items() if name in self._measured for r in reasons)
+        return (*_GEOMETRY_REASONS, *(f for f in features if f is not Reason.DIRECT), *light)
+
+    def finish(self, run: Run) -> None:
+        """Write the picture of the most discarded pair."""
+        if self._worst is None or run.out is None:
+            return
+        _, frame, mask, base = self._worst
+        title = f"{run.summary['scene']['name']}: most discarded pair, frames {frame - 1} and {frame}"
+        save_mask_picture(run.out / "mask.png", mask, base, self._reasons(), title)
+
+
+def shaded(pair: Pair) -> np.ndarray:
+    """A picture to lay masks over, (h, w, 3) in [0, 1]: the frame's colour where it was simulated, else a headlight."""
+    if "color" in pair.source.channels:
+        return pair.source.read("color")[..., :3]
+    position, normal = pair.source.read("position"), pair.source.read("normal")[..., :3]
+    ray = position[..., :3]
+    length = np.linalg.norm(ray, axis=-1)
+    facing = np.abs(np.sum(normal * ray, axis=-1)) / np.where(length > 0, length, 1.0)
+    grey = np.where(position[..., 3] > 0, 0.25 + 0.75 * facing, 0.0)
+    return np.repeat(grey[..., None], 3, axis=-1)

@@ -1,0 +1,171 @@
+"""Direct light and colour: per-tile light lists, the lighting pass, and tone mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import View
+from taubench_gl.frame.lights import LIGHT
+from taubench_gl.frame.passes.shadows import ShadowPass
+from taubench_gl.frame.shadow_faces import FACE
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
+from taubench_gl.settings import TONE_MAPS, Settings
+
+LIGHTING = Struct(
+    "LightingRecord",
+    Field("sky", "vec4", "xyz: uniform sky radiance, linear"),
+    Field("parallel_view", "vec4", "xyz: unit, towards a parallel camera; w: 1 if the camera is parallel"),
+    Field("size", "ivec4", "xy: pixels, z: tiles in a row, w: lights"),
+    Field("tiles", "int", "tiles in all"),
+    Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, before exposure"),
+    Field("exposure", "float", "factor on radiance before tone mapping"),
+)
+TILE = 16
+TILED_FROM = 17
+"""Lights from which on per-tile lists pay: below, every pixel asks every light."""
+
+SHADOW_BIAS = 0.5
+"""In texels of the map, along the light: what is left for curved and creased surfaces, planes need none."""
+
+
+def lighting_preamble() -> str:
+    return "\n".join(
+        (
+            LIGHTING.glsl,
+            LIGHT.glsl,
+            FACE.glsl,
+            f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};",
+            f"const float SHADOW_BIAS = {SHADOW_BIAS};",
+            f"const int TILE = {TILE};",
+        )
+    )
+
+
+class LightingPass:
+    """Writes ``direct`` (and its lobes, if asked) of the current frame."""
+
+    def __init__(
+        self,
+        gpu: Gpu,
+        shaders: ShaderCache,
+        size: tuple[int, int],
+        light_count: int,
+        settings: Settings,
+        *,
+        shadows: bool,
+        split: bool = False,
+    ):
+        self._gpu, self._size, self._settings, self._count = gpu, size, settings, light_count
+        self._tiled = light_count >= TILED_FROM
+        self._group = (32, 1) if gpu.software else (8, 8)
+        self._split, self._shadows = split, shadows
+        self._sky = any(settings.sky)
+        preamble = lighting_preamble()
+        group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
+        defines = {"SHADOWS": shadows, "TILED": self._tiled, "SPLIT_LOBES": split, "SKY": self._sky, **group}
+        defines["SHADOW_TAPS"] = 4 if settings.shadow_filter == "bilinear" else 1
+        self._program = shaders.compute("lighting/lighting.comp.glsl", defines, preamble)
+        tiles_x, tiles_y = -(-size[0] // TILE), -(-size[1] // TILE)
+        self._tiles = (tiles_x, tiles_x * tiles_y)
+        ctx = gpu.ctx
+        self.parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
+        self._lights = ctx.buffer(reserve=max(light_count, 1) * LIGHT.dtype.itemsize, dynamic=True)
+        self._cull = self._tile_counts = self._tile_lists = None
+        if self._tiled:
+            self._cull = shaders.compute("lighting/cull.comp.glsl", {}, preamble)
+            self._tile_counts = ctx.buffer(reserve=4 * self._tiles[1])
+            self._tile_lists = ctx.buffer(reserve=4 * self._tiles[1] * light_count)
+
+    @property
+    def bytes(self) -> int:
+        """GPU memory of the light lists, bytes."""
+        return 0 if self._tile_lists is None else self._tile_lists.size + self._tile_counts.size
+
+    def run(
+        self,
+        view: View,
+        light_rows: np.ndarray,
+        textures: Mapping[str, moderngl.Texture],
+        shadow: ShadowPass | None,
+    ) -> None:
+        """Light the frame in ``textures``, whose ``direct`` (``direct_diffuse``, ``direct_glossy``) is written."""
+        record = LIGHTING.zeros()
+        record["sky"][:3] = self._settings.sky
+        if view.camera.kind != "perspective":
+            record["parallel_view"] = (*view.world_from_view[:, 2], 1.0)
+        record["size"] = (*self._size, self._tiles[0], self._count)
+        record["tiles"] = self._tiles[1]
+        record["light_error"], record["exposure"] = self._settings.light_error, self._settings.exposure
+        self.parameters.write(record.tobytes())
+        self._lights.write(light_rows.tobytes())
+        self.parameters.bind_to_storage_buffer(0)
+        self._lights.bind_to_storage_buffer(1)
+        inputs = ("position", "normal", "geometric_normal", "base_color", "material")
+        for unit, name in enumerate(inputs):
+            textures[name].use(unit)
+        if self._cull is not None:
+            self._tile_counts.bind_to_storage_buffer(2)
+            self._tile_lists.bind_to_storage_buffer(3)
+            self._cull["position"], self._cull["material"] = 0, 4
+            self._cull.run(-(-self._tiles[1] // 8))
+            self._gpu.ctx.memory_barrier()
+        for unit, name in enumerate(inputs):
+            if name in self._program:
+                self._program[name] = unit
+        if self._shadows:
+            shadow.atlas.use(5)
+            shadow.buffer.bind_to_storage_buffer(5)
+            self._program["shadow_atlas"] = 5
+        outputs = ("direct", "direct_diffuse", "direct_glossy") if self._split else ("direct",)
+        for unit, name in enumerate(outputs):
+            textures[name].bind_to_image(unit, read=False, write=True)
+        self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
+        self._gpu.ctx.memory_barrier()
+
+    def tile_counts(self) -> np.ndarray | None:
+        """Lights kept per tile, (tiles_y, tiles_x) uint32, row 0 at the bottom; None without culling."""
+        if self._tile_counts is None:
+            return None
+        return np.frombuffer(self._tile_counts.read(), np.uint32).reshape(-1, self._tiles[0])
+
+    def release(self) -> None:
+        for buffer in (self.parameters, self._lights, self._tile_counts, self._tile_lists):
+            if buffer is not None:
+                buffer.release()
+
+
+class ColorPass:
+    """Writes ``color``: direct + indirect + emission, exposed, tone-mapped, sRGB-encoded."""
+
+    def __init__(
+        self, gpu: Gpu, shaders: ShaderCache, size: tuple[int, int], settings: Settings, inputs: tuple[str, ...]
+    ):
+        self._gpu, self._size = gpu, size
+        self._group = (32, 1) if gpu.software else (8, 8)
+        self._inputs = ("position", "direct", *inputs)
+        self._program = shaders.compute(
+            "color/color.comp.glsl",
+            {
+                "HAS_INDIRECT": "indirect" in inputs,
+                "HAS_EMISSION": "emission" in inputs,
+                "TONE_MAP": TONE_MAPS.index(settings.tone_map),
+                "GROUP_X": self._group[0],
+                "GROUP_Y": self._group[1],
+            },
+            LIGHTING.glsl,
+        )
+
+    def run(self, parameters: moderngl.Buffer, textures: Mapping[str, moderngl.Texture]) -> None:
+        parameters.bind_to_storage_buffer(0)
+        for unit, name in enumerate(self._inputs):
+            textures[name].use(unit)
+            self._program[name] = unit
+        textures["color"].bind_to_image(0, read=False, write=True)
+        self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
+        self._gpu.ctx.memory_barrier()

@@ -1,0 +1,132 @@
+"""Shadow faces: where each shadow map looks, and where in the atlas it lies.  NumPy only.
+
+Faces are placed relative to their light and aligned with the world, never with the camera: a face whose light and
+casters stand still keeps its texels, so a moving camera sees no shimmering shadow edges (shimmer is counted as change).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.math3d import normalize
+from taubench_gl.scene.model import Light
+
+Array = np.ndarray
+
+FACE = Struct(
+    "ShadowFace",
+    Field("origin", "vec4", "xyz: light, relative to the current camera, metres; w: 1 parallel, 0 perspective"),
+    Field("right", "vec4", "xyz: world axis over half extent (or tan of half the angle); w: atlas x, texels"),
+    Field("up", "vec4", "likewise; w: atlas y, texels"),
+    Field("forward", "vec4", "xyz: unit world axis; w: near (perspective) or depth range (parallel), metres"),
+    Field("extent", "vec4", "x: resolution, texels; y: world size of a texel at distance 1 (or anywhere, parallel)"),
+)
+_CUBE = (  # forward, up of the faces +x -x +y -y +z -z
+    ((1, 0, 0), (0, 1, 0)),
+    ((-1, 0, 0), (0, 1, 0)),
+    ((0, 1, 0), (0, 0, 1)),
+    ((0, -1, 0), (0, 0, 1)),
+    ((0, 0, 1), (0, 1, 0)),
+    ((0, 0, -1), (0, 1, 0)),
+)
+NEAR_FRACTION = 1e-4
+"""Near plane of a point or spot light's map, as a fraction of the scene's radius; nothing nearer casts a shadow."""
+
+CONE_MARGIN = 1.02
+"""A spot's map is this much wider than its cone, so that filter taps at the rim still see casters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """One map of one light, in world space."""
+
+    light: int  # row of the light table
+    parallel: bool
+    origin: Array  # (3,) world
+    right: Array  # (3,) unit
+    up: Array  # (3,) unit
+    forward: Array  # (3,) unit
+    half: float  # tan of half the angle, or half extent in metres
+    near: float  # near plane, or depth range of a parallel map
+    resolution: int
+
+    @property
+    def key(self) -> bytes:
+        """Equal for faces that see the same volume the same way."""
+        return np.concatenate([self.origin, self.right, self.up, self.forward, [self.half, self.near]]).tobytes()
+
+    def clip_from_relative(self, camera: Array) -> Array:
+        """(4, 4) float64, reversed Z in [0, 1] <- world axes relative to ``camera`` (3,)."""
+        rows = np.stack([self.right / self.half, self.up / self.half, self.forward])
+        offset = rows @ (np.asarray(camera) - self.origin)
+        out = np.zeros((4, 4))
+        out[0, :3], out[0, 3] = rows[0], offset[0]
+        out[1, :3], out[1, 3] = rows[1], offset[1]
+        if self.parallel:
+            out[2, :3], out[2, 3] = -rows[2] / self.near, 1.0 - offset[2] / self.near
+            out[3, 3] = 1.0
+        else:
+            out[2, 3] = self.near
+            out[3, :3], out[3, 3] = rows[2], offset[2]
+        return out
+
+    def sees(self, centers: Array, radii: Array) -> Array:
+        """Which spheres (K, 3) world, (K,) can cast into this map.  (K,) bool, conservative."""
+        q = centers - self.origin
+        x, y, z = q @ self.right, q @ self.up, q @ self.forward
+        if self.parallel:
+            return (np.abs(x) <= self.half + radii) & (np.abs(y) <= self.half + radii)
+        slack = radii * np.hypot(1.0, self.half)  # distance to a slanted side plane, measured along the axis
+        reach = z * self.half
+        return (z + radii > 0) & (np.abs(x) <= reach + slack) & (np.abs(y) <= reach + slack)
+
+
+def light_faces(
+    row: int, light: Light, position: Array, direction: Array, bounds: tuple[Array, float], resolution: int
+) -> list[Face]:
+    """The faces a light needs: six for a point, one for a spot or directional.
+
+    ``bounds``: centre (3,) and radius of everything that casts or receives, world.
+    """
+    center, radius = bounds
+    near = max(NEAR_FRACTION * radius, 1e-6)
+    if light.kind == "point":
+        faces = []
+        for forward, up in _CUBE:
+            f, u = np.array(forward, float), np.array(up, float)
+            faces.append(Face(row, False, position, np.cross(f, u), u, f, 1.0, near, resolution))
+        return faces
+    right, up = _frame(direction)
+    if light.kind == "spot":
+        half = np.tan(min(light.outer_cone, np.radians(80.0))) * CONE_MARGIN
+        return [Face(row, False, position, right, up, direction, half, near, resolution)]
+    # Directional: the whole scene in one map, snapped to nothing, because neither the scene nor the light moves with
+    # the camera.  The map's depth runs from the sphere's near side to its far side.
+    origin = center - direction * radius
+    return [Face(row, True, origin, right, up, direction, radius, 2.0 * radius, resolution)]
+
+
+def _frame(forward: Array) -> tuple[Array, Array]:
+    """Two unit axes across ``forward``, a pure function of it."""
+    helper = np.array([0.0, 1.0, 0.0]) if abs(forward[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    right = normalize(np.cross(forward, helper))
+    return right, np.cross(right, forward)
+
+
+def pack(faces: list[Face]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """Shelf packing, largest first: atlas offsets of each face, and the atlas's size in texels."""
+    if not faces:
+        return [], (1, 1)
+    width = max(max(f.resolution for f in faces), 8192 if len(faces) > 16 else 4096)
+    offsets: list[tuple[int, int]] = [(0, 0)] * len(faces)
+    x = y = shelf = 0
+    for i in sorted(range(len(faces)), key=lambda i: -faces[i].resolution):
+        size = faces[i].resolution
+        if x + size > width:
+            x, y, shelf = 0, y + shelf, 0
+        offsets[i] = (x, y)
+        x, shelf = x + size, max(shelf, size)
+    return offsets, (width, y + shelf)

@@ -1,0 +1,101 @@
+"""Sources of Channels: whatever gives the frames of a sequence, one after another, as textures of known meaning.
+
+The rasterizer is one source, path-traced files are another; one mask implementation judges both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.effects.decide import as_summary, decide
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+
+class Source(Protocol):
+    """What an evaluation asks of a sequence.  ``advance`` is called for every frame in order."""
+
+    size: tuple[int, int]
+    reprojection: str  # the mode this source can serve: camera | motion
+    radiance: tuple[str, ...]  # of direct, indirect, color: those it has
+    unmeasured: Mapping[str, str]  # column -> why it is null
+
+    def advance(self, frame: int) -> View:
+        """Make ``frame`` current and what was current history; the frame's view."""
+
+    @property
+    def current(self) -> Mapping[str, moderngl.Texture]: ...
+
+    @property
+    def previous(self) -> Mapping[str, moderngl.Texture]: ...
+
+    def read(self, name: str, *, previous: bool = False) -> np.ndarray:
+        """A channel as (h, w, components), row 0 at the top."""
+
+    def describe(self) -> dict[str, Any]:
+        """What only this source can say of itself: summary blocks ``effects``, ``memory``."""
+
+    def release(self) -> None: ...
+
+
+class RasterSource:
+    """Frames of a Scene, rasterized."""
+
+    def __init__(
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        camera: CameraTrack,
+        settings: Settings,
+        *,
+        extra: tuple[str, ...] = (),
+        timer: PassTimer | None = None,
+        poser: Poser | None = None,
+    ):
+        self.size = (settings.width, settings.height)
+        self._fps = settings.fps
+        self.effects = decide(scene, settings)
+        # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
+        self.reprojection = "motion" if self.effects["previous_pose"].on else "camera"
+        self.radiance: tuple[str, ...] = ()
+        self.unmeasured = {c: self.effects[c].reason for c in COLUMNS if c in self.effects and not self.effects[c].on}
+        channels = {"position", "normal", *extra} | ({"prev_position"} if self.reprojection == "motion" else set())
+        self.renderer = Renderer(
+            gpu, scene, camera, self.size, channels, culling=settings.culling, timer=timer, poser=poser
+        )
+
+    def advance(self, frame: int) -> View:
+        moment = frame / self._fps
+        self.renderer.draw(moment, (frame - 1) / self._fps)
+        return self.renderer.current_view
+
+    @property
+    def current(self) -> Mapping[str, moderngl.Texture]:
+        return self.renderer.history.current.textures
+
+    @property
+    def previous(self) -> Mapping[str, moderngl.Texture]:
+        return self.renderer.history.previous.textures
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        return self.renderer.channels
+
+    def read(self, name: str, *, previous: bool = False) -> np.ndarray:
+        return self.renderer.read(name, previous=previous)
+
+    def describe(self) -> dict[str, Any]:
+        return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": self.renderer.bytes}}
+
+    def release(self) -> None:
+        self.renderer.release()
+        self.renderer.shaders.release()

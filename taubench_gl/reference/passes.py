@@ -1,0 +1,160 @@
+"""Planes of a file -> the quantities the masks compare, in our axes, units and signs (SPEC section 5)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taubench_gl.errors import TruthError
+from taubench_gl.reference.exr import ExrImage
+from taubench_gl.reference.mapping import BOUNCES, LOBES, ChannelIndex, PassMap
+
+Array = np.ndarray
+_NEEDED_LOBES = LOBES[:3]  # a file without volume passes has no volume; without glossy passes it has half a picture
+
+
+@dataclass(frozen=True, slots=True)
+class TruthFrame:
+    """One path-traced frame.  Row 0 is the top; glTF axes (+Y up), metres; None where the file has no such pass.
+
+    NaN marks pixels outside the data window.  Radiance is linear; ``motion`` previous - current, pixels, +y down.
+    """
+
+    size: tuple[int, int]
+    sky: Array  # (h, w) bool, no surface
+    normal: Array | None  # (h, w, 3) float32, unit, world
+    position: Array | None  # (h, w, 3) float32, world, as rendered
+    depth: Array | None  # (h, w) float32, planar or distance as ``depth_kind`` says
+    depth_kind: str
+    prev_position: Array | None  # (h, w, 3) float32, world
+    motion: Array | None  # (h, w, 2) float32
+    combined: Array | None  # (h, w, 3) float32
+    emission: Array | None
+    environment: Array | None
+    radiance: Mapping[str, Array]  # direct, indirect; (h, w, 3) float32
+    lobes: Mapping[str, Array]  # "diffuse_direct", ... those that were asked for
+    missing: Mapping[str, str] = field(default_factory=dict)  # column -> which pass would give it
+    color_encoded: bool = False  # combined is display-encoded already
+
+
+def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()) -> TruthFrame:
+    """Quantities of one file.  ``lobes``: those of LOBES to give apart as well.
+
+    Raises TruthError where neither position nor depth says what is seen.
+    """
+    mapping = index.mapping
+
+    def take(name: str) -> Array | None:
+        if name not in index:
+            return None
+        return np.stack([image.plane(channel) for channel in index.channels(name)], axis=-1)
+
+    position, normal, depth = take("position"), take("normal"), take("depth")
+    if position is None and depth is None:
+        names = f"{mapping.file_name('position')} and {mapping.file_name('depth')}"
+        raise TruthError(
+            f"has neither of the passes {names}",
+            where=str(image.path),
+            hint=f"switch them on in the renderer, or give --mapping; it has {_listed(image.names)}",
+        )
+    depth = None if depth is None else depth[..., 0]
+    sky = find_sky(position, normal, depth, mapping.background_depth)
+    radiance, apart, missing = _light(index, take, lobes)
+    for column, name in (("normal", "normal"), ("color", "combined")):
+        if name not in index:
+            missing[column] = _needs([name], mapping)
+    prev = take("prev_position")
+    return TruthFrame(
+        size=image.size,
+        sky=sky,
+        normal=None if normal is None else unit(to_y_up(normal, mapping.up)),
+        position=None if position is None else to_y_up(position, mapping.up),
+        depth=depth,
+        depth_kind=mapping.depth,
+        prev_position=None if prev is None else to_y_up(prev, mapping.up),
+        motion=_motion(take("motion"), mapping, image.size),
+        combined=take("combined"),
+        emission=take("emission"),
+        environment=take("environment"),
+        radiance=radiance,
+        lobes=apart,
+        missing=missing,
+        color_encoded=mapping.color == "encoded",
+    )
+
+
+def find_sky(position: Array | None, normal: Array | None, depth: Array | None, background: float) -> Array:
+    """Pixels without a surface.  (h, w) bool.
+
+    With a depth pass: depth 0, infinite, or at or beyond ``background`` (Cycles writes 1e10).  Without: position and
+    normal (where there is one) exactly 0.  NaN is no sky but invalid.
+    """
+    if depth is not None:
+        return (depth >= background) | (depth == 0)
+    zero = np.all(position == 0, axis=-1)
+    return zero if normal is None else zero & np.all(normal == 0, axis=-1)
+
+
+def to_y_up(vectors: Array, up: str) -> Array:
+    """Blender's (x, y, z), +Z up -> glTF's (x, z, -y), +Y up.  (..., 3) -> (..., 3)."""
+    if up == "y":
+        return vectors
+    return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
+
+
+def unit(normals: Array) -> Array:
+    """Unit vectors; Cycles averages normals over the pixel, which shortens them.  Zero stays zero, NaN stays NaN."""
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    return normals / np.where(length > 0, length, 1).astype(normals.dtype)
+
+
+def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Array | None:
+    if motion is None:
+        return None
+    factor = np.ones(2, dtype=np.float32)
+    if mapping.motion_unit == "uv":
+        factor *= size
+    if mapping.motion_direction == "current-previous":
+        factor *= -1
+    if mapping.motion_y == "up":
+        factor[1] *= -1
+    return motion * factor + np.float32(0)  # + 0: no negative zeros
+
+
+def _light(index: ChannelIndex, take, lobes: Collection[str]) -> tuple[dict, dict, dict]:
+    """direct and indirect: sum over lobes of Direct x Color (volume has no colour); the lobes asked for, apart."""
+    radiance, apart, missing = {}, {}, {}
+    colors = {lobe: take(f"{lobe}_color") for lobe in _NEEDED_LOBES}
+    for bounce in BOUNCES:
+        whole = take(bounce)
+        lacking = [n for lobe in _NEEDED_LOBES for n in (f"{lobe}_{bounce}", f"{lobe}_color") if n not in index]
+        total = None
+        for lobe in LOBES:
+            light, color = take(f"{lobe}_{bounce}"), colors.get(lobe)
+            if light is None or (lobe in colors and color is None):
+                continue
+            scattered = light if color is None else light * color
+            if lobe in lobes:
+                apart[f"{lobe}_{bounce}"] = scattered
+            if whole is None and not lacking:
+                total = scattered.copy() if total is None else np.add(total, scattered, out=total)
+        if whole is not None or total is not None:
+            radiance[bounce] = whole if whole is not None else total
+        else:
+            missing[bounce] = _needs(lacking, index.mapping)
+        for lobe in lobes:
+            if f"{lobe}_{bounce}" not in apart:
+                wanted = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in _NEEDED_LOBES else [])
+                missing[f"{lobe}_{bounce}"] = _needs([n for n in wanted if n not in index], index.mapping)
+    return radiance, apart, missing
+
+
+def _needs(names: list[str], mapping: PassMap) -> str:
+    listed = ", ".join(mapping.file_name(n) for n in dict.fromkeys(names))
+    return f"the files lack the {'passes' if len(set(names)) > 1 else 'pass'} {listed}"
+
+
+def _listed(names: Collection[str], most: int = 8) -> str:
+    return ", ".join(list(names)[:most]) + (", ..." if len(names) > most else "")

@@ -1,0 +1,248 @@
+"""Runs the real pipeline on the small scenes of the cases, and hands out every array a case may want to judge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, View, choose_camera
+from taubench_gl.animation import pairs as pairing
+from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.frame.passes.masks import Counts, MaskPass
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.counts import counts_of
+from taubench_gl.metrics.reprojection import Reprojection
+from taubench_gl.scene.model import Camera, Scene
+
+Array = np.ndarray
+Size = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class PairImages:
+    """One pair as arrays, row 0 at the top.  ``current`` and ``history`` hold channels (h, w, n) by name."""
+
+    mask: Array  # (h, w) uint32 reason words
+    motion: Array  # (h, w, 2) float32 previous - current, pixels, +x right, +y down; 0 where behind
+    counts: Mapping[str, int]
+    counted: Counts
+    pair: Reprojection
+    current: Mapping[str, Array]
+    history: Mapping[str, Array]
+    view: View | None = None
+    previous_view: View | None = None
+
+    @property
+    def surface(self) -> Array:
+        """(h, w) bool: pixels that show a surface now."""
+        return self.current["position"][..., 3] > 0
+
+    def has(self, bits: int) -> Array:
+        """(h, w) bool: pixels that carry any of ``bits``."""
+        return (self.mask & np.uint32(bits)) != 0
+
+
+class Bench:
+    """A GL context, a size and a shader cache shared by all cases: nothing is compiled twice."""
+
+    def __init__(self, gpu: Gpu, size: Size = (96, 64)):
+        self.gpu, self.size = gpu, size
+        self.shaders = ShaderCache(gpu.ctx)
+        limits = gpu.ctx.info
+        self.subpixel = 2.0 ** -int(limits.get("GL_SUBPIXEL_BITS") or 4)
+        """Pixels between the places to which the rasterizer snaps vertices (GL 4.5 section 14.6 asks for 1/16)."""
+
+    def pair(
+        self,
+        scene: Scene,
+        times: tuple[float, float] = (0.0, 1.0),
+        *,
+        camera: CameraTrack | None = None,
+        reprojection: str = "camera",
+        sampling: str = "nearest",
+        thresholds: Mapping[str, float] | None = None,
+        unit_scale: float = 1.0,
+        extra: Sequence[str] = (),
+        size: Size | None = None,
+    ) -> PairImages:
+        """Draw the frames at ``times`` (previous, current), compare them, read everything back."""
+        size = size or self.size
+        names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
+        camera = camera or choose_camera(scene)
+        renderer = Renderer(self.gpu, scene, camera, size, names, shaders=self.shaders)
+        masks = self._masks(size, reprojection, sampling)
+        before, now = times
+        try:
+            renderer.draw(before, before)
+            previous_view = renderer.current_view
+            renderer.draw(now, before)
+            view = renderer.current_view
+            pair = pairing.reprojection(view, previous_view, *size)
+            masks.run(
+                pair,
+                limits(thresholds, unit_scale),
+                renderer.history.current.textures,
+                renderer.history.previous.textures,
+            )
+            current = {n: renderer.read(n) for n in renderer.channels}
+            history = {n: renderer.read(n, previous=True) for n in renderer.channels}
+            return _images(masks, pair, current, history, view, previous_view)
+        finally:
+            masks.release()
+            renderer.release()
+
+    def frame(
+        self,
+        scene: Scene,
+        time: float = 0.0,
+        *,
+        camera: CameraTrack | None = None,
+        extra: Sequence[str] = (),
+        culling: str = "gltf",
+        size: Size | None = None,
+    ) -> tuple[dict[str, Array], View]:
+        """Channels of one frame and its view."""
+        size, camera = size or self.size, camera or choose_camera(scene)
+        names = {"position", "normal", *extra}
+        renderer = Renderer(self.gpu, scene, camera, size, names, culling=culling, shaders=self.shaders)
+        try:
+            renderer.draw(time, time)
+            return {n: renderer.read(n) for n in renderer.channels}, renderer.current_view
+        finally:
+            renderer.release()
+
+    def compare(
+        self,
+        current: Mapping[str, Array],
+        history: Mapping[str, Array],
+        pair: Reprojection | None = None,
+        *,
+        thresholds: Mapping[str, float] | None = None,
+        sampling: str = "nearest",
+        reprojection: str = "camera",
+        declared: int = 0,
+        dtype: str = "f4",
+    ) -> PairImages:
+        """Feed arrays (h, w, n) straight to the mask pass, stored as ``dtype`` (f4 or f2).
+
+        What is missing of ``position`` and ``normal`` is a still wall 1 m away; radiance is compared where given.
+        """
+        radiance = tuple(n for n in ("direct", "indirect", "color") if n in current)
+        given = next(iter(current.values()), None)
+        width, height = self.size if given is None else given.shape[1::-1]
+        pair = pair or still_pair((width, height))
+        wall = self.wall((width, height))
+        current, history = {**wall, **current}, {**wall, **history}
+        now = {n: self._texture(v, dtype) for n, v in current.items()}
+        then = {n: self._texture(v, dtype) for n, v in history.items()}
+        masks = self._masks((width, height), reprojection, sampling, radiance)
+        try:
+            masks.run(pair, limits(thresholds), now, then, declared)
+            return _images(masks, pair, current, history)
+        finally:
+            masks.release()
+            for texture in (*now.values(), *then.values()):
+                texture.release()
+
+    def wall(self, size: Size) -> dict[str, Array]:
+        """Position and normal of a wall 1 m before the camera of ``still_pair``."""
+        position = np.ones((size[1], size[0], 4))
+        position[..., :3] = rays(size, Camera())
+        normal = np.zeros((size[1], size[0], 3))
+        normal[..., 2] = 1.0
+        return {"position": position, "normal": normal}
+
+    def release(self) -> None:
+        self.shaders.release()
+        self.gpu.collect()
+
+    def _masks(self, size: Size, reprojection: str, sampling: str, radiance: tuple[str, ...] = ()) -> MaskPass:
+        return MaskPass(
+            self.gpu,
+            self.shaders,
+            size,
+            reprojection=reprojection,
+            sampling=sampling,
+            radiance=radiance,
+            write_mask=True,
+            write_motion=True,
+        )
+
+    def _texture(self, values: Array, dtype: str):
+        height, width = values.shape[:2]
+        full = np.zeros((height, width, 4), dtype={"f4": np.float32, "f2": np.float16}[dtype])
+        with np.errstate(over="ignore"):  # 1e8 in half floats is Inf: that is what some cases are about
+            full[..., : values.shape[-1]] = values[::-1]
+        texture = self.gpu.ctx.texture((width, height), 4, full.tobytes(), dtype=dtype)
+        texture.filter = (0x2600, 0x2600)  # NEAREST
+        return texture
+
+
+def limits(thresholds: Mapping[str, float] | None, unit_scale: float = 1.0) -> dict[str, float]:
+    """a_B of every feature: the defaults with ``thresholds`` put in; position times ``unit_scale``."""
+    out = dict.fromkeys(FEATURES, DEFAULT_THRESHOLD) | dict(thresholds or {})
+    out["position"] *= unit_scale
+    return out
+
+
+def rays(size: Size, camera: Camera) -> Array:
+    """Points on the plane z = -1 seen by the pixel centres of a perspective camera.  (h, w, 3) float64, view space.
+
+    Written from the definition of ``yfov``, not from the projection matrix: cases use it as an independent opinion.
+    """
+    width, height = size
+    tangent = np.tan(0.5 * camera.yfov)
+    x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * tangent * width / height
+    y = (1.0 - 2.0 * (np.arange(height) + 0.5) / height) * tangent
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    return np.concatenate([grid, np.full((height, width, 1), -1.0)], axis=-1)
+
+
+def to_pixels(points: Array, size: Size, camera: Camera) -> Array:
+    """Pixel-index coordinates (x, row) of view-space points before a perspective camera.  (..., 3) -> (..., 2)."""
+    width, height = size
+    tangent = np.tan(0.5 * camera.yfov)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = points[..., 0] / -points[..., 2] / (tangent * width / height)
+        y = points[..., 1] / -points[..., 2] / tangent
+    return np.stack([0.5 * (x + 1.0) * width - 0.5, 0.5 * (1.0 - y) * height - 0.5], axis=-1)
+
+
+def pixel_grid(size: Size) -> Array:
+    """Pixel-index coordinates (x, row) of every pixel.  (h, w, 2) float64."""
+    return np.stack(np.meshgrid(np.arange(size[0], dtype=float), np.arange(size[1], dtype=float)), axis=-1)
+
+
+def still_pair(size: Size, camera: Camera | None = None) -> Reprojection:
+    """A camera at the origin that looks along -Z and does not move."""
+    view = View(np.zeros(3), np.eye(3), camera or Camera())
+    return pairing.reprojection(view, view, *size)
+
+
+class MovingCamera:
+    """A camera whose view is any function of time: for views that no node hierarchy gives."""
+
+    name = "moving camera"
+
+    def __init__(self, view_of: Callable[[float], View]):
+        self._view_of = view_of
+
+    def describe(self) -> str:
+        return self.name
+
+    def view_at(self, state) -> View:
+        return self._view_of(state.time)
+
+
+def _images(masks: MaskPass, pair: Reprojection, current, history, view=None, previous_view=None) -> PairImages:
+    counted = masks.read()
+    mask = read_channel(masks.mask, "mask")[..., 0]
+    motion = read_channel(masks.motion, "motion")
+    return PairImages(
+        mask, motion, counts_of(counted.combos), counted, pair, current, history, view, previous_view
+    )

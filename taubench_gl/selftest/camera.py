@@ -1,0 +1,202 @@
+"""Cases: how far the camera turned and moved (Eqs. 1 and 2), cuts, and what the node of a camera may do to it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.metrics import activity as act
+from taubench_gl.metrics import cuts as cutting
+from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, field, scalar, worst
+from taubench_gl.selftest.scenes import SceneBuilder, box, turn, turn_x, turn_y
+
+Array = np.ndarray
+
+
+def _rotations(*quaternions: Array) -> Array:
+    return math3d.mat3_from_quat(np.array(quaternions))
+
+
+def _activity(*quaternions: Array) -> act.Activity:
+    return act.camera_activity(np.zeros((len(quaternions), 3)), _rotations(*quaternions))
+
+
+@case(
+    "angle-wrap",
+    what="yaw from 359 to 1 degree in one frame",
+    elsewhere="the difference of the angles is 358 degrees",
+    here="differences are wrapped to (-180, 180] before their absolute value is taken",
+    tolerance=1e-12,
+    source="float64: 32 ulps of an angle near 360 degrees",
+)
+def angle_wrap(bench: Bench) -> Outcome:
+    return scalar(2.0, _activity(turn_y(359.0), turn_y(1.0)).yaw[0], Naive("|359 - 1|", 358.0, 356.0))
+
+
+@case(
+    "pitch-through-90",
+    what="a camera that pitches from 85 to 95 degrees in steps of 1, through straight up: total yaw and roll",
+    elsewhere="yaw and roll each jump by 180 degrees at the pole",
+    here="in the gimbal zone roll is held and the branch nearest the previous frame is taken; the pair is flagged",
+    tolerance=1e-9,
+    source="float64: atan2 of a cosine of 0.017 to 1e-16, ten times",
+)
+def pitch_through_90(bench: Bench) -> Outcome:
+    rotations = _rotations(*(turn_x(p) for p in np.arange(85.0, 96.0)))
+    measured = act.camera_activity(np.zeros((11, 3)), rotations)
+    moved = float(np.sum(measured.yaw + measured.roll))
+    angles = np.degrees(act.euler_yxz(rotations))
+    naive = float(np.abs(np.diff(angles, axis=0))[:, [0, 2]].sum())
+    off = worst(measured.pitch - 1.0)
+    outcome = scalar(0.0, moved, Naive("difference of Euler angles", naive, naive))
+    return outcome if off < 1e-9 else Outcome(1.0, f"pitch is off by {off:.3g}", off)
+
+
+@case(
+    "still-at-the-pole",
+    what="a still camera that looks straight down",
+    elsewhere="atan2(0, 0) of rounding noise gives any yaw it likes",
+    here="equal rotations turn by exactly 0, in the gimbal zone too",
+    source="exact: the same rotation twice",
+)
+def still_at_the_pole(bench: Bench) -> Outcome:
+    q = math3d.quat_multiply(turn_y(31.0), turn_x(-90.0))
+    a = _activity(q, q, q)
+    return field("0 degrees", np.concatenate([a.yaw, a.pitch, a.roll, a.angle]))
+
+
+@case(
+    "tiny-rotation",
+    what="a camera that turns by 1e-5 degrees a frame: relative error of the geodesic angle",
+    elsewhere="2 acos(q1 . q2): the dot product is 1 to the last bit, so the angle is 0 or 10 % off",
+    here="4 atan2(|q1 - q2|, |q1 + q2|) in float64",
+    tolerance=1e-8,
+    source="float64: an angle of 1.7e-7 from unit numbers of 1.1e-16, and the matrix between them",
+)
+def tiny_rotation(bench: Bench) -> Outcome:
+    step = 1e-5
+    quaternions = [turn_y(33.0 + i * step) for i in range(8)]
+    measured = _activity(*quaternions).angle
+    off = max(difference(step, a, relative=True) for a in measured)
+    dots = [min(abs(float(a @ b)), 1.0) for a, b in zip(quaternions, quaternions[1:])]
+    naive = [2.0 * np.degrees(np.arccos(d)) for d in dots]
+    naive_off = max(difference(step, a, relative=True) for a in naive)
+    return Outcome(step, float(measured[0]), off, Naive("2 acos(q1 . q2)", naive[0], naive_off))
+
+
+@case(
+    "half-turn-angle",
+    what="a turn of exactly 180 degrees about a skew axis",
+    elsewhere="acos of a trace just below -1 is NaN; the quaternion's w is 0 and its sign is noise",
+    here="quaternions on one hemisphere, atan2 of chords",
+    tolerance=1e-12,
+    source="float64: 32 ulps of 180",
+)
+def half_turn_angle(bench: Bench) -> Outcome:
+    return scalar(180.0, _activity(turn_y(0.0), turn((1.0, 2.0, 3.0), 180.0)).angle[0])
+
+
+@case(
+    "tiny-step-far-away",
+    what="a camera 1e6 m from the origin that moves by 2^-20 m a frame (Eq. 1)",
+    elsewhere="float32 positions have a step of 6 cm there: the camera stands still, then jumps",
+    here="camera positions are float64 up to the difference",
+    source="exact: dyadic numbers within 53 bits",
+)
+def tiny_step(bench: Bench) -> Outcome:
+    step = 2.0**-20
+    positions = np.array([(1e6 + i * step, 1e6, -1e6) for i in range(5)])
+    measured = act.translation(positions)
+    with32 = act.translation(positions.astype(np.float32).astype(np.float64))
+    naive = Naive("float32 positions", float(with32[0]), worst(with32 - step))
+    return Outcome(step, float(measured[0]), worst(measured - step), naive)
+
+
+@case(
+    "underflowing-step",
+    what="a step of (3, 4, 0) times 1e-170 m",
+    elsewhere="the squares underflow and the step is 0",
+    here="scaled by its largest component before squaring",
+    tolerance=1e-15,
+    source="relative; float64: 4 ulps",
+)
+def underflowing_step(bench: Bench) -> Outcome:
+    step = np.array([[0.0, 0.0, 0.0], [3e-170, 4e-170, 0.0]])
+    squared = float(np.sqrt(np.sum(step[1] ** 2)))
+    naive = Naive("sqrt(x^2 + y^2 + z^2)", squared, difference(5e-170, squared, relative=True))
+    return scalar(5e-170, act.translation(step)[0], naive, relative=True)
+
+
+@case(
+    "teleport",
+    what="a head-worn camera of small steps that jumps by 7.163 m once (the paper's VR row): which pairs are cuts?",
+    elsewhere="a fixed limit takes a running camera for cuts, or the jump for motion; a mean is spoilt by it",
+    here="a documented rule against the medians around each pair; every figure is given with and without cuts",
+    source="exact: the list of pairs",
+)
+def teleport(bench: Bench) -> Outcome:
+    frames, jump = 120, 71
+    t = np.arange(frames)
+    positions = np.stack([0.02 * np.sin(0.3 * t), 1.7 + 0.01 * np.sin(0.9 * t), 0.03 * np.cos(0.2 * t)], axis=-1)
+    positions[jump:] += [7.163, 0.0, 0.0]
+    rotations = _rotations(*(turn_y(8.0 * np.sin(0.2 * i)) for i in t))
+    found = np.flatnonzero(cutting.detect_cuts(act.camera_activity(positions, rotations))) + 1
+    wrong = set(found.tolist()) ^ {jump}
+    return Outcome(str([jump]), str(found.tolist()), float(len(wrong)))
+
+
+@case(
+    "running-is-not-a-cut",
+    what="a game camera with the paper's fastest steps (mean 1.9 m, up to 5.5 m a frame): cuts found",
+    elsewhere="every step above a fixed limit of a metre or two is called a cut",
+    here="a step is compared with the quartile and the medians of the others",
+    source="exact: the number of pairs",
+)
+def running(bench: Bench) -> Outcome:
+    t = np.arange(1, 200)
+    steps = np.clip(1.9 + 1.2 * np.sin(0.37 * t) + 0.9 * np.sin(1.7 * t), 0.1, None)
+    steps[100] = 5.475
+    positions = np.zeros((200, 3))
+    positions[1:, 0] = np.cumsum(steps)
+    found = cutting.detect_cuts(act.camera_activity(positions, np.tile(np.eye(3), (200, 1, 1))))
+    naive = int((steps > 2.0).sum())
+    return count(0, int(found.sum()), Naive("step > 2 m", naive, naive))
+
+
+@case(
+    "scaled-camera-node",
+    what="a camera below nodes with scale (3, 0.5, -2): is its view still a rotation?",
+    elsewhere="the inverse of the node's matrix stretches or mirrors the picture and its angles",
+    here="-Z is kept, +Y as nearly as it can be; scale, shear and mirror are left out of the view",
+    tolerance=1e-14,
+    source="float64: 64 ulps of 1 in R R^T and det R",
+)
+def scaled_camera_node(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box()))
+    parent = b.node(rotation=turn((1.0, 1.0, 0.0), 40.0), scale=(3.0, 0.5, -2.0))
+    b.camera(parent, rotation=turn_y(25.0), scale=(1.0, 4.0, 1.0))
+    scene = b.build()
+    state = Poser(scene).sample(0.0)
+    rotation = choose_camera(scene).view_at(state).world_from_view
+
+    def faults(r: Array) -> Array:
+        return np.append((r @ r.T - np.eye(3)).ravel(), np.linalg.det(r) - 1.0)
+
+    raw = worst(faults(state.world[-1][:3, :3]))
+    return field("a proper rotation", faults(rotation), Naive("the node's own matrix", f"off by {raw:.3g}", raw))
+
+
+@case(
+    "gimbal-flag",
+    what="a pair within 1 degree of straight up is flagged, one at 80 degrees is not",
+    elsewhere="yaw and roll near the pole are printed like any other number",
+    here="flagged pairs are listed; the geodesic angle stands beside them",
+    source="exact: the flags",
+)
+def gimbal_flag(bench: Bench) -> Outcome:
+    flags = _activity(turn_x(80.0), turn_x(81.0), turn_x(89.5), turn_x(89.6)).gimbal
+    expected = [False, True, True]
+    return Outcome(str(expected), str(flags.tolist()), float(np.sum(flags != expected)))

@@ -1,0 +1,400 @@
+"""Cases: what the previous camera cannot have seen, depth at the ends of its range, sky, jitter, the screen's edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.animation import View
+from taubench_gl.animation import pairs as pairing
+from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.scene.model import Camera, Primitive
+from taubench_gl.selftest.bench import Bench, MovingCamera, pixel_grid, rays, still_pair, to_pixels
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn, turn_y
+
+Array = np.ndarray
+RIGHT_ANGLE = np.radians(90.0)
+EXACT = "exact: an unsigned count on the GPU"
+
+
+def _room(**lens) -> tuple[SceneBuilder, int]:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box((4.0, 2.0, 4.0), inside=True)))
+    return b, b.camera(**lens)
+
+
+def _nothing_in_view(b: SceneBuilder) -> None:
+    b.node(translation=(0.0, -500.0, 0.0), mesh=b.mesh(quad()))
+
+
+def _untested(bench: Bench, images) -> Array:
+    """Eq. (3) with a division by whatever w is: outside the screen?  (h, w) bool."""
+    q = images.current["position"][..., :3] + images.pair.camera_delta
+    clip = q @ images.pair.prev_clip_from_prev[:3, :3].T + images.pair.prev_clip_from_prev[:3, 3]
+    w = q @ images.pair.prev_clip_from_prev[3, :3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ndc = clip[..., :2] / w[..., None]
+    size = np.array(bench.size)
+    at = 0.5 * (ndc + 1.0) * size - 0.5
+    return np.any((at < 0) | (at > size - 1), axis=-1)
+
+
+@case(
+    "turn-180",
+    what="camera in a closed room turns by 180 degrees: every point was behind the previous camera",
+    elsewhere="dividing by a negative w mirrors the point back onto the screen, and it counts as reusable",
+    here="previous planar depth <= near is decided before any division: reason BEHIND, counted in frustum",
+    source=EXACT,
+)
+def turn_180(bench: Bench) -> Outcome:
+    b, camera = _room(yfov=np.radians(60.0))
+    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(180.0)])
+    images = bench.pair(b.build())
+    naive = int(_untested(bench, images).sum())
+    bad = int((~np.isfinite(images.motion)).any(axis=-1).sum())
+    pixels = images.mask.size
+    outcome = count(pixels, images.counts["behind"], Naive("w not tested", naive, pixels - naive))
+    return outcome if not bad else Outcome(pixels, f"{bad} pixels of motion are NaN or Inf", float(bad))
+
+
+@case(
+    "turn-180-sky",
+    what="the same turn with nothing but sky in view",
+    elsewhere="sky at a large finite distance passes a w test and projects to the opposite side",
+    here="sky is reprojected as a direction (w = 0) and its depth along the previous view is tested",
+    source=EXACT,
+)
+def turn_180_sky(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    _nothing_in_view(b)
+    camera = b.camera(yfov=np.radians(60.0))
+    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(180.0)])
+    images = bench.pair(b.build())
+    return count(images.mask.size, int((images.mask == (Reason.SKY | Reason.BEHIND)).sum()))
+
+
+def _floor(bench: Bench, backwards: float):
+    """One triangle of floor, 1 m below a camera that moves backwards; its near corners lie behind both cameras."""
+    corners = np.float32([[-50, -1, 30], [50, -1, 30], [0, -1, -100]])
+    floor = Primitive(corners, np.uint32([[0, 1, 2]]), normals=np.tile(np.float32([0, 1, 0]), (3, 1)))
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(floor))
+    camera = b.camera(yfov=RIGHT_ANGLE, znear=0.1, zfar=1000.0)
+    b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (0.0, 0.0, backwards)])
+    images = bench.pair(b.build())
+    ray = rays(bench.size, Camera(yfov=RIGHT_ANGLE))
+    with np.errstate(divide="ignore"):
+        depth = np.where(ray[..., 1] < 0, -1.0 / ray[..., 1], np.inf)
+    with np.errstate(invalid="ignore"):
+        point = ray * depth[..., None] + [0.0, 0.0, backwards]
+    return images, corners, point, images.surface
+
+
+@case(
+    "near-plane-crossing",
+    what="a floor that passes under the camera, which moves backwards by 4 m: part of it was behind the previous camera",
+    elsewhere="points behind the camera come back upside down above the horizon",
+    here="previous planar depth against near, per pixel",
+    source="closed form per pixel in float64; pixels within 0.01 px of an edge of the screen are left out",
+)
+def near_plane_crossing(bench: Bench) -> Outcome:
+    images, _, point, floor = _floor(bench, 4.0)
+    behind = -point[..., 2] <= 0.1
+    at = to_pixels(point, bench.size, Camera(yfov=RIGHT_ANGLE))
+    last = np.array(bench.size) - 1
+    margin = np.abs(np.stack([at, at - last])).min(axis=(0, -1))
+    outside = np.any((at < 0) | (at > last), axis=-1)
+    judged = floor & (behind | (margin > 0.01))
+    right = (images.has(Reason.BEHIND) == behind) & (images.has(FRUSTUM) == (behind | outside))
+    naive = int((judged & (_untested(bench, images) != (behind | outside))).sum())
+    return count(0, int((judged & ~right).sum()), Naive("w not tested: pixels misjudged", naive, naive))
+
+
+@case(
+    "near-crossing-motion",
+    what="motion on that floor, one triangle with two corners behind the previous camera",
+    elsewhere="a vertex shader that divides hands on a previous position whose interpolation is meaningless",
+    here="the position is interpolated; projection and division happen per pixel",
+    tolerance=0.01,
+    source="raster rule: corners are snapped to 1/256 px, half a step each, magnified by the motion",
+)
+def near_crossing_motion(bench: Bench) -> Outcome:
+    images, corners, point, floor = _floor(bench, 4.0)
+    camera = Camera(yfov=RIGHT_ANGLE)
+    shown = floor & (-point[..., 2] > 2.0) & ~images.has(Reason.BEHIND)
+    own = pixel_grid(bench.size)
+    truth = to_pixels(point, bench.size, camera) - own
+    # The plane's affine map from (x, z) to the divided previous position, as interpolation between corners gives it.
+    weights = np.linalg.solve(np.c_[corners[:, [0, 2]], np.ones(3)], to_pixels(corners, bench.size, camera))
+    naive = np.concatenate([point[..., [0, 2]], np.ones((*floor.shape, 1))], axis=-1)[shown] @ weights - own[shown]
+    error = worst(naive - truth[shown])
+    divided = Naive("divided at the vertices", f"off by {error:.3g} px", error)
+    return field("closed form, px", (images.motion - truth)[shown], divided)
+
+
+@case(
+    "w-exactly-zero",
+    what="points exactly in the plane of the previous camera, w = 0",
+    elsewhere="0/0 and x/0 become NaN and Inf; a NaN compares false with every threshold and is 'reused'",
+    here="BEHIND, with motion 0 and nothing divided",
+    source=EXACT,
+)
+def w_exactly_zero(bench: Bench) -> Outcome:
+    wall = bench.wall(bench.size)
+    view = View(np.zeros(3), np.eye(3), Camera())
+    before = View(np.array([0.0, 0.0, -1.0]), np.eye(3), Camera())
+    images = bench.compare({}, wall, pairing.reprojection(view, before, *bench.size))
+    good = images.has(Reason.BEHIND) & (images.motion == 0).all(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        divided = wall["position"][..., :2] / 0.0
+    naive = int(np.isfinite(divided).all(axis=-1).sum())
+    return count(good.size, int(good.sum()), Naive("w not tested: finite pixels", naive, good.size - naive))
+
+
+def _depth_case(name: str, distance: float, znear: float, zfar: float) -> None:
+    @case(
+        name,
+        what=f"near {znear:g}, far {zfar:g}: two walls {distance:g} m away, 2e-6 of that apart, the nearer drawn last",
+        elsewhere="24-bit fixed-point depth puts both on one value and whoever is drawn first wins",
+        here="reversed Z in [0, 1] in a 32-bit float depth texture: the same relative step at every distance",
+        source="2e-6 is 17 float ulps of depth = near / z; " + EXACT,
+    )
+    def depth(bench: Bench) -> Outcome:
+        b = SceneBuilder()
+        camera = Camera(yfov=RIGHT_ANGLE)
+        for far_away in (distance * (1 + 2e-6), distance):
+            half = 1.5 * far_away * bench.size[0] / bench.size[1]
+            b.node(translation=(0.0, 0.0, -far_away), mesh=b.mesh(quad(half, 1.5 * far_away)))
+        b.camera(yfov=camera.yfov, znear=znear, zfar=zfar)
+        frame, _ = bench.frame(b.build(), extra=("ids",))
+        right = int((frame["ids"][..., 0] == 2).sum())
+        standard = [
+            np.round((zfar / (zfar - znear) if np.isfinite(zfar) else 1.0) * (1 - znear / z) * (2**24 - 1))
+            for z in (distance, distance * (1 + 2e-6))
+        ]
+        won = right if standard[0] < standard[1] else 0
+        pixels = frame["ids"][..., 0].size
+        return count(pixels, right, Naive("24-bit standard Z", won, pixels - won))
+
+
+_depth_case("depth-1m", 1.0, 1e-4, 1e6)
+_depth_case("depth-1km", 1e3, 1e-4, 1e6)
+_depth_case("depth-100km", 1e5, 1e-4, 1e6)
+_depth_case("depth-infinite-far", 1e7, 1e-4, np.inf)
+
+
+@case(
+    "far-plane",
+    what="near 1e-4, far 1e6: a wall 0.9999 far away is seen, one at 1.0001 far is not",
+    elsewhere="far / (far - near) rounds to 1 and nothing is ever clipped, or everything is",
+    here="both terms of the reversed matrix are formed in float64",
+    source=EXACT,
+)
+def far_plane(bench: Bench) -> Outcome:
+    seen = []
+    for factor in (0.9999, 1.0001):
+        b = SceneBuilder()
+        b.node(translation=(0.0, 0.0, -1e6 * factor), mesh=b.mesh(quad(5e6, 5e6)))
+        b.camera(yfov=RIGHT_ANGLE, znear=1e-4, zfar=1e6)
+        frame, _ = bench.frame(b.build())
+        seen.append(int((frame["position"][..., 3] > 0).sum()))
+    return count(bench.size[0] * bench.size[1], seen[0] - seen[1])
+
+
+def _grazing(bench: Bench, degrees: float):
+    """A plane 10 m ahead whose normal is ``degrees`` away from the view; (normal, point on it, frame, ray depth)."""
+    b = SceneBuilder()
+    tilt = turn((1.0, 0.0, 0.0), -degrees)
+    b.node(translation=(0.0, 0.0, -10.0), rotation=tilt, mesh=b.mesh(quad(200.0, 200.0)))
+    b.camera(yfov=RIGHT_ANGLE, znear=1e-3, zfar=1e4)
+    frame, _ = bench.frame(b.build())
+    a = np.radians(degrees)
+    normal, anchor = np.array([0.0, np.sin(a), np.cos(a)]), np.array([0.0, 0.0, -10.0])
+    return normal, anchor, frame["position"].astype(np.float64), frame
+
+
+def _grazing_case(name: str, degrees: float) -> None:
+    @case(
+        name,
+        what=f"a plane seen at {degrees:g} degrees from its normal: do the stored points lie on it?",
+        elsewhere="a point kept in half floats or rebuilt from 24-bit depth lies off the plane",
+        here="the interpolated position is stored, float32, relative to the camera",
+        tolerance=1e-6,
+        source="distance to the plane over distance to the camera: 16 float ulps (transform, clipping, interpolation)",
+    )
+    def grazing(bench: Bench) -> Outcome:
+        normal, anchor, position, _ = _grazing(bench, degrees)
+        surface = position[..., 3] > 0
+        points = position[surface][:, :3]
+        off = (points - anchor) @ normal / np.linalg.norm(points, axis=-1)
+        half = points.astype(np.float16).astype(np.float64)
+        naive = worst((half - anchor) @ normal / np.linalg.norm(points, axis=-1))
+        return field(
+            f"{int(surface.sum())} points on the plane", off, Naive("half floats", f"off by {naive:.3g}", naive)
+        )
+
+
+_grazing_case("grazing-80", 80.0)
+_grazing_case("grazing-89", 89.0)
+_grazing_case("grazing-89.9", 89.9)
+
+
+@case(
+    "grazing-own-pixel",
+    what="points of a plane seen at 89.9 degrees, projected by the camera that drew them: each on its own pixel centre",
+    elsewhere="centroid or half-pixel conventions mixed up: everything is off by half a pixel",
+    here="one convention: the centre of pixel i is i",
+    tolerance=1.0 / 64.0,
+    source="raster rule: corners snapped to 1/256 px, and again after clipping; the other half for float rounding",
+)
+def grazing_own_pixel(bench: Bench) -> Outcome:
+    _, _, position, _ = _grazing(bench, 89.9)
+    surface = position[..., 3] > 0
+    at = to_pixels(position[..., :3], bench.size, Camera(yfov=RIGHT_ANGLE))
+    half = Naive("centre of pixel i at i + 0.5", "off by 0.5 px", 0.5)
+    return field("own pixel centre, px", (at - pixel_grid(bench.size))[surface], half)
+
+
+@case(
+    "sky-rotation",
+    what="sky while the camera turns by 7 degrees about a skew axis: motion against the closed form",
+    elsewhere="sky gets no motion at all, so every turn smears it",
+    here="each pixel's view direction, rotated, with w = 0",
+    tolerance=1e-3,
+    source="a thousandth of a pixel; float32 rounding of coordinates up to 100 px is 1e-5 px",
+)
+def sky_rotation(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    _nothing_in_view(b)
+    camera = b.camera(yfov=np.radians(60.0))
+    rotation = turn((1.0, 2.0, 0.5), 7.0)
+    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), rotation])
+    images = bench.pair(b.build())
+    lens = Camera(yfov=np.radians(60.0))
+    then = rays(bench.size, lens) @ math3d.mat3_from_quat(rotation).T
+    truth = to_pixels(then, bench.size, lens) - pixel_grid(bench.size)
+    still = worst(truth)
+    return field("closed form, px", images.motion - truth, Naive("sky does not move", f"off by {still:.3g} px", still))
+
+
+@case(
+    "sky-translation",
+    what="sky while the camera moves by 40 m: it must not move, and nothing of it leaves the screen",
+    elsewhere="sky drawn on a sphere or at the far plane slides along",
+    here="a direction has no position: w = 0 takes the camera's movement out",
+    source="exact: the same direction through the same matrix twice",
+)
+def sky_translation(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    _nothing_in_view(b)
+    camera = b.camera(yfov=np.radians(60.0))
+    b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (40.0, 3.0, -10.0)])
+    images = bench.pair(b.build())
+    lens = Camera(yfov=np.radians(60.0))
+    sphere = rays(bench.size, lens) * 1000.0 + [40.0, 3.0, -10.0]
+    slides = worst(to_pixels(sphere, bench.size, lens) - pixel_grid(bench.size))
+    naive = Naive("sky at 1000 m", f"moves by {slides:.3g} px", slides)
+    discarded = int(images.has(FRUSTUM | Reason.POSITION | Reason.NORMAL).sum())
+    return field("0 px, no discard", np.append(images.motion.ravel(), discarded), naive)
+
+
+@dataclass(frozen=True, slots=True)
+class JitteredView(View):
+    """A view whose picture is shifted by a fraction of a pixel, as temporal antialiasing does."""
+
+    jitter_px: tuple[float, float] = (0.0, 0.0)  # +x right, +y up
+
+    def clip_from_view(self, width: int, height: int) -> Array:
+        out = View.clip_from_view(self, width, height)
+        out[0] += 2.0 * self.jitter_px[0] / width * out[3]
+        out[1] += 2.0 * self.jitter_px[1] / height * out[3]
+        return out
+
+
+@case(
+    "still-jitter",
+    what="a still camera with sub-pixel jitter: motion after the jitter is taken out again",
+    elsewhere="the jitter stays in the motion vectors, and a still picture is resampled for ever",
+    here="motion is the difference of two projections; their jitters differ by a known amount",
+    tolerance=1e-3,
+    source="the bound the project promises; float32 rounding of coordinates up to 100 px is 1e-5 px",
+)
+def still_jitter(bench: Bench) -> Outcome:
+    b, _ = _room()
+    lens = Camera(yfov=np.radians(60.0))
+    jitters = {0.0: (0.375, -0.25), 1.0: (-0.125, 0.4375)}
+    camera = MovingCamera(lambda t: JitteredView(np.array([0.1, 0.2, 1.0]), np.eye(3), lens, jitters[t]))
+    images = bench.pair(b.build(), camera=camera)
+    between = (np.array(jitters[0.0]) - np.array(jitters[1.0])) * [1.0, -1.0]
+    left_in = Naive("jitter left in", f"{worst(between):.3g} px", worst(between))
+    return field("0 px", images.motion - between, left_in)
+
+
+def _cockpit(bench: Bench):
+    b = SceneBuilder()
+    ship = b.node()
+    b.node(ship, mesh=b.mesh(box((4.0, 2.0, 4.0), inside=True, cells=2)))
+    b.camera(ship, translation=(0.3, 0.1, 0.7), rotation=turn((1.0, 3.0, 2.0), 33.0), yfov=np.radians(60.0))
+    b.animate(ship, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (13.7, 2.3, -5.1)])
+    b.animate(ship, "rotation", [0.0, 1.0], [turn_y(10.0), turn((2.0, 1.0, 0.3), 71.0)])
+    return bench.pair(b.build(), reprojection="motion")
+
+
+@case(
+    "screen-edge",
+    what="camera fixed inside a turning ship: everything stands still on screen, edge pixels exactly on Eq. (3)'s limit",
+    elsewhere="rounding of 1e-6 px pushes part of the border outside: 0.1 % to 3 % of a picture, more the smaller it is",
+    here="the outside test has a guard of 1/256 px",
+    source=EXACT + "; rounding is 1000 times smaller than the guard",
+)
+def screen_edge(bench: Bench) -> Outcome:
+    images = _cockpit(bench)
+    at = (pixel_grid(bench.size) + images.motion.astype(np.float64)).astype(np.float32)
+    naive = int(np.any((at < 0) | (at > np.array(bench.size) - 1), axis=-1).sum())
+    return count(0, images.counts["frustum"], Naive("no guard", naive, naive))
+
+
+@case(
+    "screen-edge-motion",
+    what="motion in that ship",
+    elsewhere="positions in world space leave rounding noise of many thousandths of a pixel in a still picture",
+    here="both positions are relative to their own camera, composed in float64",
+    tolerance=1e-3,
+    source="float32: 32 ulps of 60 px",
+)
+def screen_edge_motion(bench: Bench) -> Outcome:
+    return field("0 px", _cockpit(bench).motion)
+
+
+@case(
+    "on-the-near-plane",
+    what="a still wall exactly on the near plane of a turned camera",
+    elsewhere="half of its pixels have depth near - 1 ulp and count as 'behind', although nothing moves",
+    here="the near test has a relative guard of 1e-5",
+    source=EXACT + "; the guard is 80 float ulps",
+)
+def on_the_near_plane(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    camera = b.camera(rotation=turn((1.0, 3.0, 2.0), 33.0), yfov=RIGHT_ANGLE, znear=0.1, zfar=100.0)
+    wall = quad(0.3, 0.2, cells=(12, 8))
+    b.node(camera, translation=(0.0, 0.0, -0.1 * (1 + 1e-7)), mesh=b.mesh(wall))
+    images = bench.pair(b.build())
+    naive = int((images.surface & (images.current["position"][..., 3] <= np.float32(0.1))).sum())
+    none = 0 if images.surface.any() else images.mask.size
+    return count(0, images.counts["frustum"] + none, Naive("no guard", naive, naive))
+
+
+@case(
+    "declared-first-frame",
+    what="a first frame: there is no history at all",
+    elsewhere="history textures hold whatever was in memory, and the first pair is garbage or 'all reused'",
+    here="every pixel is FIRST, a class of its own that takes no part in any feature",
+    source=EXACT,
+)
+def first_frame(bench: Bench) -> Outcome:
+    garbage = {"position": np.full((bench.size[1], bench.size[0], 4), np.nan)}
+    images = bench.compare({}, garbage, still_pair(bench.size), declared=int(Reason.FIRST))
+    return count(images.mask.size, int((images.mask == Reason.FIRST).sum()))

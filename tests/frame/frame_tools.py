@@ -1,0 +1,211 @@
+"""Small scenes made in code, cameras that follow a formula, and one frame pair drawn, masked and read back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import View
+from taubench_gl.animation.pairs import reprojection as pair_matrices
+from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.frame.passes.masks import Counts, MaskPass
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.reprojection import Reprojection
+from taubench_gl.scene.model import Camera, Channel, Image, Material, Mesh, Nodes, Primitive, Scene
+
+Array = np.ndarray
+THRESHOLDS = dict.fromkeys(FEATURES, DEFAULT_THRESHOLD)
+
+
+# ------------------------------------------------------------------------------------------------------------- scenes
+def primitive(positions, triangles, **fields) -> Primitive:
+    triangles = np.array(triangles, dtype=np.uint32).reshape(-1, 3)
+    return Primitive(np.array(positions, dtype=np.float32), triangles, **fields)
+
+
+def quad(origin, u, v, **fields) -> Primitive:
+    """A parallelogram facing u x v with texture coordinates from (0, 0) at the origin to (1, 1)."""
+    origin, u, v = (np.array(x, dtype=float) for x in (origin, u, v))
+    corners = np.array([origin, origin + u, origin + u + v, origin + v])
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)
+    return primitive(corners, [[0, 1, 2], [0, 2, 3]], texcoords=(uv, None), **fields)
+
+
+def room(half: float = 5.0) -> Primitive:
+    """The inside of a cube, facing inwards."""
+    parts = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            u, v = np.roll([1.0, 0, 0], axis + 1), np.roll([1.0, 0, 0], axis + 2)
+            if sign > 0:
+                u, v = v, u
+            normal = np.cross(u, v)
+            parts.append(half * np.array([-normal - u - v, -normal + u - v, -normal + u + v, -normal - u + v]))
+    triangles = [[4 * i + a, 4 * i + b, 4 * i + c] for i in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
+    return primitive(np.concatenate(parts), triangles)
+
+
+def make_scene(
+    *primitives: Primitive,
+    matrices=None,
+    materials: tuple[Material, ...] = (),
+    images: tuple[Image, ...] = (),
+    channels: tuple[Channel, ...] = (),
+    origin=(0.0, 0.0, 0.0),
+) -> Scene:
+    """A root node at ``origin`` and one child per primitive, placed by ``matrices`` or by animated T, R, S."""
+    count = len(primitives) + 1
+    none = np.full(count, -1, dtype=np.int32)
+    matrix = np.tile(np.eye(4), (count, 1, 1))
+    if matrices is not None:
+        matrix[1:] = matrices
+    translation = np.zeros((count, 3))
+    translation[0] = origin
+    nodes = Nodes(
+        names=tuple(f"node {i}" for i in range(count)),
+        parent=np.array([-1] + [0] * (count - 1), dtype=np.int32),
+        translation=translation,
+        rotation=np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)),
+        scale=np.ones((count, 3)),
+        matrix=matrix,
+        has_matrix=np.array([False] + [matrices is not None] * (count - 1)),
+        mesh=np.arange(-1, count - 1, dtype=np.int32),
+        skin=none,
+        camera=none,
+        light=none,
+        visible=np.ones(count, dtype=bool),
+        in_scene=np.ones(count, dtype=bool),
+    )
+    meshes = tuple(Mesh(f"mesh {i}", (p,)) for i, p in enumerate(primitives))
+    return Scene("made", nodes, meshes=meshes, materials=materials, images=images, channels=channels)
+
+
+def picture(pixels) -> Image:
+    """An image from (h, w, 4) values 0..255, row 0 at the top."""
+    pixels = np.array(pixels, dtype=np.uint8)
+    return Image("made", (pixels.shape[1], pixels.shape[0]), lambda: pixels)
+
+
+# ------------------------------------------------------------------------------------------------------------ cameras
+class FormulaCamera:
+    """A CameraTrack whose place and rotation are functions of time."""
+
+    name = "formula"
+
+    def __init__(self, camera: Camera, place: Callable[[float], tuple[Array, Array]]):
+        self.camera, self.place = camera, place
+
+    def describe(self) -> str:
+        return self.name
+
+    def view_at(self, state) -> View:
+        position, rotation = self.place(state.time)
+        return View(np.array(position, dtype=np.float64), np.array(rotation, dtype=np.float64), self.camera)
+
+
+def still_camera(camera: Camera, position=(0.0, 0.0, 0.0), rotation=None) -> FormulaCamera:
+    rotation = np.eye(3) if rotation is None else rotation
+    return FormulaCamera(camera, lambda t: (position, rotation))
+
+
+def rotation_about(axis: str, degrees: float) -> Array:
+    a = np.radians(degrees)
+    c, s = np.cos(a), np.sin(a)
+    return np.array(
+        {"x": [[1, 0, 0], [0, c, -s], [0, s, c]], "y": [[c, 0, s], [0, 1, 0], [-s, 0, c]],
+         "z": [[c, -s, 0], [s, c, 0], [0, 0, 1]]}[axis]
+    )  # fmt: skip
+
+
+def looking_at(eye, target) -> Array:
+    z = np.subtract(eye, target) / np.linalg.norm(np.subtract(eye, target))
+    x = np.cross([0.0, 1.0, 0.0], z) / np.linalg.norm(np.cross([0.0, 1.0, 0.0], z))
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+# -------------------------------------------------------------------------------------------------------------- pairs
+@dataclass(frozen=True)
+class PairResult:
+    counts: Counts
+    mask: Array  # (h, w) uint32
+    motion: Array  # (h, w, 2) +y down
+    current: dict[str, Array]
+    history: dict[str, Array]
+    pair: Reprojection
+    view: View
+    prev_view: View
+
+
+def draw_pair(
+    gpu: Gpu,
+    scene: Scene,
+    camera,
+    size: tuple[int, int],
+    times: tuple[float, float],
+    *,
+    reprojection: str = "camera",
+    sampling: str = "nearest",
+    thresholds=THRESHOLDS,
+    extra: tuple[str, ...] = (),
+    culling: str = "gltf",
+    read: bool = True,
+) -> PairResult:
+    """Draw the frames at ``times`` (previous, current), compare them, and read everything back."""
+    channels = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
+    renderer = Renderer(gpu, scene, camera, size, channels, culling=culling)
+    shaders = ShaderCache(gpu.ctx)
+    masks = MaskPass(
+        gpu, shaders, size, reprojection=reprojection, sampling=sampling, write_mask=True, write_motion=True
+    )
+    try:
+        step = times[1] - times[0]
+        renderer.draw(times[0], times[0] - step)
+        before = renderer.current_view
+        renderer.draw(times[1], times[0])
+        now = renderer.current_view
+        pair = pair_matrices(now, before, *size)
+        masks.run(pair, thresholds, renderer.history.current.textures, renderer.history.previous.textures)
+        counts = masks.read()
+        counts = replace(counts, combos=counts.combos.copy(), histograms=counts.histograms.copy())
+        names = renderer.channels if read else ()
+        return PairResult(
+            counts,
+            read_channel(masks.mask, "mask")[..., 0],
+            read_channel(masks.motion, "motion"),
+            {n: renderer.read(n) for n in names},
+            {n: renderer.read(n, previous=True) for n in names},
+            pair,
+            now,
+            before,
+        )
+    finally:
+        masks.release()
+        shaders.release()
+        renderer.release()
+        renderer.shaders.release()
+        gpu.collect()
+
+
+def draw_frame(gpu: Gpu, scene: Scene, camera, size, channels, *, time: float = 0.0, culling: str = "gltf"):
+    """Channels of one frame, {name: (h, w, n)}, and its view."""
+    renderer = Renderer(gpu, scene, camera, size, set(channels), culling=culling)
+    try:
+        renderer.draw(time, time - 1 / 24)
+        return {n: renderer.read(n) for n in renderer.channels}, renderer.current_view
+    finally:
+        renderer.release()
+        renderer.shaders.release()
+        gpu.collect()
+
+
+def find_scene(data: Path, name: str) -> Path:
+    """The one file called ``name`` among the real scenes."""
+    found = sorted(p for p in data.rglob(name) if not p.relative_to(data).parts[0].startswith("bad_"))
+    assert len(found) == 1, f"{name}: {found}"
+    return found[0]

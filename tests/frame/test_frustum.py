@@ -1,0 +1,133 @@
+"""Eq. (3): a camera turned about its own axis inside a closed room loses a share of pixels that geometry alone decides.
+
+Two independent answers: the area of the part of the screen that stays (exact integrals), and a float64 count over the
+pixel grid.  Neither uses the package.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from frame_tools import FormulaCamera, draw_pair, find_scene, looking_at, make_scene, room, rotation_about
+
+from taubench_gl.metrics.counts import counts_of
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Camera
+
+SIZE = (1920, 1080)
+GUARD = 1 / 256
+AXIS = {"yaw": "y", "pitch": "x", "roll": "z"}
+
+
+def clip(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
+    """Sutherland-Hodgman: the part of a convex polygon (N, 2) where normal . p <= offset."""
+    out = []
+    side = polygon @ normal - offset
+    for i in range(len(polygon)):
+        a, b, sa, sb = polygon[i - 1], polygon[i], side[i - 1], side[i]
+        if (sa <= 0) != (sb <= 0):
+            out.append(a + (b - a) * sa / (sa - sb))
+        if sb <= 0:
+            out.append(b)
+    return np.array(out).reshape(-1, 2)
+
+
+def stays(size, yfov: float, prev_from_now: np.ndarray) -> float:
+    """Share of the image plane whose view rays also meet the previous image, by clipping and the shoelace formula.
+
+    A ray (x, y, -1) lands at R (x, y, -1); each edge of the previous image is one linear inequality in (x, y).  The
+    previous image is the rectangle of pixel *centres* widened by the guard, as Eq. (3) has it; the current one has an
+    area of w x h pixels.
+    """
+    w, h = size
+    ty = np.tan(yfov / 2)
+    tx = ty * w / h
+    rect = np.array([[-tx, -ty], [tx, -ty], [tx, ty], [-tx, ty]])
+    limit_x = tx * (w - 1 + 2 * GUARD) / w
+    limit_y = ty * (h - 1 + 2 * GUARD) / h
+    a, b, forward = prev_from_now[0], prev_from_now[1], -prev_from_now[2]
+    sides = [sign * axis - limit * forward for axis, limit in ((a, limit_x), (b, limit_y)) for sign in (1, -1)]
+    for edge in (*sides, -forward):  # edge . (x, y, -1) <= 0
+        rect = clip(rect, edge[:2], edge[2])
+        if len(rect) < 3:
+            return 0.0
+    x, y = rect[:, 0], rect[:, 1]
+    area = 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    return area / (4 * tx * ty)
+
+
+def grid(size, yfov: float, prev_from_now: np.ndarray) -> float:
+    """Percentage of pixel centres whose ray misses the previous pixel-centre rectangle, float64."""
+    w, h = size
+    ty = np.tan(yfov / 2)
+    scale = 2 * ty / h  # square pixels
+    x, y = np.meshgrid(np.arange(w) - (w - 1) / 2, (h - 1) / 2 - np.arange(h))
+    rays = np.stack([x * scale, y * scale, -np.ones_like(x)], axis=-1) @ prev_from_now.T
+    ahead = rays[..., 2] < 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = rays[..., :2] / -rays[..., 2:] / scale
+    inside = ahead & (np.abs(at[..., 0]) <= (w - 1) / 2 + GUARD) & (np.abs(at[..., 1]) <= (h - 1) / 2 + GUARD)
+    return 100.0 * (1 - inside.mean())
+
+
+def turning(yfov: float, axis: str, degrees: float, base: np.ndarray, position=(0.3, -0.2, 0.1)):
+    """At t = 0 as ``base``; at t = 1 turned by ``degrees`` about its own axis."""
+    step = rotation_about(AXIS[axis], degrees)
+    camera = Camera(yfov=yfov, znear=0.01, zfar=100.0)
+    return FormulaCamera(camera, lambda t: (position, base @ step if t >= 1 else base)), step
+
+
+def measured(gpu, scene, camera, size) -> float:
+    result = draw_pair(gpu, scene, camera, size, (0.0, 1.0), read=False)
+    counts = counts_of(result.counts.combos)
+    assert counts["invalid"] == 0
+    assert counts["frustum"] + counts["comparable"] == size[0] * size[1]
+    return 100.0 * counts["frustum"] / counts["pixels"]
+
+
+@pytest.mark.parametrize("yfov", [35.0, 50.0, 80.0])
+@pytest.mark.parametrize("axis", ["yaw", "pitch", "roll"])
+@pytest.mark.parametrize("degrees", [25.0, -7.3, 0.4])
+def test_closed_room(gpu, yfov: float, axis: str, degrees: float) -> None:
+    camera, step = turning(np.radians(yfov), axis, degrees, rotation_about("y", 20) @ rotation_about("x", 10))
+    got = measured(gpu, make_scene(room()), camera, SIZE)
+    closed = 100.0 * (1 - stays(SIZE, np.radians(yfov), step))
+    assert got == pytest.approx(closed, abs=0.05)
+    # Beyond area: pixel for pixel; what is left is rounding within the float32 of a boundary ray.
+    assert got == pytest.approx(grid(SIZE, np.radians(yfov), step), abs=0.002)
+
+
+def test_closed_form_against_textbook() -> None:
+    """The two answers above are themselves held against hand-made ones."""
+    w, h = SIZE
+    # A quarter turn of a square image about its axis loses nothing but the half-pixel rim.
+    assert stays((500, 500), 1.0, rotation_about("z", 90)) == pytest.approx((499 / 500) ** 2, abs=1e-4)
+    # Turned by the whole horizontal field of view: nothing stays.
+    horizontal = 2 * np.degrees(np.arctan(np.tan(0.5) * w / h))
+    assert stays(SIZE, 1.0, rotation_about("y", horizontal)) == pytest.approx(0.0, abs=1e-3)
+    # Yaw: 1/4 of the integral of 2 min(1, c(u)) over the u whose image is inside, c(u) = cos a - u tan(x) sin a.
+    a, tx = np.radians(25.0), np.tan(0.5) * w / h
+    u = (np.arange(2_000_000) + 0.5) / 1_000_000 - 1
+    c = np.cos(a) - u * tx * np.sin(a)
+    valid = (c > 0) & (np.abs((u * tx * np.cos(a) + np.sin(a)) / (c * tx)) <= 1)
+    integral = np.mean(np.where(valid, np.minimum(1, c), 0))
+    rim = 1 / w + 1 / h  # the textbook has no pixel rim
+    assert stays(SIZE, 1.0, rotation_about("y", -25.0)) == pytest.approx(integral, abs=2 * rim)
+
+
+@pytest.mark.parametrize("axis", ["yaw", "pitch", "roll"])
+def test_sponza_as_in_figure_1(gpu, data, axis: str) -> None:
+    """Figure 1 of the paper: 25 degrees in Sponza.  The sky takes part, so whether the roof is open does not matter."""
+    eye = (4.0, 2.0, 0.3)
+    camera, step = turning(np.radians(50.0), axis, 25.0, looking_at(eye, (-6.0, 2.5, -0.2)), position=eye)
+    got = measured(gpu, load_scene(find_scene(data, "Sponza.gltf")), camera, SIZE)
+    assert got == pytest.approx(100.0 * (1 - stays(SIZE, np.radians(50.0), step)), abs=0.05)
+
+
+def test_a_half_turn_leaves_nothing(gpu) -> None:
+    """Everything that is now ahead was behind: decided by depth, never by a division."""
+    camera, _ = turning(np.radians(60.0), "yaw", 180.0, np.eye(3))
+    result = draw_pair(gpu, make_scene(room()), camera, (320, 180), (0.0, 1.0), read=False)
+    counts = counts_of(result.counts.combos)
+    assert counts["behind"] == counts["frustum"] == 320 * 180
+    assert np.all(result.motion == 0)

@@ -1,0 +1,167 @@
+"""tools/setup.sh on machines that lack things: every outside command is a stub that writes down how it was called."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+PYTHON = """
+case "$*" in
+  "-c import pip") exit 0 ;;
+  -VV) echo "Python 3.11.0 (stub)" ;;
+  *gl_probe.py) [ -e "$STATE/gl" ] && exit 0; echo "EGL: libEGL.so.1 is not installed"; exit 1 ;;
+  *meshoptimizer) [ ! -e "$STATE/no-compiler" ] ;;
+  *"-m pip"*) [ ! -e "$STATE/no-network" ] ;;
+esac
+"""
+APT = """
+case "$*" in
+  *update) touch "$STATE/lists" ;;
+  *libosmesa6) [ -e "$STATE/has-osmesa" ] ;;
+  *install*) [ -e "$STATE/lists" ] || exit 100; touch "$STATE/gl" ;;
+esac
+"""
+
+
+class Machine:
+    """A checkout with a stubbed environment on a stubbed system."""
+
+    def __init__(self, folder: Path):
+        self.state, self.bin, self.root = folder / "state", folder / "bin", folder / "checkout"
+        for path in (self.state, self.bin, self.root / ".venv" / "bin"):
+            path.mkdir(parents=True)
+        shutil.copytree(ROOT / "tools", self.root / "tools")
+        for name in ("pyproject.toml", "setup.py", "constraints.txt"):
+            shutil.copy(ROOT / name, self.root / name)
+        for name in ("cat", "sha256sum", "basename", "dirname", "env", "bash", "touch", "true"):
+            os.symlink(shutil.which(name), self.bin / name)
+        self.stub(self.root / ".venv" / "bin" / "python", PYTHON, "python")
+        self.stub(self.bin / "apt-get", APT)
+        self.stub(self.bin / "sudo", 'if [ ! -e "$STATE/sudo" ]; then exit 1; fi; shift; exec "$@"')
+        self.user(1000)
+
+    def stub(self, path: Path, body: str, name: str | None = None) -> None:
+        log = f'echo "{name or path.name} $*" >> "$STATE/log"'
+        path.write_text(f"#!{shutil.which('bash')}\n{log}\n{body}")
+        path.chmod(0o755)
+
+    def user(self, number: int) -> None:
+        path = self.bin / "id"
+        path.write_text(f"#!{shutil.which('bash')}\necho {number}\n")
+        path.chmod(0o755)
+
+    def has(self, *facts: str) -> None:
+        for fact in facts:
+            (self.state / fact).touch()
+
+    def setup(self) -> subprocess.CompletedProcess[str]:
+        (self.state / "log").write_text("")
+        script = f"set -euo pipefail; source {self.root}/tools/setup.sh; echo ready"
+        environment = {"PATH": str(self.bin), "STATE": str(self.state)}
+        bash = str(shutil.which("bash"))
+        return subprocess.run([bash, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
+
+    def calls(self, program: str) -> list[str]:
+        lines = (self.state / "log").read_text().splitlines()
+        return [line.removeprefix(f"{program} ") for line in lines if line.startswith(f"{program} ")]
+
+    def pip_calls(self) -> list[str]:
+        return [call for call in self.calls("python") if "-m pip" in call]
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> Machine:
+    return Machine(tmp_path)
+
+
+def test_first_run_installs_second_does_not(machine):
+    machine.has("gl")
+    assert machine.setup().stdout == "ready\n"
+    editable = machine.pip_calls()[0]
+    assert f"--constraint {machine.root}/constraints.txt" in editable and f"--editable {machine.root}[" in editable
+    assert machine.setup().stdout == "ready\n"
+    assert machine.pip_calls() == [] and machine.calls("apt-get") == []
+
+
+@pytest.mark.parametrize("name", ["pyproject.toml", "constraints.txt", "setup.py"])
+def test_changed_requirements_install_again(machine, name):
+    machine.has("gl")
+    machine.setup()
+    with open(machine.root / name, "a") as file:
+        file.write("# changed\n")
+    machine.setup()
+    assert machine.pip_calls()
+
+
+def test_failed_install_is_tried_again(machine):
+    machine.has("gl", "no-network")
+    done = machine.setup()
+    assert done.returncode == 2 and "pip could not install" in done.stderr
+    (machine.state / "no-network").unlink()
+    assert machine.setup().stdout == "ready\n" and machine.pip_calls()
+
+
+def test_no_compiler_is_a_note(machine):
+    machine.has("gl", "no-compiler")
+    done = machine.setup()
+    assert done.stdout == "ready\n" and "note: meshoptimizer could not be installed" in done.stderr
+
+
+def test_user_without_rights_is_told_the_command(machine):
+    done = machine.setup()
+    assert done.returncode == 2 and "ready" not in done.stdout
+    command = "sudo apt-get update && sudo apt-get install -y --no-install-recommends"
+    assert f"{command} libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri\n" in done.stderr
+    assert machine.calls("apt-get") == []
+
+
+@pytest.mark.parametrize("way", ["root", "sudo"])
+def test_missing_gl_is_installed_lists_fetched_first(machine, way):
+    if way == "root":
+        machine.user(0)
+    else:
+        machine.has("sudo")
+    machine.has("has-osmesa")
+    done = machine.setup()
+    assert done.stdout == "ready\n", done.stderr
+    calls = machine.calls("apt-get")
+    assert ["update" in call for call in calls[:3]] == [False, True, False]
+    assert ["libegl1" in call for call in calls[:3]] == [True, False, True]
+    assert all("-qq" in call for call in calls) and "libosmesa6" in calls[3]
+    assert "carrying on" not in done.stderr
+
+
+def test_distribution_without_osmesa_carries_on(machine):
+    machine.user(0)
+    machine.has("lists")
+    done = machine.setup()
+    assert done.stdout == "ready\n"
+    assert "no libosmesa6; carrying on with EGL alone" in done.stderr
+
+
+def test_probe_agrees_with_what_the_package_opens():
+    """Where the probe says EGL is usable, a context opens; where one opens, the probe says so."""
+    import sys
+
+    from taubench_gl.gpu.context import capability_report
+
+    done = subprocess.run([sys.executable, ROOT / "tools" / "gl_probe.py"], capture_output=True, text=True, timeout=60)
+    says = dict(line.split(": ", 1) for line in done.stdout.splitlines())
+    opens = capability_report()["backends"]
+    assert {name.lower(): why == "usable" for name, why in says.items()} == {
+        name: backend["usable"] for name, backend in opens.items()
+    }
+    assert done.returncode == 0
+
+
+def test_scripts_are_executable_and_parse():
+    for name in ("tools/demo", "tools/test", ".ci/run"):
+        assert os.access(ROOT / name, os.X_OK), name
+        subprocess.run(["bash", "-n", ROOT / name], check=True, timeout=60)
+    assert "tools/test" in (ROOT / ".ci" / "run").read_text()

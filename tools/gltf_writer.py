@@ -1,0 +1,137 @@
+"""Writes glTF 2.0 files with pygltflib: arrays in, accessors and animations out.  For the makers of ``assets/``."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pygltflib as gl
+from PIL import Image
+
+_COMPONENT = {"f4": gl.FLOAT, "u2": gl.UNSIGNED_SHORT, "u1": gl.UNSIGNED_BYTE}
+_TYPE = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4, 16: gl.MAT4}
+
+
+class Writer:
+    """A document under construction.  Every method returns the index of what it added."""
+
+    def __init__(self, copyright_: str, generator: str):
+        self.gltf = gl.GLTF2(asset=gl.Asset(version="2.0", generator=generator, copyright=copyright_))
+        self.gltf.scenes = [gl.Scene(nodes=[])]
+        self.gltf.scene = 0
+        self._blob = bytearray()
+
+    def _append(self, collection: list, item: Any) -> int:
+        collection.append(item)
+        return len(collection) - 1
+
+    def view(self, payload: bytes, target: int | None = None) -> int:
+        self._blob += bytes(-len(self._blob) % 4)
+        view = gl.BufferView(buffer=0, byteOffset=len(self._blob), byteLength=len(payload), target=target)
+        self._blob += payload
+        return self._append(self.gltf.bufferViews, view)
+
+    def accessor(self, values: Any, dtype: str = "f4", target: int | None = None, bounds: bool = False) -> int:
+        array = np.ascontiguousarray(values, dtype=f"<{dtype}")
+        array = array.reshape(len(array), -1)
+        accessor = gl.Accessor(
+            bufferView=self.view(array.tobytes(), target),
+            componentType=_COMPONENT[dtype],
+            count=len(array),
+            type=_TYPE[array.shape[1]],
+        )
+        if bounds:
+            accessor.min, accessor.max = array.min(axis=0).tolist(), array.max(axis=0).tolist()
+        return self._append(self.gltf.accessors, accessor)
+
+    def texture(self, pixels: np.ndarray) -> int:
+        """(h, w, 3 or 4) uint8 as an embedded PNG, sampled with repeat and mipmaps."""
+        file = io.BytesIO()
+        Image.fromarray(pixels).save(file, "PNG", optimize=True)
+        self.gltf.images.append(gl.Image(mimeType="image/png", bufferView=self.view(file.getvalue())))
+        if not self.gltf.samplers:
+            self.gltf.samplers.append(gl.Sampler(magFilter=gl.LINEAR, minFilter=gl.LINEAR_MIPMAP_LINEAR))
+        return self._append(self.gltf.textures, gl.Texture(source=len(self.gltf.images) - 1, sampler=0))
+
+    def material(
+        self,
+        name: str,
+        color: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0),
+        metallic: float = 0.0,
+        roughness: float = 0.8,
+        texture: int | None = None,
+        normal: int | None = None,
+        **rest: Any,
+    ) -> int:
+        surface = gl.PbrMetallicRoughness(
+            baseColorFactor=[*color, 1.0][:4], metallicFactor=metallic, roughnessFactor=roughness
+        )
+        if texture is not None:
+            surface.baseColorTexture = gl.TextureInfo(index=texture)
+        material = gl.Material(name=name, pbrMetallicRoughness=surface, alphaCutoff=None, **rest)
+        if normal is not None:
+            material.normalTexture = gl.NormalMaterialTexture(index=normal)
+        return self._append(self.gltf.materials, material)
+
+    def primitive(self, shape: dict[str, np.ndarray], material: int, targets: list[dict] | None = None) -> gl.Primitive:
+        """``shape``: POSITION, NORMAL, TEXCOORD_0, JOINTS_0, WEIGHTS_0, indices."""
+        attributes = gl.Attributes()
+        for name, values in shape.items():
+            if name != "indices":
+                dtype = "u1" if name == "JOINTS_0" else "f4"
+                index = self.accessor(values, dtype, gl.ARRAY_BUFFER, bounds=name == "POSITION")
+                setattr(attributes, name, index)
+        indices = self.accessor(shape["indices"].reshape(-1), "u2", gl.ELEMENT_ARRAY_BUFFER)
+        primitive = gl.Primitive(attributes=attributes, indices=indices, material=material, mode=gl.TRIANGLES)
+        primitive.targets = [
+            {name: self.accessor(v, "f4", gl.ARRAY_BUFFER, bounds=name == "POSITION") for name, v in t.items()}
+            for t in targets or []
+        ]
+        return primitive
+
+    def mesh(self, name: str, *primitives: gl.Primitive, weights: list[float] | None = None) -> int:
+        return self._append(self.gltf.meshes, gl.Mesh(name=name, primitives=list(primitives), weights=weights or []))
+
+    def node(self, name: str, parent: int | None = None, **properties: Any) -> int:
+        index = self._append(self.gltf.nodes, gl.Node(name=name, **properties))
+        (self.gltf.scenes[0].nodes if parent is None else self.gltf.nodes[parent].children).append(index)
+        return index
+
+    def light(self, **properties: Any) -> dict:
+        """A KHR_lights_punctual light; the ``extensions`` of the node that carries it."""
+        name = "KHR_lights_punctual"
+        lights = self.gltf.extensions.setdefault(name, {"lights": []})["lights"]
+        lights.append(properties)
+        if name not in self.gltf.extensionsUsed:
+            self.gltf.extensionsUsed.append(name)
+        return {name: {"light": len(lights) - 1}}
+
+    def skin(self, name: str, joints: list[int], inverse_bind: np.ndarray) -> int:
+        columns = np.swapaxes(inverse_bind, -1, -2).reshape(-1, 16)
+        skin = gl.Skin(name=name, joints=joints, inverseBindMatrices=self.accessor(columns), skeleton=joints[0])
+        return self._append(self.gltf.skins, skin)
+
+    def camera(self, name: str, yfov: float, znear: float, zfar: float) -> int:
+        lens = gl.Perspective(yfov=yfov, znear=znear, zfar=zfar, aspectRatio=16 / 9)
+        return self._append(self.gltf.cameras, gl.Camera(name=name, type="perspective", perspective=lens))
+
+    def animation(self, name: str, *tracks: tuple[int, str, Any, Any, str]) -> int:
+        """``tracks``: (node, path, times, values, interpolation) each."""
+        animation = gl.Animation(name=name)
+        for node, path, times, values, interpolation in tracks:
+            flat = np.reshape(values, (-1, 1)) if path == "weights" else values
+            sampler = gl.AnimationSampler(
+                input=self.accessor(times, bounds=True), output=self.accessor(flat), interpolation=interpolation
+            )
+            animation.samplers.append(sampler)
+            target = gl.AnimationChannelTarget(node=node, path=path)
+            animation.channels.append(gl.AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+        return self._append(self.gltf.animations, animation)
+
+    def save(self, path: Path) -> None:
+        self.gltf.buffers = [gl.Buffer(byteLength=len(self._blob))]
+        self.gltf.set_binary_blob(bytes(self._blob))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self.gltf.save_binary(str(path))
