@@ -11,6 +11,7 @@ import numpy as np
 from taubench_gl.conventions import FEATURE_BIT, Reason
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import Pair, evaluate_scene
+from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth, is_sequence
 from taubench_gl.report import save_mask_picture, write_report
 from taubench_gl.run import Progress, Run
 from taubench_gl.scene.model import Scene
@@ -29,13 +30,14 @@ def evaluate(
     out: str | Path | None = None,
     save: Collection[str] = (),
     progress: Callable[[Progress], None] | None = None,
+    truth: TruthOptions | None = None,
     **overrides: Any,
 ) -> Run:
-    """Evaluate the frame pairs of ``scene`` (a Scene, or the path of a scene file) and return the Run.
+    """Evaluate the frame pairs of ``scene`` (a Scene, the path of a scene file, or ``exr:DIR``) and return the Run.
 
     ``overrides`` are fields of ``Settings``, such as ``width=640, height=360, reprojection="motion"``.  ``out`` is the
     folder that receives summary.json, frames.csv, tables, plots and a picture of the most discarded frame's mask.
-    ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  Raises TaubenchError.
+    ``truth`` says what path-traced files (``exr:DIR``) need to be told.  ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  Raises TaubenchError.
 
     >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
     """

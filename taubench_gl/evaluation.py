@@ -117,7 +117,10 @@ def _run(
                 gpu, source, frames, settings, scene.name, timer, writer, progress, on_pair
             )
             gpu.check("evaluation")
-            summary = _summary(scene, camera, frames, settings, views, stats, poser) | source.describe()
+            summary = _summary(scene, camera, frames, settings, views, stats, poser)
+            told = source.describe()
+            summary["notes"] += told.pop("notes")
+            summary |= told
         finally:
             source.release()
             gpu.collect()
@@ -165,7 +168,7 @@ def count_pairs(
                 continue
             with timer.measure("masks"):
                 pair = reprojection(views[-1], views[-2], *source.size)
-                masks.run(pair, thresholds, source.current, source.previous)
+                masks.run(pair, thresholds, source.current, source.previous, exposure=settings.exposure)
                 counts = stats.add(masks.read())
             rows.append({"frame": frame, "time_s": frame / settings.fps, **counts, **_camera_row(views[-2:])})
             if writer is not None:

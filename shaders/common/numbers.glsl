@@ -3,11 +3,3 @@ bool non_finite(float x) { return (floatBitsToUint(x) & 0x7f800000u) == 0x7f8000
 bool non_finite(vec2 v) { return non_finite(v.x) || non_finite(v.y); }
 bool non_finite(vec3 v) { return non_finite(v.xy) || non_finite(v.z); }
 bool non_finite(vec4 v) { return non_finite(v.xyz) || non_finite(v.w); }
-
-// Log-linear histogram bin of a distance >= 0, cut from the bits of the float (twin: metrics.histogram.bin_of).
-// Bin 0 holds everything below 2^-20; the last bin 2^12 and above, +Inf included.
-uint histogram_bin(float distance) {
-    uint key = floatBitsToUint(distance) >> (23 - HISTOGRAM_MANTISSA_BITS);
-    uint first = uint(127 + HISTOGRAM_MIN_EXPONENT) << HISTOGRAM_MANTISSA_BITS;
-    return key < first ? 0u : min(key - first + 1u, uint(HISTOGRAM_BINS - 1));
-}

@@ -8,6 +8,7 @@
 // Departs  Eq. (3) carries a guard of GUARD_PX and the near test one of NEAR_GUARD: a still pixel lies exactly on the
 //          boundary.  The position is interpolated and projected here, which equals interpolating the previous clip
 //          position (the map is linear) and never divides before w is tested.
+#include "common/histogram.glsl"
 #include "common/numbers.glsl"
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;

@@ -1,14 +1,20 @@
-"""Which effects a scene calls for, with the evidence: what is off is not compiled, allocated or drawn."""
+"""Which effects a scene calls for, with the evidence: what is off is not compiled, not allocated and not drawn.
+
+An effect is on when the scene holds what it shows *and* some requested column could see it.  ``effects="all"`` turns
+on whatever can be turned on; the counts stay the same (tests run both over every scene), only time is lost.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation.pose import is_skinned
-from taubench_gl.scene.model import Scene
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import Settings
 
 
@@ -22,36 +28,27 @@ class Effect:
 
 def decide(scene: Scene, settings: Settings) -> dict[str, Effect]:
     """Effects by name, for this scene and what is asked of it."""
-    nodes = scene.mesh_nodes.tolist()
-    primitives = [(n, p) for n in nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives if len(p.triangles)]
-    skins = {int(scene.nodes.skin[n]) for n, p in primitives if is_skinned(scene, n, p)}
-    morphed = {n for n, p in primitives if p.targets}
-    drawn = [scene.materials[p.material] for _, p in primitives if p.material >= 0]
-    masked = sum(m.alpha_mode == "MASK" for m in drawn)
-    blended = sum(m.alpha_mode == "BLEND" for m in drawn)
-    mapped = sum(m.normal_texture is not None for m in drawn)
-    moving = _moves_by_itself(scene)
-    motion = settings.reprojection == "motion"
-    if motion:
-        history = Effect(moving, "surfaces move and the reprojection is 'motion'" if moving else "no surface moves")
-    else:
-        history = Effect(False, "the reprojection is 'camera'")
-    light = "radiance is not simulated yet"
-    return {
-        "skinning": Effect(bool(skins), _count(len(skins), "skin deforms a drawn mesh", "skins deform drawn meshes")),
-        "morphing": Effect(bool(morphed), _count(len(morphed), "drawn mesh has targets", "drawn meshes have targets")),
-        "alpha_mask": Effect(
-            bool(masked + blended),
-            _count(masked, "masked primitive", "masked primitives") + f", {blended} blended (drawn where alpha >= 0.5)"
-            if blended
-            else _count(masked, "masked primitive", "masked primitives"),
-        ),
-        "normal_maps": Effect(bool(mapped), _count(mapped, "primitive has one", "primitives have one")),
-        "previous_pose": history,
-        "direct": Effect(False, light),
-        "indirect": Effect(False, light),
-        "color": Effect(False, light),
-    }
+    effects = _geometry(scene, settings) | _light(scene, settings)
+    if settings.effects == "all":
+        forced = "forced on by --effects all"
+        for name, effect in effects.items():
+            if not effect.on and name in _FORCEABLE:
+                effects[name] = Effect(True, f"{forced} ({effect.reason})")
+    return effects
+
+
+_FORCEABLE = {"normal_maps", "previous_pose", "direct", "color", "emission", "shadows", "light_culling"}
+
+
+def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]:
+    """Columns that come out as null, and why."""
+    out = {}
+    for column in COLUMNS:
+        if column not in settings.columns:
+            out[column] = "not asked for"
+        elif column in effects and not effects[column].on:
+            out[column] = effects[column].reason
+    return out
 
 
 def as_summary(effects: dict[str, Effect]) -> dict[str, Any]:
@@ -59,19 +56,107 @@ def as_summary(effects: dict[str, Effect]) -> dict[str, Any]:
     return {name: {"on": e.on, "reason": e.reason} for name, e in effects.items()}
 
 
-def _moves_by_itself(scene: Scene) -> bool:
+def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
+    nodes = scene.mesh_nodes.tolist()
+    primitives = [(n, p) for n in nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives if len(p.triangles)]
+    skins = {int(scene.nodes.skin[n]) for n, p in primitives if is_skinned(scene, n, p)}
+    morphed = {n for n, p in primitives if p.targets}
+    drawn = drawn_materials(scene)
+    masked, blended = (sum(m.alpha_mode == mode for m in drawn) for mode in ("MASK", "BLEND"))
+    mapped = sum(m.normal_texture is not None and m.normal_scale != 0 for m in drawn)
+    alpha = _count(masked, "masked primitive", "masked primitives")
+    if blended:
+        alpha += f", {blended} blended (drawn where alpha >= 0.5)"
+    seen = bool({"normal", "direct", "indirect", "color"} & set(settings.columns))
+    maps = _count(mapped, "primitive has one", "primitives have one")
+    return {
+        "skinning": Effect(bool(skins), _count(len(skins), "skin deforms drawn meshes", "skins deform drawn meshes")),
+        "morphing": Effect(bool(morphed), _count(len(morphed), "drawn mesh has targets", "drawn meshes have targets")),
+        "alpha_mask": Effect(bool(masked + blended), alpha),
+        "normal_maps": Effect(bool(mapped) and seen, maps if seen or not mapped else f"{maps}, no column asks"),
+        "previous_pose": _previous_pose(scene, settings),
+    }
+
+
+def _previous_pose(scene: Scene, settings: Settings) -> Effect:
+    if settings.reprojection != "motion":
+        return Effect(False, "the reprojection is 'camera'")
+    if moves_by_itself(scene):
+        return Effect(True, "surfaces move and the reprojection is 'motion'")
+    return Effect(False, "no surface moves by itself")
+
+
+def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
+    kinds = [scene.lights[i].kind for i in scene.nodes.light[scene.light_nodes]]
+    asked = set(settings.columns)
+    sky = any(settings.sky)
+    emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
+    lit, glowing = bool(kinds) or sky, bool(emitters)
+    wants_direct = bool(asked & {"direct", "color"})
+    effects = {
+        f"{kind}_lights": Effect(
+            kinds.count(kind) > 0 and wants_direct, _count(kinds.count(kind), f"{kind} light", f"{kind} lights")
+        )
+        for kind in ("point", "spot", "directional")
+    }
+    effects["sky"] = Effect(sky and wants_direct, "a uniform sky was asked for" if sky else "the scene names no sky")
+    source = "lights or sky to scatter" if lit else "no light and no sky in the scene"
+    effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column asks for it")
+    if not effects["direct"].on or not kinds:
+        shadows = Effect(False, "nothing casts them")
+    elif settings.shadow_lights == 0:
+        shadows = Effect(False, "no light may have shadows (--shadow-lights 0)")
+    else:
+        given = min(settings.shadow_lights, len(kinds))
+        shadows = Effect(True, f"{given} of {len(kinds)} lights get shadow maps of {settings.shadow_size} texels")
+    effects["shadows"] = shadows
+    many = len(kinds) > MANY_LIGHTS
+    effects["light_culling"] = Effect(
+        many and effects["direct"].on, f"{len(kinds)} lights, lists pay above {MANY_LIGHTS}"
+    )
+    effects["indirect"] = Effect(False, "indirect light is not simulated yet")
+    effects["emission"] = Effect(
+        glowing and "color" in asked, _count(emitters, "primitive glows or is unlit", "primitives glow or are unlit")
+    )
+    if "color" not in asked:
+        effects["color"] = Effect(False, "no column asks for it")
+    else:
+        color = "light reaches the camera" if lit or glowing else "no light, no sky and nothing that glows in the scene"
+        effects["color"] = Effect(lit or glowing, color)
+    return effects
+
+
+MANY_LIGHTS = 16
+"""Up to this many lights every pixel asks every light: building per-tile lists would cost more than it saves."""
+
+
+def drawn_materials(scene: Scene) -> list[Material]:
+    """The material of every drawn primitive that names one."""
+    return [
+        scene.materials[p.material]
+        for n in scene.mesh_nodes.tolist()
+        for p in scene.meshes[scene.nodes.mesh[n]].primitives
+        if len(p.triangles) and p.material >= 0
+    ]
+
+
+def moves_by_itself(scene: Scene) -> bool:
     """Whether any channel can move a drawn surface: transforms above a mesh or joint, or morph weights."""
-    carriers = set(scene.mesh_nodes.tolist())
-    for node in scene.mesh_nodes.tolist():
-        skin = int(scene.nodes.skin[node])
-        if skin >= 0:
-            carriers |= set(scene.skins[skin].joints.tolist())
     above = np.zeros(len(scene.nodes), dtype=bool)
-    for node in carriers:
+    for carrier in _carriers(scene):
+        node = carrier
         while node >= 0 and not above[node]:
             above[node] = True
             node = int(scene.nodes.parent[node])
     return any(c.target == "node" and (above[c.index] or c.path == "weights") for c in scene.channels)
+
+
+def _carriers(scene: Scene) -> Iterable[int]:
+    for node in scene.mesh_nodes.tolist():
+        yield node
+        skin = int(scene.nodes.skin[node])
+        if skin >= 0:
+            yield from scene.skins[skin].joints.tolist()
 
 
 def _count(n: int, one: str, many: str) -> str:

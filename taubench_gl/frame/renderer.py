@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
+from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.passes.deform import DeformPass
 from taubench_gl.frame.passes.gbuffer import GBufferPass, attachments
-from taubench_gl.frame.records import RecordTable
+from taubench_gl.frame.records import Placement, RecordTable
 from taubench_gl.frame.scene_buffers import SceneBuffers
 from taubench_gl.frame.targets import History, Targets, read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.scene.model import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """What the current frame was drawn from, for the passes that follow."""
+
+    state: FrameState
+    view: View
+    placement: Placement
 
 
 class Renderer:
@@ -37,13 +48,16 @@ class Renderer:
         poser: Poser | None = None,
     ):
         self.gpu, self.scene, self.camera, self.size = gpu, scene, camera, size
-        self.channels = attachments(tuple(channels))
+        self.channels = tuple(name for name in CHANNELS if name in channels and name not in ("mask", "motion"))
+        drawn = attachments(self.channels)
         self.poser = poser or Poser(scene)
         self.shaders = shaders or ShaderCache(gpu.ctx)
         self.timer = timer or PassTimer(gpu, enabled=False)
         self._culling = culling == "gltf"
         self._previous = "prev_position" in self.channels
         geometry = build_geometry(scene)
+        self.draws = geometry.draws
+        self.colored = _colored(scene)
         self._table = RecordTable(geometry.draws)
         self.buffers = SceneBuffers(gpu, geometry, previous=self._previous)
         self._posed = np.array([d.posed for d in geometry.draws], dtype=bool)
@@ -51,10 +65,10 @@ class Renderer:
         if self._posed.any():
             self._deform = DeformPass(gpu, self.shaders, scene, geometry, previous=self._previous)
         used = {d.material for d in geometry.draws}
-        self.materials = MaterialTable(gpu, scene, self.channels, used)
-        self._gbuffer = GBufferPass(gpu, self.shaders, self.channels, _colored(scene))
+        self.materials = MaterialTable(gpu, scene, drawn, used)
+        self._gbuffer = GBufferPass(gpu, self.shaders, drawn, self.colored)
         self.history = History(gpu, size, self.channels)
-        self.current_view: View | None = None
+        self.drawn: Drawn | None = None
 
     def view(self, time: float) -> tuple[FrameState, View]:
         """The pose and the camera at ``time`` seconds."""
@@ -66,7 +80,6 @@ class Renderer:
         with self.timer.measure("pose"):
             state, view = self.view(time)
             before, before_view = self.view(previous_time) if self._previous else (state, view)
-        self.current_view = view
         self.history.advance()
         mirrored = np.zeros(len(self._posed), dtype=bool)
         if self._deform is not None:
@@ -80,6 +93,7 @@ class Renderer:
             self.buffers.arrange(now, self.materials, culling=self._culling)
         with self.timer.measure("gbuffer"):
             self._gbuffer.run(view, self.history.current, self.buffers, self.materials)
+        self.drawn = Drawn(state, view, now)
         return self.history.current
 
     def read(self, name: str, *, previous: bool = False) -> np.ndarray:

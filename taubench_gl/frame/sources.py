@@ -12,8 +12,8 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
-from taubench_gl.conventions import COLUMNS
-from taubench_gl.effects.decide import as_summary, decide
+from taubench_gl.effects.decide import as_summary, decide, unmeasured
+from taubench_gl.frame.light_stage import LightStage, light_channels
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
@@ -66,17 +66,24 @@ class RasterSource:
         self.effects = decide(scene, settings)
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
         self.reprojection = "motion" if self.effects["previous_pose"].on else "camera"
-        self.radiance: tuple[str, ...] = ()
-        self.unmeasured = {c: self.effects[c].reason for c in COLUMNS if c in self.effects and not self.effects[c].on}
-        channels = {"position", "normal", *extra} | ({"prev_position"} if self.reprojection == "motion" else set())
+        self.unmeasured = unmeasured(self.effects, settings)
+        self.radiance = tuple(c for c in ("direct", "color") if c not in self.unmeasured)
+        lit = light_channels(self.effects, extra)
+        channels = {"position", "normal", *lit, *extra}
+        if self.reprojection == "motion":
+            channels.add("prev_position")
+        timer = timer or PassTimer(gpu, enabled=False)
         self.renderer = Renderer(
             gpu, scene, camera, self.size, channels, culling=settings.culling, timer=timer, poser=poser
         )
+        self.light = LightStage(self.renderer, settings, self.effects, timer) if lit else None
 
     def advance(self, frame: int) -> View:
         moment = frame / self._fps
         self.renderer.draw(moment, (frame - 1) / self._fps)
-        return self.renderer.current_view
+        if self.light is not None:
+            self.light.run()
+        return self.renderer.drawn.view
 
     @property
     def current(self) -> Mapping[str, moderngl.Texture]:
@@ -94,8 +101,12 @@ class RasterSource:
         return self.renderer.read(name, previous=previous)
 
     def describe(self) -> dict[str, Any]:
-        return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": self.renderer.bytes}}
+        size = self.renderer.bytes + (0 if self.light is None else self.light.bytes)
+        notes = [] if self.light is None else self.light.notes()
+        return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": size}, "notes": notes}
 
     def release(self) -> None:
+        if self.light is not None:
+            self.light.release()
         self.renderer.release()
         self.renderer.shaders.release()

@@ -70,7 +70,7 @@ class Gpu:
         return texture
 
     def unbind_framebuffer(self) -> None:
-        """Bind framebuffer 0.  moderngl re-binds what was bound after making a framebuffer; a deleted one is an error."""
+        """Bind framebuffer 0: moderngl re-binds what was bound before it made one, and a deleted one is an error."""
         if self._nothing is None:
             self._nothing = self.ctx.detect_framebuffer(0)
         self._nothing.use()

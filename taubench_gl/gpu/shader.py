@@ -137,5 +137,7 @@ def _compile(make, sources: list[Source]):
         text = str(error)
         # moderngl names the failing stage in a header; with two sources pick the one whose stage it names.
         source = sources[-1] if "fragment_shader" in text.lower() or len(sources) == 1 else sources[0]
-        body = [line.strip() for line in text.splitlines() if _DRIVER_LINE.search(line)] or text.splitlines()[-3:]
+        body = [line.strip() for line in text.splitlines() if _DRIVER_LINE.search(line)]
+        faults = [line for line in body if "error" in line.lower()] or body or text.splitlines()[-3:]
+        body = faults[:3]  # the first faults; what follows is mostly their echo
         raise GraphicsError(f"shader does not compile: {source.translate('; '.join(body))}") from None

@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -86,6 +86,34 @@ def read_exr(path: str | Path) -> ExrImage:
     plain = {k: v for k, v in headers[0].items() if isinstance(v, str | int | float)}
     size = (display[2] - display[0] + 1, display[3] - display[1] + 1)
     return ExrImage(path, size, plain, planes, display)
+
+
+@dataclass(frozen=True, slots=True)
+class ExrHeader:
+    """What a file says before its pixels."""
+
+    size: tuple[int, int]  # width, height of the display window
+    names: tuple[str, ...]  # full channel names, as in ExrImage
+
+
+def read_header(path: str | Path) -> ExrHeader:
+    """Size and channels of one file, no pixel read.  Raises TruthError as ``read_exr`` does."""
+    path = Path(path)
+    check_kind(path)
+    headers = [part.header for part in _open(path)]
+    x0, y0, x1, y1 = check_headers(path, headers)
+    names = dict.fromkeys(full_name(c.name, h.get("name")) for h in headers for c in h["channels"])
+    return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names))
+
+
+def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:
+    """One image of several files of the same size; each file's channels become ``prefix.channel``."""
+    first = images[0][1]
+    planes = {f"{prefix}.{n}" if prefix else n: p for prefix, image in images for n, p in image._planes.items()}
+    windows = {image._display for _, image in images}
+    if len(windows) > 1:
+        raise TruthError("the files of one frame have different display windows", where=str(first.path))
+    return ExrImage(first.path, first.size, first.attributes, planes, first._display)
 
 
 def full_name(channel: str, part: str | None) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,10 +61,7 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         )
     depth = None if depth is None else depth[..., 0]
     sky = find_sky(position, normal, depth, mapping.background_depth)
-    radiance, apart, missing = _light(index, take, lobes)
-    for column, name in (("normal", "normal"), ("color", "combined")):
-        if name not in index:
-            missing[column] = _needs([name], mapping)
+    radiance, apart = _light(index, take, lobes)
     prev = take("prev_position")
     return TruthFrame(
         size=image.size,
@@ -80,7 +77,7 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         environment=take("environment"),
         radiance=radiance,
         lobes=apart,
-        missing=missing,
+        missing=missing_columns(index, lobes),
         color_encoded=mapping.color == "encoded",
     )
 
@@ -123,32 +120,50 @@ def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Ar
     return motion * factor + np.float32(0)  # + 0: no negative zeros
 
 
-def _light(index: ChannelIndex, take, lobes: Collection[str]) -> tuple[dict, dict, dict]:
+def _light(
+    index: ChannelIndex, take: Callable[[str], Array | None], lobes: Collection[str]
+) -> tuple[dict[str, Array], dict[str, Array]]:
     """direct and indirect: sum over lobes of Direct x Color (volume has no colour); the lobes asked for, apart."""
-    radiance, apart, missing = {}, {}, {}
+    radiance, apart = {}, {}
     colors = {lobe: take(f"{lobe}_color") for lobe in _NEEDED_LOBES}
     for bounce in BOUNCES:
-        whole = take(bounce)
-        lacking = [n for lobe in _NEEDED_LOBES for n in (f"{lobe}_{bounce}", f"{lobe}_color") if n not in index]
-        total = None
+        whole, total = take(bounce), None
+        summed = whole is None and not _lacking(index, bounce)
         for lobe in LOBES:
-            light, color = take(f"{lobe}_{bounce}"), colors.get(lobe)
-            if light is None or (lobe in colors and color is None):
+            light = take(f"{lobe}_{bounce}") if summed or lobe in lobes else None
+            if light is None or (lobe in colors and colors[lobe] is None):
                 continue
-            scattered = light if color is None else light * color
+            scattered = light * colors[lobe] if lobe in colors else light
             if lobe in lobes:
                 apart[f"{lobe}_{bounce}"] = scattered
-            if whole is None and not lacking:
-                total = scattered.copy() if total is None else np.add(total, scattered, out=total)
+            if summed:
+                total = scattered if total is None else total + scattered
         if whole is not None or total is not None:
-            radiance[bounce] = whole if whole is not None else total
-        else:
+            radiance[bounce] = total if whole is None else whole
+    return radiance, apart
+
+
+def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[str, str]:
+    """Columns, and ``lobe_bounce`` of the lobes asked for, that these passes cannot give -> which pass would."""
+    missing = {}
+    for column, name in (("normal", "normal"), ("color", "combined")):
+        if name not in index:
+            missing[column] = _needs([name], index.mapping)
+    for bounce in BOUNCES:
+        lacking = _lacking(index, bounce)
+        if bounce not in index and lacking:
             missing[bounce] = _needs(lacking, index.mapping)
         for lobe in lobes:
-            if f"{lobe}_{bounce}" not in apart:
-                wanted = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in _NEEDED_LOBES else [])
-                missing[f"{lobe}_{bounce}"] = _needs([n for n in wanted if n not in index], index.mapping)
-    return radiance, apart, missing
+            wanted = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in _NEEDED_LOBES else [])
+            lacking = [n for n in wanted if n not in index]
+            if lacking:
+                missing[f"{lobe}_{bounce}"] = _needs(lacking, index.mapping)
+    return missing
+
+
+def _lacking(index: ChannelIndex, bounce: str) -> list[str]:
+    wanted = [n for lobe in _NEEDED_LOBES for n in (f"{lobe}_{bounce}", f"{lobe}_color")]
+    return [n for n in wanted if n not in index]
 
 
 def _needs(names: list[str], mapping: PassMap) -> str:

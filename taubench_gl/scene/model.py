@@ -46,7 +46,7 @@ class Image:
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """How a material samples an image: texture-coordinate set and KHR_texture_transform, uv' = uv_transform @ (u, v, 1)."""
+    """How a material samples an image: texture-coordinate set and transform, uv' = uv_transform @ (u, v, 1)."""
 
     image: int
     sampler: Sampler = Sampler()
@@ -118,7 +118,7 @@ class Skin:
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Intrinsics.  ``yfov`` radians; ``xmag``/``ymag`` half-extents in metres; ``zfar`` may be inf (perspective only)."""
+    """Intrinsics.  ``yfov`` radians; ``xmag``, ``ymag`` half-extents, metres; ``zfar`` may be inf (perspective)."""
 
     name: str = ""
     kind: str = "perspective"  # perspective | orthographic
@@ -189,7 +189,8 @@ class Nodes:
     visible: Array  # (N,) bool, own KHR_node_visibility (not inherited)
     in_scene: Array  # (N,) bool, reachable from the chosen scene
     weights: Mapping[int, Array] = field(default_factory=dict)  # node's own morph weights
-    instances: Mapping[int, Array] = field(default_factory=dict)  # EXT_mesh_gpu_instancing: (K, 4, 4) node_from_instance
+    # EXT_mesh_gpu_instancing: node -> (K, 4, 4) node_from_instance
+    instances: Mapping[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.names)

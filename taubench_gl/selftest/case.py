@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from taubench_gl.selftest.bench import Bench
 
 Value = float | int | str
-GROUPS = ("projection", "camera", "offsets", "animation", "geometry", "skinning", "radiance", "statistics", "storage")
+GROUPS = (
+    "projection", "camera", "offsets", "animation", "geometry", "skinning", "radiance", "statistics", "storage", "files",
+)  # fmt: skip
 """Themes in the order in which they are run and printed; each has a module of cases of the same name."""
 
 

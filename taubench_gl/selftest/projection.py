@@ -95,7 +95,7 @@ def _floor(bench: Bench, backwards: float):
 
 @case(
     "near-plane-crossing",
-    what="a floor that passes under the camera, which moves backwards by 4 m: part of it was behind the previous camera",
+    what="a floor under a camera that moves backwards by 4 m: part of it was behind the previous camera",
     elsewhere="points behind the camera come back upside down above the horizon",
     here="previous planar depth against near, per pixel",
     source="closed form per pixel in float64; pixels within 0.01 px of an edge of the screen are left out",
@@ -345,8 +345,8 @@ def _cockpit(bench: Bench):
 
 @case(
     "screen-edge",
-    what="camera fixed inside a turning ship: everything stands still on screen, edge pixels exactly on Eq. (3)'s limit",
-    elsewhere="rounding of 1e-6 px pushes part of the border outside: 0.1 % to 3 % of a picture, more the smaller it is",
+    what="camera inside a turning ship: all stands still on screen, edge pixels exactly on Eq. (3)'s limit",
+    elsewhere="rounding of 1e-6 px pushes part of the border outside, 0.1 % to 3 % of a picture",
     here="the outside test has a guard of 1/256 px",
     source=EXACT + "; rounding is 1000 times smaller than the guard",
 )

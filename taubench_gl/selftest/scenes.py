@@ -62,7 +62,9 @@ class SceneBuilder:
         self._materials.append(Material(**fields))
         return len(self._materials) - 1
 
-    def camera(self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, scale=(1.0, 1.0, 1.0), **lens):
+    def camera(
+        self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, scale=(1.0, 1.0, 1.0), **lens
+    ) -> int:
         """A camera on a node of its own; ``lens`` are fields of ``Camera``.  Returns the node."""
         self._cameras.append(Camera(**lens))
         index = len(self._cameras) - 1
@@ -73,7 +75,9 @@ class SceneBuilder:
         self._skins.append(Skin("skin", np.array(joints, dtype=np.int32), inverse_bind))
         return len(self._skins) - 1
 
-    def animate(self, node: int, path: str, times: Sequence[float], values: object, interpolation: str = "LINEAR") -> None:
+    def animate(
+        self, node: int, path: str, times: Sequence[float], values: object, interpolation: str = "LINEAR"
+    ) -> None:
         """A channel of ``node``; ``values`` as ``Channel.values``."""
         keys, rows = np.array(times, dtype=np.float64), np.array(values, dtype=np.float64)
         self._channels.append(Channel("node", node, path, interpolation, keys, rows))
@@ -127,7 +131,9 @@ def quad(
     return Primitive(grid.astype(np.float32), triangles.astype(np.uint32), material, normals=facing)
 
 
-def box(half: Sequence[float] = (1.0, 1.0, 1.0), *, inside: bool = False, cells: int = 1, material: int = -1) -> Primitive:
+def box(
+    half: Sequence[float] = (1.0, 1.0, 1.0), *, inside: bool = False, cells: int = 1, material: int = -1
+) -> Primitive:
     """A box about the origin with flat faces; ``inside``: faces look inwards, a closed room."""
     positions, normals, triangles = [], [], []
     face = quad(cells=(cells, cells))

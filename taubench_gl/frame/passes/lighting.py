@@ -27,8 +27,6 @@ LIGHTING = Struct(
     Field("exposure", "float", "factor on radiance before tone mapping"),
 )
 TILE = 16
-TILED_FROM = 17
-"""Lights from which on per-tile lists pay: below, every pixel asks every light."""
 
 SHADOW_BIAS = 0.5
 """In texels of the map, along the light: what is left for curved and creased surfaces, planes need none."""
@@ -59,10 +57,11 @@ class LightingPass:
         settings: Settings,
         *,
         shadows: bool,
+        culling: bool = False,
         split: bool = False,
     ):
         self._gpu, self._size, self._settings, self._count = gpu, size, settings, light_count
-        self._tiled = light_count >= TILED_FROM
+        self._tiled = culling and light_count > 0
         self._group = (32, 1) if gpu.software else (8, 8)
         self._split, self._shadows = split, shadows
         self._sky = any(settings.sky)

@@ -13,6 +13,7 @@ SUPPORTED: dict[str, tuple[str, ...]] = {
     "KHR_mesh_quantization": (),
     "KHR_materials_unlit": ("materials",),
     "KHR_materials_emissive_strength": ("materials",),
+    "KHR_materials_specular": ("materials",),
     "KHR_node_visibility": ("nodes",),
     "KHR_animation_pointer": ("target",),
     "EXT_mesh_gpu_instancing": ("nodes",),

@@ -43,6 +43,7 @@ class MaterialReader:
         pbr = material.pbr_metallic_roughness or schema.MetallicRoughness()
         strength = document.extension(material, "KHR_materials_emissive_strength", schema.EmissiveStrength, pointer)
         scale = 1.0 if strength is None else strength.emissive_strength
+        specular = self._specular(material, pointer)
         normal, occlusion = material.normal_texture, material.occlusion_texture
         return Material(
             name=material.name,
@@ -64,8 +65,18 @@ class MaterialReader:
             alpha_mode=material.alpha_mode,
             alpha_cutoff=material.alpha_cutoff,
             double_sided=material.double_sided,
+            specular=specular,
             unlit="KHR_materials_unlit" in material.extensions,
         )
+
+    def _specular(self, material: schema.Material, pointer: str) -> float:
+        """The factor of KHR_materials_specular; its colour and textures are noted as not simulated."""
+        extension = self.document.extension(material, "KHR_materials_specular", schema.Specular, pointer)
+        if extension is None:
+            return 1.0
+        if extension.specular_texture or extension.specular_color_factor or extension.specular_color_texture:
+            self.document.note("KHR_materials_specular: only specularFactor is simulated", pointer)
+        return extension.specular_factor
 
     def _texture(self, info: schema.TextureInfo | None, pointer: str) -> Texture | None:
         if info is None:

@@ -269,6 +269,13 @@ class EmissiveStrength(Struct, rename="camel"):
     emissive_strength: NonNegative = 1.0
 
 
+class Specular(Struct, rename="camel"):
+    specular_factor: Annotated[float, Meta(ge=0.0, le=1.0)] = 1.0
+    specular_texture: Any = None
+    specular_color_factor: Any = None
+    specular_color_texture: Any = None
+
+
 class TextureSource(Struct):
     source: Index
 

@@ -1,0 +1,225 @@
+"""The main job over path-traced files: ``exr:DIR`` -> the same Channels, masks and summary as the rasterizer's.
+
+One mask implementation judges both sources; only where channels and cameras come from differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.animation import View, choose_camera
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import FEATURES, SUMMARY_SCHEMA
+from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import Pair, count_pairs
+from taubench_gl.frame.counting import SequenceStats
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.truth_cameras import FittedCamera, SceneCamera, SidecarCamera, TruthCamera
+from taubench_gl.frame.truth_source import TruthSource
+from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.activity import camera_activity, summarize
+from taubench_gl.metrics.cuts import detect_cuts
+from taubench_gl.provenance import provenance
+from taubench_gl.reference.mapping import BOUNCES, LOBES
+from taubench_gl.reference.sequence import TruthSequence, is_sequence
+from taubench_gl.run import FRAME_COLUMNS, Progress, Run, RunWriter
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+NO_SCENE = "path-traced files do not say what the scene is made of"
+
+__all__ = ["TruthOptions", "evaluate_truth", "is_sequence"]
+
+
+@dataclass(frozen=True, slots=True)
+class TruthOptions:
+    """What only a path-traced sequence needs to be told.  At most one of ``camera_file`` and ``scene_file``."""
+
+    camera_file: str | Path | None = None  # JSON sidecar
+    scene_file: str | Path | None = None  # glTF whose camera took the pictures (``Settings.camera`` chooses it)
+    mapping: str | Path | None = None  # preset name or TOML/JSON file; None: Blender
+    layer: str | None = None  # view layer; None: the one with most passes
+    lobes: tuple[str, ...] = field(default=())  # lobes of direct and indirect to measure apart
+
+    def __post_init__(self) -> None:
+        if self.camera_file is not None and self.scene_file is not None:
+            raise SettingsError("camera file and scene file both say where the camera was", hint="give one")
+        for lobe in self.lobes:
+            if lobe not in LOBES:
+                raise SettingsError(f"no lobe is named {lobe!r}", hint=f"choose from {', '.join(LOBES)}")
+
+
+def evaluate_truth(
+    spec: str | Path,
+    settings: Settings | None = None,
+    options: TruthOptions | None = None,
+    *,
+    out: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    on_pair: Callable[[Pair], None] | None = None,
+    channels: tuple[str, ...] = (),
+) -> Run:
+    """Evaluate the frame pairs of ``exr:DIR`` or ``exr:DIR/name*.exr``.
+
+    The picture size is the files'; ``settings.fps`` gives way to a sidecar's.  A column whose pass is missing is null,
+    with the pass that would give it as the reason.  Raises TaubenchError for everything a user can cause.
+    """
+    settings, options = settings or Settings(), options or TruthOptions()
+    sequence = TruthSequence.open(spec, mapping=options.mapping, layer=options.layer)
+    camera, fps = _camera(options, settings)
+    settings = replace(settings, width=sequence.size[0], height=sequence.size[1], fps=fps)
+    frames = sequence.select(settings.frames)
+    if out is None:
+        return _run(sequence, camera, frames, settings, options, None, progress, on_pair)
+    with RunWriter(out, FRAME_COLUMNS) as writer:
+        return _run(sequence, camera, frames, settings, options, writer, progress, on_pair)
+
+
+def _camera(options: TruthOptions, settings: Settings) -> tuple[TruthCamera, float]:
+    """Where the camera comes from, and the frame rate to go with it."""
+    if options.camera_file is not None:
+        camera = SidecarCamera(options.camera_file)
+        return camera, camera.file.fps or settings.fps
+    if options.scene_file is not None:
+        scene = load_scene(options.scene_file, scene=settings.scene, animation=settings.animation)
+        if not len(scene.camera_nodes):
+            raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
+        return SceneCamera(scene, choose_camera(scene, settings.camera), settings.fps), settings.fps
+    return FittedCamera(), settings.fps
+
+
+def _run(
+    sequence: TruthSequence,
+    camera: TruthCamera,
+    frames: range,
+    settings: Settings,
+    options: TruthOptions,
+    writer: RunWriter | None,
+    progress: Callable[[Progress], None] | None,
+    on_pair: Callable[[Pair], None] | None,
+) -> Run:
+    gpu = open_gpu(settings.backend, settings.device)
+    with gpu:
+        timer = PassTimer(gpu)
+        source = TruthSource(gpu, sequence, camera, settings, lobes=options.lobes)
+        lobes = _LobeColumns(gpu, source, settings) if options.lobes else None
+
+        def seen(pair: Pair) -> None:
+            if lobes is not None:
+                lobes.add(pair.view)
+            if on_pair is not None:
+                on_pair(pair)
+
+        watched = seen if lobes is not None or on_pair is not None else None
+        try:
+            rows, views, stats = count_pairs(
+                gpu, source, frames, settings, sequence.name, timer, writer, progress, watched
+            )
+            gpu.check("evaluation")
+            summary = _summary(sequence, frames, settings, views, stats) | source.describe()
+            summary["camera"]["source"] = camera.describe()
+            summary["notes"] = _notes(source, camera)
+            if lobes is not None:
+                summary["lobes"] = lobes.summary()
+        finally:
+            if lobes is not None:
+                lobes.release()
+            source.release()
+            gpu.collect()
+        summary["timing"] = {"clock": timer.clock, "unit": "ms", "passes": timer.median_ms()}
+        summary["provenance"] = provenance(gpu, timer.clock)
+    cuts = set(summary["camera"]["cuts"])
+    for row in rows:
+        row["camera_cut"] = row["frame"] in cuts
+    if writer is not None:
+        writer.rewrite_rows(rows)
+        writer.write_summary(summary)
+    return Run(summary, rows, None if writer is None else writer.out)
+
+
+def _summary(
+    sequence: TruthSequence, frames: range, settings: Settings, views: list[View], stats: SequenceStats
+) -> dict[str, Any]:
+    positions = np.array([v.position for v in views]).reshape(-1, 3)
+    rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
+    activity = camera_activity(positions, rotations)
+    cuts = detect_cuts(activity, settings.unit_scale)
+    return {
+        "schema": SUMMARY_SCHEMA,
+        "scene": {
+            "name": sequence.name,
+            "path": str(sequence.path),
+            "sha256": sequence.sha256(),
+            "duration_s": (len(frames) - 1) / settings.fps,
+            "playing": [],
+        },
+        "settings": settings.as_summary(frames),
+        "pairs": stats.pairs,
+        "census": {"reason": NO_SCENE},
+        "camera": summarize(activity, cuts, settings.fps, frames[0]),
+        "discard": stats.discard(cuts),
+        "classes": stats.classes(),
+        "curves": stats.curves(),
+    }
+
+
+def _notes(source: TruthSource, camera: TruthCamera) -> list[str]:
+    notes = [f"the camera is {camera.describe()}"] if isinstance(camera, FittedCamera) else []
+    if source.mismatch_px is None:
+        notes.append("without a position pass the camera could not be checked against the pictures")
+    if isinstance(camera, SceneCamera) and camera.offset:
+        notes.append(f"the files count frames from {-camera.offset}: frame {-camera.offset} is the scene's 0 s")
+    return notes
+
+
+class _LobeColumns:
+    """direct and indirect of single lobes, through the same mask pass with their textures in the place of the sums."""
+
+    def __init__(self, gpu: Gpu, source: TruthSource, settings: Settings):
+        self._source = source
+        self._thresholds = {f: settings.threshold(f) for f in FEATURES}
+        self._shaders = ShaderCache(gpu.ctx)
+        self._passes: dict[str, tuple[MaskPass, SequenceStats]] = {}
+        for lobe in source.lobes:
+            missing = {b: source.missing[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in source.missing}
+            there = tuple(b for b in BOUNCES if b not in missing)
+            masks = MaskPass(
+                gpu,
+                self._shaders,
+                source.size,
+                reprojection=source.reprojection,
+                sampling=settings.sampling,
+                radiance=there,
+            )
+            self._passes[lobe] = masks, SequenceStats(there, missing)
+
+    def add(self, view: View) -> None:
+        """Count the pair whose frames the source holds now; ``view`` is the current one's."""
+        pair = reprojection(view, self._source.previous_view, *self._source.size)
+        for lobe, (masks, stats) in self._passes.items():
+            current, history = (
+                dict(textures) | {b: textures[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in textures}
+                for textures in (self._source.current, self._source.previous)
+            )
+            masks.run(pair, self._thresholds, current, history)
+            stats.add(masks.read())
+
+    def summary(self) -> dict[str, Any]:
+        """lobe -> {direct, indirect} as in the ``discard`` block."""
+        out = {}
+        for lobe, (_, stats) in self._passes.items():
+            discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
+            out[lobe] = {bounce: discard[bounce] for bounce in BOUNCES}
+        return out
+
+    def release(self) -> None:
+        for masks, _ in self._passes.values():
+            masks.release()
+        self._shaders.release()

@@ -1,0 +1,178 @@
+"""Everything light does to a frame, after the geometry pass: shadows, direct radiance, colour."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.animation import FrameState, bounding_sphere
+from taubench_gl.effects.decide import Effect
+from taubench_gl.frame.lights import LightTable
+from taubench_gl.frame.passes.lighting import ColorPass, LightingPass
+from taubench_gl.frame.passes.shadows import Casters, ShadowPass
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+INPUTS = ("position", "normal", "geometric_normal", "base_color", "material")
+BOUND_TIMES = 9
+BOUND_MARGIN = 1.05
+
+
+def light_channels(effects: dict[str, Effect], extra: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Channels the light stage reads and writes, for what is on."""
+    direct, color = effects["direct"].on, effects["color"].on
+    out: tuple[str, ...] = ()
+    if direct or color:
+        out += (*INPUTS, "direct")
+        out += tuple(c for c in ("direct_diffuse", "direct_glossy") if c in extra)
+    if color:
+        out += ("color",) + (("emission",) if effects["emission"].on else ())
+    return out
+
+
+class LightStage:
+    """Lights the frames of one Renderer.  Made only when some radiance column is on."""
+
+    def __init__(self, renderer: Renderer, settings: Settings, effects: dict[str, Effect], timer: PassTimer):
+        gpu, scene = renderer.gpu, renderer.scene
+        self._renderer, self._timer = renderer, timer
+        self.table = LightTable(scene)
+        self.table.rows["color"][:, 3] = -1.0
+        times = np.linspace(0.0, scene.duration, BOUND_TIMES) if scene.duration > 0 else [0.0]
+        center, radius = bounding_sphere(renderer.poser, times)
+        self._shadow = None
+        self.left_out = 0
+        if effects["shadows"].on and len(self.table):
+            ranked = significant_lights(scene, renderer, times)
+            chosen = sorted(ranked[: settings.shadow_lights])
+            self.left_out = len(self.table) - len(chosen)
+            self._shadow = ShadowPass(
+                gpu,
+                renderer.shaders,
+                scene,
+                self.table,
+                chosen,
+                (center, radius * BOUND_MARGIN),
+                resolution=settings.shadow_size,
+                colored_materials=renderer.colored,
+            )
+            self._casters = Casters(len(renderer.draws))
+            self._bounds = DrawBounds(renderer, center, radius * BOUND_MARGIN)
+        split = "direct_diffuse" in renderer.history.current.textures
+        self.lighting = LightingPass(
+            gpu,
+            renderer.shaders,
+            renderer.size,
+            len(self.table),
+            settings,
+            shadows=self._shadow is not None,
+            culling=effects["light_culling"].on,
+            split=split,
+        )
+        self._color = None
+        if effects["color"].on:
+            inputs = ("emission",) if effects["emission"].on else ()
+            self._color = ColorPass(gpu, renderer.shaders, renderer.size, settings, inputs)
+
+    def run(self) -> None:
+        """Light the renderer's current frame."""
+        drawn = self._renderer.drawn
+        state, view, placement = drawn.state, drawn.view, drawn.placement
+        textures = self._renderer.history.current.textures
+        rows = self.table.update(state, view)
+        if self._shadow is not None:
+            with self._timer.measure("shadows"):
+                self._casters.update(
+                    self._bounds.at(state, placement.world), self._bounds.poses(state, placement), placement.visible
+                )
+                self._shadow.run(state, view, rows, self._renderer.buffers, self._renderer.materials, self._casters)
+        with self._timer.measure("direct"):
+            self.lighting.run(view, rows, textures, self._shadow)
+        if self._color is not None:
+            with self._timer.measure("color"):
+                self._color.run(self.lighting.parameters, textures)
+
+    @property
+    def bytes(self) -> int:
+        """GPU memory of shadow maps and light lists, bytes."""
+        return self.lighting.bytes + (self._shadow.bytes if self._shadow is not None else 0)
+
+    def notes(self) -> list[str]:
+        """What was left out, for every output."""
+        if self.left_out:
+            return [f"{self.left_out} lights shine without shadows: only the most significant get shadow maps"]
+        return []
+
+    def describe(self) -> dict[str, Any]:
+        return {"shadow_faces": 0 if self._shadow is None else len(self._shadow.rows)}
+
+    def release(self) -> None:
+        self.lighting.release()
+        if self._shadow is not None:
+            self._shadow.release()
+
+
+def significant_lights(scene: Scene, renderer: Renderer, times: Array) -> list[int]:
+    """Rows of the light table, most significant first: the largest irradiance each gives at the camera's place.
+
+    Taken over the whole animation, so that no light gains or loses its shadow in the middle of it.
+    """
+    nodes = scene.light_nodes
+    index = scene.nodes.light[nodes]
+    best = np.zeros(len(nodes))
+    for t in times:
+        state, view = renderer.view(float(t))
+        for row, node in enumerate(nodes.tolist()):
+            light = state.lights[int(index[row])]
+            if not state.visible[node]:
+                continue
+            strength = max(light.color) * light.intensity
+            if light.kind != "directional":
+                d2 = float(np.sum((state.world[node, :3, 3] - view.position) ** 2))
+                strength /= max(d2, 1.0)
+            best[row] = max(best[row], strength)
+    return [int(i) for i in np.argsort(-best, kind="stable")]
+
+
+class DrawBounds:
+    """World bounding spheres of all draws; posed ones take the whole scene's, for their vertices live on the GPU."""
+
+    def __init__(self, renderer: Renderer, center: Array, radius: float):
+        self._renderer, self._whole = renderer, (center, radius)
+        self._posed = np.array([d.posed for d in renderer.draws], dtype=bool)
+        spheres = [_sphere(renderer.scene, d) for d in renderer.draws]
+        self._centers = np.array([c for c, _ in spheres]).reshape(-1, 3)
+        self._radii = np.array([r for _, r in spheres])
+
+    def at(self, state: FrameState, world: Array) -> tuple[Array, Array]:
+        """Centres (D, 3) and radii (D,), world."""
+        centers = np.einsum("dij,dj->di", world[:, :3, :3], self._centers) + world[:, :3, 3]
+        scale = np.linalg.norm(world[:, :3, :3], axis=(1, 2))  # Frobenius: at least the largest stretch
+        radii = self._radii * scale
+        return np.where(self._posed[:, None], self._whole[0], centers), np.where(self._posed, self._whole[1], radii)
+
+    def poses(self, state: FrameState, placement) -> list[bytes]:
+        """Bytes that are equal exactly when a draw's geometry is in the same place."""
+        scene, out = self._renderer.scene, []
+        skins: dict[int, bytes] = {}
+        for draw, world in zip(self._renderer.draws, placement.world, strict=True):
+            if not draw.posed:
+                out.append(world.tobytes())
+                continue
+            skin = int(scene.nodes.skin[draw.node])
+            if skin >= 0 and skin not in skins:
+                skins[skin] = state.world[scene.skins[skin].joints].tobytes()
+            weights = state.weights.get(draw.node)
+            own = world.tobytes() if skin < 0 else skins[skin]
+            out.append(own + (b"" if weights is None else np.asarray(weights).tobytes()))
+        return out
+
+
+def _sphere(scene: Scene, draw) -> tuple[Array, float]:
+    points = scene.meshes[draw.mesh].primitives[draw.primitive].positions.astype(np.float64)
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return center, float(np.linalg.norm(points - center, axis=1).max())

@@ -1,0 +1,37 @@
+"""From radiance to what a screen shows: exposure, tone mapping, sRGB.  Twin of shaders/color/color.comp.glsl."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+TONE_MAPS = {
+    "linear": lambda x: x,
+    # Reinhard et al. 2002, Eq. (3), per channel.
+    "reinhard": lambda x: x / (1.0 + x),
+    # Narkowicz 2015, "ACES Filmic Tone Mapping Curve": a rational fit per channel.
+    "aces": lambda x: x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14),
+}
+"""Curves from exposed linear radiance >= 0 to display-linear values; the result is clamped to [0, 1]."""
+
+
+def tone_map(radiance: Array, curve: str = "linear") -> Array:
+    """Display-linear values in [0, 1] of linear radiance; negative radiance counts as 0.  (...) -> (...)."""
+    # Where a curve has settled at 1, larger radiance must not overflow it; NaN stays NaN.
+    return np.clip(TONE_MAPS[curve](np.clip(radiance, 0.0, 1e6)), 0.0, 1.0)
+
+
+def srgb_encode(linear: Array) -> Array:
+    """The sRGB transfer function (IEC 61966-2-1) of values in [0, 1].  (...) -> (...)."""
+    linear = np.asarray(linear)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def display_color(radiance: Array, exposure: float = 1.0, curve: str = "linear") -> Array:
+    """What the colour mask compares: exposure, ``curve``, clamp, sRGB.  (..., 3) -> (..., 3) in [0, 1]; NaN stays NaN.
+
+    Infinite radiance is no colour but a fault of its source: it comes out as NaN, which the masks count as INVALID.
+    """
+    exposed = np.where(np.isinf(radiance), np.nan, radiance) * exposure
+    return srgb_encode(tone_map(exposed, curve))

@@ -1,0 +1,277 @@
+"""Cases: node scales and triangles that are degenerate in one way or another, and silhouettes counted exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.conventions import Reason
+from taubench_gl.scene.model import Camera, Primitive, Scene
+from taubench_gl.selftest.bench import Bench, pixel_grid, to_pixels
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn, turn_x, turn_y
+
+Array = np.ndarray
+RASTER = "exact raster rule: a pixel is covered when its centre is inside; edges lie on pixel borders"
+FLOAT_NORMAL = "float32: 16 ulps of 1"
+
+
+def one_metre_per_pixel(b: SceneBuilder, bench: Bench, **node) -> int:
+    """An orthographic camera that sees 1 m as 1 px; pixel borders lie at whole metres."""
+    return b.camera(kind="orthographic", xmag=bench.size[0] / 2, ymag=bench.size[1] / 2, zfar=1000.0, **node)
+
+
+def _show(bench: Bench, primitive: Primitive, **node) -> Scene:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(primitive), translation=(0.0, 0.0, -100.0), **node)
+    one_metre_per_pixel(b, bench)
+    return b.build()
+
+
+@case(
+    "zero-scale",
+    what="a box with scale 0 in front of the sky: pixels drawn, and pixels that are not plain sky",
+    elsewhere="a singular matrix is inverted and NaN spreads, or the object stays as a dot",
+    here="nothing is inverted; triangles of area 0 cover no pixel centre",
+    source=RASTER,
+)
+def zero_scale(bench: Bench) -> Outcome:
+    images = bench.pair(_show(bench, box((10, 10, 10)), scale=(0, 0, 0)), (0.0, 0.0), reprojection="motion")
+    return count(0, int((images.mask != (Reason.SKY | Reason.HISTORY_SKY)).sum()))
+
+
+@case(
+    "zero-scale-to-visible",
+    what="a 20 x 20 m wall that jumps from scale 0 to 1: pixels that now cover sky (reason OCCLUDING)",
+    elsewhere="previous positions all fall on one point, and history is read from there",
+    here="the sky it covers has no surface: POSITION, NORMAL, OCCLUDING; camera reprojection looks straight back",
+    source=RASTER,
+)
+def zero_scale_to_visible(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    wall = b.node(mesh=b.mesh(quad(10, 10)), translation=(0.0, 0.0, -100.0))
+    one_metre_per_pixel(b, bench)
+    b.animate(wall, "scale", [0.0, 1.0], [(0, 0, 0), (1, 1, 1)], "STEP")
+    scene = b.build()
+    images = bench.pair(scene)
+    word = Reason.HISTORY_SKY | Reason.POSITION | Reason.NORMAL | Reason.OCCLUDING
+    return count(400, int((images.mask == word).sum()))
+
+
+@case(
+    "negative-scale",
+    what="a box with scale (-1, 1, 1): pixels whose position or normal differ from those of the plain box",
+    elsewhere="the mirror turns fronts into backs: back-face culling shows the inside of the box",
+    here="the sign of the determinant chooses the front face; normals keep pointing out",
+    source="exact count; the box is its own mirror image, values within 1e-5 (16 float ulps of 5 m) count as equal",
+)
+def negative_scale(bench: Bench) -> Outcome:
+    frames = []
+    for sign in (1.0, -1.0):
+        b = SceneBuilder()
+        parent = b.node(translation=(0.0, 0.0, -5.0), rotation=turn_x(30.0))
+        b.node(parent, mesh=b.mesh(box()), scale=(sign, 1.0, 1.0))
+        b.camera()
+        frames.append(bench.frame(b.build())[0])
+    plain, mirrored = frames
+    differ = np.zeros(plain["normal"].shape[:2], dtype=bool)
+    for name in ("normal", "position"):
+        differ |= np.abs(plain[name] - mirrored[name]).max(axis=-1) > 1e-5
+    shown = int((plain["position"][..., 3] > 0).sum())
+    return count(0, int(differ.sum()) if shown else differ.size)
+
+
+def _normal_error(bench: Bench, world: Array, primitive: Primitive, normal: Array) -> tuple[float, int]:
+    """Largest distance between the normals drawn and ``normal`` (or its opposite, turned to the viewer)."""
+    b = SceneBuilder()
+    b.node(matrix=world, mesh=b.mesh(primitive))
+    b.camera(zfar=1e4)
+    frame, _ = bench.frame(b.build(), culling="none")
+    shown = frame["position"][..., 3] > 0
+    drawn = frame["normal"][shown][:, :3].astype(np.float64)
+    towards = np.where(np.sum(normal * frame["position"][shown][:, :3], axis=-1) > 0, -1.0, 1.0)
+    return worst(drawn - towards[:, None] * normal), int(shown.sum())
+
+
+def _placed(mat3: Array) -> Array:
+    return math3d.affine(mat3, np.array([0.0, 0.0, -5.0]))
+
+
+@case(
+    "sheared-normal",
+    what="a wall below a turned node with scale (1, 4, 1): its normal against the plane it lies in",
+    elsewhere="normals are turned by the matrix of the points and lean out of their surface",
+    here="the cofactor matrix, normalised afterwards",
+    tolerance=2e-6,
+    source=FLOAT_NORMAL,
+)
+def sheared_normal(bench: Bench) -> Outcome:
+    mat3 = np.diag([1.0, 4.0, 1.0]) @ math3d.mat3_from_quat(turn((1.0, 1.0, 0.0), 40.0))
+    normal = math3d.normalize(np.cross(mat3[:, 0], mat3[:, 1]))
+    error, shown = _normal_error(bench, _placed(mat3), quad(), normal)
+    naive = worst(math3d.normalize(mat3[:, 2]) - normal)
+    return field(f"the plane's normal at {shown} pixels", error if shown else np.nan, Naive("M n", f"{naive:.3g}", naive))
+
+
+@case(
+    "flattened-normal",
+    what="a sphere with scale (1, 1, 0): normals of the plate it becomes, away from its rim",
+    elsewhere="the inverse of a singular matrix: Inf, then NaN",
+    here="cofactors need no inverse and give the plate's normal",
+    tolerance=2e-6,
+    source=FLOAT_NORMAL,
+)
+def flattened_normal(bench: Bench) -> Outcome:
+    mat3 = np.diag([1.0, 1.0, 0.0])
+    normal = np.array([0.0, 0.0, 1.0])
+    error, shown = _normal_error(bench, _placed(mat3), sphere(), normal)
+    try:
+        inverse = np.linalg.inv(mat3)
+        naive = Naive("inverse transpose", str(inverse), 0.0)
+    except np.linalg.LinAlgError as refused:
+        naive = Naive("inverse transpose", str(refused), np.inf)
+    return field(f"(0, 0, 1) at {shown} pixels", error if shown else np.nan, naive)
+
+
+@case(
+    "tiny-scale-normal",
+    what="a wall of 1e13 units at scale 1e-13: its normal",
+    elsewhere="products of three scales underflow to 0 in float32, and the normal with them",
+    here="rows are divided by their largest element before they are multiplied",
+    tolerance=2e-6,
+    source=FLOAT_NORMAL,
+)
+def tiny_scale_normal(bench: Bench) -> Outcome:
+    turned = math3d.mat3_from_quat(turn_y(20.0))
+    error, shown = _normal_error(bench, _placed(1e-13 * turned), quad(1e13, 1e13), turned[:, 2])
+    cofactors = np.cross(np.float32(1e-13 * turned[:, 0]), np.float32(1e-13 * turned[:, 1]))
+    with np.errstate(divide="ignore", invalid="ignore", under="ignore"):
+        unit = cofactors / np.sqrt(np.sum(cofactors * cofactors, dtype=np.float32))
+        naive = worst(unit - turned[:, 2])
+    plain = Naive("n / |n|", f"{naive:.3g}", naive)
+    return field(f"the wall's normal at {shown} pixels", error if shown else np.nan, plain)
+
+
+@case(
+    "zero-normals",
+    what="a wall whose vertex normals have length 0: invalid pixels",
+    elsewhere="0 / 0 is NaN, and NaN spreads through every blend",
+    here="a vector of length 0 stays 0",
+    source="exact: an unsigned count on the GPU",
+)
+def zero_normals(bench: Bench) -> Outcome:
+    wall = quad(10, 10)
+    wall = Primitive(wall.positions, wall.triangles, normals=np.zeros_like(wall.positions))
+    images = bench.pair(_show(bench, wall), (0.0, 0.0))
+    with np.errstate(invalid="ignore"):
+        naive = int((~np.isfinite(np.zeros(3) / np.linalg.norm(np.zeros(3)))).any()) * 400
+    missing = abs(int(images.surface.sum()) - 400)
+    return count(0, images.counts["invalid"] + missing, Naive("n / |n|", naive, naive))
+
+
+@case(
+    "degenerate-triangles",
+    what="a 20 x 20 m wall among triangles of area 0 (points, lines, repeated corners), flat-shaded: pixels drawn",
+    elsewhere="the face normal of a degenerate triangle is NaN",
+    here="its normal is 0, and it covers no pixel centre",
+    source=RASTER,
+)
+def degenerate_triangles(bench: Bench) -> Outcome:
+    wall = quad(10, 10, normals=False)
+    bad = np.uint32([[0, 0, 0], [0, 1, 1], [2, 2, 3], [0, 2, 0]])
+    mixed = Primitive(wall.positions, np.concatenate([bad, wall.triangles, bad]))
+    images = bench.pair(_show(bench, mixed), (0.0, 0.0), extra=("geometric_normal",))
+    finite = all(np.isfinite(c).all() for c in images.current.values())
+    return count(400, int(images.surface.sum()) if finite else -1)
+
+
+def _cut(name: str, cells: tuple[int, int], words: str) -> None:
+    @case(
+        name,
+        what=f"a 40 x 20 m wall cut into {cells[0]} x {cells[1]} cells, {words}: pixels drawn once and on the wall",
+        elsewhere="cracks and double hits along shared edges; normals from derivatives of slivers are NaN",
+        here="one vertex arithmetic for all draws; a derivative that vanishes falls back on the vertex normal",
+        source=RASTER + "; depth exact, as the wall is parallel to the picture",
+    )
+    def cut(bench: Bench) -> Outcome:
+        frame, _ = bench.frame(_show(bench, quad(20, 10, cells=cells)), extra=("geometric_normal",))
+        right = np.abs(frame["position"][..., 3] - 100.0) < 1e-3
+        normal = frame["geometric_normal"][..., :3].astype(np.float64)
+        right &= np.abs(normal - [0.0, 0.0, 1.0]).max(axis=-1) < 1e-2
+        return count(800, int(right.sum()))
+
+
+_cut("sliver-triangles", (4000, 1), "slivers of 1/100 px")
+_cut("sub-pixel-triangles", (160, 80), "triangles of a quarter pixel")
+
+
+@case(
+    "many-vertices",
+    what="one wall of 90,601 vertices that fills the picture: pixels that show their own place on it",
+    elsewhere="16-bit indices wrap at 65,536 and triangles stretch across the picture",
+    here="32-bit indices throughout",
+    source="exact count; own place: within 1/16 px",
+)
+def many_vertices(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    wall = quad(8.0, 6.0, cells=(300, 300))
+    b.node(mesh=b.mesh(wall), translation=(0.0, 0.0, -5.0))
+    b.camera(yfov=np.radians(60.0))
+    frame, _ = bench.frame(b.build())
+    at = to_pixels(frame["position"][..., :3].astype(float), bench.size, Camera(yfov=np.radians(60.0)))
+    right = (frame["position"][..., 3] > 0) & (np.abs(at - pixel_grid(bench.size)).max(axis=-1) < 1 / 16)
+    reachable = int(np.unique(wall.triangles & 0xFFFF).size)
+    lost = len(wall.positions) - reachable
+    return count(right.size, int(right.sum()), Naive("16-bit indices: vertices reachable", reachable, lost))
+
+
+def _moved_wall(bench: Bench, reprojection: str):
+    b = SceneBuilder()
+    wall = b.node(mesh=b.mesh(quad(10, 10)), translation=(0.0, 0.0, -100.0))
+    b.animate(wall, "translation", [0.0, 1.0], [(0.0, 0.0, -100.0), (4.0, 0.0, -100.0)])
+    one_metre_per_pixel(b, bench)
+    return bench.pair(b.build(), reprojection=reprojection)
+
+
+@case(
+    "silhouette-camera",
+    what="a wall moves by 4 px before the sky, camera reprojection: sky uncovered plus sky covered",
+    elsewhere="sky pixels are left out of the masks, so the outline of everything that moves is 'reusable'",
+    here="sky against surface is always a discard: DISOCCLUDED behind, OCCLUDING in front",
+    source=RASTER,
+)
+def silhouette_camera(bench: Bench) -> Outcome:
+    c = _moved_wall(bench, "camera").counts
+    wrong = abs(c["disoccluded"] - 80) + abs(c["occluding"] - 80) + abs(c["position"] - 160)
+    return Outcome(160, c["disoccluded"] + c["occluding"], float(wrong))
+
+
+@case(
+    "silhouette-motion",
+    what="the same with motion reprojection: only the sky that was uncovered is discarded",
+    elsewhere="motion of what is now at the pixel is taken for the sky as well",
+    here="the wall finds itself 4 px to the left; uncovered sky finds the wall",
+    source=RASTER,
+)
+def silhouette_motion(bench: Bench) -> Outcome:
+    c = _moved_wall(bench, "motion").counts
+    wrong = abs(c["disoccluded"] - 80) + c["occluding"] + abs(c["position"] - 80)
+    return Outcome(80, c["position"], float(wrong))
+
+
+@case(
+    "back-of-a-wall",
+    what="a two-sided wall seen from behind: normals that point away from the viewer",
+    elsewhere="the normal of the front is shown, and everything seen from behind is lit from the wrong side",
+    here="normals are turned over where the triangle faces away",
+    source="exact: a count",
+)
+def back_of_a_wall(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    two_sided = b.material(double_sided=True)
+    b.node(mesh=b.mesh(quad(10, 10, material=two_sided)), translation=(0.0, 0.0, -8.0), rotation=turn_y(180.0))
+    b.camera()
+    frame, _ = bench.frame(b.build())
+    shown = frame["position"][..., 3] > 0
+    away = shown & (np.sum(frame["normal"][..., :3] * frame["position"][..., :3], axis=-1) >= 0)
+    return count(0, int(away.sum()) if shown.any() else shown.size)

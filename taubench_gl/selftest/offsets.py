@@ -1,0 +1,93 @@
+"""Cases: the same scene far from the origin, and at other scales: the masks must not notice."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.conventions import DEFAULT_THRESHOLD
+from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.selftest.bench import Bench, PairImages, limits
+from taubench_gl.selftest.case import Naive, Outcome, case, count
+from taubench_gl.selftest.scenes import busy_room
+
+Array = np.ndarray
+MODES = ("camera", "motion")
+TIMES = (0.5, 0.625)
+
+
+def _both(bench: Bench, offset=(0.0, 0.0, 0.0), scale: float = 1.0, unit_scale: float | None = None):
+    unit_scale = scale if unit_scale is None else unit_scale
+    scene = busy_room(offset, scale)
+    return [bench.pair(scene, TIMES, reprojection=mode, unit_scale=unit_scale) for mode in MODES]
+
+
+def _different(a: list[PairImages], b: list[PairImages]) -> int:
+    return sum(int((x.mask != y.mask).sum()) for x, y in zip(a, b, strict=True))
+
+
+def _in_world_floats(images: PairImages) -> int:
+    """Pixels whose mask changes when positions are stored in world space as float32."""
+    world = []
+    for channels, view in ((images.current, images.view), (images.history, images.previous_view)):
+        position = channels["position"].astype(np.float64)
+        rounded = (position[..., :3] + view.position).astype(np.float32).astype(np.float64) - view.position
+        position[..., :3] = np.where(position[..., 3:] > 0, rounded, 0.0)
+        world.append({**channels, "position": position})
+    truth = pair_masks(images.current, images.history, images.pair, limits(None)).mask
+    return int((pair_masks(*world, images.pair, limits(None)).mask != truth).sum())
+
+
+def _offset_case(name: str, metres: float) -> None:
+    @case(
+        name,
+        what=f"a busy room {metres:g} m from the origin: pixels whose mask differs from that of the room at the origin",
+        elsewhere="float32 world positions have steps of 6e-5 m at 1e3 m, 6 cm at 1e6 m and 64 m at 1e9 m",
+        here="matrices are composed in float64 relative to the camera; the GPU never sees a world position",
+        source="exact: all keys are dyadic, so float64 holds every difference without rounding",
+    )
+    def offset(bench: Bench) -> Outcome:
+        there = _both(bench, (metres, -metres, 0.5 * metres))
+        different = _different(_both(bench), there)
+        naive = _in_world_floats(there[0])
+        return count(0, different, Naive("float32 world positions", naive, naive) if naive else None)
+
+
+_offset_case("offset-1e3", 1e3)
+_offset_case("offset-1e6", 1e6)
+_offset_case("offset-1e9", 1e9)
+
+
+@case(
+    "still-far-away",
+    what="a still camera over the still room at 1e9 m: pixels with any reason bit but SKY",
+    elsewhere="flickers of a few pixels, so that 'nothing changed' is never 0 %",
+    here="equal poses give equal bits on the whole way to the mask",
+    source="exact: the same arithmetic twice",
+)
+def still_far_away(bench: Bench) -> Outcome:
+    there = [bench.pair(busy_room((1e9, 1e9, 1e9)), (0.3, 0.3), reprojection=mode) for mode in MODES]
+    return count(0, sum(int((i.mask > 0).sum()) + int((i.motion != 0).sum()) for i in there))
+
+
+def _scale_case(name: str, scale: float, tolerance: float, source: str) -> None:
+    @case(
+        name,
+        what=f"the busy room at scale {scale:g} with unit_scale to match: pixels whose mask differs",
+        elsewhere="absolute epsilons in metres (1e-3, 1e-4) decide everything at one scale and nothing at another",
+        here="the position threshold is the only length, and unit_scale multiplies it; other guards are relative",
+        tolerance=tolerance,
+        source=source,
+    )
+    def scaled(bench: Bench) -> Outcome:
+        plain = _both(bench)
+        different = _different(plain, _both(bench, scale=scale))
+        unscaled = _different(plain, _both(bench, scale=scale, unit_scale=1.0))
+        return count(0, different, Naive(f"threshold of {DEFAULT_THRESHOLD:.3g} m kept", unscaled, unscaled))
+
+
+_POWER = "exact: a power of two changes exponents only"
+_ROUNDED = "0.2 % of 2 x 6144 pixels: positions rounded differently move edges by 1e-5 px and flip what lies on a limit"
+_scale_case("scale-2^-20", 2.0**-20, 0.0, _POWER)
+_scale_case("scale-2^20", 2.0**20, 0.0, _POWER)
+_scale_case("scale-1e-6", 1e-6, 24.0, _ROUNDED)
+_scale_case("scale-1e6", 1e6, 24.0, _ROUNDED)
