@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,8 @@ def evaluate(
 
     ``overrides`` are fields of ``Settings``, such as ``width=640, height=360, reprojection="motion"``.  ``out`` is the
     folder that receives summary.json, frames.csv, tables, plots and a picture of the most discarded frame's mask.
-    ``truth`` says what path-traced files (``exr:DIR``) need to be told.  ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  Raises TaubenchError.
+    ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  ``truth`` holds what
+    path-traced files need to be told.  Raises TaubenchError.
 
     >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
     """
@@ -48,13 +50,14 @@ def evaluate(
     unknown = set(save) - set(SAVES)
     if unknown:
         raise SettingsError(f"cannot save {', '.join(sorted(unknown))}", hint=f"choose from {', '.join(SAVES)}")
+    run_on: Callable[..., Run] = partial(evaluate_truth, options=truth) if is_sequence(scene) else evaluate_scene
     if out is None:
         if save:
             raise SettingsError("nowhere to save to", hint="give out, a folder")
-        return evaluate_scene(scene, settings, progress=progress)
+        return run_on(scene, settings, progress=progress)
     saver = _Saver(Path(out), frozenset(save))
     extra = SAVED_CHANNELS if "channels" in save else ()
-    run = evaluate_scene(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
+    run = run_on(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
     saver.finish(run)
     write_report(run.summary, run.frames, Path(out))
     return run

@@ -16,6 +16,7 @@ CULLINGS = ("gltf", "none")
 BACKENDS = ("auto", "egl", "osmesa")
 EFFECTS = ("auto", "all")
 TONE_MAPS = ("linear", "reinhard", "aces")
+INDIRECT = ("auto", "none", "rsm", "probes")
 SHADOW_FILTERS = ("hard", "bilinear")
 MAX_SIZE = 16384
 
@@ -48,6 +49,9 @@ class Settings:
     shadow_size: int = 1024  # texels along a shadow face; directional maps have four times as many
     shadow_lights: int = 8  # lights that get shadows, the most significant first
     shadow_filter: str = "bilinear"
+    indirect: str = "auto"  # auto | none | rsm | probes
+    indirect_samples: int = 2048  # virtual lights, all lights together
+    probes: int = 1024  # irradiance probes, about
     light_error: float = 1e-3  # radiance that light culling may leave out of a tile
     backend: str = "auto"
     device: int | None = None
@@ -67,6 +71,7 @@ class Settings:
             ("backend", self.backend, BACKENDS),
             ("effects", self.effects, EFFECTS),
             ("tone map", self.tone_map, TONE_MAPS),
+            ("indirect rung", self.indirect, INDIRECT),
             ("shadow filter", self.shadow_filter, SHADOW_FILTERS),
         ):
             if value not in allowed:
@@ -80,6 +85,9 @@ class Settings:
             raise SettingsError(f"sky is {self.sky}", hint="give three radiances of at least 0: R,G,B")
         if not 16 <= self.shadow_size <= 4096:
             raise SettingsError(f"shadow size is {self.shadow_size}", hint="give 16 to 4096 texels")
+        for name, value, least in (("indirect samples", self.indirect_samples, 1), ("probes", self.probes, 8)):
+            if value < least:
+                raise SettingsError(f"{name} is {value}", hint=f"give at least {least}")
         if self.shadow_lights < 0:
             raise SettingsError(f"shadow lights is {self.shadow_lights}", hint="give 0 or more")
         if not (math.isfinite(self.light_error) and self.light_error >= 0):
@@ -125,5 +133,8 @@ class Settings:
             "shadow_size": self.shadow_size,
             "shadow_lights": self.shadow_lights,
             "shadow_filter": self.shadow_filter,
+            "indirect": self.indirect,
+            "indirect_samples": self.indirect_samples,
+            "probes": self.probes,
             "light_error": self.light_error,
         }

@@ -2,7 +2,14 @@
 
 from taubench_gl.animation.pose import Poser, pose_normals, pose_vertices, sample, skin_matrices
 from taubench_gl.animation.state import FrameState, View
-from taubench_gl.animation.views import CameraTrack, FileCamera, OrbitCamera, bounding_sphere, choose_camera
+from taubench_gl.animation.views import (
+    CameraTrack,
+    FileCamera,
+    OrbitCamera,
+    bounding_box,
+    bounding_sphere,
+    choose_camera,
+)
 
 __all__ = [
     "CameraTrack",
@@ -11,6 +18,7 @@ __all__ = [
     "OrbitCamera",
     "Poser",
     "View",
+    "bounding_box",
     "bounding_sphere",
     "choose_camera",
     "pose_normals",

@@ -146,6 +146,18 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
     return center, radius if radius > 0 else 1.0
 
 
+def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, Array]:
+    """Low and high corner, world, (3,) each, of everything drawn at ``times``; a unit box where nothing is."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for t in times:
+        state = poser.sample(float(t))
+        for node in poser.scene.mesh_nodes[state.visible[poser.scene.mesh_nodes]].tolist():
+            points = _drawn_points(poser.scene, state, node)
+            if len(points):
+                low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    return (low, high) if np.all(np.isfinite(low)) else (np.full(3, -0.5), np.full(3, 0.5))
+
+
 def _drawn_points(scene: Scene, state: FrameState, node: int) -> Array:
     """Points in whose convex hull the node's mesh lies, world.  -> (P, 3) float64."""
     clouds = [np.zeros((0, 3))]

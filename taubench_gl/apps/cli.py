@@ -16,6 +16,7 @@ from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.apps.truth_command import truth
 from taubench_gl.errors import TaubenchError
 
 EXIT_ERROR = 2
@@ -39,7 +40,7 @@ def cli() -> None:
     """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
 
 
-for command in (doctor, inspect, evaluate, compare):
+for command in (doctor, inspect, evaluate, compare, truth):
     cli.add_command(command)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import Frames, Size, Threshold, Words, gpu_options, scene_options
+from taubench_gl.apps.options import Frames, Size, Threshold, Words, gpu_options, scene_options, truth_options
 from taubench_gl.errors import TaubenchError
 from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, Settings
 
@@ -28,6 +28,7 @@ Examples:
   taubench-gl evaluate scene.glb --out results --save masks
   taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
   taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
+  taubench-gl evaluate exr:renders --camera-file renders/camera.json --lobe glossy
 \b
 With --out, DIR holds summary.json and frames.csv (one row per finished pair, also after an interrupt),
 tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one folder each inside DIR."""
@@ -57,21 +58,24 @@ tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one fold
 @click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
 @click.option("--save", type=Words(*SAVE), default="", help="Also write masks, channels (comma-separated) per pair.")
+@truth_options
 @gpu_options
 def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], **options: Any) -> int:
     """Measure how much of each frame can be reused in the next, and print the paper's Tables 1 to 4.
 
-    SCENE is a glTF 2.0 file (.glb or .gltf).  One scene that fails does not stop the others; the exit code is then 2.
+    SCENE is a glTF 2.0 file (.glb or .gltf), or exr:DIR, a folder of path-traced OpenEXR frames.  One scene that
+    fails does not stop the others; the exit code is then 2.
     """
     if save and out is None:
         raise click.UsageError("--save needs --out DIR to write to")
+    truth = {name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes")}
     settings = _settings(options)
     folders = out_folders(scenes, out)
     runs: list[Run] = []
     failed = 0
     for scene, folder in zip(scenes, folders, strict=True):
         try:
-            runs.append(_evaluate_one(scene, settings, folder, save))
+            runs.append(_evaluate_one(scene, settings, folder, save, truth))
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -131,12 +135,15 @@ def _settings(options: dict[str, Any]) -> Settings:
     )
 
 
-def _evaluate_one(scene: str, settings: Settings, folder: Path | None, save: tuple[str, ...]) -> Run:
+def _evaluate_one(
+    scene: str, settings: Settings, folder: Path | None, save: tuple[str, ...], truth: dict[str, Any]
+) -> Run:
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.screen import ProgressBar
+    from taubench_gl.evaluation_truth import TruthOptions
 
     with ProgressBar(Path(scene).name) as progress:
-        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress)
+        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, truth=TruthOptions(**truth))
 
 
 def _show(runs: list[Run]) -> None:

@@ -101,3 +101,26 @@ def scene_options(command: Any) -> Any:
         help="Animation to play; may be repeated.  [default: all that fit together]",
     )(command)
     return click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's own]")(command)
+
+
+def truth_options(command: Any) -> Any:
+    """What path-traced files (``exr:DIR``) need to be told: camera, names of passes, lobes."""
+    for option in reversed(
+        (
+            click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
+            click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures."),
+            click.option(
+                "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML."
+            ),
+            click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
+            click.option(
+                "--lobe",
+                "lobes",
+                multiple=True,
+                type=click.Choice(["diffuse", "glossy", "transmission", "volume"]),
+                help="exr: also measure this lobe of direct and indirect; may be repeated.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command

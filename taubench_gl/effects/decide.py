@@ -114,7 +114,7 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     effects["light_culling"] = Effect(
         many and effects["direct"].on, f"{len(kinds)} lights, lists pay above {MANY_LIGHTS}"
     )
-    effects["indirect"] = Effect(False, "indirect light is not simulated yet")
+    effects["indirect"] = _indirect(effects["shadows"], settings)
     effects["emission"] = Effect(
         glowing and "color" in asked, _count(emitters, "primitive glows or is unlit", "primitives glow or are unlit")
     )
@@ -124,6 +124,23 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
         color = "light reaches the camera" if lit or glowing else "no light, no sky and nothing that glows in the scene"
         effects["color"] = Effect(lit or glowing, color)
     return effects
+
+
+def _indirect(shadows: Effect, settings: Settings) -> Effect:
+    if not {"indirect", "color"} & set(settings.columns):
+        return Effect(False, "no column asks for it")
+    if settings.indirect == "none":
+        return Effect(False, "indirect light was switched off (--indirect none)")
+    if not shadows.on:
+        return Effect(False, "no light with a shadow map to start from")
+    rung = indirect_rung(settings)
+    ignores = "no occlusion between surfaces, one bounce" if rung == "rsm" else "coarse occlusion, two bounces"
+    return Effect(True, f"light bounces: rung {rung} ({ignores})")
+
+
+def indirect_rung(settings: Settings) -> str:
+    """The rung that ``auto`` stands for: the best."""
+    return "probes" if settings.indirect == "auto" else settings.indirect
 
 
 MANY_LIGHTS = 16

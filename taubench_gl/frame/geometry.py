@@ -83,7 +83,8 @@ def make_tangents(positions: Array, normals: Array, uv: Array, triangles: Array)
     spare = np.cross(n, np.where(np.abs(n[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
     spare /= np.maximum(np.linalg.norm(spare, axis=-1, keepdims=True), 1e-30)
     tangent = np.where(length > 1e-30, tangent / np.maximum(length, 1e-30), spare)
-    hand = np.where(np.sum(np.cross(n, tangent) * bitangent, axis=-1) < 0, -1.0, 1.0)
+    # Green is up in a normal map (glTF 3.9.3) while v runs down: the bitangent is against the v direction.
+    hand = np.where(np.sum(np.cross(n, tangent) * bitangent, axis=-1) > 0, -1.0, 1.0)
     return np.concatenate([tangent, hand[:, None]], axis=-1).astype(np.float32)
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import FrameState, bounding_sphere
-from taubench_gl.effects.decide import Effect
+from taubench_gl.animation import FrameState, bounding_box, bounding_sphere
+from taubench_gl.effects.decide import Effect, indirect_rung
 from taubench_gl.frame.lights import LightTable
+from taubench_gl.frame.passes.faces import Casters
+from taubench_gl.frame.passes.indirect import IndirectPass
 from taubench_gl.frame.passes.lighting import ColorPass, LightingPass
-from taubench_gl.frame.passes.shadows import Casters, ShadowPass
+from taubench_gl.frame.passes.shadows import ShadowPass
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.scene.model import Scene
@@ -29,6 +32,8 @@ def light_channels(effects: dict[str, Effect], extra: tuple[str, ...] = ()) -> t
     if direct or color:
         out += (*INPUTS, "direct")
         out += tuple(c for c in ("direct_diffuse", "direct_glossy") if c in extra)
+    if effects["indirect"].on:
+        out += ("indirect",)
     if color:
         out += ("color",) + (("emission",) if effects["emission"].on else ())
     return out
@@ -54,7 +59,6 @@ class LightStage:
                 gpu,
                 renderer.shaders,
                 scene,
-                self.table,
                 chosen,
                 (center, radius * BOUND_MARGIN),
                 resolution=settings.shadow_size,
@@ -73,9 +77,24 @@ class LightStage:
             culling=effects["light_culling"].on,
             split=split,
         )
+        self._indirect = None
+        if effects["indirect"].on:
+            box = bounding_box(renderer.poser, times)
+            rung = dataclasses.replace(settings, indirect=indirect_rung(settings))
+            self._indirect = IndirectPass(
+                gpu,
+                renderer.shaders,
+                scene,
+                chosen,
+                (center, radius * BOUND_MARGIN),
+                box,
+                renderer.size,
+                rung,
+                renderer.colored,
+            )
         self._color = None
         if effects["color"].on:
-            inputs = ("emission",) if effects["emission"].on else ()
+            inputs = tuple(n for n in ("indirect", "emission") if effects[n].on)
             self._color = ColorPass(gpu, renderer.shaders, renderer.size, settings, inputs)
 
     def run(self) -> None:
@@ -92,6 +111,10 @@ class LightStage:
                 self._shadow.run(state, view, rows, self._renderer.buffers, self._renderer.materials, self._casters)
         with self._timer.measure("direct"):
             self.lighting.run(view, rows, textures, self._shadow)
+        if self._indirect is not None:
+            with self._timer.measure("indirect"):
+                buffers, materials = self._renderer.buffers, self._renderer.materials
+                self._indirect.run(state, view, rows, buffers, materials, self._casters, textures)
         if self._color is not None:
             with self._timer.measure("color"):
                 self._color.run(self.lighting.parameters, textures)
@@ -99,7 +122,7 @@ class LightStage:
     @property
     def bytes(self) -> int:
         """GPU memory of shadow maps and light lists, bytes."""
-        return self.lighting.bytes + (self._shadow.bytes if self._shadow is not None else 0)
+        return sum(part.bytes for part in (self.lighting, self._shadow, self._indirect) if part is not None)
 
     def notes(self) -> list[str]:
         """What was left out, for every output."""
@@ -112,8 +135,9 @@ class LightStage:
 
     def release(self) -> None:
         self.lighting.release()
-        if self._shadow is not None:
-            self._shadow.release()
+        for part in (self._shadow, self._indirect):
+            if part is not None:
+                part.release()
 
 
 def significant_lights(scene: Scene, renderer: Renderer, times: Array) -> list[int]:

@@ -106,6 +106,10 @@ class MaterialTable:
         texture.build_mipmaps()
         return texture
 
+    def material(self, index: int) -> Material:
+        """The scene's material ``index``, or glTF's default for -1."""
+        return self._materials[index + 1]
+
     def bind(self, material: int, program: moderngl.Program, only: tuple[str, ...] = SLOTS) -> None:
         """Bind the textures of scene material ``material`` (-1: default) to the units their slots have."""
         record = self._materials[material + 1]

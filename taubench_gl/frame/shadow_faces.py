@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taubench_gl.animation import FrameState
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import normalize
-from taubench_gl.scene.model import Light
+from taubench_gl.scene.model import Light, Scene
 
 Array = np.ndarray
 
@@ -107,6 +108,24 @@ def light_faces(
     # the camera.  The map's depth runs from the sphere's near side to its far side.
     origin = center - direction * radius
     return [Face(row, True, origin, right, up, direction, radius, 2.0 * radius, resolution)]
+
+
+def faces_of(
+    scene: Scene, state: FrameState | None, rows: list[int], bounds: tuple[Array, float], resolution: int
+) -> list[Face]:
+    """Faces of the lights in ``rows`` of the light table; ``state`` None: their number and sizes only.
+
+    A directional map covers the whole scene, so it gets four times the texels along each side.
+    """
+    nodes = scene.light_nodes
+    out = []
+    for row in rows:
+        node = int(nodes[row])
+        light = (scene.lights if state is None else state.lights)[int(scene.nodes.light[node])]
+        world = np.eye(4) if state is None else state.world[node]
+        size = resolution * (4 if light.kind == "directional" else 1)
+        out += light_faces(row, light, world[:3, 3].copy(), -normalize(world[:3, 2]), bounds, size)
+    return out
 
 
 def _frame(forward: Array) -> tuple[Array, Array]:

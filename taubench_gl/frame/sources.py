@@ -67,7 +67,7 @@ class RasterSource:
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
         self.reprojection = "motion" if self.effects["previous_pose"].on else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
-        self.radiance = tuple(c for c in ("direct", "color") if c not in self.unmeasured)
+        self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
         lit = light_channels(self.effects, extra)
         channels = {"position", "normal", *lit, *extra}
         if self.reprojection == "motion":

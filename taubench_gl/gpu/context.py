@@ -42,14 +42,20 @@ class Gpu:
     software: bool
     _keep: Any = field(default=None, repr=False)  # objects the context needs alive
     _function: Callable[[str], int] = field(default=lambda name: 0, repr=False)  # address of a GL function
+    _entered: int = field(default=0, repr=False)  # how many ``with`` blocks are open
     _nothing: moderngl.Framebuffer | None = field(default=None, repr=False)  # framebuffer 0
 
     def __enter__(self) -> Gpu:
-        self.ctx.__enter__()
+        # An evaluation inside somebody's ``with gpu`` must not leave them without a current context.
+        if self._entered == 0:
+            self.ctx.__enter__()
+        self._entered += 1
         return self
 
     def __exit__(self, *exc: Any) -> None:
-        self.ctx.__exit__(*exc)
+        self._entered -= 1
+        if self._entered == 0:
+            self.ctx.__exit__(*exc)
 
     def finish(self) -> None:
         """Wait until everything submitted is done."""

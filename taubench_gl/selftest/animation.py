@@ -99,9 +99,8 @@ def close_keys(bench: Bench) -> Outcome:
     a, b = turn_y(10.0), turn_y(10.0 + 1e-7)
     quarter = curves.sample_channel(_channel("rotation", [0, 1], [a, b]), 0.25)
     naive = _degrees(a, plain_slerp(a, b, 0.25))
-    return scalar(
-        0.25e-7, _degrees(a, quarter), Naive("plain slerp", naive, difference(0.25e-7, naive, relative=True)), relative=True
-    )
+    plain = Naive("plain slerp", naive, difference(0.25e-7, naive, relative=True))
+    return scalar(0.25e-7, _degrees(a, quarter), plain, relative=True)
 
 
 @case(
@@ -183,7 +182,8 @@ def step_on_its_key(bench: Bench) -> Outcome:
     left = [float(max(np.searchsorted([0, 1, 2], t, side="left") - 1, 0)) for t in times]
     expected = [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]
     off, naive = worst(np.subtract(measured, expected)), worst(np.subtract(left, expected))
-    return Outcome(str(expected), str([float(m) for m in measured]), off, Naive("search from the left", str(left), naive))
+    searched = Naive("search from the left", str(left), naive)
+    return Outcome(str(expected), str([float(m) for m in measured]), off, searched)
 
 
 @case(

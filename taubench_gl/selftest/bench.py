@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -50,12 +51,9 @@ class PairImages:
 class Bench:
     """A GL context, a size and a shader cache shared by all cases: nothing is compiled twice."""
 
-    def __init__(self, gpu: Gpu, size: Size = (96, 64)):
-        self.gpu, self.size = gpu, size
+    def __init__(self, gpu: Gpu, size: Size = (96, 64), device: int | None = None):
+        self.gpu, self.size, self.device = gpu, size, device
         self.shaders = ShaderCache(gpu.ctx)
-        limits = gpu.ctx.info
-        self.subpixel = 2.0 ** -int(limits.get("GL_SUBPIXEL_BITS") or 4)
-        """Pixels between the places to which the rasterizer snaps vertices (GL 4.5 section 14.6 asks for 1/16)."""
 
     def pair(
         self,
@@ -79,9 +77,9 @@ class Bench:
         before, now = times
         try:
             renderer.draw(before, before)
-            previous_view = renderer.current_view
+            previous_view = renderer.drawn.view
             renderer.draw(now, before)
-            view = renderer.current_view
+            view = renderer.drawn.view
             pair = pairing.reprojection(view, previous_view, *size)
             masks.run(
                 pair,
@@ -112,7 +110,7 @@ class Bench:
         renderer = Renderer(self.gpu, scene, camera, size, names, culling=culling, shaders=self.shaders)
         try:
             renderer.draw(time, time)
-            return {n: renderer.read(n) for n in renderer.channels}, renderer.current_view
+            return {n: renderer.read(n) for n in renderer.channels}, renderer.drawn.view
         finally:
             renderer.release()
 
@@ -148,6 +146,20 @@ class Bench:
             masks.release()
             for texture in (*now.values(), *then.values()):
                 texture.release()
+
+    def sky_counts(self, size: Size) -> dict[str, int]:
+        """Counts of a still pair that shows nothing but sky.  One 8-bit texture stands for every channel."""
+        texture = self.gpu.ctx.texture(size, 4, dtype="f1")
+        framebuffer = self.gpu.ctx.framebuffer([texture])
+        masks = MaskPass(self.gpu, self.shaders, size)
+        try:
+            framebuffer.clear()
+            channels = {"position": texture, "normal": texture}
+            masks.run(still_pair(size), limits(None), channels, channels)
+            return counts_of(masks.read().combos)
+        finally:
+            for item in (masks, framebuffer, texture):
+                item.release()
 
     def wall(self, size: Size) -> dict[str, Array]:
         """Position and normal of a wall 1 m before the camera of ``still_pair``."""
@@ -222,6 +234,14 @@ def still_pair(size: Size, camera: Camera | None = None) -> Reprojection:
     """A camera at the origin that looks along -Z and does not move."""
     view = View(np.zeros(3), np.eye(3), camera or Camera())
     return pairing.reprojection(view, view, *size)
+
+
+def shifted_pair(size: Size, pixels: float) -> Reprojection:
+    """A still camera whose previous picture lies ``pixels`` to the left: history is at x + ``pixels``."""
+    pair = still_pair(size)
+    moved = pair.prev_clip_from_prev.copy()
+    moved[0] += 2.0 * pixels / size[0] * moved[3]
+    return dataclasses.replace(pair, prev_clip_from_prev=moved)
 
 
 class MovingCamera:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from taubench_gl import math3d
@@ -25,14 +27,16 @@ def _activity(*quaternions: Array) -> act.Activity:
 
 @case(
     "angle-wrap",
-    what="yaw from 359 to 1 degree in one frame",
-    elsewhere="the difference of the angles is 358 degrees",
+    what="yaw from 359 to 1 degree in one frame, and from 179 to 181",
+    elsewhere="the difference of the angles is 358 degrees, at whichever end their range has",
     here="differences are wrapped to (-180, 180] before their absolute value is taken",
     tolerance=1e-12,
     source="float64: 32 ulps of an angle near 360 degrees",
 )
 def angle_wrap(bench: Bench) -> Outcome:
-    return scalar(2.0, _activity(turn_y(359.0), turn_y(1.0)).yaw[0], Naive("|359 - 1|", 358.0, 356.0))
+    turns = [_activity(turn_y(a), turn_y(a + 2.0)).yaw[0] for a in (359.0, 179.0)]
+    furthest = max(turns, key=lambda turned: abs(turned - 2.0))
+    return scalar(2.0, furthest, Naive("|359 - 1|", 358.0, 356.0))
 
 
 @case(
@@ -80,7 +84,7 @@ def tiny_rotation(bench: Bench) -> Outcome:
     quaternions = [turn_y(33.0 + i * step) for i in range(8)]
     measured = _activity(*quaternions).angle
     off = max(difference(step, a, relative=True) for a in measured)
-    dots = [min(abs(float(a @ b)), 1.0) for a, b in zip(quaternions, quaternions[1:])]
+    dots = [min(abs(float(a @ b)), 1.0) for a, b in itertools.pairwise(quaternions)]
     naive = [2.0 * np.degrees(np.arccos(d)) for d in dots]
     naive_off = max(difference(step, a, relative=True) for a in naive)
     return Outcome(step, float(measured[0]), off, Naive("2 acos(q1 . q2)", naive[0], naive_off))

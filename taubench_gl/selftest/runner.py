@@ -25,12 +25,16 @@ def run_selftest(
     size: tuple[int, int] = DEFAULT_SIZE,
     only: Sequence[str] | None = None,
     *,
+    device: int | None = None,
     on_result: Callable[[CaseResult], None] | None = None,
 ) -> list[CaseResult]:
-    """Run the cases on ``gpu`` (made current here).  ``on_result`` sees each row as soon as it is there."""
+    """Run the cases on ``gpu`` (made current here), which was opened with ``device``.
+
+    ``on_result`` sees each row as soon as it is there.
+    """
     results = []
     with gpu:
-        bench = Bench(gpu, size)
+        bench = Bench(gpu, size, device)
         try:
             for one in cases(only):
                 results.append(judge(one, bench))

@@ -166,9 +166,9 @@ def draw_pair(
     try:
         step = times[1] - times[0]
         renderer.draw(times[0], times[0] - step)
-        before = renderer.current_view
+        before = renderer.view(times[0])[1]
         renderer.draw(times[1], times[0])
-        now = renderer.current_view
+        now = renderer.view(times[1])[1]
         pair = pair_matrices(now, before, *size)
         masks.run(pair, thresholds, renderer.history.current.textures, renderer.history.previous.textures)
         counts = masks.read()
@@ -197,7 +197,7 @@ def draw_frame(gpu: Gpu, scene: Scene, camera, size, channels, *, time: float = 
     renderer = Renderer(gpu, scene, camera, size, set(channels), culling=culling)
     try:
         renderer.draw(time, time - 1 / 24)
-        return {n: renderer.read(n) for n in renderer.channels}, renderer.current_view
+        return {n: renderer.read(n) for n in renderer.channels}, renderer.view(time)[1]
     finally:
         renderer.release()
         renderer.shaders.release()

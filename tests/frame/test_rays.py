@@ -19,7 +19,7 @@ from taubench_gl.scene import load_scene
 
 SIZE = (96, 54)
 STEP = 1 / 24
-EDGE_SHARE = 0.03  # of the surface pixels, at most: at 96 x 54 every triangle is small
+EDGE_SHARE = 0.005  # of the surface pixels, at most
 SUBPIXEL = 1 / 256
 
 # name: time of the current frame.  Skinned, morphed, rigid, mirrored, flat and smooth; cameras of files and orbits.
@@ -75,7 +75,8 @@ class Seen:
         depth = np.where(hit, self.hits.depth, 1)
         # A pixel's width on a steep surface: the sub-pixel grid moves the depth by a share of this.
         same &= np.abs(position[:, 3] - depth) <= 0.02 * depth
-        surface = drawn | hit
+        cut = np.array([False] + [m.alpha_mode != "OPAQUE" for m in self.scene.materials])
+        surface = (drawn | hit) & ~(hit & cut[self.triangles.material[self.hits.triangle]])  # rays know no alpha
         assert surface.any()
         wrong = surface & ~same
         assert wrong.sum() <= max(EDGE_SHARE * surface.sum(), 2), f"{wrong.sum()} of {surface.sum()} pixels differ"
@@ -103,8 +104,8 @@ def check_positions(seen: Seen) -> None:
     # And it must be the ray's point: along the surface by the grid, which a grazing view stretches into depth.
     error = np.linalg.norm(position[:, :3] - (seen.points[same] - seen.view.position), axis=-1)
     pixel = pixel_size(seen, depth)
-    assert np.median(error / pixel) <= SUBPIXEL
-    assert np.median(error / depth) <= 2e-5 or np.median(error / pixel) <= SUBPIXEL / 2
+    assert np.median(error / depth) < 2e-6
+    assert np.quantile(error / pixel, 0.95) <= 2 * SUBPIXEL
     material = seen.channel("ids")[same][:, 1]
     np.testing.assert_array_equal(material, seen.triangles.material[seen.hits.triangle[same]])
 
@@ -122,11 +123,10 @@ def check_motion(seen: Seen) -> None:
     expected = project(seen.prev_view, SIZE, then) - seen.at[same]
     got = seen.result.motion[seen.rows[same], seen.columns[same]].astype(float)
     error = np.linalg.norm(got - expected, axis=-1)
-    # Two triangles may share a pixel's depth to 2 % and still move apart (a crease seen through the sub-pixel grid).
-    assert np.median(error) < 0.001
-    assert (error < 0.01).mean() > 0.99, f"largest {error.max()} px"
+    assert np.median(error) < 1e-4
+    assert error.max() < 0.01
     inner = inside_triangle(seen, same)
-    assert error[inner].max(initial=0) < 0.01
+    assert error[inner].max(initial=0) < 0.001
 
 
 def inside_triangle(seen: Seen, where: np.ndarray) -> np.ndarray:

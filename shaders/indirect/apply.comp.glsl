@@ -1,0 +1,72 @@
+// Indirect radiance of every pixel from the irradiance around it: probes, or the small gathered image brought up to full
+// size between samples of the same plane and orientation (a pixel that has none gathers for itself).
+//
+// Paper    section 3.2, f_ind.
+// Departs  The glossy lobe sees the irradiance of its mirror direction, not an image; diffuse light is what bounces on.
+#include "common/affine.glsl"
+#include "common/indirect.glsl"
+
+layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
+
+layout(std430, binding = 0) readonly buffer Parameters { IndirectRecord P; };
+#if PROBES
+#include "common/probe_lookup.glsl"
+#else
+layout(std430, binding = 2) readonly buffer Virtual { VirtualLight virtual_lights[]; };
+uniform sampler2D irradiance;
+#endif
+uniform sampler2D position;
+uniform sampler2D normal;
+uniform sampler2D base_color;
+uniform sampler2D material;
+layout(rgba32f, binding = 0) writeonly uniform image2D indirect_out;
+
+#if !PROBES
+vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
+    vec2 at = (vec2(pixel) - float(SCALE / 2)) / float(SCALE);
+    ivec2 base = ivec2(floor(at));
+    vec2 f = at - vec2(base);
+    vec3 sum = vec3(0.0);
+    float total = 0.0;
+    for (int tap = 0; tap < 4; ++tap) {
+        ivec2 offset = ivec2(tap & 1, tap >> 1);
+        ivec2 small = clamp(base + offset, ivec2(0), P.size.zw - 1);
+        ivec2 source = min(small * SCALE + SCALE / 2, P.size.xy - 1);
+        vec4 q = texelFetch(position, source, 0);
+        if (!(q.w > 0.0)) continue;
+        vec3 m = texelFetch(normal, source, 0).xyz;
+        float plane = abs(dot(n, q.xyz - p)) / (0.02 * depth);
+        float weight = max(dot(n, m), 0.0);
+        weight = pow(weight, 8.0) * max(0.0, 1.0 - plane);
+        weight *= (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
+        sum += weight * texelFetch(irradiance, small, 0).rgb;
+        total += weight;
+    }
+    if (total > 1e-3) return sum / total;
+    vec3 own = vec3(0.0);
+    for (int k = 0; k < P.counts.x; ++k) own += vpl_irradiance(virtual_lights[k], p + P.scene_from_relative.xyz, n);
+    return own;
+}
+#endif
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, P.size.xy))) return;
+    vec4 p = texelFetch(position, pixel, 0);
+    vec4 m = texelFetch(material, pixel, 0);
+    vec3 radiance = vec3(0.0);
+    if (p.w > 0.0 && m.w >= 0.0) {
+        vec3 n = texelFetch(normal, pixel, 0).xyz, base = texelFetch(base_color, pixel, 0).rgb;
+        vec3 v = safe_normalize(-p.xyz);
+        float fresnel = 0.04 * m.w;
+#if PROBES
+        vec3 x = p.xyz + P.scene_from_relative.xyz;
+        vec3 e = probe_irradiance(x, n), mirrored = probe_irradiance(x, reflect(-v, n));
+#else
+        vec3 e = upsampled(pixel, p.xyz, n, p.w), mirrored = e;
+#endif
+        vec3 glossy = mix(vec3(fresnel), base, m.x);
+        radiance = ((1.0 - m.x) * (1.0 - fresnel) * base * e + glossy * mirrored) / IRRADIANCE_PI;
+    }
+    imageStore(indirect_out, pixel, vec4(radiance, 1.0));
+}

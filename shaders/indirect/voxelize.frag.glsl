@@ -1,0 +1,12 @@
+// Occupancy of a coarse grid, one bit a voxel: what the probes' rays must not pass.
+in vec3 pos_rel;
+layout(std430, binding = 3) readonly buffer Parameters { IndirectRecord P; };
+layout(std430, binding = 4) coherent buffer Voxels { uint voxels[]; };
+
+void main() {
+    vec3 cell = (pos_rel + P.scene_from_relative.xyz - P.grid_origin.xyz) / P.grid_origin.w;
+    ivec3 c = ivec3(floor(cell));
+    if (any(lessThan(c, ivec3(0))) || any(greaterThanEqual(c, ivec3(GRID)))) return;
+    uint index = uint((c.z * GRID + c.y) * GRID + c.x);
+    atomicOr(voxels[index >> 5], 1u << (index & 31u));
+}

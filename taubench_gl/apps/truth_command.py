@@ -1,0 +1,100 @@
+"""``taubench-gl truth``: path-traced references, rendered with Blender's Cycles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from taubench_gl.apps.options import Frames, Size, scene_options
+from taubench_gl.settings import Settings
+
+
+@click.group()
+def truth() -> None:
+    """Path-traced references: render them, measure their noise."""
+
+
+@truth.command(
+    epilog="""\b
+Examples:
+  taubench-gl truth render scene.glb --out renders --size 480x270 --samples 256
+  taubench-gl truth render scene.glb --out crisp --crisp --samples 1 --frames 0:10
+  taubench-gl evaluate exr:renders --camera-file renders/camera.json
+\b
+Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
+interpreter that has it.  Interrupted and called again, it goes on with the first missing frame."""
+)
+@click.argument("scene_path", metavar="SCENE")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder for the frames.")
+@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
+@scene_options
+@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
+@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
+@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
+@click.option("--samples", type=click.IntRange(1), default=64, show_default=True, help="Paths per pixel.")
+@click.option("--bounces", type=click.IntRange(0), default=12, show_default=True, help="Longest path.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise.")
+@click.option("--crisp", is_flag=True, help="Sample pixel centres only, as a rasterizer does.")
+@click.option("--culling", type=click.Choice(["gltf", "none"]), default="gltf", show_default=True, help="Back faces.")
+@click.option("--threads", type=click.IntRange(0), default=0, help="Of Blender.  [default: all cores]")
+def render(scene_path: str, out: Path, size: tuple[int, int], **options: Any) -> None:
+    """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
+    from taubench_gl.animation import choose_camera
+    from taubench_gl.cycles.job import Quality
+    from taubench_gl.cycles.render import CAMERA_FILE, render_truth
+    from taubench_gl.evaluation import frame_range
+    from taubench_gl.scene import load_scene
+
+    settings = Settings(
+        width=size[0],
+        height=size[1],
+        fps=options["fps"],
+        frames=options["frames"] or (None, None),
+        camera=options["camera"],
+        scene=options["scene"],
+        animation=options["animations"] or None,
+    )
+    scene = load_scene(scene_path, scene=settings.scene, animation=settings.animation)
+    camera = choose_camera(scene, settings.camera)
+    frames = frame_range(scene, camera, settings)
+    quality = Quality(
+        samples=options["samples"],
+        bounces=options["bounces"],
+        seed=options["seed"],
+        crisp=options["crisp"],
+        cull_back_faces=options["culling"] == "gltf",
+        threads=options["threads"],
+    )
+    said = _Lines()
+    notes = render_truth(scene, camera, frames, out, fps=settings.fps, size=size, quality=quality, progress=said)
+    for note in notes[:10]:
+        click.echo(f"note: {note}")
+    click.echo(f"{len(frames)} frames in {out}; next: taubench-gl evaluate exr:{out} --camera-file {out / CAMERA_FILE}")
+
+
+class _Lines:
+    """One line per frame with the time left; samples within a frame only on a terminal."""
+
+    def __init__(self) -> None:
+        self._seconds: list[float] = []
+        self._done = -1
+
+    def __call__(self, progress: Any) -> None:
+        import sys
+
+        if progress.done == self._done:
+            if sys.stderr.isatty() and progress.share > 0:
+                click.echo(f"\rframe {progress.done + 1}/{progress.total}: {progress.share:4.0%}", nl=False, err=True)
+            return
+        first, self._done = self._done < 0, progress.done
+        if progress.seconds is not None:
+            self._seconds.append(progress.seconds)
+        if first:
+            kept = f", {progress.done} are there already" if progress.done else ""
+            click.echo(f"rendering {progress.total} frames{kept}", err=True)
+            return
+        left = sum(self._seconds) / len(self._seconds) * (progress.total - progress.done)
+        line = f"frame {progress.done}/{progress.total}: {progress.seconds:.1f} s, {left:.0f} s left"
+        click.echo(("\r" if sys.stderr.isatty() else "") + line, err=True)

@@ -1,0 +1,207 @@
+"""Rendering a sequence with Cycles: prepares the job, runs Blender's Python, follows its progress, resumes."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shlex
+import subprocess
+import sys
+import tempfile
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taubench_gl import __version__
+from taubench_gl.animation import CameraTrack
+from taubench_gl.cycles.job import FRAME_NAME, Quality, identity, make_job
+from taubench_gl.cycles.resample import write_resampled
+from taubench_gl.errors import OutputError, TruthError
+from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.reference.camera import camera_file_text
+from taubench_gl.reference.exr import read_header
+from taubench_gl.scene.model import Scene
+
+INTERPRETER = "TAUBENCH_BLENDER_PYTHON"
+CAMERA_FILE, PROVENANCE_FILE, LOG_FILE = "camera.json", "provenance.json", "render.log"
+HOW_TO_GET_BPY = (
+    f"install bpy 4.5 with Python 3.11 (pip install 'bpy==4.5.*', best in an environment of its own) and point "
+    f"{INTERPRETER} at that interpreter"
+)
+_LAST_LINES = 12
+
+
+@dataclass(frozen=True, slots=True)
+class RenderProgress:
+    """``done`` of ``total`` frames are rendered; ``share`` of the current one's samples; ``seconds`` of the last."""
+
+    done: int
+    total: int
+    share: float
+    seconds: float | None
+
+
+def blender_python() -> str:
+    """The interpreter that has bpy: ``TAUBENCH_BLENDER_PYTHON``, else this one.  Not checked."""
+    return os.environ.get(INTERPRETER) or sys.executable
+
+
+def blender_version(python: str | None = None) -> str | None:
+    """Version of the bpy that ``python`` imports, None if it has none."""
+    code = "import bpy; print('@tb', bpy.app.version_string)"
+    try:
+        done = subprocess.run([python or blender_python(), "-c", code], capture_output=True, text=True, timeout=300)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    lines = [line for line in done.stdout.splitlines() if line.startswith("@tb ")]
+    return lines[0][4:].strip() if done.returncode == 0 and lines else None
+
+
+def render_truth(
+    scene: Scene,
+    camera: CameraTrack,
+    frames: range,
+    out: str | Path,
+    *,
+    fps: float,
+    size: tuple[int, int],
+    quality: Quality | None = None,
+    progress: Callable[[RenderProgress], None] | None = None,
+    python: str | None = None,
+) -> list[str]:
+    """Render ``frames`` into ``out``: frame_NNNN.exr, camera.json, provenance.json, render.log.  -> notes.
+
+    Frames that are there already, whole and of the same job, are kept.  Raises TruthError where bpy is missing,
+    Blender fails, or ``out`` holds another job's frames.
+    """
+    out, quality, python = Path(out), quality or Quality(), python or blender_python()
+    job, poses, notes = make_job(scene, camera, frames, fps, size, quality)
+    key = identity(job, scene.sha256)
+    _prepare(out, key)
+    job["frames"] = [frame for frame in frames if not _is_whole(out / (FRAME_NAME % frame), size)]
+    version = _known_version(out)
+    if job["frames"]:
+        version = blender_version(python)
+        if version is None:
+            raise TruthError(f"{python} cannot import bpy, Blender's Python module", hint=HOW_TO_GET_BPY)
+    _merge_cameras(out, poses, fps, size)
+    with tempfile.TemporaryDirectory(prefix="taubench-") as folder:
+        keyed = range(frames[0] - 1, frames[-1] + 2)
+        path, more = write_resampled(scene, keyed, fps, Path(folder))
+        notes += more
+        _write_provenance(out, key, job, scene, camera, version, notes)
+        if job["frames"]:
+            job |= {"scene": str(path), "out": str(out.resolve())}
+            job_file = Path(folder) / "job.json"
+            job_file.write_text(json.dumps(job), encoding="utf-8")
+            _run(python, job_file, out, len(frames), len(frames) - len(job["frames"]), progress)
+    lost = [frame for frame in frames if not _is_whole(out / (FRAME_NAME % frame), size)]
+    if lost:
+        raise TruthError(f"Blender left out frame {lost[0]}", where=str(out / LOG_FILE))
+    return notes
+
+
+def _prepare(out: Path, key: str) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for leftover in out.glob(".frame_*.partial.exr"):
+            leftover.unlink()
+    except FileExistsError:
+        raise OutputError("is not a folder", where=str(out), hint="give --out another name") from None
+    except OSError as error:
+        raise cannot_write(out, error) from None
+    known = _read_json(out / PROVENANCE_FILE).get("job")
+    if known not in (None, key):
+        hint = "give --out another folder, or delete this one"
+        raise TruthError("holds frames of another scene or with other settings", where=str(out), hint=hint)
+
+
+def _is_whole(path: Path, size: tuple[int, int]) -> bool:
+    """Frames get their name only when they are whole, so the header is check enough."""
+    try:
+        return path.is_file() and read_header(path).size == tuple(size)
+    except TruthError:
+        return False
+
+
+def _run(
+    python: str, job_file: Path, out: Path, total: int, done: int, progress: Callable[[RenderProgress], None] | None
+) -> None:
+    command = [python, str(Path(__file__).with_name("inside.py")), str(job_file)]
+    tail: deque[str] = deque(maxlen=_LAST_LINES)
+    seconds: float | None = None
+    with open(out / LOG_FILE, "a", encoding="utf-8") as log:
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", bufsize=1
+        )
+        try:
+            for line in process.stdout:
+                if not line.startswith("@tb "):
+                    log.write(line)
+                    if line.strip():
+                        tail.append(line.strip())
+                    continue
+                said = json.loads(line[4:])
+                share = 0.0
+                if said["event"] == "frame":
+                    done, seconds = done + 1, said["seconds"]
+                elif said["event"] == "samples":
+                    share = said["done"] / said["total"]
+                if progress is not None and said["event"] in ("frame", "samples", "ready"):
+                    progress(RenderProgress(done, total, share, seconds))
+            code = process.wait()
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                process.wait()
+    if code:
+        last = next((line for line in reversed(tail) if "Error" in line), tail[-1] if tail else "it said nothing")
+        raise TruthError(f"Blender stopped with code {code}: {last}", where=str(out / LOG_FILE))
+
+
+def _merge_cameras(out: Path, poses: dict[int, Any], fps: float, size: tuple[int, int]) -> None:
+    """The sidecar covers frames rendered earlier into the same folder too."""
+    from taubench_gl.reference.camera import read_camera_file
+
+    path = out / CAMERA_FILE
+    earlier = read_camera_file(path).poses if path.is_file() else {}
+    write_atomically(path, camera_file_text(earlier | poses, fps, size))
+
+
+def _known_version(out: Path) -> str | None:
+    return _read_json(out / PROVENANCE_FILE).get("blender")
+
+
+def _write_provenance(
+    out: Path,
+    key: str,
+    job: dict[str, Any],
+    scene: Scene,
+    camera: CameraTrack,
+    version: str | None,
+    notes: list[str],
+) -> None:
+    kept = ("fps", "size", "samples", "bounces", "seed", "crisp", "cull_back_faces", "sky")
+    values = {
+        "job": key,
+        "version": __version__,
+        "command": shlex.join(sys.argv),
+        "blender": version,
+        "machine": platform.machine(),
+        "scene": {"name": scene.name, "sha256": scene.sha256, "playing": list(scene.playing)},
+        "camera": camera.describe(),
+        "settings": {name: job[name] for name in kept},
+        "notes": notes,
+    }
+    write_atomically(out / PROVENANCE_FILE, json.dumps(values, indent=2) + "\n")
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return values if isinstance(values, dict) else {}

@@ -1,0 +1,120 @@
+"""Drawing the scene into faces of lights: what the shadow pass and the reflective shadow maps have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import View
+from taubench_gl.frame.materials import MaterialTable
+from taubench_gl.frame.passes.gbuffer import FRAME
+from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
+from taubench_gl.frame.shadow_faces import Face
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.layout import column_major
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """How to draw one group: the shader variant, and the texture slots it samples."""
+
+    program: moderngl.Program
+    slots: tuple[str, ...]
+
+
+class Casters:
+    """World bounds of every draw, and a version number that grows when a draw moves, bends, appears or vanishes."""
+
+    def __init__(self, count: int):
+        self.centers, self.radii = np.zeros((count, 3)), np.zeros(count)
+        self.versions = np.zeros(count, dtype=np.int64)
+        self.visible = np.zeros(count, dtype=bool)
+        self._poses: list[bytes] = [b""] * count
+
+    def update(self, bounds: tuple[Array, Array], poses: list[bytes], visible: Array) -> None:
+        """``bounds``: centres (D, 3) and radii (D,), world; ``poses``: equal bytes for equal pose, per draw."""
+        self.centers, self.radii = bounds
+        for i, pose in enumerate(poses):
+            if pose != self._poses[i]:
+                self._poses[i] = pose
+                self.versions[i] += 1
+        self.visible = visible
+
+    def key(self) -> bytes:
+        """Equal exactly while nothing moves, bends, appears or vanishes."""
+        return self.visible.tobytes() + self.versions[self.visible].tobytes()
+
+    def seen_by(self, face: Face) -> tuple[Array, bytes]:
+        """Draws that can be seen in ``face``, and bytes that are equal while the face's picture is."""
+        seen = np.flatnonzero(self.visible & face.sees(self.centers, self.radii))
+        return seen, face.key + seen.tobytes() + self.versions[seen].tobytes()
+
+
+class FaceDrawer:
+    """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
+
+    def __init__(self, gpu: Gpu):
+        self._gpu = gpu
+        self._frame = gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True)
+        self._commands = gpu.ctx.buffer(reserve=COMMAND.itemsize * 1024, dynamic=True)
+
+    def draw(
+        self,
+        stale: list[tuple[Face, tuple[int, int], Array]],
+        framebuffer: moderngl.Framebuffer,
+        view: View,
+        scene: SceneBuffers,
+        materials: MaterialTable,
+        program_of: Callable[[Group], Program],
+        *,
+        depth_test: bool = True,
+    ) -> None:
+        """Clear and redraw each face.  Nothing is culled by facing: both sides of a surface stop light."""
+        if not stale:
+            return
+        ctx = self._gpu.ctx
+        runs = self._upload([seen for _, _, seen in stale], scene)
+        framebuffer.use()
+        ctx.enable_only(moderngl.DEPTH_TEST if depth_test else moderngl.NOTHING)
+        ctx.depth_func = ">"
+        scene.records.bind_to_storage_buffer(0)
+        materials.buffer.bind_to_storage_buffer(1)
+        for (face, (x, y), _), groups in zip(stale, runs, strict=True):
+            viewport = (x, y, face.resolution, face.resolution)
+            framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=viewport)
+            framebuffer.viewport = viewport
+            record = FRAME.zeros()
+            record["clip_from_relative"] = column_major(face.clip_from_relative(view.position))
+            record["forward"][:3] = face.forward
+            self._frame.write(record.tobytes())
+            self._frame.bind_to_storage_buffer(2)
+            for group, first, count in groups:
+                how = program_of(group)
+                materials.bind(group.material, how.program, how.slots)
+                scene.draw_commands(group, how.program, self._commands, first, count)
+        materials.unbind()
+
+    def _upload(self, seen: list[Array], scene: SceneBuffers) -> list[list[tuple[Group, int, int]]]:
+        """Commands of all faces in one buffer; per face its (group, first, count) runs."""
+        payload, runs, size = [], [], 0
+        for draws in seen:
+            commands, groups = scene.subset(draws)
+            runs.append([(group, first + size, count) for group, first, count in groups])
+            payload.append(commands)
+            size += len(commands)
+        commands = np.concatenate(payload)
+        if self._commands.size < commands.nbytes:
+            self._commands.release()
+            self._commands = self._gpu.ctx.buffer(reserve=commands.nbytes * 3 // 2, dynamic=True)
+        if len(commands):
+            self._commands.write(commands.tobytes())
+        return runs
+
+    def release(self) -> None:
+        self._frame.release()
+        self._commands.release()

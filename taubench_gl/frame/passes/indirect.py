@@ -1,0 +1,320 @@
+"""Indirect light, a ladder: ``rsm`` (virtual lights, no visibility) and ``probes`` (visibility, more bounces).
+
+Both start from reflective shadow maps of the lights that have shadows.  Nothing is random: the same frame gives the
+same result, and while lights and surfaces stand still only ``apply`` runs, whatever the camera does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import FrameState, View
+from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.lights import LIGHT
+from taubench_gl.frame.materials import MaterialKey, MaterialTable, wanted_slots
+from taubench_gl.frame.passes.faces import Casters, FaceDrawer, Program
+from taubench_gl.frame.passes.gbuffer import GBufferPass, geometry_preamble
+from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
+from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
+from taubench_gl.frame.targets import Targets
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+
+INDIRECT = Struct(
+    "IndirectRecord",
+    Field("scene_from_relative", "vec4", "xyz: current camera - centre of the scene's bounds, metres"),
+    Field("grid_origin", "vec4", "xyz: low corner of the occupancy grid, scene space; w: size of a voxel, metres"),
+    Field("probe_origin", "vec4", "xyz: first probe, scene space"),
+    Field("probe_step", "vec4", "xyz: distance between probes along each axis, metres"),
+    Field("probe_counts", "ivec4", "xyz: probes along each axis"),
+    Field("size", "ivec4", "xy: pixels, zw: pixels of the small irradiance image"),
+    Field("counts", "ivec4", "x: virtual lights"),
+)
+VIRTUAL = Struct(
+    "VirtualLight",
+    Field("position", "vec4", "xyz: scene space, metres; w: area of its patch, m2, 0 = none"),
+    Field("normal", "vec4", "xyz: unit, world axes"),
+    Field("flux", "vec4", "xyz: reflected flux, linear"),
+    Field("albedo", "vec4", "xyz: diffuse albedo of its patch"),
+)
+CHANNEL_NAMES = ("position", "normal", "base_color", "material")
+GRID = 96  # voxels along the longest side
+SCALE = 8  # the cheap rung gathers at every 8th pixel of both axes
+BOUNCES = {"rsm": 1, "probes": 2}
+"""Bounces after the first scattering: ``probes`` lets the virtual lights light each other once."""
+
+
+class IndirectPass:
+    """Writes ``indirect``.  ``box``: low and high corner (3,) of all geometry over the animation, world."""
+
+    def __init__(
+        self,
+        gpu: Gpu,
+        shaders: ShaderCache,
+        scene: Scene,
+        lights: list[int],
+        bounds: tuple[Array, float],
+        box: tuple[Array, Array],
+        size: tuple[int, int],
+        settings: Settings,
+        colored_materials: frozenset[int],
+    ):
+        self._gpu, self._shaders, self._scene, self._size = gpu, shaders, scene, size
+        self._lights, self._bounds, self._colored = lights, bounds, colored_materials
+        self._probes = settings.indirect == "probes"
+        self._bounces = BOUNCES[settings.indirect]
+        self._resolution = rsm_resolution(scene, lights, settings.indirect_samples)
+        faces = faces_of(scene, None, lights, bounds, self._resolution)
+        self._offsets, atlas = pack(faces)
+        self._center = 0.5 * (box[0] + box[1])
+        self._record = self._layout(box, settings)
+        ctx = gpu.ctx
+        self._depth = ctx.depth_texture(atlas)
+        self._atlas = Targets(gpu, atlas, CHANNEL_NAMES, self._depth)
+        self._gbuffer = GBufferPass(gpu, shaders, CHANNEL_NAMES, colored_materials)
+        self._drawer = FaceDrawer(gpu)
+        texels = _texel_table(faces, self._offsets)
+        self.count = len(texels)
+        self._record["counts"][0] = self.count
+        self._texels = ctx.buffer(texels.tobytes())
+        self._rows = FACE.zeros(len(faces))
+        self._faces = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
+        self._light_rows = ctx.buffer(reserve=LIGHT.dtype.itemsize * max(len(scene.light_nodes), 1), dynamic=True)
+        self._virtual = [ctx.buffer(reserve=VIRTUAL.dtype.itemsize * self.count) for _ in range(2)]
+        self._parameters = ctx.buffer(reserve=INDIRECT.dtype.itemsize, dynamic=True)
+        self._solved: bytes | None = None
+        self._occupancy: bytes | None = None
+        self._make_programs()
+        self._make_rung()
+
+    def _layout(self, box: tuple[Array, Array], settings: Settings) -> np.ndarray:
+        low, high = box[0] - self._center, box[1] - self._center
+        extent = np.maximum(high - low, 1e-6 * max(float((high - low).max()), 1e-6))
+        record = INDIRECT.zeros()
+        voxel = float(extent.max()) * 1.02 / (GRID - 2)
+        record["grid_origin"] = (*(low - voxel), voxel)
+        # As cubic as the budget allows: one spacing for all axes.
+        spacing = float((extent.prod() / max(settings.probes, 8)) ** (1.0 / 3.0))
+        spacing = max(spacing, float(extent.max()) / 64.0)
+        counts = np.clip(np.ceil(extent / spacing).astype(int), 2, 64)
+        step = extent / counts  # probes at cell centres: none lies on the outer walls
+        record["probe_origin"][:3], record["probe_step"][:3] = low + 0.5 * step, step
+        record["probe_counts"][:3] = counts
+        small = -(-self._size[0] // SCALE), -(-self._size[1] // SCALE)
+        record["size"] = (*self._size, *small)
+        return record
+
+    def _make_programs(self) -> None:
+        self._group = (32, 1) if self._gpu.software else (8, 8)
+        preamble = "\n".join(
+            (
+                INDIRECT.glsl,
+                VIRTUAL.glsl,
+                LIGHT.glsl,
+                FACE.glsl,
+                f"const int GRID = {GRID};",
+                f"const int SCALE = {SCALE};",
+            )
+        )
+        preamble += f"\nconst float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};"
+        group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
+        compute = self._shaders.compute
+        self._make_virtual = compute("indirect/vpl.comp.glsl", {}, preamble)
+        self._apply = compute("indirect/apply.comp.glsl", {"PROBES": self._probes, **group}, preamble)
+        if self._probes:
+            self._light_probes = compute("indirect/probes.comp.glsl", {}, preamble)
+            self._bounce = compute("indirect/bounce.comp.glsl", {}, preamble)
+            self._voxel_preamble = geometry_preamble() + "\n" + preamble
+        else:
+            self._gather = compute("indirect/gather.comp.glsl", group, preamble)
+
+    def _make_rung(self) -> None:
+        ctx = self._gpu.ctx
+        self._owned: list = []
+        if self._probes:
+            self._probe_count = int(np.prod(self._record["probe_counts"][:3]))
+            self._probe_buffer = ctx.buffer(reserve=6 * 16 * self._probe_count)
+            self._voxels = ctx.buffer(reserve=GRID**3 // 8)
+            self._voxel_depth = ctx.depth_texture((2 * GRID, 2 * GRID))
+            self._voxel_target = ctx.framebuffer(depth_attachment=self._voxel_depth)
+            self._owned = [self._probe_buffer, self._voxels, self._voxel_depth, self._voxel_target]
+        else:
+            self._irradiance = ctx.texture(tuple(int(n) for n in self._record["size"][2:]), 4, dtype="f4")
+            self._owned = [self._irradiance]
+
+    @property
+    def bytes(self) -> int:
+        """GPU memory, bytes."""
+        width, height = self._atlas.size
+        texel = 4 + sum(CHANNELS[n].components * int(CHANNELS[n].dtype[1]) for n in CHANNEL_NAMES)
+        own = 2 * self._virtual[0].size + width * height * texel
+        if self._probes:
+            return own + self._probe_buffer.size + self._voxels.size
+        return own + 16 * self._irradiance.width * self._irradiance.height
+
+    def run(
+        self,
+        state: FrameState,
+        view: View,
+        light_rows: Array,
+        scene: SceneBuffers,
+        materials: MaterialTable,
+        casters: Casters,
+        textures: Mapping[str, moderngl.Texture],
+    ) -> None:
+        """Write ``indirect`` of the frame in ``textures``."""
+        self._record["scene_from_relative"][:3] = view.position - self._center
+        self._parameters.write(self._record.tobytes())
+        faces = faces_of(self._scene, state, self._lights, self._bounds, self._resolution)
+        lit = light_rows["color"][self._lights, :3].tobytes()
+        key = casters.key() + lit + b"".join(face.key for face in faces)
+        if key != self._solved:
+            self._solved = key
+            self._solve(faces, view, light_rows, scene, materials, casters)
+        self._write(textures)
+
+    def _solve(
+        self,
+        faces: list[Face],
+        view: View,
+        light_rows: Array,
+        scene: SceneBuffers,
+        materials: MaterialTable,
+        casters: Casters,
+    ) -> None:
+        """Virtual lights of this moment, and with ``probes`` what they give every probe."""
+        stale = [(f, o, casters.seen_by(f)[0]) for f, o in zip(faces, self._offsets, strict=True)]
+        self._drawer.draw(stale, self._atlas.framebuffer, view, scene, materials, lambda g: self._program(g, materials))
+        for row, face in zip(self._rows, faces, strict=True):
+            row["origin"] = (*(face.origin - view.position), float(face.parallel))
+            row["forward"] = (*face.forward, face.near)
+            row["extent"][:2] = face.resolution, 2.0 * face.half / face.resolution
+        self._faces.write(self._rows.tobytes())
+        self._light_rows.write(light_rows.tobytes())
+        self._parameters.bind_to_storage_buffer(0)
+        self._light_rows.bind_to_storage_buffer(1)
+        self._virtual[0].bind_to_storage_buffer(2)
+        self._texels.bind_to_storage_buffer(3)
+        self._faces.bind_to_storage_buffer(5)
+        self._bind(self._make_virtual, self._atlas.textures, CHANNEL_NAMES)
+        self._dispatch(self._make_virtual, self.count, 64)
+        if not self._probes:
+            return
+        if casters.key() != self._occupancy:
+            self._occupancy = casters.key()
+            self._voxelize(view, scene, materials, casters)
+        for bounce in range(self._bounces):
+            source = self._virtual[0 if bounce == 0 else 1]
+            self._parameters.bind_to_storage_buffer(0)
+            self._voxels.bind_to_storage_buffer(4)
+            self._probe_buffer.bind_to_storage_buffer(6)
+            source.bind_to_storage_buffer(2)
+            self._dispatch(self._light_probes, self._probe_count, 16)
+            if bounce + 1 < self._bounces:
+                self._gpu.ctx.copy_buffer(self._virtual[1], self._virtual[0])
+                self._virtual[1].bind_to_storage_buffer(2)
+                self._virtual[0].bind_to_storage_buffer(7)
+                self._dispatch(self._bounce, self.count, 64)
+
+    def _voxelize(self, view: View, scene: SceneBuffers, materials: MaterialTable, casters: Casters) -> None:
+        """Mark every voxel that a surface passes through, seen along three axes so that none is missed edge-on."""
+        origin, voxel = self._record["grid_origin"][:3].astype(np.float64), float(self._record["grid_origin"][3])
+        half = 0.5 * GRID * voxel
+        middle = self._center + origin + half
+        axes = np.eye(3)
+        seen = np.flatnonzero(casters.visible)
+        faces = []
+        for k in range(3):
+            forward, up = axes[k], axes[(k + 1) % 3]
+            start = middle - forward * half
+            faces.append(Face(0, True, start, np.cross(forward, up), up, forward, half, 2.0 * half, 2 * GRID))
+        self._voxels.clear()
+        self._parameters.bind_to_storage_buffer(3)
+        self._voxels.bind_to_storage_buffer(4)
+        stale = [(face, (0, 0), seen) for face in faces]
+        self._drawer.draw(
+            stale, self._voxel_target, view, scene, materials, lambda g: self._voxel_program(g), depth_test=False
+        )
+        self._gpu.ctx.memory_barrier()
+
+    def _write(self, textures: Mapping[str, moderngl.Texture]) -> None:
+        self._parameters.bind_to_storage_buffer(0)
+        tiles = -(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1])
+        inputs = ("position", "normal", "base_color", "material")
+        if self._probes:
+            self._probe_buffer.bind_to_storage_buffer(6)
+        else:
+            self._virtual[0].bind_to_storage_buffer(2)
+            self._bind(self._gather, textures, ("position", "normal"))
+            self._irradiance.bind_to_image(0, read=False, write=True)
+            small = self._irradiance.size
+            self._gather.run(-(-small[0] // self._group[0]), -(-small[1] // self._group[1]))
+            self._gpu.ctx.memory_barrier()
+            self._irradiance.use(len(inputs))
+            self._apply["irradiance"] = len(inputs)
+        self._bind(self._apply, textures, inputs)
+        textures["indirect"].bind_to_image(0, read=False, write=True)
+        self._apply.run(*tiles)
+        self._gpu.ctx.memory_barrier()
+
+    def _bind(self, program, textures: Mapping[str, moderngl.Texture], names: tuple[str, ...]) -> None:
+        for unit, name in enumerate(names):
+            textures[name].use(unit)
+            if name in program:
+                program[name] = unit
+
+    def _dispatch(self, program, items: int, group: int) -> None:
+        program.run(-(-items // group))
+        self._gpu.ctx.memory_barrier()
+
+    def _program(self, group: Group, materials: MaterialTable) -> Program:
+        material = materials.material(group.material)
+        slots = wanted_slots(CHANNEL_NAMES, material)
+        known = tuple(s for s in slots if s in materials.keys[group.material + 1].slots)
+        return Program(self._gbuffer.program(group, materials), known)
+
+    def _voxel_program(self, group: Group) -> Program:
+        defines = variant(MaterialKey((), False, True), group.posed, (), False)
+        program = self._shaders.render(
+            "gbuffer/gbuffer.vert.glsl", "indirect/voxelize.frag.glsl", defines, self._voxel_preamble
+        )
+        return Program(program, ())
+
+    def release(self) -> None:
+        for item in (
+            self._atlas,
+            self._depth,
+            self._drawer,
+            self._gbuffer,
+            self._texels,
+            self._faces,
+            self._light_rows,
+        ):
+            item.release()
+        for item in (*self._virtual, self._parameters, *self._owned):
+            item.release()
+
+
+def rsm_resolution(scene: Scene, lights: list[int], samples: int) -> int:
+    """Texels along a face so that all lights together give about ``samples`` virtual lights, at least 2."""
+    weight = sum(f.resolution**2 for f in faces_of(scene, None, lights, (np.zeros(3), 1.0), 1))
+    return max(2, int(np.sqrt(samples / max(weight, 1))))
+
+
+def _texel_table(faces: list[Face], offsets: list[tuple[int, int]]) -> Array:
+    """(V, 4) uint32: atlas x and y, face, light row of every texel."""
+    parts = []
+    for i, (face, (x, y)) in enumerate(zip(faces, offsets, strict=True)):
+        at = np.stack(np.meshgrid(np.arange(face.resolution), np.arange(face.resolution)), axis=-1).reshape(-1, 2)
+        tail = np.broadcast_to([i, face.light], (len(at), 2))
+        parts.append(np.concatenate([at + [x, y], tail], axis=1))
+    return np.concatenate(parts).astype(np.uint32)

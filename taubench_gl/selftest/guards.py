@@ -1,0 +1,334 @@
+"""What keeps the hard cases right, each with a way to switch it off: so anyone can see that the cases notice.
+
+``GUARDS`` lists them; ``with guard.off(): run_selftest(...)`` runs without one.  Nothing here is used by the pipeline.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taubench_gl import conventions, math3d
+from taubench_gl.animation import FrameState, Poser, View, curves, pairs
+from taubench_gl.frame import geometry, records
+from taubench_gl.frame.passes import deform, masks
+from taubench_gl.gpu import shader
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.metrics import activity, counts, streaming
+from taubench_gl.scene.gltf import weights
+from taubench_gl.selftest import bench
+from taubench_gl.selftest.animation import plain_slerp
+from taubench_gl.selftest.statistics import one_pass_variance
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """``off()`` is a context manager that breaks it; ``noticed_by``: cases of which at least one must then fail."""
+
+    name: str
+    what: str
+    off: Callable[[], AbstractContextManager[None]]
+    noticed_by: tuple[str, ...]
+
+
+@contextmanager
+def _replaced(*changes: tuple[Any, str, Any]) -> Iterator[None]:
+    """Attributes (owner, name, value) replaced for a while."""
+    kept = [(owner, name, getattr(owner, name)) for owner, name, _ in changes]
+    try:
+        for owner, name, value in changes:
+            setattr(owner, name, value)
+        yield
+    finally:
+        for owner, name, value in kept:
+            setattr(owner, name, value)
+
+
+@contextmanager
+def _shader_text(old: str, new: str) -> Iterator[None]:
+    """GLSL in which ``old`` reads ``new``.  Raises LookupError if no shader resolved meanwhile contains ``old``."""
+    resolve, seen = shader.resolve, []
+
+    def edited(*arguments: Any, **keywords: Any) -> shader.Source:
+        source = resolve(*arguments, **keywords)
+        if old in source.text:
+            seen.append(old)
+        return dataclasses.replace(source, text=source.text.replace(old, new))
+
+    with _replaced((shader, "resolve", edited)):
+        yield
+    if not seen:
+        raise LookupError(f"no shader contains {old!r}")
+
+
+def _glsl(old: str, new: str) -> Callable[[], AbstractContextManager[None]]:
+    return lambda: _shader_text(old, new)
+
+
+def _python(*changes: tuple[Any, str, Any]) -> Callable[[], AbstractContextManager[None]]:
+    return lambda: _replaced(*changes)
+
+
+def _world_floats() -> AbstractContextManager[None]:
+    """World matrices and cameras rounded to float32 before they are subtracted."""
+    place = records.RecordTable.place
+
+    def rounded(table: Any, state: FrameState, view: View, mirrored: Array) -> Any:
+        world = state.world.astype(np.float32).astype(np.float64)
+        seen_from = dataclasses.replace(view, position=view.position.astype(np.float32).astype(np.float64))
+        return place(table, dataclasses.replace(state, world=world), seen_from, mirrored)
+
+    return _replaced((records.RecordTable, "place", rounded))
+
+
+def _world_blending() -> AbstractContextManager[None]:
+    """Skin palettes in world space: the camera is subtracted after the blend, from float32."""
+
+    def palettes(one: Any, state: FrameState, view: View) -> Any:
+        away = dataclasses.replace(view, position=np.zeros(3))
+        found, mirrored = original(one, state, away)
+        return [_relative(m, view) for m in found], mirrored
+
+    def _relative(matrices: Array, view: View) -> Array:
+        out = matrices.astype(np.float32)
+        out[:, :3, 3] -= view.position.astype(np.float32)
+        return out.astype(np.float64)
+
+    original = deform.DeformPass._palettes
+    return _replaced((deform.DeformPass, "_palettes", palettes))
+
+
+@contextmanager
+def _current_pose_as_previous() -> Iterator[None]:
+    """What many engines do: the current pose, relative to the previous camera."""
+    run = deform.DeformPass.run
+
+    def posed(one: Any, state: FrameState, view: View, before: FrameState, before_view: View, buffers: Any) -> Array:
+        return run(one, state, view, state, before_view, buffers)
+
+    with _replaced((deform.DeformPass, "run", posed)):
+        yield
+
+
+def _previous_time_wrapped() -> AbstractContextManager[None]:
+    sample = Poser.sample
+
+    def wrapped(one: Poser, t: float) -> FrameState:
+        return sample(one, t % one.duration if one.duration else t)
+
+    return _replaced((Poser, "sample", wrapped))
+
+
+def _sky_at_the_far_plane() -> AbstractContextManager[None]:
+    original = pairs.reprojection
+
+    def finite(view: View, previous: View, width: int, height: int) -> Any:
+        pair = original(view, previous, width, height)
+        far = {n: np.append(1000.0 * getattr(pair, n)[:3], 0.0) for n in ("sky_origin", "sky_dx", "sky_dy")}
+        far["sky_origin"][3] = 1.0
+        return dataclasses.replace(pair, **far)
+
+    return _replaced((pairs, "reprojection", finite))
+
+
+def _sum_in_floats() -> AbstractContextManager[None]:
+    original = counts.counts_of
+
+    def floats(combos: Array) -> dict[str, int]:
+        """Adding 1 no longer changes a float32 of 2^24."""
+        return {name: min(value, 2**24) for name, value in original(combos).items()}
+
+    return _replaced((bench, "counts_of", floats))
+
+
+class _OnePass(streaming.Welford):
+    """Sums of squares, as on a pocket calculator."""
+
+    __slots__ = ("values",)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.values: list[float] = []
+
+    def add(self, value: float) -> None:
+        self.values.append(value)
+
+    def add_many(self, values: Array) -> None:
+        self.values.extend(values.tolist())
+
+    @property
+    def variance(self) -> float:
+        return one_pass_variance(np.array(self.values))
+
+
+def _one_pass_variance() -> AbstractContextManager[None]:
+    from taubench_gl.selftest import statistics
+
+    return _replaced((statistics, "Welford", _OnePass))
+
+
+def _slerp_always(flip: bool) -> Callable[[Array, Array, Array], Array]:
+    def rows(a: Array, b: Array, u: Array) -> Array:
+        a, b, u = np.broadcast_arrays(a, b, np.asarray(u, dtype=np.float64)[..., None])
+        out = np.empty(a.shape)
+        for index in np.ndindex(a.shape[:-1]):
+            sign = -1.0 if flip and a[index] @ b[index] < 0 else 1.0
+            out[index] = plain_slerp(a[index], sign * b[index], float(u[index][0]))
+        return out
+
+    return rows
+
+
+def _plain_euler(rotation: Array) -> tuple[Array, Array]:
+    change = activity.wrap_degrees(np.degrees(np.diff(activity.euler_yxz(rotation), axis=0)))
+    return change, np.zeros(len(change), dtype=bool)
+
+
+def _acos_angle(a: Array, b: Array) -> Array:
+    return 2.0 * np.arccos(np.minimum(np.abs(np.sum(a * b, axis=-1)), 1.0))
+
+
+def _divided_by_length(q: Array) -> Array:
+    with np.errstate(invalid="ignore"):
+        return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def _weights_as_stored(document: Any, fixes: Any, arrays: dict[str, Array], pointer: str) -> tuple[Any, Any]:
+    if "JOINTS_0" not in arrays:
+        return None, None
+    fixes["skin weights were left as they are"] += 1
+    return arrays["JOINTS_0"].astype(np.uint32), arrays["WEIGHTS_0"].astype(np.float32)
+
+
+def _sixteen_bit_indices() -> AbstractContextManager[None]:
+    make = geometry.make_soup
+
+    def wrapped(*arguments: Any, **keywords: Any) -> geometry.Soup:
+        soup = make(*arguments, **keywords)
+        return dataclasses.replace(soup, triangles=soup.triangles & np.uint32(0xFFFF))
+
+    return _replaced((geometry, "make_soup", wrapped))
+
+
+def _fronts_not_turned() -> AbstractContextManager[None]:
+    place = records.RecordTable.place
+
+    def unmirrored(*arguments: Any) -> Any:
+        placement = place(*arguments)
+        return dataclasses.replace(placement, mirrored=np.zeros_like(placement.mirrored))
+
+    return _replaced((records.RecordTable, "place", unmirrored))
+
+
+def _absolute_threshold() -> AbstractContextManager[None]:
+    original = bench.limits
+    return _replaced((bench, "limits", lambda thresholds, unit_scale=1.0: original(thresholds, 1.0)))
+
+
+def _hermite_of_all_terms(v0: Array, out0: Array, in1: Array, v1: Array, u: Array, dt: Array) -> Array:
+    u, dt = np.asarray(u)[..., None], np.asarray(dt)[..., None]
+    h00, h01 = 2 * u**3 - 3 * u**2 + 1, -2 * u**3 + 3 * u**2
+    return h00 * v0 + h01 * v1 + dt * ((u**3 - 2 * u**2 + u) * out0 + (u**3 - u**2) * in1)
+
+
+def _fixed_point_depth(gpu: Gpu, size: tuple[int, int]) -> Any:
+    return gpu.ctx.depth_texture(size)
+
+
+def _everything_keyed() -> AbstractContextManager[None]:
+    """Cuts by a fixed limit of 2 m."""
+    from taubench_gl.metrics import cuts
+
+    return _replaced((cuts, "detect_cuts", lambda found, unit_scale=1.0: found.position > 2.0))
+
+
+_NEAR_TEST = "if (prev_depth <= limit) return mask | BEHIND;"
+_NORMAL = "vec3 r = vec3(dot(yz, n), dot(cross(z, x), n), dot(cross(x, y), n));"
+
+GUARDS: tuple[Guard, ...] = (
+    Guard("w-test", "previous depth against near, before the division", _glsl(_NEAR_TEST, ""),
+          ("turn-180", "turn-180-sky", "near-plane-crossing", "w-exactly-zero")),
+    Guard("screen-guard", "1/256 px at the edge of the screen", _python((conventions, "GUARD_PX", 0.0)),
+          ("screen-edge",)),
+    Guard("near-guard", "1e-5 at the near plane", _python((masks, "NEAR_GUARD", 0.0)), ("on-the-near-plane",)),
+    Guard("camera-relative", "matrices composed in float64 relative to the camera", _world_floats,
+          ("offset-1e6", "offset-1e9")),
+    Guard("camera-relative-skins", "palettes relative to the camera before the blend", _world_blending,
+          ("offset-1e6", "offset-1e9")),
+    Guard("previous-pose", "the previous pose at the previous time", _current_pose_as_previous,
+          ("skinned-motion", "skinned-with-camera", "morph-motion")),
+    Guard("no-wrapped-time", "previous time is never wrapped", _previous_time_wrapped, ("loop-end",)),
+    Guard("sky-direction", "sky is a direction, w = 0", _sky_at_the_far_plane, ("sky-translation",)),
+    Guard("float-depth", "depth in 32-bit floats", _python((Gpu, "depth_texture", _fixed_point_depth)),
+          ("depth-1km", "depth-100km")),
+    Guard("hemisphere", "quaternion keys on one hemisphere", _python((curves, "slerp", _slerp_always(False))),
+          ("opposite-hemispheres",)),
+    Guard("equal-keys", "no division by sin(0)", _python((curves, "slerp", _slerp_always(True))),
+          ("equal-keys", "opposite-keys", "close-keys")),
+    Guard("half-turn", "a dot product of rounding noise does not choose the way", _python((curves, "HALF_TURN", 0.0)),
+          ("half-turn-keys",)),
+    Guard("exact-hermite", "v0 + h01 (v1 - v0)", _python((curves, "hermite", _hermite_of_all_terms)), ("cubic-still",)),
+    Guard("zero-quaternion", "the zero quaternion means no rotation",
+          _python((curves, "unit_quaternions", _divided_by_length)),
+          ("cubic-rotation",)),
+    Guard("wrap", "differences of angles wrapped", _python((activity, "wrap_degrees", lambda difference: difference)),
+          ("angle-wrap",)),
+    Guard("gimbal-rule", "roll held near the poles", _python((activity, "euler_changes", _plain_euler)),
+          ("pitch-through-90", "gimbal-flag")),
+    Guard("chord-angle", "4 atan2 of chords", _python((math3d, "quat_angle", _acos_angle)), ("tiny-rotation",)),
+    Guard("proper-rotation", "scale and mirror left out of the view",
+          _python((math3d, "orthonormal", lambda mat3: mat3)), ("scaled-camera-node",)),
+    Guard("cut-rule", "a step is judged by its surroundings", _everything_keyed, ("running-is-not-a-cut",)),
+    Guard("normal-cofactors", "normals through the cofactor matrix",
+          _glsl(_NORMAL, "vec3 r = vec3(dot(x, n), dot(y, n), dot(z, n));"), ("sheared-normal", "flattened-normal")),
+    Guard("scaled-cofactors", "rows scaled before they are multiplied",
+          _glsl("float scale = peak > 0.0 ? 1.0 / peak : 0.0;", "float scale = 1.0;"), ("tiny-scale-normal",)),
+    Guard("safe-normalize", "a vector of length 0 stays 0",
+          _glsl("if (!(peak > 0.0)) return vec3(0.0);", ""), ("zero-normals", "degenerate-triangles")),
+    Guard("front-faces", "mirrored draws turn their fronts over", _fronts_not_turned, ("negative-scale",)),
+    Guard("shown-side", "normals turned to the visible side",
+          _glsl("return gl_FrontFacing ? n : -n;", "return n;"), ("back-of-a-wall",)),
+    Guard("wide-indices", "32-bit indices", _sixteen_bit_indices, ("many-vertices",)),
+    Guard("non-finite", "NaN and Inf found in the bits",
+          _glsl("return (floatBitsToUint(x) & 0x7f800000u) == 0x7f800000u;", "return false;"),
+          ("nan-current", "nan-history", "inf-current", "invalid-position")),
+    Guard("finite-taps", "taps that are not finite are left out of the blend",
+          _glsl("if (bad || is_surface(s.position) != surface) continue;", ""), ("nan-beside-bilinear",)),
+    Guard("strict-threshold", "strictly greater than the threshold",
+          _glsl("if (direct_distance > P.threshold_direct)", "if (direct_distance >= P.threshold_direct)"),
+          ("on-threshold-direct",)),
+    Guard("signed-light", "lighter and darker told apart",
+          _glsl("luminance < 0.0 ? SHADOWED : 0u", "LIT"), ("lit-and-shadowed",)),
+    Guard("sky-discards", "sky against surface is always a discard",
+          _glsl("surface != history_surface", "false"), ("silhouette-camera", "silhouette-motion")),
+    Guard("integer-counts", "counts are integers", _sum_in_floats, ("more-than-2^24-pixels",)),
+    Guard("stable-variance", "Welford, not E[x^2] - E[x]^2", _one_pass_variance,
+          ("variance-stream", "variance-blocks")),
+    Guard("unit-scale", "the position threshold follows the scene's scale", _absolute_threshold,
+          ("scale-2^-20", "scale-1e6")),
+    Guard("normalised-weights", "skin weights sum to 1", _python((weights, "skin_weights", _weights_as_stored)),
+          ("weights-not-one", "weights-all-zero")),
+    Guard("frame-tolerance", "1e-6 of a frame at the end",
+          _python((Settings, "frame_count", lambda s, duration: int(np.floor(duration * s.fps)) + 1)),
+          ("duration-from-float-keys",)),
+)  # fmt: skip
+"""Every guard, with the cases that notice when it is gone."""
+
+
+@contextmanager
+def all_off(names: tuple[str, ...]) -> Iterator[None]:
+    """Several guards off at once, by name."""
+    with ExitStack() as stack:
+        for guard in GUARDS:
+            if guard.name in names:
+                stack.enter_context(guard.off())
+        yield
+

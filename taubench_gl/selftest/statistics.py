@@ -1,0 +1,178 @@
+"""Cases: sums of very many, very large or nearly equal numbers, and the bookkeeping of whole sequences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.conventions import Reason
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.metrics.counts import CLASSES, counts_of
+from taubench_gl.metrics.streaming import Welford
+from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, scalar
+from taubench_gl.selftest.scenes import busy_room
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+SAMPLES = 1_000_000
+CONDITION = "relative; float64: 1e-11 for inputs of 1000 rounded to 1.1e-13 around 0.01, times 100 for 1e6 sums"
+
+
+def _nearly_equal() -> tuple[Array, float]:
+    """1000 +- 0.01 alternating, and the exact population variance of those very floats."""
+    values = np.where(np.arange(SAMPLES) % 2 == 0, 1000.01, 999.99)
+    high, low = 1000.01, 999.99
+    half = (high - low) / 2  # Sterbenz: exact
+    return values, half * half
+
+
+def one_pass_variance(values: Array) -> float:
+    """E[x^2] - E[x]^2, the formula of every pocket calculator."""
+    total = squares = 0.0
+    total = float(np.cumsum(values)[-1])
+    squares = float(np.cumsum(values * values)[-1])
+    return squares / len(values) - (total / len(values)) ** 2
+
+
+@case(
+    "variance-stream",
+    what="population variance of 1e6 values 1000 +- 0.01, one at a time",
+    elsewhere="E[x^2] - E[x]^2 subtracts two numbers near 1e6 that agree in ten digits; in float32 it is negative",
+    here="Welford (1962) in float64",
+    tolerance=1e-9,
+    source=CONDITION,
+)
+def variance_stream(bench: Bench) -> Outcome:
+    values, exact = _nearly_equal()
+    w = Welford()
+    for value in values[: SAMPLES // 10].tolist():  # the same ten times over has the same variance
+        w.add(value)
+    plain = one_pass_variance(values)
+    naive = Naive("E[x^2] - E[x]^2", plain, difference(exact, plain, relative=True))
+    return scalar(exact, w.variance, naive, relative=True)
+
+
+@case(
+    "variance-blocks",
+    what="the same 1e6 values in 1000 blocks of unequal size, merged",
+    elsewhere="variances of blocks are averaged",
+    here="Chan, Golub and LeVeque's update (1979) of two-pass blocks",
+    tolerance=1e-9,
+    source=CONDITION,
+)
+def variance_blocks(bench: Bench) -> Outcome:
+    values, exact = _nearly_equal()
+    w = Welford()
+    for block in np.split(values, np.sort(np.random.default_rng(1).integers(0, SAMPLES, 999))):
+        w.add_many(block)
+    plain = one_pass_variance(values)
+    naive = Naive("E[x^2] - E[x]^2", plain, difference(exact, plain, relative=True))
+    return scalar(exact, w.variance, naive, relative=True)
+
+
+@case(
+    "mean-far-from-zero",
+    what="mean of the 2^20 values 1e9 + i / 2^20",
+    elsewhere="a float32 sum stops at 1.7e7 times the smallest addend",
+    here="running mean of differences in float64",
+    tolerance=3e-7,
+    source="float64: 2.5 ulps of 1e9; the values themselves have steps of one",
+)
+def mean_far(bench: Bench) -> Outcome:
+    values = 1e9 + np.arange(2**20) / 2**20
+    w = Welford()
+    for block in np.split(values, 64):
+        w.add_many(block)
+    exact = 1e9 + (2**20 - 1) / 2**21
+    naive = float(np.mean(values.astype(np.float32)))
+    return scalar(exact, w.mean, Naive("float32", naive, abs(naive - exact)))
+
+
+@case(
+    "more-than-2^24-pixels",
+    what="4096 x 4097 pixels of sky counted on the GPU: 16,781,312",
+    elsewhere="a float32 counter stops at 2^24 = 16,777,216: adding 1 no longer changes it",
+    here="unsigned integers on the GPU, finished in 64 bits",
+    source="exact: an unsigned count on the GPU",
+)
+def many_pixels(bench: Bench) -> Outcome:
+    width, height = 4096, 4097
+    sky = bench.sky_counts((width, height))
+    pixels = width * height
+    ones = np.add(np.float32(2**24), np.float32(1))
+    naive = Naive("float32 counter", int(ones), pixels - int(ones))
+    wrong = abs(sky["sky"] - pixels)
+    return Outcome(pixels, sky["pixels"], float(abs(sky["pixels"] - pixels) + wrong), naive)
+
+
+@case(
+    "counts-past-32-bits",
+    what="2^32 - 1 pixels of each of two reason words (a long sequence) added up",
+    elsewhere="32-bit sums wrap to a small number",
+    here="counts are widened to 64 bits before they are added",
+    source="exact: integers",
+)
+def past_32_bits(bench: Bench) -> Outcome:
+    combos = np.zeros(1 << 16, dtype=np.uint32)
+    combos[int(Reason.SKY)] = combos[int(Reason.SKY | Reason.BEHIND)] = 2**32 - 1
+    exact = 2 * (2**32 - 1)
+    naive = int(np.uint32(exact & 0xFFFFFFFF))
+    return count(exact, counts_of(combos)["pixels"], Naive("32-bit sum", naive, exact - naive))
+
+
+@case(
+    "classes-add-up",
+    what="busy room, both reprojections, three pairs: pixels in no class or in two",
+    elsewhere="invalid pixels are silently replaced by 0 and the total still reads 100 %",
+    here="first, cut, invalid, frustum and comparable are exclusive and add up to w h",
+    source="exact: integers",
+)
+def classes_add_up(bench: Bench) -> Outcome:
+    lost = 0
+    for mode in ("camera", "motion"):
+        for now in (0.25, 0.5, 1.0):
+            c = bench.pair(busy_room(), (now - 0.25, now), reprojection=mode).counts
+            lost += abs(c["pixels"] - sum(c[n] for n in CLASSES)) + abs(c["pixels"] - bench.size[0] * bench.size[1])
+    return count(0, lost)
+
+
+@case(
+    "discards-are-surfaces",
+    what="busy room: pixels that are DISOCCLUDED or OCCLUDING without being position discards",
+    elsewhere="disocclusion is a second test with its own epsilon, and contradicts the first",
+    here="both are said of position discards only",
+    source="exact: integers",
+)
+def discards_are_surfaces(bench: Bench) -> Outcome:
+    images = bench.pair(busy_room(), (0.0, 1.0), reprojection="motion")
+    said = images.has(Reason.DISOCCLUDED | Reason.OCCLUDING)
+    return count(0, int((said & ~images.has(Reason.POSITION)).sum()) if said.any() else -1)
+
+
+@case(
+    "frames-and-pairs",
+    what="a scene of exactly 1 s at 24 frames a second: pairs of the whole evaluation",
+    elsewhere="frame 0 is paired with itself, and every mean is diluted",
+    here="frames i = 0 .. floor(duration * fps + 1e-6); N frames give N - 1 pairs; means are over pairs",
+    source="exact: integers",
+)
+def frames_and_pairs(bench: Bench) -> Outcome:
+    settings = Settings(width=16, height=9, backend=bench.gpu.backend, device=bench.device)
+    run = evaluate_scene(busy_room(), settings)
+    return count(24, run.summary["pairs"], Naive("a pair per frame", 25, 1.0))
+
+
+@case(
+    "still-scene",
+    what="a still camera over a still room, every mask, both reprojections and both ways of sampling history",
+    elsewhere="0.1 % of a still picture is discarded at its border, more in bilinear history",
+    here="zero motion comes out as exactly zero",
+    source="exact: integers",
+)
+def still_scene(bench: Bench) -> Outcome:
+    marked = 0
+    for mode in ("camera", "motion"):
+        for sampling in ("nearest", "bilinear"):
+            images = bench.pair(busy_room(), (0.3, 0.3), reprojection=mode, sampling=sampling)
+            marked += int((images.mask != 0).sum()) + int((images.motion != 0).sum())
+    return count(0, marked)

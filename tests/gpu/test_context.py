@@ -1,0 +1,178 @@
+"""Contexts: what is said when there is none, what can be said of one, and that nothing is left behind in it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.gpu import context
+from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.timing import PassTimer, probe_timer
+from taubench_gl.paths import PACKAGE
+from taubench_gl.settings import Settings
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+
+
+@pytest.fixture
+def no_contexts(monkeypatch):
+    """As if this process had opened none yet."""
+    monkeypatch.setattr(context, "_open", {})
+    monkeypatch.delenv(context.BACKEND_VARIABLE, raising=False)
+
+
+def test_no_backend_at_all_is_one_error_that_lists_both(no_contexts, monkeypatch) -> None:
+    def missing(name, device):
+        raise OSError(f"lib{name} is not installed")
+
+    monkeypatch.setattr(context, "_create", missing)
+    with pytest.raises(GraphicsError) as caught:
+        open_gpu()
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in ("egl: libegl is not installed", "osmesa: libosmesa is not installed", "apt-get install libegl1",
+                 "libosmesa6", "doctor"):  # fmt: skip
+        assert part in message
+
+
+def test_a_driver_that_is_too_old_is_named(no_contexts, monkeypatch) -> None:
+    class Old:
+        version_code = 330
+
+    monkeypatch.setattr(context.moderngl, "create_context", lambda **_: Old())
+    with pytest.raises(GraphicsError, match=r"offers GL 3\.3, 4\.5 is needed"):
+        open_gpu("egl")
+
+
+def test_bad_device_index(no_contexts) -> None:
+    with pytest.raises(GraphicsError, match="egl: "):
+        open_gpu("egl", device=999)
+    with pytest.raises(GraphicsError, match="OSMesa has no devices"):
+        open_gpu("osmesa", device=0)
+
+
+def test_unknown_backend(no_contexts, monkeypatch) -> None:
+    with pytest.raises(GraphicsError, match="choose from auto, egl, osmesa"):
+        open_gpu("vulkan")
+    monkeypatch.setenv(context.BACKEND_VARIABLE, "metal")
+    with pytest.raises(GraphicsError, match="'metal'"):
+        open_gpu()
+
+
+def test_one_context_per_process(session_gpu) -> None:
+    assert open_gpu() is session_gpu
+    assert open_gpu(session_gpu.backend) is session_gpu
+
+
+def test_depth_runs_from_zero_to_one(gpu: Gpu) -> None:
+    """glClipControl took hold: NDC depth 0.25 is written as 0.25, not 0.625."""
+    ctx = gpu.ctx
+    depth = gpu.depth_texture((1, 1))
+    target = ctx.framebuffer([ctx.texture((1, 1), 4)], depth)
+    program = ctx.program(
+        vertex_shader="#version 450\nin vec2 p;\nvoid main() { gl_Position = vec4(p, 0.25, 1.0); }",
+        fragment_shader="#version 450\nout vec4 c;\nvoid main() { c = vec4(1.0); }",
+    )
+    points = ctx.buffer(np.array([-1, -1, 3, -1, -1, 3], "f4").tobytes())
+    triangle = ctx.vertex_array(program, [(points, "2f", "p")])
+    target.use()
+    target.clear(depth=0.0)
+    ctx.enable_only(context.moderngl.DEPTH_TEST)
+    ctx.depth_func = ">"
+    triangle.render(context.moderngl.TRIANGLES)
+    assert np.frombuffer(depth.read(), "f4")[0] == pytest.approx(0.25, abs=1e-6)
+    gpu.unbind_framebuffer()
+    for item in (triangle, points, program, target, depth):
+        item.release()
+    gpu.collect()
+
+
+def test_the_timer_is_not_believed_unproven(gpu: Gpu) -> None:
+    verdict = probe_timer(gpu)
+    assert verdict.usable == (0.5 * verdict.wall_ms <= verdict.gpu_ms <= 1.5 * verdict.wall_ms)
+    assert "wall clock" in verdict.why
+
+
+def test_pass_timer_memory_is_bounded(gpu: Gpu) -> None:
+    timer = PassTimer(gpu)
+    for _ in range(5000):
+        with timer.measure("nothing"):
+            pass
+    assert len(timer.samples_ms()["nothing"]) == 4096
+    quiet = PassTimer(gpu, enabled=False)
+    with quiet.measure("nothing"):
+        pass
+    assert not quiet.samples_ms()
+
+
+def test_an_error_state_is_reported_once(gpu: Gpu) -> None:
+    texture = gpu.ctx.texture((4, 4), 4)
+    texture.bind_to_image(10_000)  # no such unit
+    with pytest.raises(GraphicsError, match="after a wrong call"):
+        gpu.check("a wrong call")
+    gpu.check("nothing")
+    texture.release()
+
+
+def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
+    """GL names do not grow: textures, buffers, framebuffers and programs are all released."""
+
+    def names() -> list[int]:
+        ctx = gpu.ctx
+        texture, buffer = ctx.texture((1, 1), 1), ctx.buffer(reserve=4)
+        target = ctx.framebuffer([texture])
+        program = ctx.compute_shader("#version 450\nlayout(local_size_x = 1) in;\nvoid main() {}")
+        out = [texture.glo, buffer.glo, target.glo, program.glo]
+        for item in (program, target, buffer, texture):
+            item.release()
+        return out
+
+    history = []
+    for i in range(5):
+        looks = (lambda pair: pair.mask()) if i % 2 else None
+        evaluate_scene(DEMO, Settings(64, 36, frames=(0, 3)), on_pair=looks)
+        assert gpu.ctx.error == "GL_NO_ERROR"
+        assert not gpu.ctx.objects
+        history.append(names())
+    assert history[1] == history[3] and history[2] == history[4], history
+    assert max(max(h) for h in history[2:]) <= max(max(h) for h in history[:3])
+
+
+def test_capability_report() -> None:
+    """In a process of its own: it opens every backend there is, and two Mesas in one process are one too many."""
+    code = "import json; from taubench_gl.gpu.context import capability_report as r; print(json.dumps(r()))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["backends"][report["backend"]]["usable"]
+    assert set(report["backends"]) == {"egl", "osmesa"}
+    for backend in report["backends"].values():
+        assert backend["why"]
+    assert report["limits"]["colour attachments"] >= 8 and report["limits"]["texture size"] >= 16384
+    assert report["software"] == ("llvmpipe" in report["renderer"].lower())
+    assert "wall clock" in report["timer"]["why"]
+    assert report["libraries"]["moderngl"] and report["libraries"]["numpy"]
+
+
+def test_one_missing_backend_does_not_hide_the_other(no_contexts, monkeypatch) -> None:
+    """``auto`` goes on to the next; the error of the first is not lost when that fails too."""
+    tried = []
+
+    def create(name, device):
+        tried.append(name)
+        raise OSError("no " + name)
+
+    monkeypatch.setattr(context, "_create", create)
+    with pytest.raises(GraphicsError):
+        open_gpu("auto")
+    assert tried == ["egl", "osmesa"]
+    tried.clear()
+    with pytest.raises(GraphicsError, match="no egl"):
+        open_gpu("auto", device=3)
+    assert tried == ["egl"]

@@ -1,0 +1,131 @@
+"""The shader resolver: includes, cycles, missing files, and error messages that name the line a person wrote."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.gpu import shader
+from taubench_gl.gpu.shader import ShaderCache, resolve
+from taubench_gl.paths import SHADERS
+
+
+def write(root: Path, **files: str) -> Path:
+    for name, text in files.items():
+        (root / f"{name}.glsl").write_text(text)
+    return root
+
+
+def test_an_include_comes_in_once(tmp_path) -> None:
+    root = write(
+        tmp_path,
+        main='#include "a.glsl"\n#include "b.glsl"\nvoid main() { one(); }',
+        a='#include "common.glsl"\nvoid a() {}',
+        b='#include "common.glsl"\nvoid b() {}',
+        common="void one() {}",
+    )
+    source = resolve("main.glsl", root=root)
+    assert source.text.count("void one()") == 1
+    assert source.text.index("void one()") < source.text.index("void a()") < source.text.index("void b()")
+    assert "#include" not in source.text and source.text.startswith("#version 450\n")
+    lines = source.text.splitlines()
+    assert len(lines) == len(source.origin)
+    assert source.origin[lines.index("void b() {}")] == "b.glsl:2"
+    assert source.origin[lines.index("void main() { one(); }")] == "main.glsl:3"
+
+
+def test_a_cycle_is_told_as_a_chain(tmp_path) -> None:
+    root = write(tmp_path, a='#include "b.glsl"', b='#include "c.glsl"', c='#include "a.glsl"')
+    with pytest.raises(GraphicsError, match=r"a\.glsl > b\.glsl > c\.glsl > a\.glsl"):
+        resolve("a.glsl", root=root)
+
+
+def test_a_file_that_includes_itself(tmp_path) -> None:
+    with pytest.raises(GraphicsError, match=r"me\.glsl > me\.glsl"):
+        resolve("me.glsl", root=write(tmp_path, me='#include "me.glsl"'))
+
+
+def test_a_missing_file_names_who_wanted_it(tmp_path) -> None:
+    root = write(tmp_path, main='#include "gone.glsl"')
+    with pytest.raises(GraphicsError, match=r"gone\.glsl cannot be read \(included by main\.glsl\)"):
+        resolve("main.glsl", root=root)
+    with pytest.raises(GraphicsError, match=r"nothing\.glsl cannot be read: "):
+        resolve("nothing.glsl", root=root)
+
+
+def test_defines_and_preamble_come_first(tmp_path) -> None:
+    root = write(tmp_path, main="void main() {}")
+    source = resolve("main.glsl", {"B": 3, "A": True, "C": False}, "const int X = 1;", root)
+    assert source.text.splitlines()[1:5] == ["#define A 1", "#define B 3", "#define C 0", "const int X = 1;"]
+    assert source.origin[4] == "preamble:1"
+
+
+def test_errors_name_file_and_line(gpu, tmp_path, monkeypatch) -> None:
+    """The fault is in an included file, below defines and a preamble; the driver only counts expanded lines."""
+    root = write(
+        tmp_path,
+        main='// a comment\n#include "part.glsl"\nlayout(local_size_x = 1) in;\nvoid main() { broken(); }\n',
+        part="\n\nvoid broken() {\n    float x = undeclared_thing;\n}\n",
+    )
+    monkeypatch.setattr(shader, "resolve", lambda e, d=None, p="": resolve(e, d, p, root))
+    with pytest.raises(GraphicsError, match=r"part\.glsl:4\b.*undeclared_thing") as caught:
+        ShaderCache(gpu.ctx).compute("main.glsl", {"A": 1, "B": 2}, "const int C = 3;\nconst int D = 4;")
+    assert "\n" not in str(caught.value) and "0:" not in str(caught.value).split("compile: ")[1][:3]
+
+
+def test_errors_name_the_stage_that_failed(gpu, tmp_path, monkeypatch) -> None:
+    good = "void main() { gl_Position = vec4(0.0); }\n"
+    root = write(tmp_path, vert=good, frag="out vec4 c;\nvoid main() {\n  c = vec3(1.0);\n}\n", bad="\nvoid main( {\n")
+    monkeypatch.setattr(shader, "resolve", lambda e, d=None, p="": resolve(e, d, p, root))
+    with pytest.raises(GraphicsError, match=r"frag\.glsl:3\b"):
+        ShaderCache(gpu.ctx).render("vert.glsl", "frag.glsl")
+    with pytest.raises(GraphicsError, match=r"bad\.glsl:2\b"):
+        ShaderCache(gpu.ctx).render("bad.glsl", "frag.glsl")
+
+
+def test_drivers_write_line_numbers_in_several_ways() -> None:
+    source = shader.Source("\n" * 12, tuple(f"f.glsl:{i}" for i in range(1, 13)))
+    for message in ("0:12(5): error: x", "0(12) : error C0: x", "ERROR: 0:12: x"):
+        assert "f.glsl:12" in source.translate(message)
+    assert source.translate("0:99(1): error") == "0:99(1): error"
+
+
+def test_a_program_is_compiled_once(gpu) -> None:
+    from taubench_gl.frame.passes.masks import preamble
+
+    cache = ShaderCache(gpu.ctx)
+    defines = dict.fromkeys(("MOTION", "BILINEAR", "HAS_DIRECT", "HAS_INDIRECT", "HAS_COLOR"), False)
+    defines |= {"WRITE_MASK": False, "WRITE_MOTION": False, "GROUP_X": 8, "GROUP_Y": 8}
+    first = cache.compute("masks/masks.comp.glsl", defines, preamble())
+    assert cache.compute("masks/masks.comp.glsl", dict(reversed(defines.items())), preamble()) is first
+    assert cache.compute("masks/masks.comp.glsl", defines | {"MOTION": True}, preamble()) is not first
+    assert len(cache) == 2
+    cache.release()
+    assert len(cache) == 0
+
+
+def test_every_mask_variant_compiles(gpu) -> None:
+    from taubench_gl.frame.passes.masks import preamble
+
+    cache = ShaderCache(gpu.ctx)
+    switches = ("MOTION", "BILINEAR", "HAS_DIRECT", "HAS_INDIRECT", "HAS_COLOR")
+    for values in itertools.product((False, True), repeat=len(switches)):
+        defines = dict(zip(switches, values, strict=True))
+        defines |= {"WRITE_MASK": values[0], "WRITE_MOTION": values[1], "GROUP_X": 8, "GROUP_Y": 8}
+        cache.compute("masks/masks.comp.glsl", defines, preamble())
+    assert len(cache) == 32
+    cache.release()
+
+
+@pytest.mark.parametrize("path", sorted(SHADERS.rglob("*.glsl")), ids=lambda p: str(p.relative_to(SHADERS)))
+def test_every_shader_resolves_and_says_what_it_is(path: Path) -> None:
+    entry = path.relative_to(SHADERS).as_posix()
+    assert resolve(entry).origin[-1].startswith(entry)
+    text = path.read_text()
+    assert text.startswith("//"), "a shader opens with what it is"
+    assert "#version" not in text
+    for number, line in enumerate(text.splitlines(), 1):
+        assert len(line) <= 130, f"{entry}:{number} is {len(line)} characters long"
