@@ -1,14 +1,18 @@
 // Irradiance at a grid of probes: six directions each (ambient cube, Valve 2004), every virtual light tested against the
 // occupancy grid.
 //
-// Reads    virtual lights, voxels.   Writes   probes: 6 x vec4 per probe, w of the first: 0 where the probe lies inside.
+// Reads    virtual lights, voxels.   Writes   (adds to) probes: 6 x vec4 per probe, w of the first: 0 where the probe lies inside.
 layout(local_size_x = 16) in;
 
 layout(std430, binding = 0) readonly buffer Parameters { IndirectRecord P; };
 #include "common/indirect.glsl"
 #include "common/voxels.glsl"
 layout(std430, binding = 2) readonly buffer Virtual { VirtualLight virtual_lights[]; };
-layout(std430, binding = 6) writeonly buffer Probes { vec4 probes[]; };
+layout(std430, binding = 6) buffer Probes { vec4 probes[]; };
+
+// Virtual lights [x, y) of this dispatch.  Mesa's llvmpipe ends every loop of an invocation after 65,535 turns in all,
+// without a word; so the lights come in chunks that cannot reach that, and the sums go on where they stopped.
+uniform ivec2 chunk;
 
 void main() {
     int i = int(gl_GlobalInvocationID.x);
@@ -17,12 +21,13 @@ void main() {
     ivec3 at = ivec3(i % n.x, (i / n.x) % n.y, i / (n.x * n.y));
     vec3 x = P.probe_origin.xyz + vec3(at) * P.probe_step.xyz;
     vec3 cube[6];
-    for (int side = 0; side < 6; ++side) cube[side] = vec3(0.0);
-    for (int k = 0; k < P.counts.x; ++k) {
+    for (int side = 0; side < 6; ++side) cube[side] = chunk.x == 0 ? vec3(0.0) : probes[6 * i + side].rgb;
+    for (int k = chunk.x; k < chunk.y; ++k) {
         VirtualLight v = virtual_lights[k];
         vec3 d = v.position.xyz - x;
         if (dot(v.normal.xyz, d) >= 0.0 || dot(v.flux.rgb, vec3(1.0)) <= 0.0) continue;
-        if (!sees(x, v.position.xyz, vec2(0.5, 1.8))) continue;
+        // Aim above the patch: a ray that grazes a wall would run through the wall's own voxels before it gets there.
+        if (!sees(x, v.position.xyz + 1.75 * P.grid_origin.w * v.normal.xyz, vec2(0.5))) continue;
         for (int side = 0; side < 6; ++side) {
             vec3 axis = vec3(0.0);
             axis[side >> 1] = (side & 1) == 0 ? 1.0 : -1.0;

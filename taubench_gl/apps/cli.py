@@ -16,6 +16,7 @@ from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.apps.selftest_command import selftest
 from taubench_gl.apps.truth_command import truth
 from taubench_gl.errors import TaubenchError
 
@@ -31,6 +32,7 @@ Examples:
   taubench-gl inspect scene.glb
   taubench-gl evaluate scene.glb --out results
   taubench-gl compare results other-results
+  taubench-gl selftest
 
 \b
 Errors end with exit code 2 and one line; TAUBENCH_DEBUG=1 adds the traceback.""",
@@ -40,7 +42,7 @@ def cli() -> None:
     """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
 
 
-for command in (doctor, inspect, evaluate, compare, truth):
+for command in (doctor, inspect, evaluate, compare, truth, selftest):
     cli.add_command(command)
 
 

@@ -12,7 +12,7 @@ import sys
 import time
 
 import bpy
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 BLENDER_FROM_GLTF = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
 PASSES = (
@@ -90,7 +90,7 @@ def play_everything(first_key):
 def pose(owner, position, rotation, frame):
     """Place something with glTF's world position and world_from_local rotation (3x3 rows), keyed at ``frame``."""
     owner.rotation_mode = "QUATERNION"
-    owner.location = BLENDER_FROM_GLTF @ Matrix(((position[0],), (position[1],), (position[2],))).col[0]
+    owner.location = BLENDER_FROM_GLTF @ Vector(position)
     owner.rotation_quaternion = (BLENDER_FROM_GLTF @ Matrix(rotation)).to_quaternion()
     if frame is not None:
         owner.keyframe_insert("location", frame=frame)

@@ -65,12 +65,12 @@ class RasterSource:
         self._fps = settings.fps
         self.effects = decide(scene, settings)
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
-        self.reprojection = "motion" if self.effects["previous_pose"].on else "camera"
+        self.reprojection = settings.reprojection if self.effects["previous_pose"].on else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
         lit = light_channels(self.effects, extra)
         channels = {"position", "normal", *lit, *extra}
-        if self.reprojection == "motion":
+        if self.effects["previous_pose"].on:
             channels.add("prev_position")
         timer = timer or PassTimer(gpu, enabled=False)
         self.renderer = Renderer(

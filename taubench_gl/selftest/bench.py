@@ -5,20 +5,25 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, View, choose_camera
 from taubench_gl.animation import pairs as pairing
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.frame.passes.masks import Counts, MaskPass
 from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.reprojection import Reprojection
+from taubench_gl.run import Run
 from taubench_gl.scene.model import Camera, Scene
+from taubench_gl.settings import Settings
 
 Array = np.ndarray
 Size = tuple[int, int]
@@ -113,6 +118,24 @@ class Bench:
             return {n: renderer.read(n) for n in renderer.channels}, renderer.drawn.view
         finally:
             renderer.release()
+
+    def lit(self, scene: Scene, time: float = 0.0, **settings: Any) -> dict[str, Array]:
+        """``direct`` and ``color`` of one frame, shaded by the light stage.  ``settings``: fields of Settings."""
+        chosen = self._settings({"columns": ("direct", "color"), "fps": 1.0} | settings)
+        source = RasterSource(self.gpu, scene, choose_camera(scene), chosen)
+        try:
+            source.advance(time)
+            return {n: source.read(n) for n in ("direct", "color")}
+        finally:
+            source.release()
+
+    def evaluate(self, scene: Scene, **settings: Any) -> Run:
+        """The whole evaluation of a scene.  ``settings``: fields of Settings."""
+        return evaluate_scene(scene, self._settings(settings))
+
+    def _settings(self, given: Mapping[str, Any]) -> Settings:
+        mine = {"width": self.size[0], "height": self.size[1], "backend": self.gpu.backend, "device": self.device}
+        return Settings(**(mine | dict(given)))
 
     def compare(
         self,

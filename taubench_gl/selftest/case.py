@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 Value = float | int | str
 GROUPS = (
-    "projection", "camera", "offsets", "animation", "geometry",
-    "skinning", "radiance", "statistics", "storage", "files",
+    "projection", "depth", "camera", "offsets", "animation", "geometry",
+    "skinning", "lighting", "radiance", "statistics", "storage", "files",
 )  # fmt: skip
 """Themes in the order in which they are run and printed; each has a module of cases of the same name."""
 

@@ -20,7 +20,7 @@ from taubench_gl.frame.passes import deform, masks
 from taubench_gl.gpu import shader
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics import activity, counts, streaming
-from taubench_gl.scene.gltf import weights
+from taubench_gl.scene.gltf import meshes
 from taubench_gl.selftest import bench
 from taubench_gl.selftest.animation import plain_slerp
 from taubench_gl.selftest.statistics import one_pass_variance
@@ -314,7 +314,7 @@ GUARDS: tuple[Guard, ...] = (
           ("variance-stream", "variance-blocks")),
     Guard("unit-scale", "the position threshold follows the scene's scale", _absolute_threshold,
           ("scale-2^-20", "scale-1e6")),
-    Guard("normalised-weights", "skin weights sum to 1", _python((weights, "skin_weights", _weights_as_stored)),
+    Guard("normalised-weights", "skin weights sum to 1", _python((meshes, "skin_weights", _weights_as_stored)),
           ("weights-not-one", "weights-all-zero")),
     Guard("frame-tolerance", "1e-6 of a frame at the end",
           _python((Settings, "frame_count", lambda s, duration: int(np.floor(duration * s.fps)) + 1)),

@@ -1,4 +1,4 @@
-"""Cases: what the previous camera cannot have seen, depth at the ends of its range, sky, jitter, the screen's edge."""
+"""Cases: what the previous camera cannot have seen, sky, jitter, and the screen's edge."""
 
 from __future__ import annotations
 
@@ -152,110 +152,6 @@ def w_exactly_zero(bench: Bench) -> Outcome:
         divided = wall["position"][..., :2] / 0.0
     naive = int(np.isfinite(divided).all(axis=-1).sum())
     return count(good.size, int(good.sum()), Naive("w not tested: finite pixels", naive, good.size - naive))
-
-
-def _depth_case(name: str, distance: float, znear: float, zfar: float) -> None:
-    @case(
-        name,
-        what=f"near {znear:g}, far {zfar:g}: two walls {distance:g} m away, 2e-6 of that apart, the nearer drawn last",
-        elsewhere="24-bit fixed-point depth puts both on one value and whoever is drawn first wins",
-        here="reversed Z in [0, 1] in a 32-bit float depth texture: the same relative step at every distance",
-        source="2e-6 is 17 float ulps of depth = near / z; " + EXACT,
-    )
-    def depth(bench: Bench) -> Outcome:
-        b = SceneBuilder()
-        camera = Camera(yfov=RIGHT_ANGLE)
-        for far_away in (distance * (1 + 2e-6), distance):
-            half = 1.5 * far_away * bench.size[0] / bench.size[1]
-            b.node(translation=(0.0, 0.0, -far_away), mesh=b.mesh(quad(half, 1.5 * far_away)))
-        b.camera(yfov=camera.yfov, znear=znear, zfar=zfar)
-        frame, _ = bench.frame(b.build(), extra=("ids",))
-        right = int((frame["ids"][..., 0] == 2).sum())
-        standard = [
-            np.round((zfar / (zfar - znear) if np.isfinite(zfar) else 1.0) * (1 - znear / z) * (2**24 - 1))
-            for z in (distance, distance * (1 + 2e-6))
-        ]
-        won = right if standard[0] < standard[1] else 0
-        pixels = frame["ids"][..., 0].size
-        return count(pixels, right, Naive("24-bit standard Z", won, pixels - won))
-
-
-_depth_case("depth-1m", 1.0, 1e-4, 1e6)
-_depth_case("depth-1km", 1e3, 1e-4, 1e6)
-_depth_case("depth-100km", 1e5, 1e-4, 1e6)
-_depth_case("depth-infinite-far", 1e7, 1e-4, np.inf)
-
-
-@case(
-    "far-plane",
-    what="near 1e-4, far 1e6: a wall 0.9999 far away is seen, one at 1.0001 far is not",
-    elsewhere="far / (far - near) rounds to 1 and nothing is ever clipped, or everything is",
-    here="both terms of the reversed matrix are formed in float64",
-    source=EXACT,
-)
-def far_plane(bench: Bench) -> Outcome:
-    seen = []
-    for factor in (0.9999, 1.0001):
-        b = SceneBuilder()
-        b.node(translation=(0.0, 0.0, -1e6 * factor), mesh=b.mesh(quad(5e6, 5e6)))
-        b.camera(yfov=RIGHT_ANGLE, znear=1e-4, zfar=1e6)
-        frame, _ = bench.frame(b.build())
-        seen.append(int((frame["position"][..., 3] > 0).sum()))
-    return count(bench.size[0] * bench.size[1], seen[0] - seen[1])
-
-
-def _grazing(bench: Bench, degrees: float):
-    """A plane 10 m ahead whose normal is ``degrees`` away from the view; (normal, point on it, frame, ray depth)."""
-    b = SceneBuilder()
-    tilt = turn((1.0, 0.0, 0.0), -degrees)
-    b.node(translation=(0.0, 0.0, -10.0), rotation=tilt, mesh=b.mesh(quad(200.0, 200.0)))
-    b.camera(yfov=RIGHT_ANGLE, znear=1e-3, zfar=1e4)
-    frame, _ = bench.frame(b.build())
-    a = np.radians(degrees)
-    normal, anchor = np.array([0.0, np.sin(a), np.cos(a)]), np.array([0.0, 0.0, -10.0])
-    return normal, anchor, frame["position"].astype(np.float64), frame
-
-
-def _grazing_case(name: str, degrees: float) -> None:
-    @case(
-        name,
-        what=f"a plane seen at {degrees:g} degrees from its normal: do the stored points lie on it?",
-        elsewhere="a point kept in half floats or rebuilt from 24-bit depth lies off the plane",
-        here="the interpolated position is stored, float32, relative to the camera",
-        tolerance=1e-6,
-        source="distance to the plane over distance to the camera: 16 float ulps (transform, clipping, interpolation)",
-    )
-    def grazing(bench: Bench) -> Outcome:
-        normal, anchor, position, _ = _grazing(bench, degrees)
-        surface = position[..., 3] > 0
-        points = position[surface][:, :3]
-        off = (points - anchor) @ normal / np.linalg.norm(points, axis=-1)
-        half = points.astype(np.float16).astype(np.float64)
-        naive = worst((half - anchor) @ normal / np.linalg.norm(points, axis=-1))
-        return field(
-            f"{int(surface.sum())} points on the plane", off, Naive("half floats", f"off by {naive:.3g}", naive)
-        )
-
-
-_grazing_case("grazing-80", 80.0)
-_grazing_case("grazing-89", 89.0)
-_grazing_case("grazing-89.9", 89.9)
-
-
-@case(
-    "grazing-own-pixel",
-    what="points of a plane seen at 89.9 degrees, projected by the camera that drew them: each on its own pixel centre",
-    elsewhere="centroid or half-pixel conventions mixed up: everything is off by half a pixel",
-    here="one convention: the centre of pixel i is i",
-    tolerance=1.0 / 64.0,
-    source="raster rule: corners snapped to 1/256 px, and again after clipping; the other half for float rounding",
-)
-def grazing_own_pixel(bench: Bench) -> Outcome:
-    _, _, position, _ = _grazing(bench, 89.9)
-    surface = position[..., 3] > 0
-    at = to_pixels(position[..., :3], bench.size, Camera(yfov=RIGHT_ANGLE))
-    half = Naive("centre of pixel i at i + 0.5", "off by 0.5 px", 0.5)
-    return field("own pixel centre, px", (at - pixel_grid(bench.size))[surface], half)
 
 
 @case(

@@ -10,6 +10,7 @@ from taubench_gl import math3d
 from taubench_gl.scene.model import (
     Camera,
     Channel,
+    Light,
     Material,
     Mesh,
     MorphTarget,
@@ -32,6 +33,8 @@ class SceneBuilder:
         self._materials: list[Material] = []
         self._skins: list[Skin] = []
         self._cameras: list[Camera] = []
+        self._lights: list[Light] = []
+        self._lights: list[Light] = []
         self._channels: list[Channel] = []
 
     def node(
@@ -45,6 +48,7 @@ class SceneBuilder:
         mesh: int = -1,
         skin: int = -1,
         camera: int = -1,
+        light: int = -1,
         visible: bool = True,
         instances: Array | None = None,
         name: str | None = None,
@@ -69,6 +73,11 @@ class SceneBuilder:
         self._cameras.append(Camera(**lens))
         index = len(self._cameras) - 1
         return self.node(parent, translation=translation, rotation=rotation, scale=scale, camera=index)
+
+    def light(self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, **fields) -> int:
+        """A light on a node of its own, shining along its -Z; ``fields`` are those of ``Light``.  Returns the node."""
+        self._lights.append(Light(**fields))
+        return self.node(parent, translation=translation, rotation=rotation, light=len(self._lights) - 1)
 
     def skin(self, joints: Sequence[int], inverse_bind: Array | None = None) -> int:
         inverse_bind = np.tile(np.eye(4), (len(joints), 1, 1)) if inverse_bind is None else inverse_bind
@@ -100,15 +109,24 @@ class SceneBuilder:
             mesh=column("mesh", np.int32),
             skin=column("skin", np.int32),
             camera=column("camera", np.int32),
-            light=np.full(len(nodes), -1, dtype=np.int32),
+            light=column("light", np.int32),
             visible=column("visible", bool),
             in_scene=np.ones(len(nodes), dtype=bool),
             instances={i: n["instances"] for i, n in enumerate(nodes) if n["instances"] is not None},
         )
         return Scene(
             "made in code", built, tuple(self._meshes), tuple(self._materials), skins=tuple(self._skins),
-            cameras=tuple(self._cameras), channels=tuple(self._channels),
+            cameras=tuple(self._cameras), lights=tuple(self._lights), channels=tuple(self._channels),
         )  # fmt: skip
+
+
+class _StillBuilder(SceneBuilder):
+    """Keeps every channel's duration and its first value only."""
+
+    def animate(
+        self, node: int, path: str, times: Sequence[float], values: object, interpolation: str = "LINEAR"
+    ) -> None:
+        super().animate(node, path, times, [values[0]] * len(times), interpolation)
 
 
 def quad(
@@ -198,13 +216,16 @@ def turn_x(degrees: float) -> Array:
     return turn((1.0, 0.0, 0.0), degrees)
 
 
-def busy_room(offset: Sequence[float] = (0.0, 0.0, 0.0), scale: float = 1.0) -> Scene:
+def busy_room(
+    offset: Sequence[float] = (0.0, 0.0, 0.0), scale: float = 1.0, *, still: bool = False, lamps: int = 0
+) -> Scene:
     """A closed room with a moving box, a skinned strip and a camera that walks and turns; one second long.
 
     Everything hangs below one node at ``offset``, metres, with uniform ``scale``; every key is a small dyadic number,
-    so that float64 composes the world without rounding at any offset up to 1e9 m.
+    so that float64 composes the world without rounding at any offset up to 1e9 m.  ``still``: nothing moves, yet it
+    lasts a second.  ``lamps``: point lights below the ceiling.
     """
-    b = SceneBuilder()
+    b = _StillBuilder() if still else SceneBuilder()
     root = b.node(translation=offset, scale=(scale, scale, scale))
     b.node(root, mesh=b.mesh(box((4.0, 2.0, 4.0), inside=True, cells=3)))
     cube = b.node(root, mesh=b.mesh(box((0.5, 0.5, 0.5))))
@@ -221,4 +242,6 @@ def busy_room(offset: Sequence[float] = (0.0, 0.0, 0.0), scale: float = 1.0) -> 
     camera = b.camera(root, yfov=np.radians(70.0), znear=0.0625 * scale, zfar=64.0 * scale)
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 2.0), (0.5, 0.125, 1.5)])
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(-8.0), turn_y(12.0)])
+    for i in range(lamps):
+        b.light(root, translation=(-2.0 + 4.0 * (i % 2), 1.5, -2.0 + 2.0 * (i // 2)), intensity=30.0)
     return b.build()

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.counts import CLASSES, counts_of
 from taubench_gl.metrics.streaming import Welford
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, scalar
 from taubench_gl.selftest.scenes import busy_room
-from taubench_gl.settings import Settings
 
 Array = np.ndarray
 SAMPLES = 1_000_000
@@ -157,8 +155,7 @@ def discards_are_surfaces(bench: Bench) -> Outcome:
     source="exact: integers",
 )
 def frames_and_pairs(bench: Bench) -> Outcome:
-    settings = Settings(width=16, height=9, backend=bench.gpu.backend, device=bench.device)
-    run = evaluate_scene(busy_room(), settings)
+    run = bench.evaluate(busy_room(), width=16, height=9, columns=("frustum", "position", "normal"))
     return count(24, run.summary["pairs"], Naive("a pair per frame", 25, 1.0))
 
 

@@ -28,7 +28,7 @@ def _fast_turn(bench: Bench):
 
 @case(
     "motion-storage",
-    what="motion of 1200 to 4000 px (a fast turn, 10-degree lens): stored motion against float64, relative",
+    what="motion of 1200 to 8000 px (a fast turn, 10-degree lens): stored motion against float64, relative",
     elsewhere="half floats have steps of 1 px above 1024 and 2 px above 2048: up to half a pixel off and more",
     here="float32 motion in pixels",
     tolerance=1e-5,

@@ -17,6 +17,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import column_major
 
 Array = np.ndarray
+STRIDE = 256  # bytes; no driver asks for a larger alignment of storage buffer offsets
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,7 @@ class FaceDrawer:
 
     def __init__(self, gpu: Gpu):
         self._gpu = gpu
-        self._frame = gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True)
+        self._frames = gpu.ctx.buffer(reserve=STRIDE * 8, dynamic=True)
         self._commands = gpu.ctx.buffer(reserve=COMMAND.itemsize * 1024, dynamic=True)
 
     def draw(
@@ -79,25 +80,45 @@ class FaceDrawer:
             return
         ctx = self._gpu.ctx
         runs = self._upload([seen for _, _, seen in stale], scene)
+        self._upload_frames([face for face, _, _ in stale], view)
         framebuffer.use()
         ctx.enable_only(moderngl.DEPTH_TEST if depth_test else moderngl.NOTHING)
         ctx.depth_func = ">"
         scene.records.bind_to_storage_buffer(0)
         materials.buffer.bind_to_storage_buffer(1)
-        for (face, (x, y), _), groups in zip(stale, runs, strict=True):
+        for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
             viewport = (x, y, face.resolution, face.resolution)
             framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=viewport)
             framebuffer.viewport = viewport
-            record = FRAME.zeros()
-            record["clip_from_relative"] = column_major(face.clip_from_relative(view.position))
-            record["forward"][:3] = face.forward
-            self._frame.write(record.tobytes())
-            self._frame.bind_to_storage_buffer(2)
+            self._frames.bind_to_storage_buffer(2, offset=at * STRIDE, size=FRAME.dtype.itemsize)
             for group, first, count in groups:
                 how = program_of(group)
                 materials.bind(group.material, how.program, how.slots)
                 scene.draw_commands(group, how.program, self._commands, first, count)
         materials.unbind()
+
+    def _upload_frames(self, faces: list[Face], view: View) -> None:
+        """One record per face, all written before the first draw.
+
+        Rewriting one record between draws would be a race on Mesa's llvmpipe: it shades fragments later, and they would
+        read the last face's record.
+        """
+        payload = np.zeros((len(faces), STRIDE), dtype=np.uint8)
+        for row, face in zip(payload, faces, strict=True):
+            record = FRAME.zeros()
+            record["clip_from_relative"] = column_major(face.clip_from_relative(view.position))
+            record["forward"][:3] = face.forward
+            row[: FRAME.dtype.itemsize] = np.frombuffer(record.tobytes(), dtype=np.uint8)
+        self._frames = self._fitted(self._frames, payload)
+
+    def _fitted(self, buffer: moderngl.Buffer, payload: Array) -> moderngl.Buffer:
+        """``buffer`` with ``payload`` in it, reallocated only when it has grown."""
+        if buffer.size < payload.nbytes:
+            buffer.release()
+            buffer = self._gpu.ctx.buffer(reserve=payload.nbytes * 3 // 2, dynamic=True)
+        if payload.nbytes:
+            buffer.write(payload.tobytes())
+        return buffer
 
     def _upload(self, seen: list[Array], scene: SceneBuffers) -> list[list[tuple[Group, int, int]]]:
         """Commands of all faces in one buffer; per face its (group, first, count) runs."""
@@ -108,13 +129,9 @@ class FaceDrawer:
             payload.append(commands)
             size += len(commands)
         commands = np.concatenate(payload)
-        if self._commands.size < commands.nbytes:
-            self._commands.release()
-            self._commands = self._gpu.ctx.buffer(reserve=commands.nbytes * 3 // 2, dynamic=True)
-        if len(commands):
-            self._commands.write(commands.tobytes())
+        self._commands = self._fitted(self._commands, commands)
         return runs
 
     def release(self) -> None:
-        self._frame.release()
+        self._frames.release()
         self._commands.release()

@@ -49,6 +49,9 @@ VIRTUAL = Struct(
 CHANNEL_NAMES = ("position", "normal", "base_color", "material")
 GRID = 96  # voxels along the longest side
 SCALE = 8  # the cheap rung gathers at every 8th pixel of both axes
+CHUNK = 60000 // (3 * GRID + 8)
+"""Virtual lights per dispatch: loop turns of one invocation stay below llvmpipe's silent limit of 65,535."""
+
 BOUNCES = {"rsm": 1, "probes": 2}
 """Bounces after the first scattering: ``probes`` lets the virtual lights light each other once."""
 
@@ -218,7 +221,9 @@ class IndirectPass:
             self._voxels.bind_to_storage_buffer(4)
             self._probe_buffer.bind_to_storage_buffer(6)
             source.bind_to_storage_buffer(2)
-            self._dispatch(self._light_probes, self._probe_count, 16)
+            for first in range(0, self.count, CHUNK):
+                self._light_probes["chunk"] = first, min(first + CHUNK, self.count)
+                self._dispatch(self._light_probes, self._probe_count, 16)
             if bounce + 1 < self._bounces:
                 self._gpu.ctx.copy_buffer(self._virtual[1], self._virtual[0])
                 self._virtual[1].bind_to_storage_buffer(2)

@@ -1,0 +1,124 @@
+"""Cases: lights that touch surfaces, are far away, or come out of nothing; shaded by the real light stage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, field
+from taubench_gl.selftest.geometry import one_metre_per_pixel
+from taubench_gl.selftest.scenes import SceneBuilder, busy_room, quad
+
+WALL_Z = -2.0
+
+
+def _wall(bench: Bench, height: float, intensity: float = 1.0, offset: float = 0.0) -> SceneBuilder:
+    """A 20 x 20 m wall, 1 m to a pixel, and a point light ``height`` before the centre of one pixel."""
+    b = SceneBuilder()
+    root = b.node(translation=(offset, -offset, offset))
+    b.node(root, mesh=b.mesh(quad(10, 10, material=b.material(metallic=0.0))), translation=(0.0, 0.0, WALL_Z))
+    one_metre_per_pixel(b, bench, parent=root)
+    b.light(root, translation=(0.5, 0.5, WALL_Z + height), intensity=intensity)
+    return b
+
+
+def _foot(bench: Bench) -> tuple[int, int]:
+    """Row and column of the pixel whose centre is (0.5, 0.5) m."""
+    return bench.size[1] // 2 - 1, bench.size[0] // 2
+
+
+@case(
+    "light-on-the-surface",
+    what="a point light exactly in a wall: pixels of direct radiance that are NaN or Inf",
+    elsewhere="1 / d^2 is Inf and the direction 0 / 0; their product is NaN",
+    here="nearer than 1 mm counts as 1 mm, and a direction of length 0 stays 0",
+    source="exact: a count",
+)
+def light_on_the_surface(bench: Bench) -> Outcome:
+    lit = bench.lit(_wall(bench, 0.0, 1e8).build())["direct"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        naive = int(np.isnan(np.float64(1.0) / 0.0 * np.float64(0.0)))
+    return count(0, int((~np.isfinite(lit)).any(axis=-1).sum()), Naive("I / d^2 (n . l)", naive, naive))
+
+
+@case(
+    "inverse-square-near",
+    what="a light 1 m, 1/8 m and 1/64 m from a wall: radiance below it against 1 / d^2, relative",
+    elsewhere="1 / (d^2 + 1) or a clamp at a few centimetres, so that near lights are 100 times too dark",
+    here="1 / d^2 down to 1 mm",
+    tolerance=1e-4,
+    source="relative; float32: 2 ulps of 2 m (the camera's distance) in 1/64 m, twice",
+)
+def inverse_square_near(bench: Bench) -> Outcome:
+    distances = (1.0, 1 / 8, 1 / 64)
+    size = bench.size[0] - bench.size[0] % 2, bench.size[1] - bench.size[1] % 2
+    even = Bench(bench.gpu, size)
+    measured = [float(even.lit(_wall(even, d).build())["direct"][_foot(even)][0]) for d in distances]
+    even.release()
+    ratios = [m / measured[0] for m in measured]
+    off = max(difference(1 / d**2, r, relative=True) for d, r in zip(distances, ratios, strict=True))
+    naive = [2.0 / (d * d + 1.0) for d in distances]
+    worst_naive = max(difference(1 / d**2, r, relative=True) for d, r in zip(distances, naive, strict=True))
+    told = ", ".join(f"{r:.6g}" for r in ratios)
+    return Outcome("1, 64, 4096", told, off, Naive("2 / (d^2 + 1)", f"{naive[-1]:.3g}", worst_naive))
+
+
+@case(
+    "light-far-from-origin",
+    what="the lit wall at 1e6 m: largest difference of direct radiance from that at the origin, relative",
+    elsewhere="a light whose world position is float32 sits up to 6 cm beside its place",
+    here="lights go to the GPU relative to the camera",
+    source="exact: dyadic numbers, so float64 holds every difference",
+)
+def light_far_from_origin(bench: Bench) -> Outcome:
+    near, far = (bench.lit(_wall(bench, 0.125, offset=o).build())["direct"] for o in (0.0, 1e6))
+    place = float(np.float32(1e6 + WALL_Z + 0.01) - np.float32(1e6)) - (WALL_Z + 0.01)
+    naive = Naive("float32 world position", f"{place:.3g} m beside", abs(place))
+    return field("no difference", (far - near)[..., :3] / near[..., :3].max(), naive)
+
+
+@case(
+    "light-from-scale-zero",
+    what="a light whose node jumps from scale 0 to 1 before a wall: pixels that are LIT",
+    elsewhere="a light's scale is ignored, so lights that games switch on by scaling always shine",
+    here="a light scaled to 0 is off",
+    source="exact: every pixel of the wall rises past the threshold",
+)
+def light_from_scale_zero(bench: Bench) -> Outcome:
+    b = _wall(bench, 5.0, 1e5)
+    b.animate(3, "scale", [0.0, 1.0], [(0, 0, 0), (1, 1, 1)], "STEP")
+    b.animate(3, "translation", [0.0], [(0.5, 0.5, WALL_Z + 5.0)])
+    counts = bench.evaluate(b.build(), columns=("direct",), fps=1.0).frames[0]
+    return count(400, counts["lit"], Naive("scale ignored", 0, 400))
+
+
+@case(
+    "color-of-1e8",
+    what="direct radiance of about 1e8 as tone-mapped colour: values outside [0, 1] or not finite",
+    elsewhere="x / (1 + x) of Inf is NaN; 1e8 in half floats is Inf",
+    here="float32 radiance, clamped before the sRGB curve",
+    source="exact: a count",
+)
+def color_of_1e8(bench: Bench) -> Outcome:
+    wrong = 0
+    for tone_map in ("linear", "reinhard"):
+        color = bench.lit(_wall(bench, 1.0, 1e9).build(), tone_map=tone_map)["color"][..., :3]
+        wrong += int((~((color >= 0) & (color <= 1))).any(axis=-1).sum())
+    half = np.float64(np.float16(np.inf))
+    with np.errstate(invalid="ignore"):
+        naive = int(np.isnan(half / (1 + half)))
+    return count(0, wrong, Naive("half floats, x / (1 + x)", naive, naive))
+
+
+@case(
+    "still-light",
+    what="a still camera, a still room and four still lights with shadows: pixels with any reason bit",
+    elsewhere="shadow maps that follow the camera, or random light sampling, flicker in a still picture",
+    here="what does not move is not redrawn; nothing is random",
+    source="exact: the same arithmetic twice",
+)
+def still_light(bench: Bench) -> Outcome:
+    columns = ("direct", "color", "position", "normal")
+    run = bench.evaluate(busy_room(still=True, lamps=4), columns=columns, fps=2.0)
+    marked = sum(row[name] for row in run.frames for name in (*columns, "lit", "shadowed", "invalid"))
+    return count(0, marked if len(run.frames) == 2 else -1)

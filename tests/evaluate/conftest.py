@@ -1,0 +1,26 @@
+"""The real scenes as parameters: a test that asks for ``real_scene`` runs once for each of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+def _scenes(config: pytest.Config) -> list[Path]:
+    """Valid glTF files of the shared data, whose folder the top conftest knows; empty where it is absent."""
+    roots = [p.DATA for p in config.pluginmanager.get_plugins() if hasattr(p, "DATA")]
+    if not roots or roots[0] is None:
+        return []
+    found = (p for p in sorted(roots[0].rglob("*")) if p.suffix in (".gltf", ".glb"))
+    return [p for p in found if not p.relative_to(roots[0]).parts[0].startswith("bad_")]
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "real_scene" in metafunc.fixturenames:
+        metafunc.parametrize("real_scene", _scenes(metafunc.config), ids=lambda p: p.stem)
+
+
+@pytest.fixture(scope="session")
+def real_scenes(request: pytest.FixtureRequest, data: Path) -> list[Path]:
+    return _scenes(request.config)

@@ -1,0 +1,251 @@
+"""The main job as a whole: the same twice, sliced, interrupted, in constant memory, and refused in one line."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.paths import PACKAGE
+from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+GEOMETRY = ("frustum", "position", "normal")
+
+
+def settings(**changes) -> Settings:
+    return Settings(**({"width": 96, "height": 54, "frames": (0, 6), "columns": GEOMETRY} | changes))
+
+
+def test_the_same_run_twice_gives_the_same_counts() -> None:
+    light = {"columns": (*GEOMETRY, "direct", "color"), "shadow_size": 64}
+    for changes in ({}, {"reprojection": "motion", "sampling": "bilinear"}, light):
+        first, second = (evaluate_scene(DEMO, settings(**changes)) for _ in range(2))
+        assert first.frames == second.frames
+        for block in ("discard", "classes", "curves", "camera", "census"):
+            assert first.summary[block] == second.summary[block]
+
+
+@pytest.mark.parametrize("changes", [{}, {"reprojection": "motion"}])
+def test_slices_agree_with_the_whole(changes) -> None:
+    """The pose is a function of time alone: frame 20's pair is the same whether or not frames 0 to 18 were drawn."""
+    whole = {row["frame"]: row for row in evaluate_scene(DEMO, settings(frames=(None, None), **changes)).frames}
+    assert sorted(whole) == list(range(1, 61))
+    for first, stop in ((0, 2), (19, 24), (-3, None), (30, 31)):
+        part = evaluate_scene(DEMO, settings(frames=(first, stop), **changes)).frames
+        expected = range(61)[slice(first, stop)]
+        assert [row["frame"] for row in part] == list(expected)[1:]
+        for row in part:
+            # Whether a pair is a camera cut is told by the pairs around it, which a slice does not see.
+            same = {k: v for k, v in whole[row["frame"]].items() if k != "camera_cut"}
+            assert {k: v for k, v in row.items() if k != "camera_cut"} == same
+
+
+def test_times_follow_the_rate() -> None:
+    run = evaluate_scene(DEMO, settings(fps=10.0, frames=(None, None)))
+    assert [row["frame"] for row in run.frames] == list(range(1, 26))
+    assert [row["time_s"] for row in run.frames] == [i / 10 for i in range(1, 26)]
+    assert run.summary["pairs"] == 25
+
+
+def test_means_are_means_of_the_rows() -> None:
+    run = evaluate_scene(DEMO, settings())
+    for column in GEOMETRY:
+        shares = [100.0 * row[column] / row["pixels"] for row in run.frames]
+        entry = run.summary["discard"][column]
+        assert entry["mean_percent"] == pytest.approx(np.mean(shares), rel=1e-12)
+        assert entry["max_percent"] == pytest.approx(max(shares), rel=1e-12)
+    for feature in ("position", "normal"):
+        curve = run.summary["curves"][feature]
+        assert sum(curve["counts"]) == sum(row["comparable"] for row in run.frames) == curve["comparable"]
+        # The table is one point of the curve.
+        threshold = run.summary["settings"]["thresholds"][feature]
+        above = int(np.searchsorted(curve["edges"], threshold))
+        total = sum(row[feature] for row in run.frames)
+        assert curve["at_or_above"][above] <= total <= curve["at_or_above"][above - 1]
+
+
+def test_thresholds_move_along_the_curve() -> None:
+    """Position at 0 flags at least what the default flags, at 1 km nothing but sky against surface."""
+    totals = []
+    for value in (0.0, 32 / 255, 1000.0):
+        run = evaluate_scene(DEMO, settings(thresholds={"position": value}))
+        totals.append(sum(row["position"] for row in run.frames))
+    assert totals[0] > totals[1] > totals[2]
+    scaled = evaluate_scene(DEMO, settings(unit_scale=2.0, thresholds={"position": 16 / 255}))
+    assert sum(row["position"] for row in scaled.frames) == totals[1]
+
+
+def test_effects_all_change_no_count() -> None:
+    """Simulating what nobody needs costs time and nothing else."""
+    lean = evaluate_scene(DEMO, settings())
+    full = evaluate_scene(DEMO, settings(effects="all", shadow_size=64, indirect="none"))
+    keys = ("frustum", "comparable", "position", "normal", "disoccluded", "occluding", "sky")
+    assert [[row[k] for k in keys] for row in lean.frames] == [[row[k] for k in keys] for row in full.frames]
+
+
+def test_an_interrupt_keeps_the_finished_pairs(tmp_path: Path) -> None:
+    seen = []
+
+    def stop_at_third(pair) -> None:
+        seen.append(pair.frame)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+
+    whole = evaluate_scene(DEMO, settings())
+    with pytest.raises(KeyboardInterrupt):
+        evaluate_scene(DEMO, settings(), out=tmp_path / "run", on_pair=stop_at_third)
+    assert not (tmp_path / "run" / SUMMARY_FILE).exists()
+    rows = read_frames(tmp_path / "run" / FRAMES_FILE)
+    assert [row["frame"] for row in rows] == [1, 2, 3]
+    for row, expected in zip(rows, whole.frames, strict=False):
+        known = {k: v for k, v in row.items() if k != "camera_cut"}  # told only once the sequence is complete
+        assert known == {k: v for k, v in expected.items() if k != "camera_cut"}
+    with pytest.raises(OutputError, match=r"not finished; frames\.csv holds 3 pairs"):
+        load_run(tmp_path / "run")
+    # The process is none the worse for it.
+    assert evaluate_scene(DEMO, settings(), out=tmp_path / "run").frames == whole.frames
+    assert load_run(tmp_path / "run").frames == whole.frames
+
+
+def test_memory_does_not_grow_with_frames() -> None:
+    """Ten times the frames, the same memory: what is kept per pair are numbers."""
+    process, at = psutil.Process(), {}
+
+    def watch(progress) -> None:
+        if progress.done in (40, 400):
+            at[progress.done] = process.memory_info().rss
+
+    tiny = settings(width=32, height=18, fps=160.4, frames=(None, None))
+    run = evaluate_scene(DEMO, tiny, progress=watch)
+    assert len(run.frames) == 401
+    assert at[400] - at[40] < 4 * 2**20, f"{(at[400] - at[40]) / 2**20:.1f} MiB in 360 frames"
+
+
+def test_on_pair_sees_masks_that_match_the_row() -> None:
+    from taubench_gl.metrics.counts import counts_of
+
+    def look(pair) -> None:
+        counts = counts_of(np.bincount(pair.mask().ravel(), minlength=1 << 16))
+        for name in ("frustum", "position", "normal", "comparable", "sky", "disoccluded"):
+            assert counts[name] == pair.row[name]
+        assert pair.motion().shape == (54, 96, 2) and np.isfinite(pair.motion()).all()
+        assert pair.source.read("base_color").shape == (54, 96, 4)
+        seen.append(pair.frame)
+
+    seen = []
+    evaluate_scene(DEMO, settings(), on_pair=look, channels=("base_color",))
+    assert seen == [1, 2, 3, 4, 5]
+
+
+def test_a_still_scene_with_a_camera_has_one_frame_and_no_pair(data: Path) -> None:
+    run = evaluate_scene(data / "tauray_test" / "test.glb", settings(frames=(None, None)))
+    assert run.summary["pairs"] == 0 and run.frames == []
+    for entry in run.summary["discard"].values():
+        assert entry["mean_percent"] is None and entry["reason"]
+    json.dumps(run.summary, allow_nan=False)
+
+
+def test_a_zero_length_animation_is_still(data: Path) -> None:
+    """One key at t = 0: duration 0.  Seen from the orbit, that is two seconds in which the camera alone moves."""
+    scene = load_scene(data / "khronos" / "BoxAnimated" / "BoxAnimated.glb")
+    single = tuple(replace(c, times=np.zeros(1), values=c.values[:1]) for c in scene.channels)
+    run = evaluate_scene(replace(scene, channels=single), settings(frames=(None, 4)))
+    assert run.summary["scene"]["duration_s"] == 0 and run.summary["pairs"] == 3
+    assert any("orbit" in note for note in run.summary["notes"])
+    assert run.summary["census"]["dynamic_rigid_objects"] == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "says"),
+    [
+        ({"width": 0}, SettingsError, r"width is 0 .*1x1"),
+        ({"height": -4}, SettingsError, "height is -4"),
+        ({"width": 10**6}, SettingsError, r"width is 1000000 .*16384"),
+        ({"fps": 0.0}, SettingsError, "fps is 0"),
+        ({"fps": float("nan")}, SettingsError, "fps is nan"),
+        ({"frames": (100, 200)}, SettingsError, r"frames 100:200 of 61 frames are none .*0:61"),
+        ({"frames": (5, 5)}, SettingsError, "are none"),
+        ({"thresholds": {"positon": 1.0}}, SettingsError, "no feature is named 'positon'"),
+        ({"thresholds": {"normal": -1.0}}, SettingsError, "threshold of normal is -1"),
+        ({"unit_scale": 0.0}, SettingsError, "unit scale is 0"),
+        ({"sampling": "cubic"}, SettingsError, "sampling is 'cubic'"),
+        ({"reprojection": "magic"}, SettingsError, "choose from camera, motion"),
+        ({"camera": "nobody"}, SettingsError, r"no camera 'nobody'.*walk"),
+        ({"backend": "vulkan"}, TaubenchError, "vulkan"),
+        ({"scene": 7}, TaubenchError, "7"),
+        ({"animation": ("fly",)}, TaubenchError, "fly"),
+    ],
+)
+def test_wrong_settings_are_one_line(changes, error, says: str, tmp_path: Path) -> None:
+    with pytest.raises(error) as caught:
+        evaluate_scene(DEMO, settings(**changes), out=tmp_path / "out")
+    message = str(caught.value)
+    assert "\n" not in message and re.search(says, message), message
+    assert not (tmp_path / "out" / SUMMARY_FILE).exists()
+
+
+def test_wrong_places_are_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"nothing\.glb"):
+        evaluate_scene(tmp_path / "nothing.glb", settings())
+    truncated = tmp_path / "half.glb"
+    truncated.write_bytes(DEMO.read_bytes()[:5000])
+    with pytest.raises(SceneError, match=r"half\.glb"):
+        evaluate_scene(truncated, settings())
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError, match="is not a folder"):
+        evaluate_scene(DEMO, settings(), out=tmp_path / "file")
+    with pytest.raises(OutputError):
+        evaluate_scene(DEMO, settings(), out=tmp_path / "file" / "below")
+
+
+def test_the_largest_size_is_refused_or_drawn_by_the_device() -> None:
+    """16384 across is in range; a device that cannot says so in one line."""
+    try:
+        run = evaluate_scene(DEMO, settings(width=16384, height=1, frames=(0, 2)))
+    except TaubenchError as error:
+        assert "\n" not in str(error) and "16384" in str(error)
+    else:
+        assert run.frames[0]["pixels"] == 16384
+
+
+BACKEND_SCRIPT = """
+import json, sys
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.settings import Settings
+out = {}
+for path in sys.argv[2:]:
+    for reprojection in ("camera", "motion"):
+        s = Settings(192, 108, frames=(0, 4), columns=("frustum", "position", "normal"), reprojection=reprojection,
+                     backend=sys.argv[1])
+        out[path + reprojection] = evaluate_scene(path, s).frames
+print(json.dumps(out))
+"""
+
+
+def test_egl_and_osmesa_count_the_same(data: Path) -> None:
+    """Two ways to one Mesa: equal counts, pixel for pixel.  Each in a process of its own."""
+    names = ("khronos/CesiumMan/CesiumMan.glb", "khronos/AlphaBlendModeTest/AlphaBlendModeTest.glb")
+    paths = [str(DEMO), *(str(data / name) for name in names)]
+    results = {}
+    for backend in ("egl", "osmesa"):
+        done = subprocess.run([sys.executable, "-c", BACKEND_SCRIPT, backend, *paths], capture_output=True, text=True)
+        if done.returncode and "GraphicsError" in done.stderr:
+            pytest.skip(f"{backend} is not to be had here")
+        assert done.returncode == 0, done.stderr
+        results[backend] = json.loads(done.stdout)
+    for key, rows in results["egl"].items():
+        for ours, theirs in zip(rows, results["osmesa"][key], strict=True):
+            different = {k: (ours[k], theirs[k]) for k in ours if ours[k] != theirs[k]}
+            assert not different, f"{key} frame {ours['frame']}: {different}"

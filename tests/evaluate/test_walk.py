@@ -1,0 +1,96 @@
+"""Every real scene through the whole main job, tiny: a Run that adds up, or one clean error."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
+from taubench_gl.errors import TaubenchError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.run import COUNT_COLUMNS, Run, load_run
+from taubench_gl.settings import Settings
+
+SETTINGS = {"width": 96, "height": 54, "frames": (0, 3), "shadow_size": 64, "indirect": "none"}
+POINTS_AND_LINES = (0, 1, 2, 3, 7, 8, 9, 10)
+NOTHING_TO_DRAW = {f"Mesh_PrimitiveMode_{i:02}" for i in POINTS_AND_LINES} | {"sponza_man_camera_lights"}
+STATISTICS = {"mean", "variance", "max", "median", "p95"}
+
+
+def assert_adds_up(run: Run, pixels: int) -> None:
+    """Classes partition the picture, reasons stay inside their class, nothing is negative or fractional."""
+    for row in run.frames:
+        for name in COUNT_COLUMNS:
+            assert row[name] is None or (isinstance(row[name], int) and 0 <= row[name] <= pixels), (name, row[name])
+        assert row["pixels"] == pixels
+        assert row["first"] + row["cut"] + row["invalid"] + row["frustum"] + row["comparable"] == pixels
+        assert row["behind"] + row["outside"] == row["frustum"]
+        assert row["invalid"] == 0
+        for name in ("position", "normal", "direct", "indirect", "color"):
+            assert row[name] is None or row[name] <= row["comparable"]
+        if row["position"] is not None:
+            assert row["disoccluded"] + row["occluding"] <= row["position"]
+        if row["direct"] is not None:
+            assert row["lit"] + row["shadowed"] <= row["direct"]
+
+
+def assert_summary(summary: dict, pairs: int) -> None:
+    """SPEC section 6, key by key; nothing that JSON cannot say."""
+    assert json.loads(json.dumps(summary, allow_nan=False, default=lambda x: x.tolist()))
+    assert summary["schema"] == SUMMARY_SCHEMA
+    assert {"name", "path", "sha256"} <= summary["scene"].keys()
+    settings = {"width", "height", "fps", "first_frame", "last_frame", "reprojection", "sampling", "thresholds"}
+    assert settings <= summary["settings"].keys()
+    assert set(summary["settings"]["thresholds"]) == {"color", "position", "normal", "direct", "indirect"}
+    assert summary["pairs"] == pairs
+    census = {"dynamic_rigid_objects", "static_rigid_objects", "armatures", "bones", "static_point_lights",
+              "dynamic_point_lights", "morphs"}  # fmt: skip
+    assert census <= summary["census"].keys()
+    for quantity in ("position", "yaw", "pitch", "roll", "angle"):
+        values = summary["camera"][quantity]
+        assert values.keys() >= STATISTICS
+        for name in STATISTICS:
+            assert values[name] is None if pairs == 0 else math.isfinite(values[name])
+    assert summary["camera"]["fps"] == summary["settings"]["fps"] and summary["camera"]["samples"] == pairs
+    assert isinstance(summary["camera"]["cuts"], list)
+    assert set(summary["discard"]) == set(COLUMNS)
+    for column, entry in summary["discard"].items():
+        assert {"mean_percent", "comparable_mean_percent", "max_percent"} <= entry.keys()
+        if entry["mean_percent"] is None:
+            assert entry["reason"], column
+        else:
+            assert 0 <= entry["mean_percent"] <= entry["max_percent"] <= 100
+    for effect in summary["effects"].values():
+        assert isinstance(effect["on"], bool) and isinstance(effect["reason"], str)
+    provenance = {"version", "command", "backend", "renderer", "driver", "clock", "git"}
+    assert provenance <= summary["provenance"].keys()
+
+
+def test_every_scene(real_scene: Path, tmp_path) -> None:
+    path = real_scene
+    if path.stem in NOTHING_TO_DRAW:
+        with pytest.raises(TaubenchError, match="no mesh with triangles") as caught:
+            evaluate_scene(path, Settings(**SETTINGS), out=tmp_path / "out")
+        assert "\n" not in str(caught.value)
+        assert not (tmp_path / "out").exists()
+        return
+    run = evaluate_scene(path, Settings(**SETTINGS), out=tmp_path / "out")
+    pairs = len(run.frames)
+    assert pairs == run.summary["pairs"] <= 2
+    still_with_camera = run.summary["scene"]["duration_s"] == 0 and "orbit" not in run.summary["camera"]["source"]
+    assert pairs == (0 if still_with_camera else 2)
+    assert_adds_up(run, 96 * 54)
+    assert_summary(run.summary, pairs)
+    again = load_run(tmp_path / "out")
+    assert again.summary == json.loads(json.dumps(run.summary, default=lambda x: x.tolist()))
+    assert again.frames == run.frames
+    if "orbit" in run.summary["camera"]["source"]:
+        assert any("orbit" in note for note in run.summary["notes"])
+
+
+def test_there_are_scenes_to_walk(real_scenes: list[Path]) -> None:
+    assert len(real_scenes) >= 130
+    assert {p.stem for p in real_scenes} >= NOTHING_TO_DRAW

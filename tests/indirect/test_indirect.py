@@ -1,0 +1,166 @@
+"""Indirect light against closed forms: a lit floor seen by a ceiling, a wall between, and a closed white box."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad
+from taubench_gl.settings import Settings
+
+SIZE = (64, 48)
+ALBEDO = 0.6
+LOOK_UP = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # turns -Z to +Y, +Z to -Y
+LOOK_DOWN = (-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+
+
+def lambert(scene: SceneBuilder, albedo: float = ALBEDO) -> int:
+    return scene.material(
+        base_color=(albedo, albedo, albedo, 1.0), metallic=0.0, roughness=1.0, specular=0.0, double_sided=True
+    )
+
+
+def floor_and_ceiling(*, wall: bool = False) -> Scene:
+    """A spot just under the ceiling lights the floor (y = 0); a camera on the floor looks at the ceiling (y = 2)."""
+    s = SceneBuilder()
+    s.node(mesh=s.mesh(quad(3.0, 3.0, material=lambert(s))), rotation=LOOK_DOWN)
+    s.node(mesh=s.mesh(quad(3.0, 3.0, material=lambert(s))), translation=(0, 2, 0), rotation=LOOK_UP)
+    if wall:  # a screen beside the lit spot, from floor to almost the ceiling
+        s.node(mesh=s.mesh(quad(3.0, 0.9, material=lambert(s, 0.0))), translation=(-0.8, 0.9, 0), rotation=turn_y(90))
+    s.light(
+        translation=(0.0, 1.9, 0.0), rotation=LOOK_DOWN, kind="spot", intensity=50.0, inner_cone=0.3, outer_cone=0.35
+    )
+    s.camera(translation=(-1.5, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
+    return s.build()
+
+
+def turn_y(degrees: float):
+    half = 0.5 * np.radians(degrees)
+    return (0.0, np.sin(half), 0.0, np.cos(half))
+
+
+def draw(scene: Scene, **overrides) -> dict[str, np.ndarray]:
+    """Channels of the scene's first frame."""
+    settings = Settings(width=SIZE[0], height=SIZE[1], **overrides)
+    gpu = open_gpu()
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+    try:
+        view = source.advance(0)
+        out = {name: source.read(name) for name in source.channels}
+        out["points"] = out["position"][..., :3] + view.position
+        return out
+    finally:
+        source.release()
+        gpu.collect()
+        gpu.check("the test")
+
+
+def ceiling_irradiance(points: np.ndarray, *, wall: bool = False) -> np.ndarray:
+    """Irradiance from the lit disk of the floor, by quadrature in float64.  (n, 3) -> (n,)."""
+    n = 401
+    reach = 1.9 * np.tan(0.35)
+    x, z = np.meshgrid(np.linspace(-reach, reach, n), np.linspace(-reach, reach, n))
+    cell = (2 * reach / (n - 1)) ** 2
+    d2 = x**2 + z**2 + 1.9**2
+    cosine = 1.9 / np.sqrt(d2)
+    scale = 1.0 / (np.cos(0.3) - np.cos(0.35))
+    cone = np.clip((cosine - np.cos(0.35)) * scale, 0, 1) ** 2
+    radiosity = ALBEDO * 50.0 * cone * cosine / d2
+    floor = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(-1, 3)
+    out = []
+    for p in points:
+        r = p - floor
+        r2 = np.sum(r**2, axis=-1)
+        gain = (r[:, 1] ** 2) / (np.pi * r2**2)
+        if wall:
+            crosses = (floor[:, 0] + 0.8) * (p[0] + 0.8) < 0
+            t = (-0.8 - floor[:, 0]) / np.where(r[:, 0] == 0, 1.0, r[:, 0])
+            gain = np.where(crosses & (t * p[1] < 1.8), 0.0, gain)
+        out.append(np.sum(radiosity.ravel() * gain) * cell)
+    return np.array(out)
+
+
+@pytest.mark.parametrize(("rung", "tolerance"), [("rsm", 0.03), ("probes", 0.12)])
+def test_ceiling_sees_the_lit_floor(rung, tolerance):
+    got = draw(floor_and_ceiling(), indirect=rung, indirect_samples=4096, probes=4096)
+    points = got["points"][::8, ::8].reshape(-1, 3)
+    expected = ceiling_irradiance(points) * ALBEDO / np.pi
+    measured = got["indirect"][::8, ::8, 0].reshape(-1)
+    error = np.abs(measured - expected) / expected.max()
+    assert np.allclose(points[:, 1], 2.0, atol=1e-5)
+    assert error.mean() < tolerance, f"mean {error.mean():.4f}, max {error.max():.4f}"
+
+
+def test_only_probes_see_the_wall_between():
+    scene = floor_and_ceiling(wall=True)
+    rsm, probes = (draw(scene, indirect=rung, indirect_samples=4096, probes=4096) for rung in ("rsm", "probes"))
+    behind = probes["points"][..., 0] < -1.4
+    points = probes["points"][behind][::40]
+    expected = ceiling_irradiance(points, wall=True).mean() * ALBEDO / np.pi
+    open_air = ceiling_irradiance(points).mean() * ALBEDO / np.pi
+    assert expected < 0.5 * open_air, "the case is not hard: the wall hides too little"
+    assert rsm["indirect"][behind][..., 0].mean() > 0.8 * open_air
+    assert probes["indirect"][behind][..., 0].mean() < expected + 0.25 * (open_air - expected)
+
+
+@pytest.mark.parametrize(("rung", "bounces"), [("rsm", 1), ("probes", 2)])
+def test_a_closed_box_conserves_flux(rung, bounces):
+    """In a closed box of albedo a the mean indirect irradiance after k bounces is flux (a + .. + a^k) / area."""
+    s = SceneBuilder()
+    s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))
+    s.light(kind="point", intensity=1.0)
+    means = []
+    for turn in (0, 90, 180, 270):
+        s.camera(translation=(0.0, 0.0, 0.0), rotation=turn_y(turn), yfov=np.radians(90), znear=0.01)
+    scene = s.build()
+    for camera in range(4):
+        got = draw(scene, camera=camera, indirect=rung, indirect_samples=6144, probes=1728)
+        # Weight every pixel by the wall area it shows: distance^2 per solid angle, over the cosine.
+        p = got["position"]
+        weight = np.linalg.norm(p[..., :3], axis=-1) ** 0  # a flat wall seen along its normal: equal areas
+        wall = np.abs(np.abs(got["points"]).max(axis=-1) - np.abs(p[..., 3])) < 1e-4  # the wall looked at
+        means.append((got["indirect"][..., 0] * weight)[wall].mean() * np.pi / ALBEDO)
+    flux, area = 4 * np.pi, 24.0
+    expected = flux * sum(ALBEDO**k for k in range(1, bounces + 1)) / area
+    assert np.mean(means) == pytest.approx(expected, rel=0.06)
+
+
+def test_indirect_stays_where_it_is_when_only_the_camera_moves():
+    """World-anchored: a moving camera over a still scene changes no surface's indirect light, so none is discarded."""
+    scene = floor_and_ceiling()
+    s = SceneBuilder()
+    s.node(mesh=s.mesh(quad(3.0, 3.0, material=lambert(s))), rotation=LOOK_DOWN)
+    s.node(mesh=s.mesh(quad(3.0, 3.0, material=lambert(s))), translation=(0, 2, 0), rotation=LOOK_UP)
+    s.light(
+        translation=(0.0, 1.9, 0.0), rotation=LOOK_DOWN, kind="spot", intensity=50.0, inner_cone=0.3, outer_cone=0.35
+    )
+    node = s.camera(rotation=LOOK_UP, yfov=0.8, znear=0.05)
+    s.animate(node, "translation", [0.0, 1.0], [[-1.5, 0.1, 0.0], [-1.0, 0.1, 0.2]])
+    scene = s.build()
+    settings = Settings(width=SIZE[0], height=SIZE[1])
+    gpu = open_gpu()
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+    try:
+        by_place = []
+        for frame in (0, 24):
+            view = source.advance(frame)
+            points = source.read("position")[..., :3] + view.position
+            by_place.append((points.reshape(-1, 3), source.read("indirect")[..., 0].reshape(-1)))
+    finally:
+        source.release()
+    (a, ia), (b, ib) = by_place
+    distance = np.linalg.norm(a[:, None, [0, 2]] - b[None, :, [0, 2]], axis=-1)
+    nearest = distance.argmin(axis=1)
+    close = distance[np.arange(len(a)), nearest] < 0.01
+    assert close.sum() > 100
+    assert np.abs(ia[close] - ib[nearest[close]]).max() < 0.02 * ia.max()
+
+
+def test_the_same_frame_gives_the_same_bits():
+    scene = floor_and_ceiling(wall=True)
+    first, second = draw(scene), draw(scene)
+    assert np.array_equal(first["indirect"], second["indirect"])

@@ -1,0 +1,66 @@
+"""The hard cases: every one on EGL here, all of them on OSMesa in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.loaders import OSMESA_LIBRARIES, open_library
+from taubench_gl.selftest import cases
+from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.case import judge
+
+CASES = cases()
+
+
+@pytest.fixture(scope="module")
+def bench():
+    gpu = open_gpu("egl")
+    with gpu:
+        made = Bench(gpu)
+        yield made
+        made.release()
+        gpu.check("the cases")
+
+
+@pytest.mark.parametrize("name", [c.name for c in CASES])
+def test_case(bench, name):
+    result = judge(next(c for c in CASES if c.name == name), bench)
+    assert result.failure is None, result.failure
+    assert result.passed, f"error {result.error} of {result.case.tolerance}: {result.expected} / {result.measured}"
+    if result.naive is not None:  # the case is hard: the obvious formula does not pass it
+        assert not result.naive.error <= result.case.tolerance, f"{result.naive} passes"
+
+
+@pytest.mark.parametrize("size", [(48, 32), (160, 90), (97, 61)])
+def test_other_sizes(size):
+    """Closed forms hold at any size, odd ones included."""
+    gpu = open_gpu("egl")
+    with gpu:
+        made = Bench(gpu, size)
+        results = [judge(c, made) for c in CASES if c.name != "more-than-2^24-pixels"]
+        made.release()
+    failed = [f"{r.name}: {r.error} {r.measured} {r.failure}" for r in results if not r.passed]
+    assert not failed, "\n".join(failed)
+
+
+def test_there_are_enough():
+    assert len(CASES) >= 100
+    assert len({c.name for c in CASES}) == len(CASES)
+
+
+@pytest.mark.skipif(open_library(OSMESA_LIBRARIES) is None, reason="libOSMesa is not installed")
+def test_all_cases_on_osmesa():
+    """One backend per process: two drivers in one do not get along."""
+    command = [sys.executable, "-m", "taubench_gl", "selftest", "--backend", "osmesa", "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode in (0, 1), done.stderr
+    report = json.loads(done.stdout)
+    assert report["provenance"]["backend"] == "osmesa"
+    assert [c["name"] for c in report["cases"]] == [c.name for c in CASES]
+    failed = [f"{c['name']}: {c['error']} {c['measured']} {c['failure']}" for c in report["cases"] if not c["passed"]]
+    assert not failed and done.returncode == 0, "\n".join(failed)

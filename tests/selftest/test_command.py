@@ -1,0 +1,90 @@
+"""``taubench-gl selftest`` from the outside: rows, verdict, exit code, JSON."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from taubench_gl.apps import cli
+from taubench_gl.selftest import camera
+from taubench_gl.selftest.case import REGISTRY, Case, Outcome, judge
+
+
+@pytest.fixture
+def run(capsys):
+    def run(*arguments: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as exit_:
+            cli.main(["selftest", *arguments])
+        out, err = capsys.readouterr()
+        return exit_.value.code, out, err
+
+    return run
+
+
+@pytest.fixture
+def broken(monkeypatch):
+    """Two cases more: one with a wrong answer, one that raises."""
+    assert camera
+
+    def raises(bench):
+        raise ZeroDivisionError("oops")
+
+    texts = ("what is tried", "elsewhere", "here", 0.5, "nowhere")
+    monkeypatch.setitem(REGISTRY, "x-wrong", Case("x-wrong", "camera", *texts, lambda b: Outcome(1.0, 2.0, 1.0)))
+    monkeypatch.setitem(REGISTRY, "x-raises", Case("x-raises", "camera", *texts, raises))
+    monkeypatch.setitem(REGISTRY, "x-nan", Case("x-nan", "camera", *texts, lambda b: Outcome(1.0, "NaN", float("nan"))))
+
+
+def test_rows_and_verdict(run):
+    code, out, _ = run("--backend", "egl", "--only", "camera")
+    assert code == 0
+    assert "pass  angle-wrap" in out and "cases passed" in out
+    assert "|359 - 1|: 358, fails" in out
+
+
+def test_a_failure_is_exit_code_1_and_stops_nobody(run, broken):
+    code, out, _ = run("--backend", "egl", "--only", "x-", "--only", "angle-wrap")
+    assert code == 1
+    assert "FAIL  x-wrong" in out and "FAIL  x-nan" in out and "pass  angle-wrap" in out
+    assert "ZeroDivisionError: oops" in out
+    assert "3 of 4 cases FAILED" in out
+
+
+def test_json(run, broken):
+    code, out, _ = run("--backend", "egl", "--json", "--only", "x-", "--only", "pitch-through-90")
+    assert code == 1
+    report = json.loads(out)
+    rows = {row["name"]: row for row in report["cases"]}
+    assert rows["pitch-through-90"]["passed"] and rows["pitch-through-90"]["naive"]["passes"] is False
+    assert rows["x-nan"]["error"] is None and not rows["x-nan"]["passed"]
+    assert rows["x-raises"]["failure"] == "ZeroDivisionError: oops"
+    assert report["failed"] == 3 and report["passed"] == 1
+    assert {"backend", "renderer", "driver", "version"} <= report["provenance"].keys()
+    for row in rows.values():
+        assert {"name", "what", "expected", "measured", "error", "tolerance", "passed"} <= row.keys()
+
+
+def test_unknown_names_and_sizes(run):
+    code, _, err = run("--only", "no-such-case")
+    assert code == 2 and "--list" in err
+    code, _, err = run("--size", "8x8")
+    assert code == 2 and "48x32" in err
+
+
+def test_list_runs_nothing(run):
+    code, out, _ = run("--list", "--only", "offsets")
+    assert code == 0 and out.count("\n") == 8 and "offset-1e9" in out
+
+
+def test_a_gl_error_fails_the_case():
+    class Gpu:
+        def check(self, where):
+            raise RuntimeError(f"GL_INVALID_OPERATION after {where}")
+
+    class Bench:
+        gpu = Gpu()
+
+    one = Case("x", "camera", "w", "e", "h", 0.0, "s", lambda b: Outcome(0, 0, 0.0))
+    result = judge(one, Bench())
+    assert not result.passed and "GL_INVALID_OPERATION" in result.failure
