@@ -1,7 +1,8 @@
 // Irradiance at a grid of probes: six directions each (ambient cube, Valve 2004), every virtual light tested against the
 // occupancy grid.
 //
-// Reads    virtual lights, voxels.   Writes   (adds to) probes: 6 x vec4 per probe, w of the first: 0 where the probe lies inside.
+// Reads    virtual lights, voxels.
+// Writes   (adds to) probes: 6 x vec4 per probe, w of the first: 0 where the probe lies inside geometry.
 layout(local_size_x = 16) in;
 
 layout(std430, binding = 0) readonly buffer Parameters { IndirectRecord P; };

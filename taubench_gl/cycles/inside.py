@@ -49,6 +49,9 @@ def main():
         render(scene, job, frame)
         say(event="frame", frame=frame, seconds=time.perf_counter() - started)
     say(event="done")
+    # Blender's own threads have been seen to hang the interpreter's shutdown; every frame is on disk by now.
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def fcurves_of(action):

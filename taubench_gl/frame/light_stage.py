@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import FrameState, bounding_box, bounding_sphere
+from taubench_gl.animation import bounding_box, bounding_sphere
 from taubench_gl.effects.decide import Effect, indirect_rung
+from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.lights import LightTable
 from taubench_gl.frame.passes.faces import Casters
 from taubench_gl.frame.passes.indirect import IndirectPass
@@ -65,7 +65,7 @@ class LightStage:
                 colored_materials=renderer.colored,
             )
             self._casters = Casters(len(renderer.draws))
-            self._bounds = DrawBounds(renderer, center, radius * BOUND_MARGIN)
+            self._bounds = DrawBounds(scene, renderer.draws)
         split = "direct_diffuse" in renderer.history.current.textures
         self.lighting = LightingPass(
             gpu,
@@ -105,9 +105,9 @@ class LightStage:
         rows = self.table.update(state, view)
         if self._shadow is not None:
             with self._timer.measure("shadows"):
-                self._casters.update(
-                    self._bounds.at(state, placement.world), self._bounds.poses(state, placement), placement.visible
-                )
+                world = placement.world
+                bounds, poses = self._bounds.at(state, world), self._bounds.poses(state, world)
+                self._casters.update(bounds, poses, placement.visible)
                 self._shadow.run(state, view, rows, self._renderer.buffers, self._renderer.materials, self._casters)
         with self._timer.measure("direct"):
             self.lighting.run(view, rows, textures, self._shadow)
@@ -129,9 +129,6 @@ class LightStage:
         if self.left_out:
             return [f"{self.left_out} lights shine without shadows: only the most significant get shadow maps"]
         return []
-
-    def describe(self) -> dict[str, Any]:
-        return {"shadow_faces": 0 if self._shadow is None else len(self._shadow.rows)}
 
     def release(self) -> None:
         self.lighting.release()
@@ -160,43 +157,3 @@ def significant_lights(scene: Scene, renderer: Renderer, times: Array) -> list[i
                 strength /= max(d2, 1.0)
             best[row] = max(best[row], strength)
     return [int(i) for i in np.argsort(-best, kind="stable")]
-
-
-class DrawBounds:
-    """World bounding spheres of all draws; posed ones take the whole scene's, for their vertices live on the GPU."""
-
-    def __init__(self, renderer: Renderer, center: Array, radius: float):
-        self._renderer, self._whole = renderer, (center, radius)
-        self._posed = np.array([d.posed for d in renderer.draws], dtype=bool)
-        spheres = [_sphere(renderer.scene, d) for d in renderer.draws]
-        self._centers = np.array([c for c, _ in spheres]).reshape(-1, 3)
-        self._radii = np.array([r for _, r in spheres])
-
-    def at(self, state: FrameState, world: Array) -> tuple[Array, Array]:
-        """Centres (D, 3) and radii (D,), world."""
-        centers = np.einsum("dij,dj->di", world[:, :3, :3], self._centers) + world[:, :3, 3]
-        scale = np.linalg.norm(world[:, :3, :3], axis=(1, 2))  # Frobenius: at least the largest stretch
-        radii = self._radii * scale
-        return np.where(self._posed[:, None], self._whole[0], centers), np.where(self._posed, self._whole[1], radii)
-
-    def poses(self, state: FrameState, placement) -> list[bytes]:
-        """Bytes that are equal exactly when a draw's geometry is in the same place."""
-        scene, out = self._renderer.scene, []
-        skins: dict[int, bytes] = {}
-        for draw, world in zip(self._renderer.draws, placement.world, strict=True):
-            if not draw.posed:
-                out.append(world.tobytes())
-                continue
-            skin = int(scene.nodes.skin[draw.node])
-            if skin >= 0 and skin not in skins:
-                skins[skin] = state.world[scene.skins[skin].joints].tobytes()
-            weights = state.weights.get(draw.node)
-            own = world.tobytes() if skin < 0 else skins[skin]
-            out.append(own + (b"" if weights is None else np.asarray(weights).tobytes()))
-        return out
-
-
-def _sphere(scene: Scene, draw) -> tuple[Array, float]:
-    points = scene.meshes[draw.mesh].primitives[draw.primitive].positions.astype(np.float64)
-    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    return center, float(np.linalg.norm(points - center, axis=1).max())

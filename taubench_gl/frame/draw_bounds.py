@@ -1,0 +1,116 @@
+"""World bounding spheres of all draws at one instant, conservative, without looking at a vertex per frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.animation import FrameState, skin_matrices
+from taubench_gl.frame.geometry import Draw
+from taubench_gl.scene.model import Primitive, Scene
+
+Array = np.ndarray
+
+
+class DrawBounds:
+    """Spheres of fixed draws move with their matrix.
+
+    A skinned vertex is a weighted mean of where its joints take it, so it lies in the hull of the joints' own spheres
+    (each around the bind positions that joint moves).  Morph displacements widen a sphere by their largest length.
+    """
+
+    def __init__(self, scene: Scene, draws: tuple[Draw, ...]):
+        self._scene, self._draws = scene, draws
+        self._posed = [i for i, d in enumerate(draws) if d.posed]
+        spheres = [bounding_sphere_of(_positions(scene, d)) for d in draws]
+        self._centers = np.array([c for c, _ in spheres]).reshape(-1, 3)
+        self._radii = np.array([r for _, r in spheres]).reshape(-1)
+        self._joint_spheres = {i: _joint_spheres(scene, draws[i]) for i in self._posed}
+        self._reach = {i: _morph_reach(_primitive(scene, draws[i])) for i in self._posed}
+
+    def at(self, state: FrameState, world: Array) -> tuple[Array, Array]:
+        """Centres (D, 3) and radii (D,), world; ``world`` (D, 4, 4) float64 world_from_object."""
+        centers, radii = _moved(world, self._centers, self._radii)
+        skins: dict[int, Array] = {}
+        for i in self._posed:
+            draw = self._draws[i]
+            reach = self._morph_length(state, i)
+            joints = self._joint_spheres[i]
+            if joints is None:
+                centers[i], radii[i] = _one_moved(world[i], self._centers[i], self._radii[i] + reach)
+                continue
+            skin = int(self._scene.nodes.skin[draw.node])
+            if skin not in skins:
+                skins[skin] = skin_matrices(self._scene, state, skin)
+            used, joint_centers, joint_radii = joints
+            c, r = _moved(skins[skin][used], joint_centers, joint_radii + reach)
+            low, high = (c - r[:, None]).min(axis=0), (c + r[:, None]).max(axis=0)
+            centers[i], radii[i] = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low)
+        return centers, radii
+
+    def _morph_length(self, state: FrameState, i: int) -> float:
+        weights = state.weights.get(self._draws[i].node)
+        reach = self._reach[i]
+        if weights is None or not len(reach):
+            return 0.0
+        return float(np.sum(np.abs(weights[: len(reach)]) * reach[: len(weights)]))
+
+    def poses(self, state: FrameState, world: Array) -> list[bytes]:
+        """Bytes per draw that are equal exactly while its geometry is in the same place."""
+        out, skins = [], {}
+        for draw, matrix in zip(self._draws, world, strict=True):
+            if not draw.posed:
+                out.append(matrix.tobytes())
+                continue
+            skin = int(self._scene.nodes.skin[draw.node])
+            if skin >= 0 and skin not in skins:
+                skins[skin] = state.world[self._scene.skins[skin].joints].tobytes()
+            weights = state.weights.get(draw.node)
+            own = matrix.tobytes() if skin < 0 else skins[skin]
+            out.append(own + (b"" if weights is None else np.asarray(weights).tobytes()))
+        return out
+
+
+def bounding_sphere_of(points: Array) -> tuple[Array, float]:
+    """A sphere around points (P, 3), centred on their box: (3,) and radius."""
+    points = np.asarray(points, dtype=np.float64)
+    center = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return center, float(np.linalg.norm(points - center, axis=1).max())
+
+
+def _primitive(scene: Scene, draw: Draw) -> Primitive:
+    return scene.meshes[draw.mesh].primitives[draw.primitive]
+
+
+def _positions(scene: Scene, draw: Draw) -> Array:
+    return _primitive(scene, draw).positions
+
+
+def _joint_spheres(scene: Scene, draw: Draw) -> tuple[Array, Array, Array] | None:
+    """Joints that move any vertex (J,), and a sphere around the bind positions of each: (J, 3), (J,)."""
+    primitive = _primitive(scene, draw)
+    if scene.nodes.skin[draw.node] < 0 or primitive.joints is None:
+        return None
+    weighted = primitive.weights > 0
+    used = np.unique(primitive.joints[weighted])
+    spheres = [
+        bounding_sphere_of(primitive.positions[np.any(weighted & (primitive.joints == j), axis=1)]) for j in used
+    ]
+    return used, np.array([c for c, _ in spheres]), np.array([r for _, r in spheres])
+
+
+def _morph_reach(primitive: Primitive) -> Array:
+    """The longest displacement of every target, metres.  (M,)."""
+    return np.array(
+        [0.0 if t.positions is None else float(np.linalg.norm(t.positions, axis=1).max()) for t in primitive.targets]
+    )
+
+
+def _moved(matrices: Array, centers: Array, radii: Array) -> tuple[Array, Array]:
+    """Spheres through affine matrices: (K, 4, 4), (K, 3), (K,) -> (K, 3), (K,)."""
+    out = np.einsum("kij,kj->ki", matrices[:, :3, :3], centers) + matrices[:, :3, 3]
+    return out, radii * np.linalg.norm(matrices[:, :3, :3], axis=(1, 2))  # Frobenius: at least the largest stretch
+
+
+def _one_moved(matrix: Array, center: Array, radius: float) -> tuple[Array, float]:
+    centers, radii = _moved(matrix[None], center[None], np.array([radius]))
+    return centers[0], float(radii[0])

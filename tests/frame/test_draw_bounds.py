@@ -1,0 +1,50 @@
+"""Bounds of draws hold every posed vertex: an object outside its sphere would lose its shadow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl.animation import Poser, pose_vertices
+from taubench_gl.frame.draw_bounds import DrawBounds
+from taubench_gl.frame.geometry import build_geometry
+from taubench_gl.scene import load_scene
+
+FILES = (
+    "khronos/CesiumMan/CesiumMan.glb",
+    "khronos/Fox/Fox.gltf",
+    "khronos/MorphStressTest/MorphStressTest.glb",
+    "khronos/AnimatedMorphCube/AnimatedMorphCube.glb",
+    "khronos/InterpolationTest/InterpolationTest.glb",
+    "asset_generator/Animation_Skin/Animation_Skin_08.gltf",
+)
+
+
+@pytest.mark.parametrize("name", FILES, ids=lambda f: f.split("/")[-1])
+def test_every_posed_vertex_is_inside(data, name):
+    scene = load_scene(data / name)
+    draws = build_geometry(scene).draws
+    bounds, poser = DrawBounds(scene, draws), Poser(scene)
+    for t in np.linspace(0.0, scene.duration, 7):
+        state = poser.sample(float(t))
+        world = state.world[[d.node for d in draws]]
+        centers, radii = bounds.at(state, world)
+        for draw, center, radius in zip(draws, centers, radii, strict=True):
+            primitive = scene.meshes[draw.mesh].primitives[draw.primitive]
+            points = pose_vertices(scene, state, draw.node, primitive)
+            outside = np.linalg.norm(points - center, axis=1).max() - radius
+            assert outside <= 1e-6 * max(radius, 1.0)
+
+
+def test_poses_change_exactly_when_something_moves(data):
+    scene = load_scene(data / "khronos/CesiumMan/CesiumMan.glb")
+    draws = build_geometry(scene).draws
+    bounds, poser = DrawBounds(scene, draws), Poser(scene)
+
+    def poses(t: float) -> list[bytes]:
+        state = poser.sample(t)
+        return bounds.poses(state, state.world[[d.node for d in draws]])
+
+    assert poses(0.5) == poses(0.5)
+    assert poses(0.5) != poses(0.6)
+    assert poses(scene.duration) == poses(scene.duration + 1.0)  # past the last key nothing moves

@@ -1,0 +1,59 @@
+"""Mutants of glTF and EXR, through the whole road in a limited process: a clean error, or a right result."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mutants import write_exr_mutants, write_gltf_mutants
+
+WORKER = Path(__file__).with_name("workers.py")
+SECONDS_A_FILE = 2  # of processor time, on average; the seed takes 0.05
+GIBIBYTES = 4  # of address space; llvmpipe's own code and stacks take 2
+
+
+def verdicts(kind: str, folder: Path, count: int) -> dict[str, dict]:
+    """Verdict of every file.  Fails with the name of the file that ended the process, and what it said."""
+    seconds = 30 + SECONDS_A_FILE * count
+    command = [sys.executable, str(WORKER), kind, str(folder), str(seconds), str(GIBIBYTES)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120 + 4 * seconds)
+    lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
+    last = lines[-1]["file"] if lines else "nothing"
+    assert done.returncode == 0, f"{last} ended the process with {done.returncode}: {done.stderr[-3000:]}"
+    return {line["file"]: line for line in lines if "verdict" in line}
+
+
+def check(found: dict[str, dict], count: int, whole: str) -> None:
+    assert len(found) == count + 1
+    assert found[whole]["verdict"] == "read", found[whole]
+    refused = [v for v in found.values() if v["verdict"] == "refused"]
+    assert count // 10 < len(refused) < count, "mutants must neither all be refused nor all be harmless"
+    unclear = [v for v in refused if v["file"] not in v["error"] and "device" not in v["error"]]
+    assert len(unclear) <= len(refused) // 4, f"errors that do not name their file: {unclear[:5]}"
+
+
+def test_gltf(tmp_path):
+    write_gltf_mutants(tmp_path, 120, seed=3)
+    check(verdicts("gltf", tmp_path, 120), 120, "000000.gltf")
+
+
+def test_exr(tmp_path):
+    write_exr_mutants(tmp_path, 150, seed=5)
+    check(verdicts("exr", tmp_path, 150), 150, "000000.exr")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(10))
+def test_gltf_long(tmp_path, seed):
+    write_gltf_mutants(tmp_path, 500, seed=100 + seed)
+    check(verdicts("gltf", tmp_path, 500), 500, "000000.gltf")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(5))
+def test_exr_long(tmp_path, seed):
+    write_exr_mutants(tmp_path, 2000, seed=100 + seed)
+    check(verdicts("exr", tmp_path, 2000), 2000, "000000.exr")

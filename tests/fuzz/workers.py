@@ -1,0 +1,70 @@
+"""What the fuzz tests run in a process of its own, under limits of memory and processor time.
+
+``python workers.py gltf|exr FOLDER SECONDS GIBIBYTES``: judges every file of FOLDER in turn and prints one JSON line
+each: ``{"file", "verdict", "error"}``, verdict one of ``read``, ``refused``.  Anything else ends the process.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("LP_NUM_THREADS", "1")
+
+
+def judge_gltf(path: Path) -> None:
+    """Read, pose, draw and count; a scene that loads must give frames whose classes add up."""
+    import numpy as np
+
+    from taubench_gl.conventions import NOT_COMPARABLE
+    from taubench_gl.evaluation import evaluate_scene
+    from taubench_gl.metrics.counts import CLASSES
+    from taubench_gl.settings import Settings
+
+    columns = ("frustum", "position", "normal", "direct", "color")
+    settings = Settings(
+        width=24, height=16, fps=4, frames=(0, 3), reprojection="motion", columns=columns, shadow_size=32, backend="egl"
+    )
+    assert NOT_COMPARABLE
+    with np.errstate(all="ignore"):
+        run = evaluate_scene(path, settings)
+    for row in run.frames:
+        assert sum(row[name] for name in CLASSES) == row["pixels"] == 24 * 16, row
+        assert row["position"] <= row["comparable"], row
+
+
+def judge_exr(path: Path) -> None:
+    from taubench_gl.reference.exr import read_exr
+
+    image = read_exr(path)
+    for name in image.names:
+        assert image.plane(name).shape == (image.size[1], image.size[0])
+
+
+def main(kind: str, folder: str, seconds: str, gibibytes: str) -> None:
+    limit = int(float(gibibytes) * 2**30)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
+    from taubench_gl.errors import TaubenchError
+
+    judge = {"gltf": judge_gltf, "exr": judge_exr}[kind]
+    for path in sorted(Path(folder).iterdir()):
+        if path.suffix not in (".gltf", ".glb", ".exr"):
+            continue
+        print(json.dumps({"file": path.name}), flush=True)  # the last name printed is the culprit
+        error = None
+        try:
+            judge(path)
+        except TaubenchError as refused:
+            error = str(refused)
+            assert "\n" not in error and error
+        print(json.dumps({"file": path.name, "verdict": "refused" if error else "read", "error": error}), flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
