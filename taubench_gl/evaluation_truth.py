@@ -18,6 +18,7 @@ from taubench_gl.conventions import FEATURES, SUMMARY_SCHEMA
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Pair, count_pairs
 from taubench_gl.frame.counting import SequenceStats
+from taubench_gl.frame.noise import noise_floor
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.truth_cameras import FittedCamera, SceneCamera, SidecarCamera, TruthCamera
 from taubench_gl.frame.truth_source import TruthSource
@@ -47,6 +48,7 @@ class TruthOptions:
     mapping: str | Path | None = None  # preset name or TOML/JSON file; None: Blender
     layer: str | None = None  # view layer; None: the one with most passes
     lobes: tuple[str, ...] = field(default=())  # lobes of direct and indirect to measure apart
+    second_seed: str | Path | None = None  # exr: of the same frames with another seed, for the noise floor
 
     def __post_init__(self) -> None:
         if self.camera_file is not None and self.scene_file is not None:
@@ -128,6 +130,13 @@ def _run(
             summary["notes"] = _notes(source, camera)
             if lobes is not None:
                 summary["lobes"] = lobes.summary()
+            if options.second_seed is not None:
+                other = TruthSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
+                # Motion reprojection says nothing about a pair without time between its frames.
+                still = replace(settings, reprojection="camera")
+                floor = noise_floor(gpu, sequence, other, camera, frames, still)
+                summary["noise_floor"] = floor
+                summary["notes"].append(_said(floor))
         finally:
             if lobes is not None:
                 lobes.release()
@@ -170,6 +179,11 @@ def _summary(
     }
 
 
+def _said(floor: dict[str, Any]) -> str:
+    shares = [f"{c} {e['mean_percent']:.2f} %" for c, e in floor.items() if e["mean_percent"] is not None]
+    return f"noise floor, from a render with another seed: {', '.join(shares) or 'nothing to compare'}"
+
+
 def _notes(source: TruthSource, camera: TruthCamera) -> list[str]:
     notes = [f"the camera is {camera.describe()}"] if isinstance(camera, FittedCamera) else []
     if source.mismatch_px is None:
@@ -185,6 +199,7 @@ class _LobeColumns:
     def __init__(self, gpu: Gpu, source: TruthSource, settings: Settings):
         self._source = source
         self._thresholds = {f: settings.threshold(f) for f in FEATURES}
+        self._exposure = settings.exposure
         self._shaders = ShaderCache(gpu.ctx)
         self._passes: dict[str, tuple[MaskPass, SequenceStats]] = {}
         for lobe in source.lobes:
@@ -208,7 +223,7 @@ class _LobeColumns:
                 dict(textures) | {b: textures[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in textures}
                 for textures in (self._source.current, self._source.previous)
             )
-            masks.run(pair, self._thresholds, current, history)
+            masks.run(pair, self._thresholds, current, history, exposure=self._exposure)
             stats.add(masks.read())
 
     def summary(self) -> dict[str, Any]:

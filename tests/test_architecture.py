@@ -24,7 +24,7 @@ LAYERS: tuple[set[str], ...] = (
     {"report"},
     {"run", "provenance"},
     {"evaluation"},
-    {"evaluation_truth"},
+    {"evaluation_truth", "agreement"},
     {"api"},
     {"reuse", "selftest"},
     {"study"},

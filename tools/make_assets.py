@@ -196,14 +196,16 @@ def add_lights(w: Writer) -> list[tuple]:
     w.node("sun", rotation=[-0.454519, 0.270598, 0.146447, 0.835600], extensions=sun)
     lamp = w.light(type="point", name="lamp", color=[1.0, 0.75, 0.45], intensity=20.0, range=12.0)
     for i, x in enumerate((-6.5, 4.0)):
-        w.node(f"lamp {i}", translation=[x, 2.6, -5.2], mesh=bulb, extensions=lamp)
+        hang(w, w.node(f"lamp {i}", translation=[x, 2.6, -5.2], mesh=bulb), lamp)
     spark = w.light(type="point", name="spark", color=[0.4, 0.7, 1.0], intensity=15.0, range=10.0)
-    flying = w.node("spark", mesh=bulb, extensions=spark)
+    flying = w.node("spark", mesh=bulb)
+    hang(w, flying, spark)
     t = times(26)
     phase = 2 * math.pi * t / DURATION
     path = np.stack([2.5 + 3 * np.cos(phase), 1.6 + 0.5 * np.sin(3 * phase), 3 * np.sin(phase)], axis=-1)
     flash = w.light(type="point", name="flash", color=[1.0, 0.3, 0.2], intensity=40.0, range=10.0)
-    switched = w.node("flash", translation=[0.0, 2.6, -5.2], scale=[0.0, 0.0, 0.0], mesh=bulb, extensions=flash)
+    switched = w.node("flash", translation=[0.0, 2.6, -5.2], scale=[0.0, 0.0, 0.0], mesh=bulb)
+    hang(w, switched, flash)
     states = np.repeat([0.0, 1.0, 0.0], 3).reshape(3, 3)
     cone = {"innerConeAngle": 0.25, "outerConeAngle": 0.5}
     spot = w.light(type="spot", name="searchlight", color=[1.0, 1.0, 0.9], intensity=120.0, range=20.0, spot=cone)
@@ -215,6 +217,11 @@ def add_lights(w: Writer) -> list[tuple]:
         (switched, "scale", [0.0, 0.9, 1.8], states, "STEP"),
         (search, "rotation", times(3), np.array([multiply(q, down) for q in sweep]), "LINEAR"),
     ]
+
+
+def hang(w: Writer, bulb: int, light: dict) -> None:
+    """A light just below its bulb: inside, the bulb's own shell would keep all of its light."""
+    w.node("light", bulb, translation=[0.0, -0.15, 0.0], extensions=light)
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:

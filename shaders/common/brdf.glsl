@@ -20,9 +20,6 @@ struct Lobes {
     vec3 glossy;
 };
 
-// Below this roughness a highlight is thinner than a pixel and only adds noise between frames.
-const float MIN_ALPHA = 1e-3;
-
 Lobes evaluate_brdf(Surface s, vec3 l) {
     Lobes r = Lobes(vec3(0.0), vec3(0.0));
     float n_l = dot(s.n, l);

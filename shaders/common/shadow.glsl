@@ -4,6 +4,8 @@
 #include "common/numbers.glsl"
 #include "common/affine.glsl"
 
+const float HALF_FLOAT = 1.0 / 1024.0; // relative rounding of a half float, where it is cut off rather than rounded
+
 uniform sampler2D shadow_atlas;
 layout(std430, binding = 5) readonly buffer Faces { ShadowFace faces[]; };
 
@@ -34,14 +36,16 @@ float face_visibility(ShadowFace f, vec3 p, vec3 g) {
         vec2 center = clamp(base + offset, vec2(0.0), vec2(resolution - 1.0));
         vec2 u = (center + 0.5) / resolution * 2.0 - 1.0;
         vec3 across = u.x * step_x + u.y * step_y;
-        // Depth at which this texel's ray meets the receiver's plane.  A ray almost in the plane meets it nowhere
-        // useful: stay within a few texels of the point itself.
-        float receiver = parallel ? (plane - dot(g, across)) / dot(g, f.forward.xyz) : plane / dot(g, f.forward.xyz + across);
-        float reach = 4.0 * texel_size;
+        // Depth at which this texel's ray meets the receiver's plane.  At most a texel aside it is off by the plane's
+        // slope; a ray almost in the plane meets it nowhere useful.
+        float slant = dot(g, parallel ? f.forward.xyz : f.forward.xyz + across);
+        float receiver = (parallel ? plane - dot(g, across) : plane) / slant;
+        float reach = SHADOW_REACH * texel_size;
         receiver = non_finite(receiver) ? z : clamp(receiver, z - reach, z + reach);
         float s = texelFetch(shadow_atlas, ivec2(f.right.w, f.up.w) + ivec2(center), 0).r;
         float occluder = s <= 0.0 ? 3.0e38 : parallel ? (1.0 - s) * f.forward.w : f.forward.w / s;
-        float bias = SHADOW_BIAS * texel_size + 2e-5 * z;
+        // Last term: the normal is stored in half floats, which tilts a slanting plane.
+        float bias = SHADOW_BIAS * texel_size + 2e-5 * z + HALF_FLOAT * abs(receiver - z) / max(abs(slant), HALF_FLOAT);
 #if SHADOW_TAPS == 1
         float weight = 1.0;
 #else

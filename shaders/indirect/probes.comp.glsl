@@ -28,7 +28,9 @@ void main() {
         vec3 d = v.position.xyz - x;
         if (dot(v.normal.xyz, d) >= 0.0 || dot(v.flux.rgb, vec3(1.0)) <= 0.0) continue;
         // Aim above the patch: a ray that grazes a wall would run through the wall's own voxels before it gets there.
-        if (!sees(x, v.position.xyz + 1.75 * P.grid_origin.w * v.normal.xyz, vec2(0.5))) continue;
+        // Where it cannot aim above its own voxel, it must not reach through that voxel either.
+        float slack = v.normal.w > P.grid_origin.w ? 0.5 : 0.0;
+        if (!sees(x, v.position.xyz + v.normal.w * v.normal.xyz, vec2(0.5, slack))) continue;
         for (int side = 0; side < 6; ++side) {
             vec3 axis = vec3(0.0);
             axis[side >> 1] = (side & 1) == 0 ? 1.0 : -1.0;

@@ -26,11 +26,12 @@ void main() {
     VirtualLight v;
     v.position = v.normal = v.flux = v.albedo = vec4(0.0);
     vec4 p = texelFetch(position, at, 0);
-    if (p.w > 0.0) {
+    vec4 normal_and_hit = texelFetch(normal, at, 0);
+    if (normal_and_hit.w > 0.0) { // position.w is depth along the light's axis, but from the camera: of either sign
         ShadowFace face = faces[t.z];
         LightRecord light = lights[t.w];
         Incident incoming = incident(light, p.xyz);
-        vec3 n = texelFetch(normal, at, 0).xyz;
+        vec3 n = normal_and_hit.xyz;
         if (dot(n, incoming.l) < 0.0) n = -n; // the side the light sees
         float n_l = dot(n, incoming.l);
         float size = face.extent.y;
@@ -45,7 +46,10 @@ void main() {
         vec4 m = texelFetch(material, at, 0);
         v.albedo.rgb = m.w < 0.0 ? vec3(0.0) : base.rgb * (1.0 - 0.04 * m.w);
         v.position = vec4(p.xyz + P.scene_from_relative.xyz, across / max(n_l, 0.05));
-        v.normal = vec4(n, 0.0);
+        // Visibility rays aim this far above the patch, but never past the light that found it: a bulb smaller than a
+        // voxel must keep its light.
+        float reach = light.direction.w == KIND_DIRECTIONAL ? 3.0e38 : 0.5 * distance(light.position.xyz, p.xyz);
+        v.normal = vec4(n, min(1.75 * P.grid_origin.w, reach));
         v.flux = vec4(incoming.radiance * across * v.albedo.rgb, 0.0);
     }
     virtual_lights[i] = v;

@@ -3,7 +3,7 @@
 // Paper    section 3.2, f_dir: the direct radiance whose change is thresholded.
 // Reads    position normal geometric_normal base_color material, light table, shadow atlas, per-tile light lists.
 // Writes   direct (diffuse + glossy), and each lobe on request.
-// Twin     metrics.brdf, metrics.lighting
+// Twin     metrics.brdf (its albedo_table for the sky), metrics.lighting
 // Departs  The sky's own occlusion is not simulated: its light is that of an unoccluded point.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
@@ -26,19 +26,27 @@ uniform sampler2D normal;
 uniform sampler2D geometric_normal;
 uniform sampler2D base_color;
 uniform sampler2D material;
+#if SKY
+uniform sampler2D albedo_table;
+#endif
 layout(rgba32f, binding = 0) writeonly uniform image2D direct_out;
 #if SPLIT_LOBES
 layout(rgba32f, binding = 1) writeonly uniform image2D direct_diffuse_out;
 layout(rgba32f, binding = 2) writeonly uniform image2D direct_glossy_out;
 #endif
 
-// Directional albedo of the glossy lobe under a uniform sky (Karis 2014's fit of the split sum).
-float environment_brdf(float f0, float f90, float roughness, float n_v) {
-    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
-    float a004 = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
-    vec2 ab = vec2(-1.04, 1.04) * a004 + r.zw;
-    return f0 * ab.x + f90 * ab.y;
+#if SKY
+// What the lobes send to the viewer of a uniform sky: glossy F0 x + F90 y, diffuse 1 - Fresnel with z for Schlick's term.
+vec3 lobe_albedos(float roughness, float n_v) {
+    vec2 at = clamp(vec2(n_v, roughness), 0.0, 1.0) * float(textureSize(albedo_table, 0).x - 1);
+    ivec2 base = min(ivec2(at), textureSize(albedo_table, 0) - 2);
+    vec2 f = at - vec2(base);
+    vec3 low = mix(texelFetch(albedo_table, base, 0).xyz, texelFetch(albedo_table, base + ivec2(1, 0), 0).xyz, f.x);
+    base.y += 1;
+    vec3 high = mix(texelFetch(albedo_table, base, 0).xyz, texelFetch(albedo_table, base + ivec2(1, 0), 0).xyz, f.x);
+    return mix(low, high, f.y);
 }
+#endif
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -80,11 +88,11 @@ void main() {
         }
 #if SKY
         float n_v = max(dot(s.n, s.v), 1e-4);
-        float dielectric = environment_brdf(0.04 * s.specular, s.specular, m.y, n_v);
-        diffuse += (1.0 - s.metallic) * (1.0 - dielectric) * s.base_color * P.sky.rgb;
-        vec3 metal;
-        for (int c = 0; c < 3; ++c) metal[c] = environment_brdf(s.base_color[c], 1.0, m.y, n_v);
-        glossy += ((1.0 - s.metallic) * dielectric + s.metallic * metal) * P.sky.rgb;
+        vec3 albedo = lobe_albedos(m.y, n_v);
+        float dielectric = s.specular * (0.04 * albedo.x + albedo.y);
+        float taken = s.specular * (0.04 + 0.96 * albedo.z);
+        diffuse += (1.0 - s.metallic) * (1.0 - taken) * s.base_color * P.sky.rgb;
+        glossy += ((1.0 - s.metallic) * dielectric + s.metallic * (s.base_color * albedo.x + albedo.y)) * P.sky.rgb;
 #endif
     }
     imageStore(direct_out, pixel, vec4(diffuse + glossy, 1.0));

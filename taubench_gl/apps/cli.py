@@ -12,6 +12,7 @@ from typing import NoReturn
 import click
 
 from taubench_gl import __version__
+from taubench_gl.apps.agree_command import agree
 from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
@@ -42,7 +43,7 @@ def cli() -> None:
     """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
 
 
-for command in (doctor, inspect, evaluate, compare, truth, selftest):
+for command in (doctor, inspect, evaluate, compare, agree, truth, selftest):
     cli.add_command(command)
 
 

@@ -68,7 +68,9 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], *
     """
     if save and out is None:
         raise click.UsageError("--save needs --out DIR to write to")
-    truth = {name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes")}
+    truth = {
+        name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
+    }
     settings = _settings(options)
     folders = out_folders(scenes, out)
     runs: list[Run] = []

@@ -113,6 +113,7 @@ def truth_options(command: Any) -> Any:
                 "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML."
             ),
             click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
+            click.option("--second-seed", metavar="exr:DIR", help="exr: same frames, other seed, for the noise floor."),
             click.option(
                 "--lobe",
                 "lobes",

@@ -38,6 +38,7 @@ interpreter that has it.  Interrupted and called again, it goes on with the firs
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise.")
 @click.option("--crisp", is_flag=True, help="Sample pixel centres only, as a rasterizer does.")
 @click.option("--culling", type=click.Choice(["gltf", "none"]), default="gltf", show_default=True, help="Back faces.")
+@click.option("--sky", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar="R G B", help="Uniform sky radiance.")
 @click.option("--threads", type=click.IntRange(0), default=0, help="Of Blender.  [default: all cores]")
 def render(scene_path: str, out: Path, size: tuple[int, int], **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
@@ -65,6 +66,7 @@ def render(scene_path: str, out: Path, size: tuple[int, int], **options: Any) ->
         seed=options["seed"],
         crisp=options["crisp"],
         cull_back_faces=options["culling"] == "gltf",
+        sky=options["sky"],
         threads=options["threads"],
     )
     said = _Lines()

@@ -29,8 +29,11 @@ class Soup:
     source: Array  # (V,) vertex of the primitive each soup vertex was made from
 
 
-def make_soup(primitive: Primitive, *, tangents: bool) -> Soup:
-    """Fill in what the file leaves out: flat normals, tangents (only if asked), texture coordinates, white colours."""
+def make_soup(primitive: Primitive, *, tangents: int | None) -> Soup:
+    """Fill in what the file leaves out: flat normals, texture coordinates, white colours, and tangents.
+
+    ``tangents`` is the texture-coordinate set of the normal map they are for; None: nobody needs them.
+    """
     flat = primitive.normals is None
     triangles = primitive.triangles
     source = triangles.reshape(-1) if flat else np.arange(len(primitive.positions))
@@ -44,8 +47,8 @@ def make_soup(primitive: Primitive, *, tangents: bool) -> Soup:
     )
     if primitive.tangents is not None:
         tangent = primitive.tangents[source]
-    elif tangents:
-        tangent = make_tangents(positions, normals, texcoords[0], triangles)
+    elif tangents is not None:
+        tangent = make_tangents(positions, normals, texcoords[tangents], triangles)
     else:
         tangent = np.broadcast_to(np.float32([1, 0, 0, 1]), (count, 4))
     colors = np.ones((count, 4), np.float32) if primitive.colors is None else primitive.colors[source]
@@ -174,7 +177,7 @@ def build_geometry(scene: Scene) -> Geometry:
                 continue
             key = (mesh_index, index)
             if key not in soups:
-                soups[key] = make_soup(primitive, tangents=_has_normal_map(scene, primitive))
+                soups[key] = make_soup(primitive, tangents=_normal_map_set(scene, primitive))
             soup = soups[key]
             moves = is_posed(scene, node, mesh, primitive)
             for local in [None] if instances is None else instances:
@@ -192,5 +195,6 @@ def build_geometry(scene: Scene) -> Geometry:
     return Geometry(tuple(draws), fixed.pool(), posed.pool(), {k: soups[k] for k in posed_keys})
 
 
-def _has_normal_map(scene: Scene, primitive: Primitive) -> bool:
-    return primitive.material >= 0 and scene.materials[primitive.material].normal_texture is not None
+def _normal_map_set(scene: Scene, primitive: Primitive) -> int | None:
+    texture = scene.materials[primitive.material].normal_texture if primitive.material >= 0 else None
+    return None if texture is None else texture.texcoord

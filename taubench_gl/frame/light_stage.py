@@ -21,6 +21,7 @@ from taubench_gl.settings import Settings
 
 Array = np.ndarray
 INPUTS = ("position", "normal", "geometric_normal", "base_color", "material")
+LOBES = ("direct_diffuse", "direct_glossy")
 BOUND_TIMES = 9
 BOUND_MARGIN = 1.05
 
@@ -31,7 +32,7 @@ def light_channels(effects: dict[str, Effect], extra: tuple[str, ...] = ()) -> t
     out: tuple[str, ...] = ()
     if direct or color:
         out += (*INPUTS, "direct")
-        out += tuple(c for c in ("direct_diffuse", "direct_glossy") if c in extra)
+        out += LOBES if set(LOBES) & set(extra) else ()  # one shader writes both
     if effects["indirect"].on:
         out += ("indirect",)
     if color:
@@ -123,6 +124,10 @@ class LightStage:
     def bytes(self) -> int:
         """GPU memory of shadow maps and light lists, bytes."""
         return sum(part.bytes for part in (self.lighting, self._shadow, self._indirect) if part is not None)
+
+    def virtual_lights(self) -> Array | None:
+        """The virtual lights of this frame (``passes.indirect.VIRTUAL`` records); None without indirect light."""
+        return None if self._indirect is None else self._indirect.virtual_lights()
 
     def notes(self) -> list[str]:
         """What was left out, for every output."""

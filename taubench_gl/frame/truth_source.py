@@ -127,7 +127,7 @@ def frame_channels(truth: TruthFrame, view: View, previous: View, settings: Sett
     normal = np.zeros_like(out["position"][..., :3]) if truth.normal is None else truth.normal
     out["normal"] = np.where(truth.sky[..., None], np.float32(0), normal)
     for name, radiance in (*truth.radiance.items(), *truth.lobes.items()):
-        out[name] = (radiance * np.float32(settings.exposure)).astype(np.float32)
+        out[name] = radiance  # exposure is the mask pass's
     if truth.combined is not None:
         color = truth.combined.astype(np.float64)
         encoded = np.clip(color, 0.0, 1.0) if truth.color_encoded else None

@@ -66,8 +66,8 @@ def reproject(pair: Reprojection, position: Array, prev_position: Array | None =
     # may have been as far in front of the previous one.
     slack = np.maximum(pair.near - position[..., 3], 0.0)
     near = np.where(surface, pair.prev_near * (1.0 - NEAR_GUARD) - slack, 0.0)
-    behind = q @ pair.prev_forward <= near  # before any division
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        behind = q @ pair.prev_forward <= near  # before any division
         ndc = _ndc(pair.clip_from_current, p, p_w)
         prev_ndc = _ndc(pair.prev_clip_from_prev, q, p_w)
         motion_up = (prev_ndc - ndc) * 0.5 * np.array([w, h], dtype=np.float64)

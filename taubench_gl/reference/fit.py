@@ -93,11 +93,26 @@ def _from_depth(points: Array, screen: Array, depth: Array) -> Guess:
     """P = c + z R (t x, t y, -1): linear in R diag(t, t, 1) and c."""
     rays = np.column_stack([screen, -np.ones(len(screen))]) * depth[:, None]
     solution, _, rank, _ = np.linalg.lstsq(np.column_stack([rays, np.ones(len(rays))]), points, rcond=1e-9)
-    if rank < 4:
-        raise np.linalg.LinAlgError("flat")
+    if rank < 4:  # all points lie in one plane
+        return _from_plane(points, rays)
     axes = solution[:3].T
     lengths = np.linalg.norm(axes, axis=0)
     return _rotation(axes / lengths), solution[3], float(0.5 * (lengths[0] + lengths[1]) / lengths[2])
+
+
+def _from_plane(points: Array, rays: Array) -> Guess:
+    """The lens, of a fixed set, under which the depths' own points lie congruent to the given ones (Kabsch 1976)."""
+    best: tuple[float, Guess] | None = None
+    middle = points.mean(axis=0)
+    for tangent in np.geomspace(0.02, 10.0, 160):
+        seen = rays * [tangent, tangent, 1.0]
+        centre = seen.mean(axis=0)
+        u, _, vt = np.linalg.svd((points - middle).T @ (seen - centre))
+        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        error = float(np.sum((points - middle - (seen - centre) @ rotation.T) ** 2))
+        if best is None or error < best[0]:
+            best = error, (rotation, middle - rotation @ centre, float(tangent))
+    return best[1]
 
 
 def _from_points(points: Array, screen: Array) -> Guess:

@@ -12,6 +12,7 @@ from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
 from taubench_gl.errors import TaubenchError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.run import COUNT_COLUMNS, Run, load_run
+from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 SETTINGS = {"width": 96, "height": 54, "frames": (0, 3), "shadow_size": 64, "indirect": "none"}
@@ -89,6 +90,24 @@ def test_every_scene(real_scene: Path, tmp_path) -> None:
     assert again.frames == run.frames
     if "orbit" in run.summary["camera"]["source"]:
         assert any("orbit" in note for note in run.summary["notes"])
+
+
+def test_every_scene_by_motion(real_scene: Path) -> None:
+    """Motion reprojection adds up too, and is camera reprojection where no surface moves by itself."""
+    if real_scene.stem in NOTHING_TO_DRAW:
+        return
+    scene = load_scene(real_scene)
+    tiny = {"width": 64, "height": 36, "frames": (0, 3), "columns": ("frustum", "position", "normal")}
+    bilinear = evaluate_scene(scene, Settings(**tiny, reprojection="motion", sampling="bilinear"))
+    assert_adds_up(bilinear, 64 * 36)
+    if not bilinear.summary["effects"]["previous_pose"]["on"]:
+        camera, motion = (evaluate_scene(scene, Settings(**tiny, reprojection=r)) for r in ("camera", "motion"))
+        assert camera.frames == motion.frames
+        # Where it is simulated all the same, it changes no count.
+        forced = evaluate_scene(scene, Settings(**tiny, reprojection="motion", effects="all", indirect="none",
+                                                shadow_size=64))  # fmt: skip
+        keys = ("frustum", "comparable", "position", "normal", "disoccluded", "occluding")
+        assert [[row[k] for k in keys] for row in forced.frames] == [[row[k] for k in keys] for row in camera.frames]
 
 
 def test_there_are_scenes_to_walk(real_scenes: list[Path]) -> None:

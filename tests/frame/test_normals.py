@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from frame_tools import (
@@ -157,6 +159,17 @@ def test_normal_map_of_known_tilt(gpu, given: bool, scale: float) -> None:
     scene = placed(np.eye(3), upright(**fields), materials=(material,), images=images)
     seen = middle(gpu, scene, eye=(0, 0, -6), rotation=rotation_about("y", 180))
     np.testing.assert_allclose(seen, -expected, atol=0.006)
+
+
+def test_made_tangents_follow_the_normal_maps_own_set(gpu) -> None:
+    """The map uses set 1, in which the picture lies on its side: its right is the wall's up, its up the wall's left."""
+    material, images = tilt_map()
+    material = replace(material, normal_texture=replace(material.normal_texture, texcoord=1))
+    shape = upright()
+    turned = np.array([[0, 0], [0, 1], [1, 1], [1, 0]], dtype=np.float32)  # u runs up, v to the right
+    shape = replace(shape, texcoords=(shape.texcoords[0], turned))
+    scene = make_scene(shape, matrices=[AHEAD], materials=(material,), images=images)
+    np.testing.assert_allclose(middle(gpu, scene), [-TILT[1], TILT[0], TILT[2]], atol=0.006)
 
 
 @pytest.mark.parametrize("name", ["AlphaBlendModeTest.glb", "01_alpha_mask.gltf", "LightsPunctualLamp.gltf"])

@@ -61,9 +61,10 @@ def gltf_seed() -> tuple[dict, bytes]:
     spin = s.add([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, -1]], "VEC4")
     swell = s.add([0.0, 1.0, 0.5], "SCALAR")
     bind = s.add(np.tile(np.eye(4), (2, 1, 1)).reshape(2, 16), "MAT4")
+    spot = {"type": "spot", "spot": {}}
     s.json |= {
         "extensionsUsed": ["KHR_lights_punctual"],
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 20}, {"type": "spot", "spot": {}}]}},
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 20}, spot]}},
         "materials": [{"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.2, 1]}, "alphaMode": "MASK"}],
         "meshes": [
             {"primitives": [{"attributes": attributes, "indices": indices, "material": 0}]},

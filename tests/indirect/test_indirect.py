@@ -156,6 +156,35 @@ def test_indirect_stays_where_it_is_when_only_the_camera_moves():
     assert np.abs(ia[close] - ib[nearest[close]]).max() < 0.02 * ia.max()
 
 
+def test_a_light_inside_a_bulb_stays_inside():
+    """A closed bulb far smaller than a voxel: neither its shadow map nor its virtual lights let light out."""
+    s = SceneBuilder()
+    s.node(mesh=s.mesh(box((2.0, 2.0, 2.0), inside=True, material=lambert(s))))
+    s.node(mesh=s.mesh(box((0.02, 0.02, 0.02), material=lambert(s))), translation=(1.0, 0.3, 0.2))
+    s.light(translation=(1.0, 0.3, 0.2), kind="point", intensity=10.0)
+    s.camera(translation=(-1.0, 0.0, 1.0), yfov=np.radians(90), znear=0.01)
+    got = draw(s.build(), indirect_samples=600, probes=512)
+    open_light = ALBEDO * 10.0 * 4 * np.pi / 96.0 * ALBEDO / np.pi  # what the room would show without the bulb
+    assert got["direct"][..., :3].max() == 0.0
+    assert got["indirect"][..., :3].max() < 0.02 * open_light
+
+
+def test_every_face_of_a_light_away_from_the_camera_counts():
+    """Virtual lights must not depend on where the camera is: total flux is the light's times the albedo."""
+    s = SceneBuilder()
+    s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))
+    s.light(translation=(0.3, -0.2, 0.1), kind="point", intensity=1.0)
+    s.camera(translation=(-0.9, 0.9, 0.9), rotation=turn_y(-45), yfov=1.0, znear=0.01)
+    with open_gpu() as gpu:
+        scene = s.build()
+        settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=2400)
+        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        source.advance(0)
+        flux = source.light.virtual_lights()["flux"][:, 0].sum()
+        source.release()
+    assert flux == pytest.approx(4 * np.pi * ALBEDO, rel=0.01)
+
+
 def test_the_same_frame_gives_the_same_bits():
     scene = floor_and_ceiling(wall=True)
     first, second = (draw(scene, indirect_samples=512, probes=216) for _ in range(2))

@@ -32,7 +32,7 @@ def planes(values: np.ndarray, name: str, letters: str) -> dict[str, np.ndarray]
     return {f"{name}.{c}": np.ascontiguousarray(values[..., i], dtype=np.float32) for i, c in enumerate(letters)}
 
 
-OLD = {"Direct": "Dir", "Indirect": "Ind", "Color": "Col", "Diffuse": "Diff", "Glossy": "Gloss", "Transmission": "Trans"}
+OLD = dict(Direct="Dir", Indirect="Ind", Color="Col", Diffuse="Diff", Glossy="Gloss", Transmission="Trans")
 """Blender 5's words -> Blender 2.8's."""
 
 

@@ -87,7 +87,12 @@ def test_cut_off_files_are_refused(tmp_path, share, capfd):
 
 @pytest.mark.parametrize(
     ("data", "complaint"),
-    [(b"", "not an OpenEXR"), (b"GIF89a..", "not an OpenEXR"), (exr.MAGIC, "ends within"), (exr.MAGIC + b"\2\0\0\0", "")],
+    [
+        (b"", "not an OpenEXR"),
+        (b"GIF89a..", "not an OpenEXR"),
+        (exr.MAGIC, "ends within"),
+        (exr.MAGIC + b"\2\0\0\0", "damaged or cut off"),
+    ],
 )
 def test_other_files_are_refused(tmp_path, data, complaint):
     path = tmp_path / "a.exr"

@@ -50,7 +50,7 @@ def test_sum_of_lobes_is_combined_in_real_files(data):
 
 @pytest.mark.parametrize("lost", ["Diffuse Direct", "Glossy Color", "Transmission Direct"])
 def test_a_missing_pass_is_named(tmp_path, lost):
-    channels, ours = blender_frame(modern=True)
+    channels, _ = blender_frame(modern=True)
     kept = {k: v for k, v in channels.items() if f".{lost}." not in k}
     frame = frame_of(tmp_path, kept)
     assert "direct" not in frame.radiance
@@ -100,7 +100,7 @@ def test_sky_without_a_depth_pass_is_an_all_zero_pixel(tmp_path):
 
 
 def test_nan_stays_nan_and_is_no_sky(tmp_path):
-    channels, ours = blender_frame()
+    channels, _ = blender_frame()
     for name in ("Position.X", "Depth.Z", "DiffDir.R"):
         channels[f"ViewLayer.{name}"][-1, 3] = np.nan
     frame = frame_of(tmp_path, channels)
@@ -126,18 +126,20 @@ def test_mapping_files(tmp_path):
     np.testing.assert_allclose(frame.motion, ours["motion"], rtol=1e-5)
     np.testing.assert_array_equal(frame.radiance["direct"], ours["direct"])
     assert frame.missing["color"] == "the files lack the pass color"
-    custom = {"up": "y", "motion": {"direction": "current-previous"}, "passes": {"position": {"channels": ["a", "b", "c"]}}}
+    custom = {"up": "y", "passes": {"position": {"channels": ["a", "b", "c"]}}}
     path = tmp_path / "m.json"
     path.write_text(json.dumps(custom))
     named = dict(zip("abc", (np.ascontiguousarray(ours["position"][..., i], np.float32) for i in range(3))))
-    np.testing.assert_allclose(frame_of(tmp_path, named, mapping=load_mapping(path)).position, ours["position"], rtol=1e-6)
+    frame = frame_of(tmp_path, named, mapping=load_mapping(path))
+    np.testing.assert_allclose(frame.position, ours["position"], rtol=1e-6)
 
 
 def test_presets_are_sound():
     assert presets() == ("blender", "falcor", "mitsuba")
     for name in presets():
         assert "position" in load_mapping(name).passes
-    dotted = ChannelIndex(["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"], load_mapping("mitsuba"))
+    names = ["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"]
+    dotted = ChannelIndex(names, load_mapping("mitsuba"))
     assert dotted.channels("depth") == ("dd.y.T",) and dotted.channels("combined")[0] == "my_image.R"
 
 

@@ -42,7 +42,7 @@ INDIRECT = Struct(
 VIRTUAL = Struct(
     "VirtualLight",
     Field("position", "vec4", "xyz: scene space, metres; w: area of its patch, m2, 0 = none"),
-    Field("normal", "vec4", "xyz: unit, world axes"),
+    Field("normal", "vec4", "xyz: unit, world axes; w: how far above the patch visibility rays aim, metres"),
     Field("flux", "vec4", "xyz: reflected flux, linear"),
     Field("albedo", "vec4", "xyz: diffuse albedo of its patch"),
 )
@@ -293,6 +293,10 @@ class IndirectPass:
             "gbuffer/gbuffer.vert.glsl", "indirect/voxelize.frag.glsl", defines, self._voxel_preamble
         )
         return Program(program, ())
+
+    def virtual_lights(self) -> Array:
+        """This frame's virtual lights, (V,) VIRTUAL records in scene space."""
+        return np.frombuffer(self._virtual[0].read(), dtype=VIRTUAL.dtype)
 
     def release(self) -> None:
         for item in (

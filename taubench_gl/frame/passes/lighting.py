@@ -14,6 +14,7 @@ from taubench_gl.frame.shadow_faces import FACE
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.brdf import ALBEDO_TABLE, MIN_ALPHA, albedo_table
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.settings import TONE_MAPS, Settings
 
@@ -32,6 +33,10 @@ SHADOW_BIAS = 0.5
 """In texels of the map, along the light: what is left for curved and creased surfaces, planes need none."""
 
 
+SHADOW_REACH = 256.0
+"""In texels, along the light: how far a receiver's plane may run from a pixel to the texel beside it.  1/256 rad."""
+
+
 def lighting_preamble() -> str:
     return "\n".join(
         (
@@ -39,7 +44,9 @@ def lighting_preamble() -> str:
             LIGHT.glsl,
             FACE.glsl,
             f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};",
+            f"const float MIN_ALPHA = {MIN_ALPHA};",
             f"const float SHADOW_BIAS = {SHADOW_BIAS};",
+            f"const float SHADOW_REACH = {SHADOW_REACH};",
             f"const int TILE = {TILE};",
         )
     )
@@ -75,6 +82,9 @@ class LightingPass:
         ctx = gpu.ctx
         self.parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
         self._lights = ctx.buffer(reserve=max(light_count, 1) * LIGHT.dtype.itemsize, dynamic=True)
+        self._albedos = None
+        if self._sky:
+            self._albedos = ctx.texture((ALBEDO_TABLE, ALBEDO_TABLE), 4, albedo_table().tobytes(), dtype="f4")
         self._cull = self._tile_counts = self._tile_lists = None
         if self._tiled:
             self._cull = shaders.compute("lighting/cull.comp.glsl", {}, preamble)
@@ -121,6 +131,9 @@ class LightingPass:
             shadow.atlas.use(5)
             shadow.buffer.bind_to_storage_buffer(5)
             self._program["shadow_atlas"] = 5
+        if self._albedos is not None:
+            self._albedos.use(6)
+            self._program["albedo_table"] = 6
         outputs = ("direct", "direct_diffuse", "direct_glossy") if self._split else ("direct",)
         for unit, name in enumerate(outputs):
             textures[name].bind_to_image(unit, read=False, write=True)
@@ -134,7 +147,7 @@ class LightingPass:
         return np.frombuffer(self._tile_counts.read(), np.uint32).reshape(-1, self._tiles[0])
 
     def release(self) -> None:
-        for buffer in (self.parameters, self._lights, self._tile_counts, self._tile_lists):
+        for buffer in (self.parameters, self._lights, self._tile_counts, self._tile_lists, self._albedos):
             if buffer is not None:
                 buffer.release()
 

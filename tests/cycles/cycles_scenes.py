@@ -1,0 +1,105 @@
+"""Small glTF files and a stand-in for Blender's Python, for the tests of the Cycles driver."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+import stat
+import sys
+from pathlib import Path
+
+import numpy as np
+
+DOWN = [-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
+BASE_COLOR = (0.5, 0.25, 0.125)
+
+
+def plane(path: Path, lights: list[dict] = (), keys: dict[str, list] | None = None) -> Path:
+    """A 2 m square at y = 0 with a rough dielectric, a camera 3 m above looking down, lights as nodes.
+
+    ``keys``: animated path of the plane's node -> one value per half second, LINEAR.
+    """
+    chunks = [
+        np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]], "<f4"),
+        np.tile(np.array([0, 1, 0], "<f4"), (4, 1)),
+        np.array([0, 1, 2, 0, 2, 3], "<u2"),
+    ]
+    accessors = [
+        {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [-1, 0, -1], "max": [1, 0, 1]},
+        {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC3"},
+        {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
+    ]
+    nodes = [{"mesh": 0, "name": "plane"}, {"camera": 0, "translation": [0, 3, 0], "rotation": DOWN}]
+    animations = []
+    for name, values in (keys or {}).items():
+        values = np.array(values, "<f4")
+        times = (0.5 * np.arange(len(values))).astype("<f4")
+        last = float(times[-1])
+        accessors.append({"bufferView": len(chunks), "componentType": 5126, "count": len(times), "type": "SCALAR",
+                          "min": [0.0], "max": [last]})  # fmt: skip
+        accessors.append({"bufferView": len(chunks) + 1, "componentType": 5126, "count": len(values),
+                          "type": f"VEC{values.shape[1]}"})  # fmt: skip
+        chunks += [times, values]
+        sampler = {"input": len(accessors) - 2, "output": len(accessors) - 1}
+        # One animation for each: Blender's importer would leave all but one of them muted.
+        channel = {"sampler": 0, "target": {"node": 0, "path": name}}
+        animations.append({"name": name, "samplers": [sampler], "channels": [channel]})
+    for i, light in enumerate(lights):
+        nodes.append(light["node"] | {"extensions": {"KHR_lights_punctual": {"light": i}}})
+    blob, views = b"", []
+    for chunk in chunks:
+        views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": chunk.nbytes})
+        blob += chunk.tobytes() + b"\0" * (-chunk.nbytes % 4)
+    material = {"baseColorFactor": [*BASE_COLOR, 1], "metallicFactor": 0, "roughnessFactor": 1}
+    root = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(nodes)))}],
+        "nodes": nodes,
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
+        "materials": [{"pbrMetallicRoughness": material}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "material": 0}]}],
+        "buffers": [
+            {"byteLength": len(blob), "uri": "data:application/octet-stream;base64," + base64.b64encode(blob).decode()}
+        ],
+        "bufferViews": views,
+        "accessors": accessors,
+    }
+    if animations:
+        root["animations"] = animations
+    if lights:
+        root["extensionsUsed"] = ["KHR_lights_punctual"]
+        root["extensions"] = {"KHR_lights_punctual": {"lights": [light["light"] for light in lights]}}
+    path.write_text(json.dumps(root))
+    return path
+
+
+FAKE = """
+import json, os, sys
+if sys.argv[1] == "-c":
+    print("@tb 4.5.0 stand-in"); sys.exit()
+import numpy as np, OpenEXR
+job = json.load(open(sys.argv[2]))
+assert os.path.isfile(job["scene"])
+print("Blender says hello", flush=True)
+for n, frame in enumerate(job["frames"]):
+    if n == int(os.environ.get("FAKE_STOPS_AFTER", "999")):
+        print("Error: out of pixels"); sys.exit(3)
+    w, h = job["size"]
+    z = np.full((h, w), 1e10, np.float32)
+    path = os.path.join(job["out"], job["name"] % frame)
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"ViewLayer.Depth.Z": z}).write(path)
+    print("@tb " + json.dumps({"event": "samples", "done": 1, "total": 2}))
+    print("@tb " + json.dumps({"event": "frame", "frame": frame, "seconds": 0.5}), flush=True)
+"""
+
+
+def fake_blender(folder: Path) -> str:
+    """An executable that takes a job as Blender's Python would, and writes empty frames."""
+    script, program = folder / "fake.py", folder / "fake_python"
+    script.write_text(FAKE)
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')
+    os.chmod(program, program.stat().st_mode | stat.S_IXUSR)
+    return str(program)

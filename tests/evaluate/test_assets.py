@@ -1,0 +1,76 @@
+"""The demo scene holds what it is there to show; the tools that make it and time it work."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.paths import PACKAGE
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+ROOT = PACKAGE.parent
+DEMO = ROOT / "assets" / "demo.glb"
+
+
+def test_the_demo_is_small_and_licensed() -> None:
+    assert DEMO.stat().st_size < 300_000
+    assert "CC0-1.0" in (ROOT / "assets" / "README.md").read_text()
+    scene = load_scene(DEMO)
+    assert 2.0 <= scene.duration <= 3.0
+    assert not scene.notes, [str(n) for n in scene.notes]
+    assert len(scene.playing) == len(scene.animations) == 6
+
+
+def test_the_demo_holds_one_of_everything() -> None:
+    run = evaluate_scene(DEMO, Settings(160, 90, shadow_size=64, indirect="none"))
+    census = run.summary["census"]
+    assert census["armatures"] == 1 and census["bones"] == 6 and census["morphs"] == 1
+    assert census["dynamic_rigid_objects"] >= 6 and census["static_rigid_objects"] >= 6
+    assert census["static_point_lights"] == 2 and census["dynamic_point_lights"] == 2
+    camera = run.summary["camera"]
+    assert camera["position"]["mean"] > 0.05 and camera["yaw"]["mean"] > 0.5 and camera["cuts"] == []
+    for column in ("frustum", "position", "normal", "direct", "color"):
+        share = run.summary["discard"][column]["mean_percent"]
+        assert share is not None and 0.1 < share < 50, column
+    assert all(row["invalid"] == 0 for row in run.frames)
+    assert max(row["behind"] for row in run.frames) == 0
+
+
+def test_the_maker_makes_the_same_scene(tmp_path: Path) -> None:
+    """Geometry and motion to the bit; the pictures may be packed otherwise by another zlib."""
+    subprocess.run([sys.executable, ROOT / "tools" / "make_assets.py", tmp_path], check=True, capture_output=True)
+    made, kept = load_scene(tmp_path / "demo.glb"), load_scene(DEMO)
+    assert made.nodes.names == kept.nodes.names
+    for ours, theirs in zip(made.meshes, kept.meshes, strict=True):
+        for a, b in zip(ours.primitives, theirs.primitives, strict=True):
+            np.testing.assert_array_equal(a.positions, b.positions)
+            np.testing.assert_array_equal(a.triangles, b.triangles)
+    for a, b in zip(made.channels, kept.channels, strict=True):
+        assert (a.index, a.path, a.interpolation) == (b.index, b.path, b.interpolation)
+        np.testing.assert_array_equal(a.values, b.values)
+    for a, b in zip(made.images, kept.images, strict=True):
+        np.testing.assert_array_equal(a.decode(), b.decode())
+
+
+@pytest.mark.parametrize("which", ["masks", "geometry"])
+def test_bench_prints_ratios_and_names_its_clock(which: str, tmp_path: Path) -> None:
+    report = tmp_path / "bench.json"
+    command = [sys.executable, ROOT / "tools" / "bench", which, "--size", "96x54", "--repeats", "1", "--json", report]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"clock: .*clock|clock: GL timer query", done.stdout)
+    expected = r"twin : masks = \d+\.\d x" if which == "masks" else r"8 : 2 channels = \d+\.\d x"
+    assert re.search(expected, done.stdout), done.stdout
+    assert re.search(r"peak resident memory .*: \d+ MiB", done.stdout) and "GPU memory" in done.stdout
+    told = json.loads(report.read_text())
+    assert told["provenance"]["renderer"] and told["provenance"]["clock"]
+    for row in told["benches"][which]["rows"]:
+        assert 0 < row["low_ms"] <= row["median_ms"] <= row["high_ms"] and row["samples"] >= 6

@@ -1,0 +1,179 @@
+"""The mask pass on made-up channels: everything a rasterizer never gives but a file may, and all features at once.
+
+NaN and infinity in any channel, sky anywhere, surfaces behind the previous camera, radiance; against the float64 twin.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from frame_tools import THRESHOLDS, rotation_about
+from test_mask_twin import in_band
+
+from taubench_gl.animation import View
+from taubench_gl.animation.pairs import reprojection as pair_matrices
+from taubench_gl.channels import CHANNELS
+from taubench_gl.conventions import FEATURES, NOT_COMPARABLE, Reason
+from taubench_gl.frame.passes.masks import RADIANCE, MaskPass
+from taubench_gl.frame.targets import read_channel, write_channel
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.counts import counts_of
+from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.scene.model import Camera
+
+SIZE = (131, 77)
+LENS = Camera(yfov=1.1, znear=0.5, zfar=50.0)
+FLIPS = 2e-3
+
+
+def views(turn: float = 7.0, step=(0.3, -0.1, 0.6)) -> tuple[View, View]:
+    then = View(np.array([10.0, 2.0, -3.0]), rotation_about("y", 30), LENS)
+    now = View(then.position + step, then.world_from_view @ rotation_about("y", turn) @ rotation_about("z", 3), LENS)
+    return now, then
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def frame(rng, view: View, broken: float, smooth: bool = True) -> dict[str, np.ndarray]:
+    """Channels of one frame: surfaces at random depths along the pixels' own rays, a fifth of it sky."""
+    w, h = SIZE
+    x, y = np.meshgrid((np.arange(w) - (w - 1) / 2) * 2 / h, ((h - 1) / 2 - np.arange(h)) * 2 / h)
+    rays = np.stack([x, y, np.full_like(x, -1 / np.tan(LENS.yfov / 2))], axis=-1) * np.tan(LENS.yfov / 2)
+    depth = 3 + np.sin(x * 3) + np.cos(y * 5) + (rng.uniform(-0.3, 0.3, (h, w)) if not smooth else 0)
+    depth[(x - 0.4) ** 2 + y**2 < 0.2] = 1.2
+    depth[rng.random((h, w)) < 0.2] = 0
+    position = np.concatenate([(rays * depth[..., None]) @ view.world_from_view.T, depth[..., None]], axis=-1)
+    out = {
+        "position": position,
+        "normal": unit(rng.normal([0, 0, 2], 0.2, (h, w, 3))),
+        "prev_position": position[..., :3] + rng.normal(0, 0.1, (h, w, 3)),
+        "direct": rng.exponential(0.1, (h, w, 3)),
+        "indirect": rng.exponential(0.1, (h, w, 3)),
+        "color": rng.random((h, w, 3)) * 0.3,
+    }
+    for values in out.values():
+        where = rng.random((h, w)) < broken
+        which = rng.integers(0, values.shape[-1], (h, w))
+        bad = rng.choice([np.nan, np.inf, -np.inf], (h, w))
+        rows, columns = np.nonzero(where)
+        values[rows, columns, which[rows, columns]] = bad[rows, columns]
+    return out
+
+
+def judge(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", radiance=RADIANCE, declared=0):
+    """Upload, run, read back; the channels come back as the GPU held them (some are half floats)."""
+    textures = []
+    for channels in (now, then):
+        textures.append({})
+        for name, values in channels.items():
+            info = CHANNELS[name]
+            texture = gpu.ctx.texture(SIZE, info.components, dtype=info.dtype)
+            write_channel(texture, name, values)
+            textures[-1][name] = texture
+    shaders = ShaderCache(gpu.ctx)
+    masks = MaskPass(gpu, shaders, SIZE, reprojection=reprojection, sampling=sampling, radiance=radiance,
+                     write_mask=True, write_motion=True)  # fmt: skip
+    masks.run(pair, THRESHOLDS, *textures, declared=declared)
+    counts = masks.read()
+    result = SimpleNamespace(
+        combos=counts.combos.astype(np.int64),
+        histograms=counts.histograms.astype(np.int64),
+        mask=read_channel(masks.mask, "mask")[..., 0],
+        motion=read_channel(masks.motion, "motion"),
+        current={n: read_channel(t, n) for n, t in textures[0].items()},
+        history={n: read_channel(t, n) for n, t in textures[1].items()},
+    )
+    masks.release()
+    shaders.release()
+    for texture in (*textures[0].values(), *textures[1].values()):
+        texture.release()
+    return result
+
+
+@pytest.mark.parametrize("broken", [0.0, 0.02])
+@pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
+@pytest.mark.parametrize("reprojection", ["camera", "motion"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_every_feature_and_every_fault(gpu, broken: float, sampling: str, reprojection: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    now_view, then_view = views()
+    now, then = frame(rng, now_view, broken), frame(rng, then_view, broken)
+    pair = pair_matrices(now_view, then_view, *SIZE)
+    got = judge(gpu, now, then, pair, reprojection=reprojection, sampling=sampling)
+    twin = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling, reprojection=reprojection)
+    differ = got.mask != twin.mask
+    ranges = np.uint32(Reason.DISOCCLUDED | Reason.OCCLUDING)
+    hard = differ & ~in_band(twin, got, sampling, THRESHOLDS) & ((got.mask ^ twin.mask) & ~ranges > 0)
+    assert not hard.any(), f"{hard.sum()} differ, first at {np.argwhere(hard)[0]}"
+    assert differ.mean() <= FLIPS
+    np.testing.assert_array_equal(got.combos, np.bincount(got.mask.ravel(), minlength=1 << 16))
+    counts = counts_of(got.combos)
+    assert (counts["invalid"] > 0) == (broken > 0)
+    # Every reason there is takes part, or the comparison above shows nothing.
+    for name in ("sky", "history_sky", "outside", "position", "normal", "direct", "indirect", "color", "disoccluded",
+                 "occluding", "lit", "shadowed"):  # fmt: skip
+        assert counts[name] > 0, name
+    for i, feature in enumerate(FEATURES):
+        tail, expected = (np.cumsum(x[:0:-1]) for x in (got.histograms[i], twin.histogram(feature)))
+        assert np.abs(tail - expected).max() <= FLIPS * got.mask.size
+
+
+def test_what_is_behind_is_decided_before_dividing(gpu) -> None:
+    """A step forward past the near surfaces: they are behind the previous near plane or camera; motion is 0 there."""
+    rng = np.random.default_rng(5)
+    now_view, then_view = views(turn=95.0, step=(0, 0, 0))
+    pair = pair_matrices(now_view, then_view, *SIZE)
+    got = judge(gpu, frame(rng, now_view, 0), frame(rng, then_view, 0), pair)
+    twin = pair_masks(got.current, got.history, pair, THRESHOLDS)
+    behind = got.mask & Reason.BEHIND > 0
+    assert 0.2 < behind.mean() < 1
+    assert (behind != (twin.mask & Reason.BEHIND > 0)).mean() <= FLIPS
+    assert not got.motion[behind].any() and np.isfinite(got.motion).all()
+
+
+@pytest.mark.parametrize("declared", [Reason.FIRST, Reason.CUT])
+def test_a_declared_frame_compares_nothing(gpu, declared: Reason) -> None:
+    rng = np.random.default_rng(6)
+    now_view, then_view = views()
+    got = judge(gpu, frame(rng, now_view, 0.1), frame(rng, then_view, 0.1), pair_matrices(now_view, then_view, *SIZE),
+                declared=int(declared))  # fmt: skip
+    assert np.all(got.mask & NOT_COMPARABLE == declared)
+    assert not got.histograms.any()
+    counts = counts_of(got.combos)
+    assert counts[declared.name.lower()] == counts["pixels"]
+
+
+def test_one_broken_value_is_one_invalid_pixel(gpu) -> None:
+    """Still camera, one NaN: in the current frame it costs its own pixel, in the history the one that reads it."""
+    rng = np.random.default_rng(7)
+    view = views()[1]
+    pair = pair_matrices(view, view, *SIZE)
+    clean = frame(rng, view, 0)
+    for name in ("position", "normal", *RADIANCE):
+        for broken_now in (True, False):
+            for value in (np.nan, np.inf):
+                spoiled = {n: v.copy() for n, v in clean.items()}
+                spoiled[name][40, 60, 1] = value
+                pairs = (spoiled, clean) if broken_now else (clean, spoiled)
+                for sampling in ("nearest", "bilinear"):
+                    got = judge(gpu, *pairs, pair, sampling=sampling)
+                    expected = np.zeros_like(got.mask, dtype=bool)
+                    expected[40, 60] = True
+                    np.testing.assert_array_equal(got.mask & Reason.INVALID > 0, expected)
+                    np.testing.assert_array_equal(got.mask[~expected] & ~np.uint32(Reason.SKY | Reason.HISTORY_SKY), 0)
+
+
+def test_features_not_given_are_not_judged(gpu) -> None:
+    rng = np.random.default_rng(8)
+    now_view, then_view = views()
+    now, then = frame(rng, now_view, 0), frame(rng, then_view, 0)
+    pair = pair_matrices(now_view, then_view, *SIZE)
+    full = judge(gpu, now, then, pair)
+    lean = judge(gpu, now, then, pair, radiance=())
+    radiance = np.uint32(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR | Reason.LIT | Reason.SHADOWED)
+    assert not (lean.mask & radiance).any()
+    np.testing.assert_array_equal(lean.mask, full.mask & ~radiance)
