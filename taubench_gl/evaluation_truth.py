@@ -75,7 +75,7 @@ def evaluate_truth(
     """
     settings, options = settings or Settings(), options or TruthOptions()
     sequence = TruthSequence.open(spec, mapping=options.mapping, layer=options.layer)
-    camera, fps = _camera(options, settings)
+    camera, fps = choose_truth_camera(options, settings)
     settings = replace(settings, width=sequence.size[0], height=sequence.size[1], fps=fps)
     frames = sequence.select(settings.frames)
     if out is None:
@@ -84,7 +84,7 @@ def evaluate_truth(
         return _run(sequence, camera, frames, settings, options, writer, progress, on_pair)
 
 
-def _camera(options: TruthOptions, settings: Settings) -> tuple[TruthCamera, float]:
+def choose_truth_camera(options: TruthOptions, settings: Settings) -> tuple[TruthCamera, float]:
     """Where the camera comes from, and the frame rate to go with it."""
     if options.camera_file is not None:
         camera = SidecarCamera(options.camera_file)

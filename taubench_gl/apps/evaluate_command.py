@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.options import Frames, Size, Threshold, Words, gpu_options, scene_options, truth_options
-from taubench_gl.errors import TaubenchError
+from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, Settings
 
 if TYPE_CHECKING:
@@ -142,10 +142,18 @@ def _evaluate_one(
 ) -> Run:
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.screen import ProgressBar
-    from taubench_gl.evaluation_truth import TruthOptions
+    from taubench_gl.reference.sequence import is_sequence
 
+    more: dict[str, Any] = {}
+    if is_sequence(scene):
+        from taubench_gl.evaluation_truth import TruthOptions
+
+        more["truth"] = TruthOptions(**truth)
+    elif any(truth.values()):
+        given = next(name for name, value in truth.items() if value).replace("_", "-").removesuffix("s")
+        raise SettingsError(f"--{given} is for path-traced files", where=scene, hint="name them exr:DIR")
     with ProgressBar(Path(scene).name) as progress:
-        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, truth=TruthOptions(**truth))
+        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, **more)
 
 
 def _show(runs: list[Run]) -> None:

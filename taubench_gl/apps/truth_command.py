@@ -1,4 +1,4 @@
-"""``taubench-gl truth``: path-traced references, rendered with Blender's Cycles."""
+"""``taubench-gl truth``: path-traced references, rendered with Blender's Cycles, and their conventions checked."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taubench_gl.settings import Settings
 
 @click.group()
 def truth() -> None:
-    """Path-traced references: render them, measure their noise."""
+    """Path-traced references: render them with Cycles, check their conventions."""
 
 
 @truth.command(
@@ -100,3 +100,37 @@ class _Lines:
         left = sum(self._seconds) / len(self._seconds) * (progress.total - progress.done)
         line = f"frame {progress.done}/{progress.total}: {progress.seconds:.1f} s, {left:.0f} s left"
         click.echo(("\r" if sys.stderr.isatty() else "") + line, err=True)
+
+
+@truth.command(
+    epilog="""\b
+Examples:
+  taubench-gl truth check exr:renders --camera-file renders/camera.json
+  taubench-gl truth check exr:renders --scene-file scene.glb --mapping falcor"""
+)
+@click.argument("spec", metavar="exr:DIR")
+@click.option("--camera-file", metavar="JSON", help="Camera sidecar.")
+@click.option("--scene-file", metavar="SCENE", help="glTF file whose camera took the pictures.")
+@click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
+@click.option("--mapping", metavar="NAME|FILE", help="Pass names; blender, mitsuba, falcor or TOML.")
+@click.option("--layer", metavar="NAME", help="View layer.  [default: the one with most passes]")
+@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
+def check(spec: str, **options: Any) -> int:
+    """Find wrong axes, flipped rows, units, motion the wrong way round, and a camera that took other pictures.
+
+    Looks at the first two frames.  The exit code is 2 if something is wrong.
+    """
+    from taubench_gl.evaluation_truth import TruthOptions, choose_truth_camera
+    from taubench_gl.frame.truth_check import check_sequence
+    from taubench_gl.reference.sequence import TruthSequence
+
+    sequence = TruthSequence.open(spec, mapping=options["mapping"], layer=options["layer"])
+    given = options["camera_file"] is not None or options["scene_file"] is not None
+    told = TruthOptions(camera_file=options["camera_file"], scene_file=options["scene_file"])
+    camera, _ = choose_truth_camera(told, Settings(fps=options["fps"], camera=options["camera"]))
+    frames = range(sequence.frames[0], sequence.frames[0] + (2 if sequence.frames[0] + 1 in sequence.files else 1))
+    faults = 0
+    for finding in check_sequence(sequence, camera if given else None, frames):
+        faults += bool(finding.fault)
+        click.echo(f"{finding.what}: {'WRONG: ' + finding.fault if finding.fault else 'ok'} ({finding.detail})")
+    return 2 if faults else 0

@@ -64,6 +64,7 @@ class LightStage:
                 (center, radius * BOUND_MARGIN),
                 resolution=settings.shadow_size,
                 colored_materials=renderer.colored,
+                draws=renderer.draws,
             )
             self._casters = Casters(len(renderer.draws))
             self._bounds = DrawBounds(scene, renderer.draws)
@@ -109,7 +110,8 @@ class LightStage:
                 world = placement.world
                 bounds, poses = self._bounds.at(state, world), self._bounds.poses(state, world)
                 self._casters.update(bounds, poses, placement.visible)
-                self._shadow.run(state, view, rows, self._renderer.buffers, self._renderer.materials, self._casters)
+                buffers, materials = self._renderer.buffers, self._renderer.materials
+                self._shadow.run(state, view, rows, buffers, materials, self._casters, placement)
         with self._timer.measure("direct"):
             self.lighting.run(view, rows, textures, self._shadow)
         if self._indirect is not None:
@@ -119,6 +121,15 @@ class LightStage:
         if self._color is not None:
             with self._timer.measure("color"):
                 self._color.run(self.lighting.parameters, textures)
+
+    @property
+    def redrawn_faces(self) -> int:
+        """Shadow faces drawn for the current frame; the others still held what they should show."""
+        return 0 if self._shadow is None else self._shadow.redrawn
+
+    def shadow_depths(self) -> Array | None:
+        """The shadow atlas, (h, w) float32 reversed Z, row 0 at the bottom; None without shadows."""
+        return None if self._shadow is None else self._shadow.depths()
 
     @property
     def bytes(self) -> int:

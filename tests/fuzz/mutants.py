@@ -110,7 +110,7 @@ def write_gltf_mutants(folder: Path, count: int, seed: int) -> None:
             kind = rng.random()
             if kind < 0.55:
                 _damage_json(mutant, rng)
-            elif kind < 0.8:  # a float of the buffer becomes an awkward one
+            elif kind < 0.8 and len(data) >= 4:  # a float of the buffer becomes an awkward one
                 at = 4 * rng.randrange(len(data) // 4)
                 data[at : at + 4] = struct.pack("<f", rng.choice(FLOATS))
             elif kind < 0.95:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,8 +10,10 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.passes.gbuffer import FRAME
+from taubench_gl.frame.records import RECORD, Placement, RecordTable
 from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
 from taubench_gl.frame.shadow_faces import Face
 from taubench_gl.gpu.context import Gpu
@@ -56,6 +59,36 @@ class Casters:
         return seen, face.key + seen.tobytes() + self.versions[seen].tobytes()
 
 
+class AnchoredRecords:
+    """A record table relative to a fixed point instead of the camera.
+
+    What is drawn with it has the same bits wherever the camera is, so a map drawn long ago is the map that would be
+    drawn now.  Posed draws have their place in their vertices, which are relative to the camera: they keep that.
+    """
+
+    def __init__(self, gpu: Gpu, draws: tuple[Draw, ...], origin: Array):
+        self.origin = np.asarray(origin, dtype=np.float64)
+        self._table = RecordTable(draws)
+        self._posed = np.array([d.posed for d in draws], dtype=bool)
+        self.buffer = gpu.ctx.buffer(reserve=max(len(draws), 1) * RECORD.dtype.itemsize, dynamic=True)
+        self._written = b""
+
+    def update(self, placement: Placement) -> None:
+        """Follow the draws; nothing is uploaded while they stand still."""
+        state = placement.world.tobytes()
+        if state == self._written:
+            return
+        self._written = state
+        relative = placement.world.copy()
+        relative[:, :3, 3] -= self.origin
+        relative[self._posed] = np.eye(4)
+        at = dataclasses.replace(placement, relative=relative)
+        self.buffer.write(self._table.update(at, at).tobytes())
+
+    def release(self) -> None:
+        self.buffer.release()
+
+
 class FaceDrawer:
     """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
 
@@ -74,41 +107,47 @@ class FaceDrawer:
         program_of: Callable[[Group], Program],
         *,
         depth_test: bool = True,
+        anchor: AnchoredRecords | None = None,
     ) -> None:
-        """Clear and redraw each face.  Nothing is culled by facing: both sides of a surface stop light."""
+        """Clear and redraw each face.  Nothing is culled by facing: both sides of a surface stop light.
+
+        ``anchor``: up to date, for maps that must not depend on where the camera was when they were drawn.
+        """
         if not stale:
             return
         ctx = self._gpu.ctx
         runs = self._upload([seen for _, _, seen in stale], scene)
-        self._upload_frames([face for face, _, _ in stale], view)
+        origins = [view.position if anchor is None else anchor.origin, view.position]  # of fixed and of posed draws
+        self._upload_frames([face.clip_from_relative(o) for face, _, _ in stale for o in origins], stale)
         framebuffer.use()
         ctx.enable_only(moderngl.DEPTH_TEST if depth_test else moderngl.NOTHING)
         ctx.depth_func = ">"
-        scene.records.bind_to_storage_buffer(0)
+        (scene.records if anchor is None else anchor.buffer).bind_to_storage_buffer(0)
         materials.buffer.bind_to_storage_buffer(1)
         for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
             viewport = (x, y, face.resolution, face.resolution)
             framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=viewport)
             framebuffer.viewport = viewport
-            self._frames.bind_to_storage_buffer(2, offset=at * STRIDE, size=FRAME.dtype.itemsize)
             for group, first, count in groups:
+                row = 2 * at + group.posed
+                self._frames.bind_to_storage_buffer(2, offset=row * STRIDE, size=FRAME.dtype.itemsize)
                 how = program_of(group)
                 materials.bind(group.material, how.program, how.slots)
                 scene.draw_commands(group, how.program, self._commands, first, count)
         materials.unbind()
 
-    def _upload_frames(self, faces: list[Face], view: View) -> None:
-        """One record per face, all written before the first draw.
+    def _upload_frames(self, matrices: list[Array], stale: list[tuple[Face, tuple[int, int], Array]]) -> None:
+        """Two records per face, for fixed and for posed draws, all written before the first draw.
 
         Rewriting one record between draws would be a race on Mesa's llvmpipe: it shades fragments later, and they would
         read the last face's record.
         """
-        payload = np.zeros((len(faces), STRIDE), dtype=np.uint8)
-        for row, face in zip(payload, faces, strict=True):
+        payload = np.zeros((len(matrices), STRIDE), dtype=np.uint8)
+        for i, matrix in enumerate(matrices):
             record = FRAME.zeros()
-            record["clip_from_relative"] = column_major(face.clip_from_relative(view.position))
-            record["forward"][:3] = face.forward
-            row[: FRAME.dtype.itemsize] = np.frombuffer(record.tobytes(), dtype=np.uint8)
+            record["clip_from_relative"] = column_major(matrix)
+            record["forward"][:3] = stale[i // 2][0].forward
+            payload[i, : FRAME.dtype.itemsize] = np.frombuffer(record.tobytes(), dtype=np.uint8)
         self._frames = self._fitted(self._frames, payload)
 
     def _fitted(self, buffer: moderngl.Buffer, payload: Array) -> moderngl.Buffer:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import moderngl
 import numpy as np
 
 from taubench_gl.animation import FrameState, View
+from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey, MaterialTable
-from taubench_gl.frame.passes.faces import Casters, FaceDrawer, Program
+from taubench_gl.frame.passes.faces import AnchoredRecords, Casters, FaceDrawer, Program
 from taubench_gl.frame.passes.gbuffer import geometry_preamble
+from taubench_gl.frame.records import Placement
 from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
 from taubench_gl.gpu.context import Gpu
@@ -31,6 +35,7 @@ class ShadowPass:
         *,
         resolution: int,
         colored_materials: frozenset[int],
+        draws: tuple[Draw, ...],
     ):
         self._gpu, self._shaders, self._scene = gpu, shaders, scene
         self._lights, self._bounds = lights, bounds
@@ -48,10 +53,15 @@ class ShadowPass:
         self.rows = FACE.zeros(max(len(faces), 1))
         self.buffer = gpu.ctx.buffer(reserve=self.rows.nbytes, dynamic=True)
         self._drawer = FaceDrawer(gpu)
+        self._anchor = AnchoredRecords(gpu, draws, bounds[0])
 
     @property
     def bytes(self) -> int:
         return 4 * self.atlas.width * self.atlas.height
+
+    def depths(self) -> Array:
+        """The atlas, (h, w) float32 reversed Z, row 0 at the bottom."""
+        return np.frombuffer(self.atlas.read(), np.float32).reshape(self.atlas.height, self.atlas.width)
 
     def run(
         self,
@@ -61,6 +71,7 @@ class ShadowPass:
         scene: SceneBuffers,
         materials: MaterialTable,
         casters: Casters,
+        placement: Placement,
     ) -> None:
         """Redraw stale faces and fill in the face table and the lights' shadow fields for this frame's camera."""
         faces = faces_of(self._scene, state, self._lights, self._bounds, self._resolution)
@@ -80,7 +91,10 @@ class ShadowPass:
                 stale.append((face, self._offsets[i], seen))
         self.buffer.write(self.rows.tobytes())
         self.redrawn = len(stale)
-        self._drawer.draw(stale, self._framebuffer, view, scene, materials, lambda g: self._program(g, materials))
+        if stale:
+            self._anchor.update(placement)
+        program_of = partial(self._program, materials=materials)
+        self._drawer.draw(stale, self._framebuffer, view, scene, materials, program_of, anchor=self._anchor)
 
     def _fill(self, i: int, face: Face, view: View) -> None:
         row, (x, y) = self.rows[i], self._offsets[i]
@@ -104,5 +118,5 @@ class ShadowPass:
         return Program(program, slots)
 
     def release(self) -> None:
-        for item in (self._framebuffer, self.atlas, self.buffer, self._drawer):
+        for item in (self._framebuffer, self.atlas, self.buffer, self._drawer, self._anchor):
             item.release()

@@ -1,0 +1,112 @@
+"""A shadow face is redrawn only when what it sees has moved, and nobody can tell from the picture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from light_tools import facing, floor, lambert, opened, shoot
+
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn_y
+
+SIZE = {"shadow_size": 128, "width": 96, "height": 64}
+
+
+def street(*, move_box: bool = False, move_light: bool = False, still_skin: bool = False) -> Scene:
+    """A floor, two boxes left and right of a point light, a spot and a sun; the camera walks and turns."""
+    b = SceneBuilder()
+    material = lambert(b)
+    floor(b, 6.0, material=material)
+    right = b.node(mesh=b.mesh(box((0.4, 0.5, 0.4), material=material)), translation=(2.0, 0.5, 0.0))
+    b.node(mesh=b.mesh(box((0.3, 0.7, 0.3), material=material)), translation=(-2.0, 0.7, 0.3), rotation=turn_y(30.0))
+    b.node(mesh=b.mesh(sphere(0.5)), translation=(0.0, 0.5, -2.0))
+    lamp = b.light(translation=(0.0, 1.0, 0.1), kind="point", intensity=10.0)
+    b.light(translation=(-4.0, 3.0, 1.0), rotation=facing((2.0, -2.0, -0.5)), kind="spot", intensity=60.0)
+    b.light(rotation=facing((-0.5, -1.0, -0.3)), kind="directional", intensity=1.0)
+    if move_box:
+        b.animate(right, "translation", [0.0, 1.0], [(2.0, 0.5, -0.3), (2.0, 0.5, 0.3)])
+    if move_light:
+        b.animate(lamp, "translation", [0.0, 1.0], [(0.0, 1.0, 0.1), (0.0, 1.2, 0.1)])
+    camera = b.camera(yfov=1.0, znear=0.05)
+    b.animate(camera, "translation", [0.0, 1.0], [(0.3, 1.7, 5.03), (0.91, 2.13, 4.1)])
+    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(-3.0), turn_y(9.0)])
+    return b.build()
+
+
+FACES = 6 + 1 + 1
+
+
+def test_a_moving_camera_redraws_nothing(gpu):
+    with opened(gpu, street(), **SIZE) as source:
+        redrawn = []
+        for frame in range(6):
+            shoot(source, frame)
+            redrawn.append(source.light.redrawn_faces)
+    assert redrawn == [FACES, 0, 0, 0, 0, 0]
+
+
+def test_a_moving_object_redraws_the_faces_that_see_it(gpu):
+    """The box at +X: the point light's +X face alone (|y|, |z| stay below x), the spot that faces it, and the sun."""
+    with opened(gpu, street(move_box=True), **SIZE) as source:
+        redrawn = []
+        for frame in range(4):
+            shoot(source, frame)
+            redrawn.append(source.light.redrawn_faces)
+    assert redrawn == [FACES, 3, 3, 3]
+
+
+def test_a_moving_light_redraws_its_own_faces(gpu):
+    with opened(gpu, street(move_light=True), **SIZE) as source:
+        redrawn = []
+        for frame in range(4):
+            shoot(source, frame)
+            redrawn.append(source.light.redrawn_faces)
+    assert redrawn == [FACES, 6, 6, 6]
+
+
+def test_a_light_that_is_off_draws_no_map(gpu):
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad()))
+    lamp = b.light(translation=(0.0, 0.0, 2.0), kind="point")
+    b.animate(lamp, "scale", [0.0, 0.5], [(1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], "STEP")
+    b.camera(translation=(0.0, 0.0, 3.0))
+    with opened(gpu, b.build(), fps=4.0, **SIZE) as source:
+        counts = []
+        for frame in range(4):
+            shot = shoot(source, frame)
+            counts.append((source.light.redrawn_faces, bool(shot.direct.max() > 0)))
+    assert counts == [(6, True), (0, True), (0, False), (0, False)]
+
+
+@pytest.mark.parametrize("moving", [{}, {"move_box": True}, {"move_light": True}])
+@pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
+def test_the_cache_does_not_show(gpu, moving, shadow_filter):
+    """Bit for bit: frame 20 after nineteen others is frame 20 drawn alone, whatever the cache held."""
+    scene = street(**moving)
+    settings = SIZE | {"shadow_filter": shadow_filter}
+    with opened(gpu, scene, **settings) as source:
+        walked = [shoot(source, frame) for frame in range(0, 24, 3)]
+    for i, frame in enumerate(range(0, 24, 3)):
+        with opened(gpu, scene, **settings) as source:
+            alone = shoot(source, frame)
+        assert np.array_equal(walked[i].direct, alone.direct), f"frame {frame}"
+
+
+def test_two_runs_give_the_same_bits(gpu):
+    pictures = []
+    for _ in range(2):
+        with opened(gpu, street(move_box=True, move_light=True), sky=(0.1, 0.2, 0.3), **SIZE) as source:
+            pictures.append([shoot(source, frame).direct for frame in range(4)])
+    assert np.array_equal(*pictures)
+
+
+def test_a_kept_map_is_the_map_that_would_be_drawn_now(gpu):
+    """The whole atlas, bit for bit, from two cameras metres apart: a far stricter question than what pixels show."""
+    atlases = []
+    for frames in ((23,), (0, 11, 23), (5,)):
+        with opened(gpu, street(), **(SIZE | {"shadow_size": 512})) as source:
+            for frame in frames:
+                shoot(source, frame)
+            atlases.append(source.light.shadow_depths().copy())
+    assert (atlases[0] > 0).mean() > 0.2
+    assert np.array_equal(atlases[0], atlases[1]) and np.array_equal(atlases[0], atlases[2])

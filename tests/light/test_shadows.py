@@ -1,0 +1,213 @@
+"""Shadows of a box on a plane against exact ray casting, light swept from grazing to overhead.
+
+The tolerance everywhere is the map's own resolution: a pixel counts where every ray within ``TEXELS`` texels of its own
+gives one answer (``Case.band``), and there not one pixel may be wrong.  At 1 texel a few bilinear taps still reach over.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from light_tools import FLAT, facing, floor, lambert, look, look_down, opened, picture, shoot
+from shadow_tools import Case, on_plane, visibility
+
+from taubench_gl.scene.model import Image, Scene, Texture
+from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
+
+TEXELS = 1.5
+SIZE = 256
+KINDS = ("directional", "point", "spot")
+
+
+@pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
+@pytest.mark.parametrize("azimuth", [0.0, 30.0])
+@pytest.mark.parametrize("elevation", [1.0, 5.0, 20.0, 45.0, 70.0, 90.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_box_on_a_plane(gpu, kind, elevation, azimuth, shadow_filter):
+    case = Case(kind, elevation, azimuth)
+    shot, lit = visibility(gpu, case.scene(), shadow_size=SIZE, shadow_filter=shadow_filter)
+    plane = on_plane(shot) & np.isfinite(lit)
+    sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
+    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to judge"
+    assert np.all(lit[sure_lit] > 0.999), f"{np.sum(lit[sure_lit] <= 0.999)} lit pixels are shadowed (acne)"
+    assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit (detached)"
+    # And the shadow's area, by pixels of equal area: all of the difference lies in the band.
+    expected, got = np.mean(case.blocked(shot.points)[plane]), np.mean(1.0 - lit[plane])
+    assert abs(expected - got) < 0.5 * np.mean(~(sure_lit | sure_dark)[plane]) + 1e-3
+
+
+@pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
+@pytest.mark.parametrize("elevation", [0.5, 2.0, 5.0, 10.0, 30.0, 60.0, 90.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_acne_on_a_bare_plane(gpu, kind, elevation, shadow_filter):
+    """Half a degree above the plane is 89.5 degrees from its normal."""
+    for azimuth in (0.0, 17.0, 45.0):
+        scene = Case(kind, elevation, azimuth).scene(with_box=False)
+        shot, lit = visibility(gpu, scene, shadow_size=64, shadow_filter=shadow_filter)
+        judged = on_plane(shot) & np.isfinite(lit)
+        assert judged.mean() > 0.9
+        assert np.all(lit[judged] > 0.999)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_acne_on_a_plane_of_any_slope(gpu, kind):
+    """A slanted plane far from the world's origin, seen in perspective: no axis of anything is aligned."""
+    b = SceneBuilder()
+    offset = np.array([40.0, -25.0, 60.0])
+    turn = facing((0.3, 0.5, -0.8))
+    root = b.node(translation=offset, rotation=turn)
+    b.node(root, mesh=b.mesh(quad(4.0, 4.0, material=lambert(b))), rotation=FLAT)
+    towards = np.array([0.9, 0.12, 0.35])
+    b.light(root, translation=5 * towards, rotation=facing(-towards), kind=kind, intensity=10.0, outer_cone=1.0)
+    camera = b.camera(root, translation=(1.0, 2.0, 4.0), rotation=facing((-1.0, -2.0, -4.0)), znear=0.01)
+    assert camera > 0
+    shot, lit = visibility(gpu, b.build(), shadow_size=64)
+    judged = shot.surface & np.isfinite(lit)
+    assert judged.mean() > 0.4 and np.all(lit[judged] > 0.999)
+
+
+@pytest.mark.parametrize("elevation", [10.0, 45.0, 80.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_shadow_touches_the_boxs_foot(gpu, kind, elevation):
+    """Close up: along the foot on the far side no light shows, from the first texel on."""
+    case = Case(kind, elevation)
+    scene = case.scene()
+    scene = dataclasses.replace(scene, cameras=(dataclasses.replace(scene.cameras[0], xmag=0.25, ymag=0.25),))
+    node = int(scene.camera_nodes[0])
+    scene.nodes.translation[node] = (-0.5, 8.0, 0.0)  # over the foot that faces away from the light
+    shot, lit = visibility(gpu, scene, shadow_size=SIZE)
+    plane = on_plane(shot)
+    x = shot.points[..., 0]
+    texel = float(np.median(case.texel(SIZE, shot.points)[plane]))
+    length = 1.0 / np.tan(np.radians(elevation))
+    tip = -0.5 - length + 2 * texel / np.sin(np.radians(elevation))
+    beside = plane & (x < -0.5) & (x > max(-0.5 - 0.5 * length, tip, -0.7))
+    assert beside.any(), "the close-up shows no shadow"
+    gap = -0.5 - x[beside & (lit > 0.5)]
+    assert not len(gap), f"light up to {gap.max() / texel:.2f} texels beside the foot"
+
+
+@pytest.mark.parametrize("kind", ["directional", "point"])
+def test_a_balls_terminator(gpu, kind):
+    """Convex: whatever faces the light is lit.  Flat facets and texels may only blur the last degrees."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(dataclasses.replace(sphere(1.0, 48), material=lambert(b))))
+    towards = np.array([1.0, 0.4, 0.3]) / np.linalg.norm([1.0, 0.4, 0.3])
+    b.light(translation=6 * towards, rotation=facing(-towards), kind=kind, intensity=10.0)
+    look(b, (0.0, 0.0, 3.2), (0.0, 0.0, 0.0), yfov=0.75)
+    shot, lit = visibility(gpu, b.build(), shadow_size=SIZE)
+    n = shot["geometric_normal"][..., :3]
+    ray = np.broadcast_to(towards, n.shape) if kind == "directional" else 6 * towards - shot.points
+    cosine = np.sum(n * ray, axis=-1) / np.linalg.norm(ray, axis=-1)
+    away = np.degrees(np.arcsin(np.clip(cosine, -1, 1)))
+    judged = shot.surface & np.isfinite(lit)
+    assert np.all(lit[judged & (away > 3.0)] > 0.999)
+    assert np.mean(1.0 - lit[judged]) < 0.002
+
+
+def masked_card() -> Scene:
+    """A card at y = 1 whose texture is cut out on the left half, over a floor, sun overhead."""
+    pixels = np.full((8, 8, 4), 255, dtype=np.uint8)
+    pixels[:, :4, 3] = 0
+    b = SceneBuilder()
+    floor(b, 3.0, material=lambert(b))
+    material = lambert(b, alpha_mode="MASK", base_color_texture=Texture(0), double_sided=True)
+    card = quad(1.0, 1.0, material=material)
+    uv = (card.positions[:, :2] * np.array([0.5, -0.5]) + 0.5).astype(np.float32)
+    b.node(mesh=b.mesh(dataclasses.replace(card, texcoords=(uv, None))), translation=(0, 1, 0), rotation=FLAT)
+    b.light(rotation=facing((-1.0, -1.0, 0.0)), kind="directional", intensity=3.0)
+    look_down(b, 3.0)
+    return dataclasses.replace(b.build(), images=(Image("cut", (8, 8), lambda: pixels),))
+
+
+def test_a_masked_caster_casts_what_is_left_of_it(gpu):
+    shot, lit = visibility(gpu, masked_card(), shadow_size=SIZE)
+    plane = on_plane(shot)
+    x, z = shot.points[..., 0], shot.points[..., 2]
+    # The sun travels one metre left per metre down: the right half's shadow is x in [-1, 0].
+    inside = (np.abs(x + 0.5) < 0.45) & (np.abs(z) < 0.95)
+    outside = ~((np.abs(x + 0.5) < 0.55) & (np.abs(z) < 1.05))
+    assert (plane & inside).sum() > 500
+    assert np.all(lit[plane & inside] < 0.001) and np.all(lit[plane & outside] > 0.999)
+
+
+def posed_box(how: str) -> Scene:
+    """The same half-metre box at (1, 0.5, 0.25): moved by its node, its joint, or its morph target."""
+    b = SceneBuilder()
+    floor(b, material=lambert(b))
+    to = np.array([1.0, 0.5, 0.25])
+    shape = box((0.5, 0.5, 0.5), material=lambert(b))
+    if how == "rigid":
+        b.node(mesh=b.mesh(shape), translation=to)
+    elif how == "skinned":
+        joint = b.node()
+        b.animate(joint, "translation", [0.0, 1.0], [(-1.0, 2.0, 0.0), to])
+        count = len(shape.positions)
+        b.node(mesh=b.mesh(skinned(shape, np.zeros((count, 1)), np.ones((count, 1)))), skin=b.skin([joint]))
+    else:
+        node = b.node(mesh=b.mesh(morphed(shape, np.tile(to, (len(shape.positions), 1))), weights=[0.0]))
+        b.animate(node, "weights", [0.0, 1.0], [[0.0], [1.0]])
+    b.light(translation=(4.0, 5.0, 1.0), kind="point", intensity=50.0)
+    look_down(b, 4.0)
+    return b.build()
+
+
+@pytest.mark.parametrize("how", ["skinned", "morphed"])
+def test_deformed_casters_cast_the_posed_shape(gpu, how):
+    still = picture(gpu, posed_box("rigid"), shadow_size=SIZE, width=160, height=160)
+    with opened(gpu, posed_box(how), shadow_size=SIZE, width=160, height=160, fps=24) as source:
+        before = shoot(source, 0)
+        posed = shoot(source, 24)
+    differ = np.abs(posed.direct - still.direct).max(axis=-1) > 1e-3 * still.direct.max()
+    moved = np.abs(before.direct - still.direct).max(axis=-1) > 1e-3 * still.direct.max()
+    assert moved.sum() > 300, "the pose changes nothing, so nothing is shown"
+    assert differ.sum() <= 3  # rounding of the pose at a texel's edge
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_moving_caster_takes_its_shadow_along(gpu, kind):
+    case = Case(kind, 45.0)
+    scene = case.scene()
+    b = SceneBuilder()
+    material = lambert(b, 0.5)
+    floor(b, 4.0, material=material)
+    node = b.node(mesh=b.mesh(box(case.half, material=material)))
+    path = np.array([[-1.5, 0.5, -1.0], [1.0, 1.0, 1.5]])
+    b.animate(node, "translation", [0.0, 1.0], path)
+    b.light(translation=case.place, rotation=facing(-case.towards), kind=kind, intensity=10.0, outer_cone=0.87)
+    look_down(b, 4.0)
+    scene = b.build()
+    with opened(gpu, scene, shadow_size=SIZE, width=160, height=160) as source:
+        for frame in (0, 10, 24):
+            shot = shoot(source, frame)
+            now = dataclasses.replace(case, center=tuple(path[0] + frame / 24 * (path[1] - path[0])))
+            plane = on_plane(shot) & (np.hypot(shot.points[..., 0], shot.points[..., 2]) < 3.0)
+            lit, dark = (s & plane for s in now.band(shot.points, 2 * TEXELS, SIZE))
+            assert dark.sum() > 100
+            assert np.all(shot.direct[dark] == 0) and np.all(shot.direct[lit] > 0)
+
+
+def test_bilinear_edges_are_graded_and_hard_edges_are_not(gpu):
+    scene = Case("directional", 45.0, 30.0).scene()
+    between = {}
+    for shadow_filter in ("hard", "bilinear"):
+        shot, lit = visibility(gpu, scene, shadow_size=32, shadow_filter=shadow_filter)
+        plane = on_plane(shot)
+        between[shadow_filter] = np.mean((lit[plane] > 0.05) & (lit[plane] < 0.95))
+    assert between["hard"] == 0 and between["bilinear"] > 0.005
+
+
+@pytest.mark.parametrize("turn", [-90.0, 90.0])
+def test_both_sides_of_a_one_sided_triangle_stop_light(gpu, turn):
+    """Culling is for the camera: a card that shows the light its back still casts."""
+    b = SceneBuilder()
+    floor(b, 3.0, material=lambert(b))
+    b.node(mesh=b.mesh(quad(1.0, 1.0)), translation=(0, 1, 0), rotation=turn_x(turn))
+    b.light(rotation=facing((0.0, -1.0, 0.0)), kind="directional", intensity=1.0)
+    look(b, (2.5, 0.5, 2.5), (0.0, 0.0, 0.0), yfov=0.9)
+    shot, lit = visibility(gpu, b.build(), shadow_size=SIZE)
+    plane = on_plane(shot)
+    inside = np.maximum(np.abs(shot.points[..., 0]), np.abs(shot.points[..., 2])) < 0.9
+    assert (plane & inside).sum() > 100 and np.all(lit[plane & inside] < 0.001)
