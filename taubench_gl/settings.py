@@ -104,8 +104,11 @@ class Settings:
         return value * self.unit_scale if feature == "position" else value
 
     def frame_count(self, duration: float) -> int:
-        """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration * fps + 1e-6) (SPEC section 1)."""
-        return math.floor(duration * self.fps + 1e-6) + 1
+        """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration fps (1 + 2^-23) + 1e-6).
+
+        Key times are float32: n / fps rounded down would lose frame n from n = 50 on at 24 fps without the factor.
+        """
+        return math.floor(duration * self.fps * (1.0 + 2.0**-23) + 1e-6) + 1
 
     def frame_range(self, duration: float) -> range:
         """Frame numbers to evaluate, as ``frames`` slices them."""

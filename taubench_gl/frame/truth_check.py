@@ -130,9 +130,7 @@ def _motion(frame: TruthFrame, view: View, previous: View) -> Finding:
         return Finding("motion", "", detail)
     if errors[best] > MOTION_PX:
         # A lone walking figure has no still surface to judge by: no mistake is claimed that could be an animation.
-        return Finding(
-            "motion", "", f"cannot be told: {detail}, so surfaces move by themselves, or it is no motion"
-        )
+        return Finding("motion", "", f"cannot be told: {detail}, so surfaces move by themselves, or it is no motion")
     return Finding("motion", best, f"{detail}, {errors[best]:.3g} px once undone")
 
 

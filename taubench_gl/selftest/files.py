@@ -158,16 +158,17 @@ def weights_all_zero(bench: Bench) -> Outcome:
 
 @case(
     "duration-from-float-keys",
-    what="last key at float32(0.1) s, 10 frames a second: frames",
-    elsewhere="0.10000000149 * 10 is above 1, 0.3 as float32 times 10 is 3.0000001, 0.7 gives 6.99999988: a frame lost",
-    here="floor(duration * fps + 1e-6)",
+    what="last keys at float32(n / fps) s: frames of 50, 100 and 2000 at 24 and of 7 and 23 at 10 a second",
+    elsewhere="float32(50 / 24) * 24 is 49.999998, float32(0.7) * 10 is 6.9999999: the last frame is lost",
+    here="floor(duration * fps * (1 + 2^-23) + 1e-6)",
     source="exact: integers",
 )
 def duration_from_float_keys(bench: Bench) -> Outcome:
-    lasts = [0.1, 0.3, 0.7, 1.1, 2.3]
-    measured = [Settings(fps=10.0).frame_count(float(np.float32(t))) for t in lasts]
-    naive = [int(np.floor(float(np.float32(t)) * 10.0)) + 1 for t in lasts]
-    expected = [round(t * 10) + 1 for t in lasts]
+    lasts = [(50, 24.0), (100, 24.0), (2000, 24.0), (7, 10.0), (23, 10.0)]
+    durations = [float(np.float32(n / fps)) for n, fps in lasts]
+    measured = [Settings(fps=fps).frame_count(t) for t, (_, fps) in zip(durations, lasts, strict=True)]
+    naive = [int(np.floor(t * fps)) + 1 for t, (_, fps) in zip(durations, lasts, strict=True)]
+    expected = [n + 1 for n, _ in lasts]
     off = worst(np.subtract(measured, expected))
     plain = Naive("floor(duration * fps)", str(naive), worst(np.subtract(naive, expected)))
     return Outcome(str(expected), str(measured), off, plain)

@@ -1,7 +1,7 @@
 """Shadows of a box on a plane against exact ray casting, light swept from grazing to overhead.
 
-The tolerance everywhere is the map's own resolution: a pixel counts where every ray within ``TEXELS`` texels of its own
-gives one answer (``Case.band``), and there not one pixel may be wrong.  At 1 texel a few bilinear taps still reach over.
+The tolerance everywhere is the map's own resolution: a pixel counts where every ray within ``TEXELS`` texels of its
+own gives one answer (``Case.band``), and there not one pixel may be wrong.  At 1 texel bilinear taps still reach over.
 """
 
 from __future__ import annotations

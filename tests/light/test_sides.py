@@ -60,13 +60,10 @@ def test_a_mirrored_ball_looks_like_the_ball(gpu, scale):
     assert np.abs(plain.direct - mirrored.direct)[both].mean() < 1e-3
 
 
-@pytest.mark.parametrize("double_sided", [True, False])
-@pytest.mark.parametrize("eye_side", [1.0, -1.0])
+@pytest.mark.parametrize(("eye_side", "double_sided"), [(1.0, True), (1.0, False), (-1.0, True)])
 @pytest.mark.parametrize("degrees", [0.0, 30.0, -50.0])
 def test_a_normal_map_turns_the_light(gpu, degrees, eye_side, double_sided):
     """One texel of slope about the tangent (+X): n = sin a X + cos a Z, seen from either side."""
-    if eye_side < 0 and not double_sided:
-        pytest.skip("nothing to see: the back of a one-sided wall is culled")
     a = np.radians(degrees)
     encoded = np.round((np.array([np.sin(a), 0.0, np.cos(a)]) * 0.5 + 0.5) * 255)
     pixels = np.tile(np.append(encoded, 255).astype(np.uint8), (4, 4, 1))
