@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, OrbitCamera, Poser, View, choose_camera
+from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera, Poser, View, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, FEATURES, SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
@@ -35,7 +35,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 STILL_ORBIT_SECONDS = 2.0
-"""A still scene without a camera is seen from the framing orbit for this long; with a camera it has one frame."""
+"""What a still scene lasts, seen from the framing orbit or a caller's camera; seen from its own, it has one frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,16 +65,18 @@ def evaluate_scene(
     progress: Callable[[Progress], None] | None = None,
     on_pair: Callable[[Pair], None] | None = None,
     channels: tuple[str, ...] = (),
+    camera: CameraTrack | None = None,
 ) -> Run:
     """Evaluate every frame pair of one scene.
 
     ``out`` receives frames.csv row by row and summary.json at the end.  ``on_pair`` sees each pair; ``channels`` are
-    extra channels it wants drawn.  Raises TaubenchError for everything a user can cause.
+    extra channels it wants drawn; ``camera`` takes the place of ``settings.camera``.  Raises TaubenchError for
+    everything a user can cause.
     """
     settings = settings or Settings()
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=settings.scene, animation=settings.animation)
-    camera = choose_camera(scene, settings.camera)
+    camera = camera or choose_camera(scene, settings.camera)
     frames = frame_range(scene, camera, settings)
     if not _draws_anything(scene):
         raise SceneError("no mesh with triangles to draw", where=str(scene.path or scene.name), hint=_what_is_in(scene))
@@ -87,7 +89,7 @@ def evaluate_scene(
 def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
     """Frame numbers of the evaluation.  Raises SettingsError for a slice that leaves none."""
     duration = scene.duration
-    if duration == 0 and isinstance(camera, OrbitCamera):
+    if duration == 0 and not isinstance(camera, FileCamera):
         duration = STILL_ORBIT_SECONDS
     frames = settings.frame_range(duration)
     if not frames:

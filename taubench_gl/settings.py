@@ -50,8 +50,8 @@ class Settings:
     shadow_lights: int = 8  # lights that get shadows, the most significant first
     shadow_filter: str = "bilinear"
     indirect: str = "auto"  # auto | none | rsm | probes
-    indirect_samples: int = 2048  # virtual lights, all lights together
-    probes: int = 1024  # irradiance probes, about
+    indirect_samples: int = 1024  # virtual lights, all lights together
+    probes: int = 768  # irradiance probes, about
     light_error: float = 1e-3  # radiance that light culling may leave out of a tile
     backend: str = "auto"
     device: int | None = None

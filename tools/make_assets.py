@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from gltf_writer import Writer
-from shapes import Shape, box, join, moved, quad, sphere, tube
+from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 
 DURATION = 2.5
 LICENCE = "CC0-1.0, made for taubench-gl"

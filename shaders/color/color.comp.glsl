@@ -1,11 +1,15 @@
 // Colour of a pixel: direct + indirect + emission (or the sky's radiance), exposed, tone-mapped, sRGB-encoded.
 // Writes   color in [0, 1].   Twin   metrics.color
+#include "common/numbers.glsl"
+
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { LightingRecord P; };
+layout(std430, binding = 0) readonly buffer Parameters { ColorRecord P; };
 
 uniform sampler2D position;
+#if HAS_DIRECT
 uniform sampler2D direct;
+#endif
 #if HAS_INDIRECT
 uniform sampler2D indirect;
 #endif
@@ -29,7 +33,10 @@ vec3 tone_map(vec3 x) {
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
-    vec3 radiance = texelFetch(direct, pixel, 0).rgb;
+    vec3 radiance = vec3(0.0);
+#if HAS_DIRECT
+    radiance += texelFetch(direct, pixel, 0).rgb;
+#endif
 #if HAS_INDIRECT
     radiance += texelFetch(indirect, pixel, 0).rgb;
 #endif
@@ -37,6 +44,10 @@ void main() {
     radiance += texelFetch(emission, pixel, 0).rgb;
 #endif
     if (!(texelFetch(position, pixel, 0).w > 0.0)) radiance = P.sky.rgb;
-    vec3 mapped = tone_map(max(radiance * P.exposure, vec3(0.0)));
-    imageStore(color_out, pixel, vec4(srgb(mapped.r), srgb(mapped.g), srgb(mapped.b), 1.0));
+    // Beyond 1e6 every curve has settled at 1, and its products would overflow.
+    vec3 mapped = tone_map(clamp(radiance * P.exposure, 0.0, 1.0e6));
+    vec3 color = vec3(srgb(mapped.r), srgb(mapped.g), srgb(mapped.b));
+    // What is no number is no colour either: the masks count it as INVALID.
+    if (non_finite(radiance)) color = vec3(uintBitsToFloat(0x7fc00000u));
+    imageStore(color_out, pixel, vec4(color, 1.0));
 }

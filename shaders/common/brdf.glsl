@@ -4,6 +4,10 @@
 // (KHR_materials_specular): F0 = 0.04 specular, F90 = specular; 0 is a pure Lambert surface.
 #include "common/affine.glsl"
 
+#ifndef GLOSSY
+#define GLOSSY 1
+#endif
+
 const float PI = 3.14159265358979;
 
 struct Surface {
@@ -24,10 +28,16 @@ Lobes evaluate_brdf(Surface s, vec3 l) {
     Lobes r = Lobes(vec3(0.0), vec3(0.0));
     float n_l = dot(s.n, l);
     if (n_l <= 0.0) return r;
+#if !GLOSSY
+    r.diffuse = s.base_color / PI * n_l; // every dielectric here has specular 0, and nothing is metal
+    return r;
+#else
     float n_v = max(dot(s.n, s.v), 1e-4);
-    vec3 h = safe_normalize(l + s.v);
-    float n_h = clamp(dot(s.n, h), 0.0, 1.0), v_h = clamp(dot(s.v, h), 0.0, 1.0);
-    float schlick = pow(1.0 - v_h, 5.0);
+    vec3 h = l + s.v;
+    float h_length = inversesqrt(max(dot(h, h), 1e-20));
+    float n_h = clamp(dot(s.n, h) * h_length, 0.0, 1.0), v_h = clamp(dot(s.v, h) * h_length, 0.0, 1.0);
+    float away = 1.0 - v_h, away2 = away * away;
+    float schlick = away2 * away2 * away;
     float a2 = s.alpha * s.alpha;
     float f = n_h * n_h * (a2 - 1.0) + 1.0;
     float d = a2 / (PI * f * f);
@@ -38,4 +48,5 @@ Lobes evaluate_brdf(Surface s, vec3 l) {
     r.diffuse = (1.0 - s.metallic) * (1.0 - dielectric_f) * s.base_color / PI * n_l;
     r.glossy = ((1.0 - s.metallic) * dielectric_f + s.metallic * metal_f) * lobe * n_l;
     return r;
+#endif
 }

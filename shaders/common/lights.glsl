@@ -2,6 +2,13 @@
 // Twin: metrics.lighting.incident
 const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0;
 
+// What the scene holds no light of is compiled out; who defines nothing gets all of them.
+#ifndef POINT_LIGHTS
+#define POINT_LIGHTS 1
+#define SPOT_LIGHTS 1
+#define DIRECTIONAL_LIGHTS 1
+#endif
+
 struct Incident {
     vec3 l; // unit, towards the light
     vec3 radiance; // irradiance on a surface that faces the light
@@ -11,11 +18,13 @@ struct Incident {
 Incident incident(LightRecord light, vec3 p) {
     Incident r;
     r.radiance = light.color.rgb;
-    float kind = light.direction.w;
-    if (kind == KIND_DIRECTIONAL) {
+#if DIRECTIONAL_LIGHTS
+    if (light.direction.w == KIND_DIRECTIONAL) {
         r.l = -light.direction.xyz;
         return r;
     }
+#endif
+#if POINT_LIGHTS || SPOT_LIGHTS
     vec3 to_light = light.position.xyz - p;
     // A light on the surface itself must not divide by 0: nearer than MIN_LIGHT_DISTANCE counts as that far.
     float d2 = max(dot(to_light, to_light), MIN_LIGHT_DISTANCE * MIN_LIGHT_DISTANCE);
@@ -26,9 +35,12 @@ Incident incident(LightRecord light, vec3 p) {
         float x = d2 / (range * range);
         r.radiance *= clamp(1.0 - x * x, 0.0, 1.0);
     }
-    if (kind == KIND_SPOT) {
+#if SPOT_LIGHTS
+    if (light.direction.w == KIND_SPOT) {
         float cone = clamp(dot(light.direction.xyz, -r.l) * light.spot.x + light.spot.y, 0.0, 1.0);
         r.radiance *= cone * cone;
     }
+#endif
+#endif
     return r;
 }

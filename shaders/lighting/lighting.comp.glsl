@@ -26,7 +26,7 @@ uniform sampler2D normal;
 uniform sampler2D geometric_normal;
 uniform sampler2D base_color;
 uniform sampler2D material;
-#if SKY
+#if SKY && GLOSSY
 uniform sampler2D albedo_table;
 #endif
 layout(rgba32f, binding = 0) writeonly uniform image2D direct_out;
@@ -35,7 +35,7 @@ layout(rgba32f, binding = 1) writeonly uniform image2D direct_diffuse_out;
 layout(rgba32f, binding = 2) writeonly uniform image2D direct_glossy_out;
 #endif
 
-#if SKY
+#if SKY && GLOSSY
 // What the lobes send to the viewer of a uniform sky: glossy F0 x + F90 y, diffuse 1 - Fresnel with z for Schlick's term.
 vec3 lobe_albedos(float roughness, float n_v) {
     vec2 at = clamp(vec2(n_v, roughness), 0.0, 1.0) * float(textureSize(albedo_table, 0).x - 1);
@@ -86,7 +86,9 @@ void main() {
             diffuse += lobes.diffuse * radiance;
             glossy += lobes.glossy * radiance;
         }
-#if SKY
+#if SKY && !GLOSSY
+        diffuse += s.base_color * P.sky.rgb;
+#elif SKY
         float n_v = max(dot(s.n, s.v), 1e-4);
         vec3 albedo = lobe_albedos(m.y, n_v);
         float dielectric = s.specular * (0.04 * albedo.x + albedo.y);

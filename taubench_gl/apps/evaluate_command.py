@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import Frames, Size, Threshold, Words, gpu_options, scene_options, truth_options
+from taubench_gl.apps.options import (
+    Frames,
+    Size,
+    Threshold,
+    Words,
+    gpu_options,
+    light_options,
+    scene_options,
+    truth_options,
+)
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, Settings
 
@@ -28,6 +37,7 @@ Examples:
   taubench-gl evaluate scene.glb --out results --save masks
   taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
   taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
+  taubench-gl evaluate scene.glb --columns frustum,position,direct --sky 0.2,0.3,0.5 --exposure 0.5
   taubench-gl evaluate exr:renders --camera-file renders/camera.json --lobe glossy
 \b
 With --out, DIR holds summary.json and frames.csv (one row per finished pair, also after an interrupt),
@@ -58,6 +68,7 @@ tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one fold
 @click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
 @click.option("--save", type=Words(*SAVE), default="", help="Also write masks, channels (comma-separated) per pair.")
+@light_options
 @truth_options
 @gpu_options
 def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], **options: Any) -> int:

@@ -55,13 +55,30 @@ class Threshold(click.ParamType):
             self.fail(f"{value!r} is not a threshold such as normal=0.1", param, ctx)
 
 
+class Color(click.ParamType):
+    """``R,G,B``, or one number for a grey -> (r, g, b) floats; the range is checked by Settings."""
+
+    name = "R,G,B"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in value.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) not in (1, 3):
+            self.fail(f"{value!r} is not a radiance such as 0.2,0.4,0.9", param, ctx)
+        return numbers * 3 if len(numbers) == 1 else numbers
+
+
 class Words(click.ParamType):
     """A comma-separated choice of ``words`` -> tuple, in the order given, each once."""
 
     name = "LIST"
 
-    def __init__(self, *words: str):
-        self.words = words
+    def __init__(self, *words: str, verb: str = "save"):
+        self.words, self.verb = words, verb
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
@@ -69,7 +86,7 @@ class Words(click.ParamType):
         chosen = tuple(dict.fromkeys(word.strip() for word in value.split(",") if word.strip()))
         unknown = [word for word in chosen if word not in self.words]
         if unknown:
-            self.fail(f"cannot save {', '.join(unknown)}; choose from {', '.join(self.words)}", param, ctx)
+            self.fail(f"cannot {self.verb} {', '.join(unknown)}; choose from {', '.join(self.words)}", param, ctx)
         return chosen
 
 
@@ -101,6 +118,85 @@ def scene_options(command: Any) -> Any:
         help="Animation to play; may be repeated.  [default: all that fit together]",
     )(command)
     return click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's own]")(command)
+
+
+def light_options(command: Any) -> Any:
+    """What is measured of light, and how it is simulated (docs/light.md)."""
+    from taubench_gl.conventions import COLUMNS
+    from taubench_gl.settings import EFFECTS, INDIRECT, SHADOW_FILTERS, TONE_MAPS, Settings
+
+    default = Settings()
+    for option in reversed(
+        (
+            click.option(
+                "--columns",
+                type=Words(*COLUMNS, verb="measure"),
+                default=",".join(COLUMNS),
+                help=f"Columns of Table 4 to measure, of {','.join(COLUMNS)}.  [default: all]",
+            ),
+            click.option(
+                "--effects",
+                type=click.Choice(EFFECTS),
+                default=default.effects,
+                show_default=True,
+                help="auto: simulate what scene and columns call for.  all: everything, for comparison.",
+            ),
+            click.option(
+                "--sky", type=Color(), default=default.sky, help="Uniform sky radiance, cd/m2, linear.  [default: 0,0,0]"
+            ),
+            click.option(
+                "--exposure",
+                type=float,
+                metavar="VALUE",
+                default=default.exposure,
+                show_default=True,
+                help="Factor on radiance before thresholds and tone map.",
+            ),
+            click.option(
+                "--tone-map", type=click.Choice(TONE_MAPS), default=default.tone_map, show_default=True, help="Of color."
+            ),
+            click.option(
+                "--shadow-size",
+                type=int,
+                metavar="TEXELS",
+                default=default.shadow_size,
+                show_default=True,
+                help="Side of a shadow map, texels; directional lights have four times as many.",
+            ),
+            click.option(
+                "--shadow-lights",
+                type=int,
+                metavar="N",
+                default=default.shadow_lights,
+                show_default=True,
+                help="Lights that cast shadows, the most significant first.",
+            ),
+            click.option(
+                "--shadow-filter",
+                type=click.Choice(SHADOW_FILTERS),
+                default=default.shadow_filter,
+                show_default=True,
+                help="hard: one texel decides.  bilinear: four, weighted.",
+            ),
+            click.option(
+                "--light-error",
+                type=float,
+                metavar="RADIANCE",
+                default=default.light_error,
+                show_default=True,
+                help="Largest radiance, cd/m2 before exposure, that light culling may leave out of a pixel.",
+            ),
+            click.option(
+                "--indirect",
+                type=click.Choice(INDIRECT),
+                default=default.indirect,
+                show_default=True,
+                help="Light of two bounces or more: none, rsm (cheap) or probes (auto).",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
 
 
 def truth_options(command: Any) -> Any:

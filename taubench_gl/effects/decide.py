@@ -37,7 +37,20 @@ def decide(scene: Scene, settings: Settings) -> dict[str, Effect]:
     return effects
 
 
-_FORCEABLE = {"normal_maps", "previous_pose", "direct", "color", "emission", "shadows", "light_culling"}
+_FORCEABLE = {
+    "normal_maps",
+    "previous_pose",
+    "direct",
+    "point_lights",
+    "spot_lights",
+    "directional_lights",
+    "glossy",
+    "sky",
+    "color",
+    "emission",
+    "shadows",
+    "light_culling",
+}
 
 
 def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]:
@@ -92,7 +105,8 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     sky = any(settings.sky)
     emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
     lit, glowing = bool(kinds) or sky, bool(emitters)
-    wants_direct = bool(asked & {"direct", "color"})
+    # Indirect light starts from what the lights give directly.
+    wants_direct = bool(asked & {"direct", "color"}) or ("indirect" in asked and settings.indirect != "none")
     effects = {
         f"{kind}_lights": Effect(
             kinds.count(kind) > 0 and wants_direct, _count(kinds.count(kind), f"{kind} light", f"{kind} lights")
@@ -102,6 +116,11 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     effects["sky"] = Effect(sky and wants_direct, "a uniform sky was asked for" if sky else "the scene names no sky")
     source = "lights or sky to scatter" if lit else "no light and no sky in the scene"
     effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column asks for it")
+    shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)
+    effects["glossy"] = Effect(
+        effects["direct"].on and shiny > 0,
+        _count(shiny, "primitive has a glossy lobe", "primitives have a glossy lobe") if lit else source,
+    )
     if not effects["direct"].on or not kinds:
         shadows = Effect(False, "nothing casts them")
     elif settings.shadow_lights == 0:
@@ -134,7 +153,7 @@ def _indirect(shadows: Effect, settings: Settings) -> Effect:
     if not shadows.on:
         return Effect(False, "no light with a shadow map to start from")
     rung = indirect_rung(settings)
-    ignores = "no occlusion between surfaces, one bounce" if rung == "rsm" else "coarse occlusion, two bounces"
+    ignores = "no occlusion between surfaces, one bounce" if rung == "rsm" else "coarse occlusion, four bounces"
     return Effect(True, f"light bounces: rung {rung} ({ignores})")
 
 
@@ -155,6 +174,12 @@ def drawn_materials(scene: Scene) -> list[Material]:
         for p in scene.meshes[scene.nodes.mesh[n]].primitives
         if len(p.triangles) and p.material >= 0
     ]
+
+
+def _default_materials(scene: Scene) -> int:
+    """Drawn primitives that name no material: glTF's default is a rough metal."""
+    primitives = (p for n in scene.mesh_nodes.tolist() for p in scene.meshes[scene.nodes.mesh[n]].primitives)
+    return sum(len(p.triangles) > 0 and p.material < 0 for p in primitives)
 
 
 def moves_by_itself(scene: Scene) -> bool:

@@ -28,16 +28,17 @@ BOUND_MARGIN = 1.05
 
 def light_channels(effects: dict[str, Effect], extra: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Channels the light stage reads and writes, for what is on."""
-    direct, color = effects["direct"].on, effects["color"].on
     out: tuple[str, ...] = ()
-    if direct or color:
+    if effects["direct"].on:
         out += (*INPUTS, "direct")
         out += LOBES if set(LOBES) & set(extra) else ()  # one shader writes both
     if effects["indirect"].on:
         out += ("indirect",)
-    if color:
-        out += ("color",) + (("emission",) if effects["emission"].on else ())
-    return out
+    if effects["color"].on:
+        out += ("position", "color")
+        # What is unlit sends out its base colour.
+        out += ("emission", "base_color") if effects["emission"].on else ()
+    return tuple(dict.fromkeys(out))
 
 
 class LightStage:
@@ -69,16 +70,12 @@ class LightStage:
             self._casters = Casters(len(renderer.draws))
             self._bounds = DrawBounds(scene, renderer.draws)
         split = "direct_diffuse" in renderer.history.current.textures
-        self.lighting = LightingPass(
-            gpu,
-            renderer.shaders,
-            renderer.size,
-            len(self.table),
-            settings,
-            shadows=self._shadow is not None,
-            culling=effects["light_culling"].on,
-            split=split,
-        )
+        on = frozenset(name for name, effect in effects.items() if effect.on)
+        self.lighting = None
+        if effects["direct"].on:
+            self.lighting = LightingPass(
+                gpu, renderer.shaders, renderer.size, len(self.table), settings, on, split=split
+            )
         self._indirect = None
         if effects["indirect"].on:
             box = bounding_box(renderer.poser, times)
@@ -96,7 +93,7 @@ class LightStage:
             )
         self._color = None
         if effects["color"].on:
-            inputs = tuple(n for n in ("indirect", "emission") if effects[n].on)
+            inputs = tuple(n for n in ("direct", "indirect", "emission") if effects[n].on)
             self._color = ColorPass(gpu, renderer.shaders, renderer.size, settings, inputs)
 
     def run(self) -> None:
@@ -112,15 +109,16 @@ class LightStage:
                 self._casters.update(bounds, poses, placement.visible)
                 buffers, materials = self._renderer.buffers, self._renderer.materials
                 self._shadow.run(state, view, rows, buffers, materials, self._casters, placement)
-        with self._timer.measure("direct"):
-            self.lighting.run(view, rows, textures, self._shadow)
+        if self.lighting is not None:
+            with self._timer.measure("direct"):
+                self.lighting.run(view, rows, textures, self._shadow)
         if self._indirect is not None:
             with self._timer.measure("indirect"):
                 buffers, materials = self._renderer.buffers, self._renderer.materials
                 self._indirect.run(state, view, rows, buffers, materials, self._casters, textures)
         if self._color is not None:
             with self._timer.measure("color"):
-                self._color.run(self.lighting.parameters, textures)
+                self._color.run(textures)
 
     @property
     def redrawn_faces(self) -> int:
@@ -147,8 +145,7 @@ class LightStage:
         return []
 
     def release(self) -> None:
-        self.lighting.release()
-        for part in (self._shadow, self._indirect):
+        for part in (self.lighting, self._shadow, self._indirect, self._color):
             if part is not None:
                 part.release()
 

@@ -47,12 +47,12 @@ def texture_of(material: Material, slot: str) -> Texture | None:
     return getattr(material, f"{slot}_texture")
 
 
-def wanted_slots(channels: Iterable[str], material: Material) -> tuple[str, ...]:
+def wanted_slots(channels: Iterable[str], material: Material, *, normal_maps: bool = True) -> tuple[str, ...]:
     """Texture slots that the requested channels make necessary for this material."""
     channels = set(channels)
     needs = {
         "base_color": "base_color" in channels or _tests_alpha(material),
-        "normal": "normal" in channels and material.normal_scale != 0.0,
+        "normal": normal_maps and "normal" in channels and material.normal_scale != 0.0,
         "metallic_roughness": "material" in channels,
         "emissive": "emission" in channels and any(material.emissive) and not material.unlit,
         "occlusion": "material" in channels and material.occlusion_strength != 0.0,
@@ -67,8 +67,10 @@ def _tests_alpha(material: Material) -> bool:
 class MaterialTable:
     """Every material of the scene; row 0 is glTF's default material, row i + 1 the scene's material i."""
 
-    def __init__(self, gpu: Gpu, scene: Scene, channels: Iterable[str], used: Iterable[int]):
-        self._gpu = gpu
+    def __init__(
+        self, gpu: Gpu, scene: Scene, channels: Iterable[str], used: Iterable[int], *, normal_maps: bool = True
+    ):
+        self._gpu, self._normal_maps = gpu, normal_maps
         self._materials = (Material(), *scene.materials)
         channels = tuple(channels)
         self.keys = [self._key(m, channels) for m in self._materials]
@@ -81,7 +83,8 @@ class MaterialTable:
         self._upload(scene, set(used))
 
     def _key(self, material: Material, channels: tuple[str, ...]) -> MaterialKey:
-        return MaterialKey(wanted_slots(channels, material), _tests_alpha(material), material.double_sided)
+        slots = wanted_slots(channels, material, normal_maps=self._normal_maps)
+        return MaterialKey(slots, _tests_alpha(material), material.double_sided)
 
     def _upload(self, scene: Scene, used: set[int]) -> None:
         wanted = {

@@ -74,7 +74,15 @@ class RasterSource:
             channels.add("prev_position")
         timer = timer or PassTimer(gpu, enabled=False)
         self.renderer = Renderer(
-            gpu, scene, camera, self.size, channels, culling=settings.culling, timer=timer, poser=poser
+            gpu,
+            scene,
+            camera,
+            self.size,
+            channels,
+            culling=settings.culling,
+            normal_maps=self.effects["normal_maps"].on,
+            timer=timer,
+            poser=poser,
         )
         self.light = LightStage(self.renderer, settings, self.effects, timer) if lit else None
 

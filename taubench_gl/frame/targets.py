@@ -10,6 +10,7 @@ import numpy as np
 from taubench_gl.channels import CHANNELS
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.memory import require_memory
 
 _NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32, "f1": np.uint8}
 _BYTES = {"f4": 4, "f2": 2, "u4": 4, "f1": 1}
@@ -47,11 +48,12 @@ class History:
     """This frame's targets and the last frame's, swapped by ``advance``."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str]):
-        self.depth = gpu.depth_texture(size)
-        self._frames = [Targets(gpu, size, channels, self.depth) for _ in range(2)]
         self.bytes = 4 * size[0] * size[1] + 2 * sum(
             size[0] * size[1] * CHANNELS[n].components * _BYTES[CHANNELS[n].dtype] for n in channels
         )
+        require_memory(gpu, self.bytes, f"a picture of {size[0]}x{size[1]} pixels", "lower --size")
+        self.depth = gpu.depth_texture(size)
+        self._frames = [Targets(gpu, size, channels, self.depth) for _ in range(2)]
 
     @property
     def current(self) -> Targets:

@@ -35,7 +35,6 @@ class SceneBuilder:
         self._skins: list[Skin] = []
         self._cameras: list[Camera] = []
         self._lights: list[Light] = []
-        self._lights: list[Light] = []
         self._channels: list[Channel] = []
 
     def node(

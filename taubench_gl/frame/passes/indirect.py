@@ -52,8 +52,8 @@ SCALE = 8  # the cheap rung gathers at every 8th pixel of both axes
 CHUNK = 60000 // (3 * GRID + 8)
 """Virtual lights per dispatch: loop turns of one invocation stay below llvmpipe's silent limit of 65,535."""
 
-BOUNCES = {"rsm": 1, "probes": 2}
-"""Bounces after the first scattering: ``probes`` lets the virtual lights light each other once."""
+BOUNCES = {"rsm": 1, "probes": 4}
+"""Bounces after the first scattering: ``probes`` lets the virtual lights light each other three times more."""
 
 
 class IndirectPass:
@@ -81,7 +81,7 @@ class IndirectPass:
         self._center = 0.5 * (box[0] + box[1])
         self._record = self._layout(box, settings)
         ctx = gpu.ctx
-        self._depth = ctx.depth_texture(atlas)
+        self._depth = gpu.depth_texture(atlas)
         self._atlas = Targets(gpu, atlas, CHANNEL_NAMES, self._depth)
         self._gbuffer = GBufferPass(gpu, shaders, CHANNEL_NAMES, colored_materials)
         self._drawer = FaceDrawer(gpu)

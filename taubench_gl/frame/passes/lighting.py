@@ -25,6 +25,11 @@ LIGHTING = Struct(
     Field("size", "ivec4", "xy: pixels, z: tiles in a row, w: lights"),
     Field("tiles", "int", "tiles in all"),
     Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, before exposure"),
+)
+COLOR = Struct(
+    "ColorRecord",
+    Field("sky", "vec4", "xyz: uniform sky radiance, linear"),
+    Field("size", "ivec4", "xy: pixels"),
     Field("exposure", "float", "factor on radiance before tone mapping"),
 )
 TILE = 16
@@ -62,32 +67,34 @@ class LightingPass:
         size: tuple[int, int],
         light_count: int,
         settings: Settings,
+        effects: frozenset[str],
         *,
-        shadows: bool,
-        culling: bool = False,
         split: bool = False,
     ):
+        """``effects``: names of those that are on; ``split``: write each lobe too."""
         self._gpu, self._size, self._settings, self._count = gpu, size, settings, light_count
-        self._tiled = culling and light_count > 0
+        self._tiled = "light_culling" in effects and light_count > 0
         self._group = (32, 1) if gpu.software else (8, 8)
-        self._split, self._shadows = split, shadows
-        self._sky = any(settings.sky)
+        self._split, self._shadows = split, "shadows" in effects and light_count > 0
         preamble = lighting_preamble()
         group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
-        defines = {"SHADOWS": shadows, "TILED": self._tiled, "SPLIT_LOBES": split, "SKY": self._sky, **group}
-        defines["SHADOW_TAPS"] = 4 if settings.shadow_filter == "bilinear" else 1
+        defines = {"SHADOWS": self._shadows, "TILED": self._tiled, "SPLIT_LOBES": split, **group}
+        switches = ("sky", "glossy", "point_lights", "spot_lights", "directional_lights")
+        defines |= {name.upper(): name in effects for name in switches}
+        if self._shadows:
+            defines["SHADOW_TAPS"] = 4 if settings.shadow_filter == "bilinear" else 1
         self._program = shaders.compute("lighting/lighting.comp.glsl", defines, preamble)
         tiles_x, tiles_y = -(-size[0] // TILE), -(-size[1] // TILE)
         self._tiles = (tiles_x, tiles_x * tiles_y)
         ctx = gpu.ctx
-        self.parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
+        self._parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
         self._lights = ctx.buffer(reserve=max(light_count, 1) * LIGHT.dtype.itemsize, dynamic=True)
         self._albedos = None
-        if self._sky:
+        if {"sky", "glossy"} <= effects:
             self._albedos = ctx.texture((ALBEDO_TABLE, ALBEDO_TABLE), 4, albedo_table().tobytes(), dtype="f4")
         self._cull = self._tile_counts = self._tile_lists = None
         if self._tiled:
-            self._cull = shaders.compute("lighting/cull.comp.glsl", {}, preamble)
+            self._cull = shaders.compute("lighting/cull.comp.glsl", {"GLOSSY": "glossy" in effects}, preamble)
             self._tile_counts = ctx.buffer(reserve=4 * self._tiles[1])
             self._tile_lists = ctx.buffer(reserve=4 * self._tiles[1] * light_count)
 
@@ -110,10 +117,10 @@ class LightingPass:
             record["parallel_view"] = (*view.world_from_view[:, 2], 1.0)
         record["size"] = (*self._size, self._tiles[0], self._count)
         record["tiles"] = self._tiles[1]
-        record["light_error"], record["exposure"] = self._settings.light_error, self._settings.exposure
-        self.parameters.write(record.tobytes())
+        record["light_error"] = self._settings.light_error
+        self._parameters.write(record.tobytes())
         self._lights.write(light_rows.tobytes())
-        self.parameters.bind_to_storage_buffer(0)
+        self._parameters.bind_to_storage_buffer(0)
         self._lights.bind_to_storage_buffer(1)
         inputs = ("position", "normal", "geometric_normal", "base_color", "material")
         for unit, name in enumerate(inputs):
@@ -147,37 +154,46 @@ class LightingPass:
         return np.frombuffer(self._tile_counts.read(), np.uint32).reshape(-1, self._tiles[0])
 
     def release(self) -> None:
-        for buffer in (self.parameters, self._lights, self._tile_counts, self._tile_lists, self._albedos):
+        for buffer in (self._parameters, self._lights, self._tile_counts, self._tile_lists, self._albedos):
             if buffer is not None:
                 buffer.release()
 
 
 class ColorPass:
-    """Writes ``color``: direct + indirect + emission, exposed, tone-mapped, sRGB-encoded."""
+    """Writes ``color``: direct + indirect + emission (those named in ``inputs``), exposed, tone-mapped, encoded."""
 
     def __init__(
         self, gpu: Gpu, shaders: ShaderCache, size: tuple[int, int], settings: Settings, inputs: tuple[str, ...]
     ):
         self._gpu, self._size = gpu, size
         self._group = (32, 1) if gpu.software else (8, 8)
-        self._inputs = ("position", "direct", *inputs)
+        self._inputs, self._settings = ("position", *inputs), settings
+        self._parameters = gpu.ctx.buffer(reserve=COLOR.dtype.itemsize, dynamic=True)
         self._program = shaders.compute(
             "color/color.comp.glsl",
             {
+                "HAS_DIRECT": "direct" in inputs,
                 "HAS_INDIRECT": "indirect" in inputs,
                 "HAS_EMISSION": "emission" in inputs,
                 "TONE_MAP": TONE_MAPS.index(settings.tone_map),
                 "GROUP_X": self._group[0],
                 "GROUP_Y": self._group[1],
             },
-            LIGHTING.glsl,
+            COLOR.glsl,
         )
 
-    def run(self, parameters: moderngl.Buffer, textures: Mapping[str, moderngl.Texture]) -> None:
-        parameters.bind_to_storage_buffer(0)
+    def run(self, textures: Mapping[str, moderngl.Texture]) -> None:
+        record = COLOR.zeros()
+        record["sky"][:3], record["size"][:2] = self._settings.sky, self._size
+        record["exposure"] = self._settings.exposure
+        self._parameters.write(record.tobytes())
+        self._parameters.bind_to_storage_buffer(0)
         for unit, name in enumerate(self._inputs):
             textures[name].use(unit)
             self._program[name] = unit
         textures["color"].bind_to_image(0, read=False, write=True)
         self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
         self._gpu.ctx.memory_barrier()
+
+    def release(self) -> None:
+        self._parameters.release()

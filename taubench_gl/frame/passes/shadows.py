@@ -45,7 +45,7 @@ class ShadowPass:
         faces = faces_of(scene, None, lights, bounds, resolution)
         self._offsets, size = pack(faces)
         self._drawn = [b""] * len(faces)
-        self.atlas = gpu.ctx.depth_texture(size)
+        self.atlas = gpu.depth_texture(size)
         self.atlas.compare_func = ""
         self.atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._framebuffer = gpu.ctx.framebuffer(depth_attachment=self.atlas)

@@ -1,4 +1,4 @@
-"""Writes glTF 2.0 files with pygltflib: arrays in, accessors and animations out.  For the makers of ``assets/``."""
+"""Writes glTF 2.0 files with pygltflib: arrays in, accessors and animations out."""
 
 from __future__ import annotations
 
@@ -10,18 +10,24 @@ import numpy as np
 import pygltflib as gl
 from PIL import Image
 
+from taubench_gl.outputs import cannot_write
+
 _COMPONENT = {"f4": gl.FLOAT, "u2": gl.UNSIGNED_SHORT, "u1": gl.UNSIGNED_BYTE}
 _TYPE = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4, 16: gl.MAT4}
 
 
 class Writer:
-    """A document under construction.  Every method returns the index of what it added."""
+    """A document under construction.  Every method returns the index of what it added.
 
-    def __init__(self, copyright_: str, generator: str):
+    ``share``: equal arrays become one accessor, so that things that play one clip store it once.
+    """
+
+    def __init__(self, copyright_: str, generator: str, share: bool = False):
         self.gltf = gl.GLTF2(asset=gl.Asset(version="2.0", generator=generator, copyright=copyright_))
         self.gltf.scenes = [gl.Scene(nodes=[])]
         self.gltf.scene = 0
         self._blob = bytearray()
+        self._shared: dict[tuple, int] | None = {} if share else None
 
     def _append(self, collection: list, item: Any) -> int:
         collection.append(item)
@@ -36,6 +42,9 @@ class Writer:
     def accessor(self, values: Any, dtype: str = "f4", target: int | None = None, bounds: bool = False) -> int:
         array = np.ascontiguousarray(values, dtype=f"<{dtype}")
         array = array.reshape(len(array), -1)
+        key = (array.tobytes(), array.shape, dtype, target, bounds)
+        if self._shared is not None and key in self._shared:
+            return self._shared[key]
         accessor = gl.Accessor(
             bufferView=self.view(array.tobytes(), target),
             componentType=_COMPONENT[dtype],
@@ -44,7 +53,10 @@ class Writer:
         )
         if bounds:
             accessor.min, accessor.max = array.min(axis=0).tolist(), array.max(axis=0).tolist()
-        return self._append(self.gltf.accessors, accessor)
+        index = self._append(self.gltf.accessors, accessor)
+        if self._shared is not None:
+            self._shared[key] = index
+        return index
 
     def texture(self, pixels: np.ndarray) -> int:
         """(h, w, 3 or 4) uint8 as an embedded PNG, sampled with repeat and mipmaps."""
@@ -133,5 +145,19 @@ class Writer:
     def save(self, path: Path) -> None:
         self.gltf.buffers = [gl.Buffer(byteLength=len(self._blob))]
         self.gltf.set_binary_blob(bytes(self._blob))
+        save_document(self.gltf, path)
+
+
+def save_document(gltf: gl.GLTF2, path: Path) -> None:
+    """Write a document whose binary chunk is set as .glb; readers see the old file or the whole new one.
+
+    Raises OutputError.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self.gltf.save_binary(str(path))
+        gltf.save_binary(str(partial))
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise cannot_write(path, error) from None

@@ -1,0 +1,154 @@
+"""Steps per frame that have exactly the mean, variance and largest value one asks for.
+
+The steps are values of a Weibull distribution at evenly spaced ranks, cut off at the largest value: its exponent sets
+the variance, its scale the mean.  Both are solved for on the finite list itself, so there is no sampling error left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.errors import SettingsError
+
+Array = np.ndarray
+
+CORRELATION = 0.92
+"""Of the size of a step with the next one's: motion swells and fades over some ten frames, as a hand or head does."""
+
+_SLACK = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class MotionStats:
+    """Absolute change per frame of one quantity, in metres or degrees, as in Tables 2 and 3 of the paper.
+
+    ``variance`` is the population variance.  ``maximum``, where given, is reached exactly once; ``usual_maximum`` then
+    bounds all other steps, which makes the largest one a jump.  Raises SettingsError for values that no list has.
+    """
+
+    mean: float
+    variance: float = 0.0
+    maximum: float | None = None
+    usual_maximum: float | None = None
+
+    def __post_init__(self) -> None:
+        values = [self.mean, self.variance, *(v for v in (self.maximum, self.usual_maximum) if v is not None)]
+        if not all(math.isfinite(v) for v in values):
+            raise SettingsError(f"statistics {self} are not finite")
+        if self.mean < 0 or self.variance < 0:
+            name = "mean" if self.mean < 0 else "variance"
+            raise SettingsError(f"{name} of a motion is {getattr(self, name):g}", hint="give a number of at least 0")
+        if self.mean == 0 and self.variance > 0:
+            raise SettingsError(f"mean 0 with variance {self.variance:g}: steps are lengths, never below 0")
+        if self.maximum is not None and self.maximum < self.mean:
+            raise SettingsError(f"max {self.maximum:g} is below the mean {self.mean:g}")
+
+    def __str__(self) -> str:
+        most = "" if self.maximum is None else f", max {self.maximum:g}"
+        return f"mean {self.mean:g}, variance {self.variance:g}{most}"
+
+    @property
+    def still(self) -> bool:
+        return self.mean == 0
+
+
+def sorted_steps(stats: MotionStats, count: int, cap: float = math.inf) -> Array:
+    """``count`` >= 1 steps of at most ``cap`` with exactly these statistics.  -> (count,) float64, ascending, >= 0.
+
+    Raises SettingsError, saying why, where there is no such list.
+    """
+    if count < 1:
+        raise SettingsError("a motion needs at least two frames")
+    if stats.still:
+        return np.zeros(count)
+    total, squares = count * stats.mean, count * (stats.variance + stats.mean**2)
+    if stats.maximum is None:
+        return _solve(total, squares, count, cap, stats)
+    if stats.maximum > cap:
+        raise SettingsError(f"max {stats.maximum:g} is above the {cap:g} that one frame can hold")
+    high = stats.maximum if stats.usual_maximum is None else min(stats.usual_maximum, stats.maximum)
+    rest = _solve(total - stats.maximum, squares - stats.maximum**2, count - 1, high, stats)
+    return np.append(rest, stats.maximum)
+
+
+def ordered_steps(stats: MotionStats, count: int, rng: np.random.Generator, cap: float = math.inf) -> Array:
+    """``sorted_steps`` in an order whose sizes change slowly (correlation ``CORRELATION``).  -> (count,) float64."""
+    steps = sorted_steps(stats, count, cap)
+    noise = rng.standard_normal(count)
+    slow = np.empty(count)
+    slow[0] = noise[0]
+    for i in range(1, count):
+        slow[i] = CORRELATION * slow[i - 1] + math.sqrt(1.0 - CORRELATION**2) * noise[i]
+    return steps[np.argsort(np.argsort(slow))]
+
+
+def _solve(total: float, squares: float, count: int, high: float, stats: MotionStats) -> Array:
+    """``count`` ascending values in [0, high] with this sum and sum of squares."""
+    if count == 0:
+        if abs(total) > _SLACK * stats.mean or abs(squares) > _SLACK * stats.mean**2:
+            raise SettingsError(f"one step cannot have {stats}", hint="one step has variance 0 and is its own max")
+        return np.zeros(0)
+    mean = total / count
+    least = count * mean**2
+    if mean < 0 or mean > high * (1 + _SLACK) or squares < least - _SLACK * max(squares, least):
+        raise SettingsError(f"no {count + (stats.maximum is not None)} steps have {stats}", hint=_why(stats, count))
+    if high < math.inf:
+        full = min(math.floor(total / high), count)
+        most = full * high**2 + (total - full * high) ** 2
+        if squares > most * (1 + _SLACK):
+            bound = f"at most {high:g} each" if stats.maximum is None or stats.usual_maximum else "the max"
+            raise SettingsError(f"no {count} steps with {bound} have {stats}", hint="give less variance or a larger max")
+    elif squares > total**2 * (1 + _SLACK):
+        raise SettingsError(f"no {count} steps have {stats}", hint="give less variance or more frames")
+    if squares - least <= 1e-12 * least:
+        return np.full(count, min(mean, high))
+    if mean == 0:
+        return np.zeros(count)
+    ranks = (np.arange(count) + 0.5) / count
+    log_rank = np.log(-np.log1p(-ranks))  # of a Weibull variable with exponent 1, in the logarithm
+
+    def values(exponent: float) -> Array:
+        shape = exponent * (log_rank - log_rank[-1])
+        low, top = math.log(mean), math.log(mean * count) if high == math.inf else math.log(high) - shape[0]
+
+        def below(log_scale: float) -> bool:
+            return float(np.exp(np.minimum(shape + log_scale, math.log(high))).sum()) < total
+
+        scale = _bisect(below, low, top + 1.0)
+        return np.exp(np.minimum(shape + scale, math.log(high)))
+
+    exponent = _bisect(lambda p: float(np.sum(values(p) ** 2)) < squares, 0.0, 2000.0)
+    return _polish(values(exponent), total, squares, high)
+
+
+def _polish(values: Array, total: float, squares: float, high: float) -> Array:
+    """An affine map takes out what rounding left of sum and sum of squares, where it keeps the values in range."""
+    count, mean = len(values), total / len(values)
+    spread = math.sqrt(float(np.mean((values - values.mean()) ** 2)))
+    wanted = math.sqrt(max(squares / count - mean**2, 0.0))
+    if spread == 0:
+        return values
+    better = mean + (values - values.mean()) * (wanted / spread)
+    return better if better.min() >= 0 and better.max() <= high else values
+
+
+def _bisect(below: Callable[[float], bool], low: float, high: float) -> float:
+    for _ in range(90):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if below(middle) else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _why(stats: MotionStats, count: int) -> str:
+    if stats.maximum is None:
+        return "give other statistics"
+    # With the largest step pinned, the variance is least when all others are equal.
+    least = (stats.maximum - stats.mean) ** 2 / count
+    if stats.variance < least * (1 + _SLACK):
+        return f"with this max the variance is at least {least:.3g}"
+    needed = math.ceil((stats.maximum**2) / (stats.variance + stats.mean**2))
+    return f"with this max at least {needed} steps are needed"

@@ -1,0 +1,1 @@
+"""AFF, the Animated File Format of BART (Lext, Assarsson, Moeller 2000), and NFF, which it extends."""

@@ -1,0 +1,1 @@
+"""Wavefront OBJ with MTL: one still scene, or a numbered sequence of files as vertex animation."""

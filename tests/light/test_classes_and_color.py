@@ -1,0 +1,159 @@
+"""LIT and SHADOWED where light comes and goes, colour from its twin, and exposure as SPEC 4 has it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from light_tools import facing, floor, lambert, look, look_down, opened, shoot
+from shadow_tools import Case, on_plane
+
+from taubench_gl.conventions import Reason
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.metrics.color import display_color
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import SceneBuilder, box
+from taubench_gl.settings import Settings
+
+SIZE = 128
+WIDTH = 160
+
+
+def swept(case: Case, *, box_path=None, light_path=None) -> Scene:
+    """The box, the light, or both move over one second under a parallel camera that stands still."""
+    b = SceneBuilder()
+    material = lambert(b, 0.5)
+    floor(b, case.ground, material=material)
+    node = b.node(mesh=b.mesh(box(case.half, material=material)), translation=case.center)
+    lamp = b.light(
+        translation=case.place, rotation=facing(-case.towards), kind=case.kind, intensity=80.0, outer_cone=0.87
+    )
+    if box_path is not None:
+        b.animate(node, "translation", [0.0, 1.0], box_path)
+    if light_path is not None:
+        b.animate(lamp, "translation", [0.0, 1.0], light_path)
+    look_down(b, case.ground)
+    return b.build()
+
+
+def mask_of(scene: Scene, **settings) -> tuple[np.ndarray, dict]:
+    """Reason words of the pair (0, 1) at one frame per second, and its row of counts."""
+    masks = []
+    settings = {"width": WIDTH, "height": WIDTH, "fps": 1.0, "columns": ("position", "direct"), "shadow_size": SIZE,
+                "thresholds": {"direct": 0.05}} | settings  # fmt: skip
+    run = evaluate_scene(scene, Settings(**settings), on_pair=lambda pair: masks.append(pair.mask()))
+    assert len(masks) == 1
+    return masks[0], run.frames[0]
+
+
+@pytest.mark.parametrize("kind", ["directional", "point", "spot"])
+def test_a_moving_box_uncovers_light_behind_it_and_shadows_what_is_ahead(gpu, kind):
+    """Figure 2: ground that leaves the shadow is LIT, ground that enters it is SHADOWED, nothing else changes."""
+    case = Case(kind, 35.0)
+    path = np.array([[-0.2, 0.5, -0.2], [0.1, 0.5, 0.3]])
+    scene = swept(case, box_path=path)
+    mask, row = mask_of(scene)
+    with opened(gpu, scene, width=WIDTH, height=WIDTH) as source:
+        shot = shoot(source, 0)
+    before, after = (Case(kind, 35.0, center=tuple(p)) for p in path)
+    # Judged on ground that neither box covers: there position compares equal.
+    ground = on_plane(shot) & (mask & Reason.POSITION == 0) & (np.abs(shot.points[..., :3:2]).max(axis=-1) < 3.0)
+    (lit0, dark0), (lit1, dark1) = (c.band(shot.points, 2.0, SIZE) for c in (before, after))
+    for sure, bits in (
+        (ground & dark0 & lit1, Reason.DIRECT | Reason.LIT),
+        (ground & lit0 & dark1, Reason.DIRECT | Reason.SHADOWED),
+        (ground & lit0 & lit1, 0),
+        (ground & dark0 & dark1, 0),
+    ):
+        assert sure.sum() > 20, f"no pixel to judge {bits!r} by"
+        assert np.all(mask[sure] == int(bits)), f"{bits!r}: {np.mean(mask[sure] == int(bits)):.4f}"
+    assert row["direct"] == np.count_nonzero(mask & Reason.DIRECT)
+    assert row["lit"] == np.count_nonzero(mask & Reason.LIT)
+    assert row["shadowed"] == np.count_nonzero(mask & Reason.SHADOWED)
+
+
+def test_a_moving_light_lights_what_it_nears_and_dims_what_it_leaves(gpu):
+    b = SceneBuilder()
+    floor(b, 4.0, material=lambert(b, 0.5))
+    lamp = b.light(kind="point", intensity=20.0)
+    path = np.array([[-1.5, 1.0, 0.0], [1.5, 1.0, 0.0]])
+    b.animate(lamp, "translation", [0.0, 1.0], path)
+    look_down(b, 4.0)
+    scene = b.build()
+    mask, _ = mask_of(scene, thresholds={"direct": 0.1})
+    with opened(gpu, scene, width=WIDTH, height=WIDTH) as source:
+        points = shoot(source, 0).points
+    before, after = (
+        0.5 / np.pi * 20.0 * 1.0 / np.sum((points - p) ** 2, axis=-1) ** 1.5 for p in path
+    )  # albedo / pi * I * cos / d^2 with cos = height / d
+    change = np.sqrt(3.0) * (after - before)
+    sure = np.abs(np.abs(change) - 0.1) > 2e-3
+    expected = np.where(
+        np.abs(change) <= 0.1, 0, int(Reason.DIRECT) | np.where(change > 0, int(Reason.LIT), int(Reason.SHADOWED))
+    )
+    assert np.array_equal(mask[sure], expected[sure])
+    assert np.array_equal(mask & Reason.LIT != 0, (mask & Reason.SHADOWED != 0)[:, ::-1])
+    assert 0.1 < np.mean(mask & Reason.LIT != 0) < 0.5
+
+
+def bulbs() -> Scene:
+    """Bright and dim floor, a glowing box, an unlit box, and sky behind: every source of colour."""
+    b = SceneBuilder()
+    floor(b, 3.0, material=lambert(b, 0.7))
+    glow = b.material(base_color=(0.2, 0.2, 0.2, 1), metallic=0.0, specular=0.0, emissive=(0.1, 2.5, 0.6))
+    unlit = b.material(base_color=(0.9, 0.3, 0.05, 1), unlit=True)
+    b.node(mesh=b.mesh(box((0.3, 0.3, 0.3), material=glow)), translation=(-0.8, 0.3, 0))
+    b.node(mesh=b.mesh(box((0.3, 0.3, 0.3), material=unlit)), translation=(0.8, 0.3, 0))
+    b.light(translation=(0.0, 1.0, 0.5), kind="point", intensity=30.0, color=(1.0, 0.6, 0.2))
+    look(b, (0.0, 1.5, 3.5), (0.0, 0.3, 0.0), yfov=0.9)
+    return b.build()
+
+
+@pytest.mark.parametrize("tone_map", ["linear", "reinhard", "aces"])
+@pytest.mark.parametrize("exposure", [0.01, 1.0, 3.0])
+def test_color_is_its_twin(gpu, tone_map, exposure):
+    sky = (0.2, 0.4, 0.9)
+    with opened(gpu, bulbs(), sky=sky, tone_map=tone_map, exposure=exposure, columns=("direct", "color"),
+                indirect="none") as source:  # fmt: skip
+        shot = shoot(source)
+    radiance = np.where(shot.surface[..., None], shot.direct + shot["emission"][..., :3], np.array(sky))
+    expected = display_color(radiance, exposure, tone_map)
+    assert np.abs(shot["color"][..., :3] - expected).max() < 2e-4
+    assert shot["color"].max() <= 1.0 and np.ptp(shot["color"][..., :3]) > 0.01
+    # Emission is apart from direct: what glows or is unlit does not scatter its own light.
+    green = shot["emission"][..., 1] > 2.0
+    assert green.any() and np.all(shot.direct[shot["material"][..., 3] < 0] == 0)
+
+
+def test_the_color_mask_is_cut_from_encoded_color(gpu):
+    case = Case("directional", 50.0)
+    path = np.array([[-0.8, 0.5, -0.4], [0.2, 0.5, 0.8]])
+    scene = swept(case, box_path=path)
+    settings = {"columns": ("color", "direct"), "indirect": "none", "thresholds": {"color": 0.25}, "exposure": 0.05}
+    mask, _ = mask_of(scene, **settings)
+    with opened(gpu, scene, width=WIDTH, height=WIDTH, fps=1.0, shadow_size=SIZE, **settings) as source:
+        before, after = (shoot(source, frame)["color"][..., :3] for frame in (0, 1))
+    expected = np.abs(before - after).max(axis=-1) > 0.25
+    assert 0.01 < expected.mean() < 0.5
+    assert np.array_equal(mask & Reason.COLOR != 0, expected)
+
+
+@pytest.mark.parametrize("exposure", [0.25, 4.0])
+def test_exposure_and_threshold_are_one_scale(exposure):
+    """direct compares radiance x exposure: exposure e, threshold a is exposure 1, threshold a / e; powers of 2 exactly."""
+    scene = swept(Case("point", 50.0), light_path=np.array([[3.0, 4.0, 0.0], [3.0, 4.5, 0.5]]))
+    one, _ = mask_of(scene, exposure=exposure, thresholds={"direct": 0.125})
+    other, _ = mask_of(scene, exposure=1.0, thresholds={"direct": 0.125 / exposure})
+    assert np.any(one & Reason.DIRECT) and np.array_equal(one, other)
+
+
+def test_radiance_that_is_no_number_is_invalid_not_black(gpu):
+    """A light beyond float32 overflows to Inf: its pixels are counted as INVALID, never as colour."""
+    b = SceneBuilder()
+    floor(b, 3.0, material=lambert(b, 0.5))
+    b.light(translation=(0.0, 0.5, 0.0), kind="point", intensity=3e38)
+    look_down(b, 3.0)
+    with opened(gpu, b.build(), columns=("color",), indirect="none") as source:
+        shot = shoot(source)
+    over = ~np.isfinite(shot.direct).all(axis=-1)
+    assert 0 < over.sum() < over.size
+    assert np.all(np.isnan(shot["color"][over][..., :3])) and np.all(np.isfinite(shot["color"][~over]))
