@@ -13,6 +13,7 @@ from taubench_gl.errors import SettingsError
 REPROJECTIONS = ("camera", "motion")
 SAMPLINGS = ("nearest", "bilinear")
 CULLINGS = ("gltf", "none")
+TEXTURES = ("mipmapped", "finest")
 BACKENDS = ("auto", "egl", "osmesa")
 EFFECTS = ("auto", "all")
 TONE_MAPS = ("linear", "reinhard", "aces")
@@ -41,6 +42,7 @@ class Settings:
     thresholds: Mapping[str, float] = field(default_factory=dict)
     unit_scale: float = 1.0
     culling: str = "gltf"
+    textures: str = "mipmapped"  # finest: no mipmaps, as a path tracer's pixel-centre samples read them
     columns: tuple[str, ...] = COLUMNS  # columns asked for; what no column needs is not simulated
     effects: str = "auto"  # auto: what the scene calls for | all: everything, needed or not
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear
@@ -68,6 +70,7 @@ class Settings:
             ("reprojection", self.reprojection, REPROJECTIONS),
             ("sampling", self.sampling, SAMPLINGS),
             ("culling", self.culling, CULLINGS),
+            ("textures", self.textures, TEXTURES),
             ("backend", self.backend, BACKENDS),
             ("effects", self.effects, EFFECTS),
             ("tone map", self.tone_map, TONE_MAPS),
@@ -128,6 +131,7 @@ class Settings:
             "thresholds": {name: self.threshold(name) for name in FEATURES},
             "unit_scale": self.unit_scale,
             "culling": self.culling,
+            "textures": self.textures,
             "columns": list(self.columns),
             "effects": self.effects,
             "sky": list(self.sky),

@@ -9,8 +9,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-from taubench_gl.datasets.gltf_writer import Writer
 from make_assets import LICENCE, add_tentacle, turn
+
+from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere
 
 SECONDS = 2.5
@@ -53,8 +54,9 @@ def room(w: Writer) -> list[tuple]:
     place(w, "shell", box((-2, 0, -2), (2, 3, 2), inside=True, faces="yYzZ"), white)
     place(w, "left", box((-2, 0, -2), (2, 3, 2), inside=True, faces="x"), red)
     place(w, "right", box((-2, 0, -2), (2, 3, 2), inside=True, faces="X"), green)
-    place(w, "tall", box((-0.4, 0, -0.4), (0.4, 1.6, 0.4)), white, translation=[-0.7, 0, -0.6], rotation=turn("y", 18).tolist())
-    place(w, "low", box((-0.4, 0, -0.4), (0.4, 0.8, 0.4)), white, translation=[0.7, 0, 0.2], rotation=turn("y", -20).tolist())
+    tall, low = turn("y", 18).tolist(), turn("y", -20).tolist()
+    place(w, "tall", box((-0.4, 0, -0.4), (0.4, 1.6, 0.4)), white, translation=[-0.7, 0, -0.6], rotation=tall)
+    place(w, "low", box((-0.4, 0, -0.4), (0.4, 0.8, 0.4)), white, translation=[0.7, 0, 0.2], rotation=low)
     lamp = w.node("lamp", extensions=w.light(type="point", name="lamp", intensity=3.0))
     eye = camera(w, np.array([[-0.4, 1.5, 1.8], [0.4, 1.4, 1.8]]), np.array([-4.0, 4.0]))
     return [(lamp, "translation", times(21), orbit(1.0, 2.4), "LINEAR"), *eye]

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 

@@ -22,7 +22,7 @@ from taubench_gl.apps.options import (
     truth_options,
 )
 from taubench_gl.errors import SettingsError, TaubenchError
-from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, Settings
+from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
 
 if TYPE_CHECKING:
     from taubench_gl.run import Run
@@ -66,6 +66,13 @@ tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one fold
 )
 @click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
 @click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
+@click.option(
+    "--textures",
+    type=click.Choice(TEXTURES),
+    default=TEXTURES[0],
+    show_default=True,
+    help="finest: without mipmaps, as 'truth render --crisp' samples them.",
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
 @click.option("--save", type=Words(*SAVE), default="", help="Also write masks, channels (comma-separated) per pair.")
 @light_options

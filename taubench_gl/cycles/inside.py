@@ -19,7 +19,7 @@ PASSES = (
     "z", "position", "normal", "vector", "emit", "environment",
     *(f"{lobe}_{what}" for lobe in ("diffuse", "glossy", "transmission") for what in ("direct", "indirect", "color")),
 )  # fmt: skip
-CRISP_FILTER_PX = 0.01  # the narrowest filter Cycles takes: samples lie at pixel centres
+CRISP_FILTER_PX = 0.01  # the narrowest Cycles takes; its BOX filter is one pixel wide whatever this says
 INFINITELY_FAR = 1e6  # metres, for cameras without a far plane
 SAY_EVERY = 1.0  # seconds between lines about samples
 
@@ -198,7 +198,7 @@ def configure(scene, job):
     cycles.blur_glossy = 0.0
     cycles.caustics_reflective = cycles.caustics_refractive = True
     if job["crisp"]:
-        cycles.pixel_filter_type, cycles.filter_width = "BOX", CRISP_FILTER_PX
+        cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", CRISP_FILTER_PX
     render = scene.render
     render.use_motion_blur = render.film_transparent = False
     render.resolution_x, render.resolution_y = job["size"]

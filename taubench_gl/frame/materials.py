@@ -68,9 +68,16 @@ class MaterialTable:
     """Every material of the scene; row 0 is glTF's default material, row i + 1 the scene's material i."""
 
     def __init__(
-        self, gpu: Gpu, scene: Scene, channels: Iterable[str], used: Iterable[int], *, normal_maps: bool = True
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        channels: Iterable[str],
+        used: Iterable[int],
+        *,
+        normal_maps: bool = True,
+        mipmaps: bool = True,
     ):
-        self._gpu, self._normal_maps = gpu, normal_maps
+        self._gpu, self._normal_maps, self._mipmaps = gpu, normal_maps, mipmaps
         self._materials = (Material(), *scene.materials)
         channels = tuple(channels)
         self.keys = [self._key(m, channels) for m in self._materials]
@@ -132,10 +139,12 @@ class MaterialTable:
 
     def _sampler(self, texture: Texture) -> moderngl.Sampler:
         s = texture.sampler
-        key = (s.mag_filter, s.min_filter, s.wrap_s == 10497, s.wrap_t == 10497)
+        # Without mipmaps, minified texels are read as magnified ones are.
+        minify = s.min_filter if self._mipmaps else s.mag_filter
+        key = (s.mag_filter, minify, s.wrap_s == 10497, s.wrap_t == 10497)
         if key not in self._samplers:
             sampler = self._gpu.ctx.sampler(repeat_x=key[2], repeat_y=key[3])
-            sampler.filter = (s.min_filter, s.mag_filter)
+            sampler.filter = (minify, s.mag_filter)
             self._samplers[key] = sampler
         return self._samplers[key]
 

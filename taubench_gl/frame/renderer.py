@@ -43,6 +43,7 @@ class Renderer:
         channels: Collection[str],
         *,
         culling: str = "gltf",
+        textures: str = "mipmapped",
         normal_maps: bool = True,
         shaders: ShaderCache | None = None,
         timer: PassTimer | None = None,
@@ -66,7 +67,9 @@ class Renderer:
         if self._posed.any():
             self._deform = DeformPass(gpu, self.shaders, scene, geometry, previous=self._previous)
         used = {d.material for d in geometry.draws}
-        self.materials = MaterialTable(gpu, scene, drawn, used, normal_maps=normal_maps)
+        self.materials = MaterialTable(
+            gpu, scene, drawn, used, normal_maps=normal_maps, mipmaps=textures == "mipmapped"
+        )
         self._gbuffer = GBufferPass(gpu, self.shaders, drawn, self.colored)
         self.history = History(gpu, size, self.channels)
         self.drawn: Drawn | None = None

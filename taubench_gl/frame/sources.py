@@ -80,6 +80,7 @@ class RasterSource:
             self.size,
             channels,
             culling=settings.culling,
+            textures=settings.textures,
             normal_maps=self.effects["normal_maps"].on,
             timer=timer,
             poser=poser,

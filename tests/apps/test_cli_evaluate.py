@@ -23,12 +23,16 @@ def test_every_option_arrives(taubench, evaluate, tmp_path):
     options = "--camera Cam --animation run --animation 2 --scene 1 --fps 30 --frames 2:-1 --size 64X32"
     options += " --reprojection motion --sampling bilinear --threshold normal=0.5 --threshold position=1e-3"
     options += " --unit-scale 100 --culling none --save masks,channels --backend osmesa --device 3"
+    options += " --columns direct,frustum --effects all --sky 0.5,1,2e-1 --exposure 0.25 --tone-map aces"
+    options += " --shadow-size 64 --shadow-lights 3 --shadow-filter hard --light-error 1e-4 --indirect rsm"
     code, _, err = taubench("evaluate", "walk.glb", *options.split(), "--out", tmp_path / "o")
     assert code == 0, err
     assert evaluate.calls[0]["settings"] == Settings(
         width=64, height=32, fps=30.0, frames=(2, -1), camera="Cam", scene="1", animation=("run", "2"),
         reprojection="motion", sampling="bilinear", thresholds={"normal": 0.5, "position": 1e-3},
         unit_scale=100.0, culling="none", backend="osmesa", device=3,
+        columns=("direct", "frustum"), effects="all", sky=(0.5, 1.0, 0.2), exposure=0.25, tone_map="aces",
+        shadow_size=64, shadow_lights=3, shadow_filter="hard", light_error=1e-4, indirect="rsm",
     )  # fmt: skip
     assert evaluate.calls[0]["out"] == tmp_path / "o"
     assert evaluate.calls[0]["save"] == ("masks", "channels")
@@ -62,6 +66,14 @@ def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
         (["--fps", "nan"], "fps is nan"),
         (["--save", "masks"], "--save needs --out"),
         (["--save", "music", "--out", "x"], "cannot save music; choose from masks, channels"),
+        (["--columns", "direct,shine"], "cannot measure shine; choose from frustum, color"),
+        (["--sky", "1,2"], "'1,2' is not a radiance such as 0.2,0.4,0.9"),
+        (["--sky", "0,0,-1"], "sky is (0.0, 0.0, -1.0)"),
+        (["--exposure", "0"], "exposure is 0.0"),
+        (["--shadow-size", "8"], "shadow size is 8"),
+        (["--shadow-lights", "-1"], "shadow lights is -1"),
+        (["--light-error", "-1"], "light error is -1.0"),
+        (["--tone-map", "film"], "'film' is not one of"),
         (["--reprojection", "both"], "'both' is not one of"),
         (["--nope"], "No such option"),
     ],

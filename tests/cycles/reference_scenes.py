@@ -58,6 +58,15 @@ CASES = {
 }
 
 
+REFERENCES = Path(__file__).parent / "references"
+REFERENCE_SIZE = (96, 54)
+
+
+def reference_frames(case: Case) -> tuple[int, int]:
+    """Of a stored reference: the case's first pair."""
+    return case.frames[0], case.frames[0] + 2
+
+
 class PanCamera:
     """The file's first camera at 0 s, turned by 2 degrees a frame (24 fps) and moved to the right meanwhile."""
 
@@ -88,12 +97,13 @@ def open_case(case: Case, data: Path) -> tuple[Scene, CameraTrack]:
 def compare(scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, int]) -> dict[str, float]:
     """Rasterize what ``folder`` holds renders of.
 
-    -> points per column (ours - Cycles'), medians of position (m), its allowance (m), normal (degrees), motion (px),
-    and the percentage of pixels that both see.
+    -> points per column (ours - Cycles') and Cycles' percentage; medians of position (m), its allowance (m), normal
+    (degrees) and motion (px); the percentage of pixels that both see.
     """
     sequence = TruthSequence.open(folder)
     width, height = sequence.size
-    settings = {"width": width, "height": height, "frames": frames, "columns": COLUMNS}
+    settings = {"width": width, "height": height, "frames": frames, "columns": COLUMNS,
+                "textures": "finest"}  # fmt: skip
     kept: dict[str, list] = {"truth": [], "raster": [], "motion": []}
 
     def keep(name: str):
@@ -110,7 +120,7 @@ def compare(scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, 
     out = {}
     for column in COLUMNS:
         ours, theirs = (run.summary["discard"][column]["mean_percent"] for run in (raster, truth))
-        out[column] = ours - theirs
+        out |= {column: ours - theirs, f"{column}_percent": theirs}
     errors: dict[str, list[Array]] = {"position": [], "normal": [], "motion": [], "distance": []}
     seen = []
     for theirs, ours, followed in zip(kept["truth"], kept["raster"], kept["motion"], strict=True):

@@ -7,25 +7,16 @@ import math
 import numpy as np
 import pytest
 from cycles_scenes import BASE_COLOR, DOWN, plane
+from reference_scenes import CASES, compare, faults, open_case
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.cycles.job import Quality
 from taubench_gl.cycles.render import render_truth
-from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth
 from taubench_gl.reference.sequence import TruthSequence
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
 
 pytestmark = pytest.mark.long
 SIZE = (192, 108)
-SCENES = {
-    "rigid": ("BoxAnimated/BoxAnimated.glb", (20, 23)),
-    "textured": ("CesiumMilkTruck/CesiumMilkTruck.glb", (5, 8)),
-    "skinned": ("CesiumMan/CesiumMan.glb", (10, 13)),
-    "morphed": ("AnimatedMorphCube/AnimatedMorphCube.glb", (10, 13)),
-    "interpolated": ("InterpolationTest/InterpolationTest.glb", (7, 10)),
-}
 
 
 @pytest.mark.parametrize("kind", ["point", "spot", "directional"])
@@ -51,34 +42,11 @@ def test_lights_have_gltf_units(tmp_path, blender, kind):
     assert frame.radiance["indirect"].max() == 0.0
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", CASES)
 def test_the_rasterizer_against_crisp_cycles(data, tmp_path, blender, name):
-    file, frames = SCENES[name]
-    path, out = data / "khronos" / file, tmp_path / "out"
-    scene = load_scene(path)
+    case, out = CASES[name], tmp_path / "out"
+    scene, camera = open_case(case, data)
     quality = Quality(samples=1, crisp=True)
-    numbers = range(*frames)
-    render_truth(scene, choose_camera(scene), numbers, out, fps=24.0, size=SIZE, quality=quality, python=blender)
-    columns = ("frustum", "position", "normal")
-    kept = {"truth": [], "raster": [], "motion": []}
-
-    def keep(key):
-        return lambda pair: kept[key].append((pair.frame, pair.source.read("position").copy(), pair.motion()))
-
-    truth = evaluate_truth(
-        f"exr:{out}", Settings(columns=columns), TruthOptions(camera_file=out / "camera.json"), on_pair=keep("truth")
-    )
-    settings = dict(width=SIZE[0], height=SIZE[1], frames=frames, columns=columns)
-    raster = evaluate_scene(scene, Settings(**settings), on_pair=keep("raster"))
-    evaluate_scene(scene, Settings(**settings, reprojection="motion"), on_pair=keep("motion"))
-    for column, limit in zip(columns, (0.02, 0.15, 0.2)):
-        difference = [run.summary["discard"][column]["mean_percent"] for run in (raster, truth)]
-        assert abs(difference[0] - difference[1]) <= limit, column
-    sequence = TruthSequence.open(out)
-    size = np.percentile([np.abs(p[..., :3]).max() for _, p, _ in kept["raster"]], 50)
-    for (frame, ours, _), (_, theirs, _), (_, _, motion) in zip(kept["raster"], kept["truth"], kept["motion"]):
-        both = (ours[..., 3] > 0) & (theirs[..., 3] > 0)
-        error = np.linalg.norm((ours - theirs)[both][:, :3], axis=-1)
-        assert np.median(error) < max(1e-4, 1e-5 * size)
-        vector = sequence.read(frame).motion
-        assert np.median(np.linalg.norm(vector - motion, axis=-1)[both]) < 0.05
+    render_truth(scene, camera, range(*case.frames), out, fps=24.0, size=SIZE, quality=quality, python=blender)
+    result = compare(scene, camera, out, case.frames)
+    assert not list(faults(result)), result

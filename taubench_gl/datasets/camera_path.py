@@ -1,0 +1,227 @@
+"""A camera whose change per frame has asked-for statistics, kept inside free space.
+
+The list of steps comes first (``motion_stats``) and is never altered: only its order, the direction of each step and
+the sign of each turn are free.  Those are chosen so that the camera stays where there is room, goes where it looks and
+looks where a person would.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.datasets.motion_stats import MotionStats, ordered_steps
+from taubench_gl.errors import SettingsError
+
+Array = np.ndarray
+
+STILL = MotionStats(0.0)
+
+PITCH_LIMIT = 75.0
+"""Degrees up or down: a person's range, and far enough from straight up, where yaw and roll cannot be told apart."""
+
+YAW_CAP = 175.0
+"""Degrees a frame; a turn of 180 or more would be measured as one the other way round."""
+
+BANDS = {"yaw": 12.0, "pitch": 7.0, "roll": 5.0}
+"""Degrees by which a turn runs past what it aims at before it comes back: how far a glance goes."""
+
+DIRECTIONS = 48
+TRIES = 12
+
+
+class FreeSpace(Protocol):
+    """Where a camera can be, and how it goes."""
+
+    def start(self) -> tuple[Array, float]:
+        """Where to begin: position (3,) metres, and yaw in degrees."""
+
+    def step(self, position: Array, angles: Array, length: float) -> Array:
+        """Points exactly ``length`` metres away in horizontal directions ``angles`` (K,) radians.  -> (K, 3)."""
+
+    def clearance(self, points: Array) -> Array:
+        """Room around points (..., 3): below or at 0 where a camera cannot be, at most 1 where there is plenty."""
+
+    def resolution(self) -> float:
+        """Metres between the points at which the way to a point is tested."""
+
+    def look_at(self) -> Array | None:
+        """What to look at, (3,); None: along the way."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSpec:
+    """What a generated camera does per frame: metres and degrees, as in Tables 2 and 3.  ``seed`` fixes the rest."""
+
+    translation: MotionStats = STILL
+    yaw: MotionStats = STILL
+    pitch: MotionStats = STILL
+    roll: MotionStats = STILL
+    frames: int = 361
+    fps: float = 60.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.fps) and self.fps > 0):
+            raise SettingsError(f"fps is {self.fps}", hint="give a rate above 0")
+        if not 2 <= self.frames <= 1_000_000:
+            raise SettingsError(f"{self.frames} frames", hint="give at least 2 frames: seconds times fps, and one more")
+
+
+@dataclass(frozen=True, slots=True)
+class CameraPath:
+    """Pose per frame.  ``angles`` are intrinsic Y-X-Z degrees, unwrapped: yaw, pitch, roll."""
+
+    times: Array  # (N,) seconds
+    position: Array  # (N, 3) metres, world
+    angles: Array  # (N, 3) degrees
+    fps: float
+    jumps: tuple[int, ...] = field(default=())  # frames at which the camera was put elsewhere
+
+    @property
+    def world_from_view(self) -> Array:
+        """(N, 3, 3) float64 rotations Ry(yaw) Rx(pitch) Rz(roll)."""
+        yaw, pitch, roll = (
+            math3d.mat3_from_quat(quat_about(axis, a)) for axis, a in zip("yxz", self.angles.T, strict=True)
+        )
+        return yaw @ pitch @ roll
+
+
+def quat_about(axis: str, degrees: Array | float) -> Array:
+    """Quaternions xyzw about one of the axes x, y, z.  (...) degrees -> (..., 4)."""
+    half = 0.5 * np.radians(np.asarray(degrees, dtype=np.float64))
+    out = np.zeros((*half.shape, 4))
+    out[..., "xyz".index(axis)], out[..., 3] = np.sin(half), np.cos(half)
+    return out
+
+
+def generate(spec: CameraSpec, space: FreeSpace) -> CameraPath:
+    """A path with exactly the statistics of ``spec``.  Raises SettingsError where none fits, saying why."""
+    count = spec.frames - 1
+    rng = np.random.default_rng([spec.seed, 1])
+    turns = {
+        name: ordered_steps(stats, count, rng, cap)
+        for name, stats, cap in (
+            ("yaw", spec.yaw, YAW_CAP),
+            ("pitch", spec.pitch, PITCH_LIMIT),
+            ("roll", spec.roll, PITCH_LIMIT),
+        )
+    }
+    position, heading = walk(spec.translation, count, space, spec.seed)
+    start_yaw = space.start()[1]
+    wander = slow_noise(spec.frames, rng)
+    ahead = np.degrees(np.unwrap(heading)) if not spec.translation.still else np.full(spec.frames, start_yaw)
+    target = space.look_at()
+    if target is not None:
+        to = target - position
+        ahead = np.degrees(np.unwrap(np.arctan2(-to[:, 0], -to[:, 2])))
+        tilt = np.degrees(np.arctan2(to[:, 1], np.hypot(to[:, 0], to[:, 2])))
+    else:
+        tilt = np.full(spec.frames, -4.0)
+    yaw = chase(ahead + 25.0 * wander[0], turns["yaw"], ahead[0], BANDS["yaw"], math.inf)
+    pitch = chase(tilt + 6.0 * wander[1], turns["pitch"], tilt[0], BANDS["pitch"], PITCH_LIMIT)
+    roll = chase(3.0 * wander[2], turns["roll"], 0.0, BANDS["roll"], PITCH_LIMIT)
+    length = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    jumps = np.flatnonzero(length > (spec.translation.usual_maximum or math.inf)) + 1
+    times = np.arange(spec.frames) / spec.fps
+    return CameraPath(times, position, np.stack([yaw, pitch, roll], axis=1), spec.fps, tuple(jumps.tolist()))
+
+
+def chase(target: Array, turns: Array, start: float, band: float, limit: float) -> Array:
+    """An angle that changes by exactly ``turns`` (N-1,) >= 0, signs chosen to follow ``target`` (N,).  -> (N,) degrees.
+
+    A turn keeps its sign until it is ``band`` past the target, so the angle swings instead of trembling.  No angle
+    leaves +-``limit``; turns of at most ``limit`` always leave one sign that stays inside.
+    """
+    out = np.empty(len(turns) + 1)
+    out[0] = min(max(start, -limit), limit)
+    sign = 1.0 if target[0] >= out[0] else -1.0
+    for i, turn in enumerate(turns.tolist()):
+        error = target[i + 1] - out[i]
+        if sign * error < -band:
+            sign = -sign
+        if abs(out[i] + sign * turn) > limit:
+            sign = -math.copysign(1.0, out[i])
+        out[i + 1] = out[i] + sign * turn
+    return out
+
+
+def walk(stats: MotionStats, count: int, space: FreeSpace, seed: int) -> tuple[Array, Array]:
+    """Positions (count + 1, 3) whose steps have exactly ``stats``, and the horizontal headings (count + 1,) radians.
+
+    A heading is a yaw: 0 looks along -Z, a quarter turn along -X.  Raises SettingsError where there is no room.
+    """
+    start, yaw = space.start()
+    if stats.still:
+        return np.tile(start, (count + 1, 1)), np.full(count + 1, math.radians(yaw))
+    for attempt in range(TRIES):
+        rng = np.random.default_rng([seed, 2, attempt])
+        steps = ordered_steps(stats, count, rng)
+        path = _try_walk(steps, start, math.radians(yaw), space, rng)
+        if path is not None:
+            return path
+    where = ", ".join(f"{x:.3g}" for x in start)
+    raise SettingsError(
+        f"no room to move by {stats} a frame for {count} frames from ({where})",
+        hint="give a smaller --translation",
+    )
+
+
+def _try_walk(
+    steps: Array, start: Array, heading: float, space: FreeSpace, rng: np.random.Generator
+) -> tuple[Array, Array] | None:
+    steps = steps.copy()
+    usual = float(np.mean(steps))
+    drift = slow_noise(len(steps), rng)[0]
+    fan = 2.0 * np.pi * (np.arange(DIRECTIONS) - DIRECTIONS // 2) / DIRECTIONS
+    position, headings = np.empty((len(steps) + 1, 3)), np.empty(len(steps) + 1)
+    position[0], headings[0] = start, heading
+    for i in range(len(steps)):
+        # A step for which there is no room here changes places with a later one: the statistics stay what they are.
+        later = i + np.argsort(-steps[i:] * (steps[i:] < steps[i]), kind="stable")[:: max(1, (len(steps) - i) // 12)]
+        for j in (i, *later.tolist()):
+            found = _choose(position[i], headings[i], fan, float(steps[j]), usual, drift[i], space)
+            if found is not None:
+                steps[[i, j]] = steps[[j, i]]
+                break
+        else:
+            return None
+        headings[i + 1], position[i + 1] = found
+    return position, headings
+
+
+def _choose(
+    position: Array, heading: float, fan: Array, length: float, usual: float, drift: float, space: FreeSpace
+) -> tuple[float, Array] | None:
+    """The best direction for one step: free, roomy ahead, near the present heading.  -> heading, position."""
+    if length == 0.0:
+        return heading, position
+    angles = heading + fan
+    ends = space.step(position, angles, length)
+    free = space.clearance(ends) > 0
+    jump = length > 8.0 * usual  # put elsewhere: what lies between does not matter
+    pieces = min(int(length / space.resolution()), 24)
+    if pieces and not jump and free.any():
+        between = position + (ends - position)[:, None] * (np.arange(1, pieces + 1) / (pieces + 1))[:, None]
+        free &= np.all(space.clearance(between) > 0, axis=1)
+    if not free.any():
+        return None
+    reach = np.array([3.0, 8.0, 16.0]) * max(usual, 0.5 * space.resolution())
+    direction = (ends - position) / length
+    ahead = space.clearance(ends[:, None] + direction[:, None] * reach[:, None])
+    room = np.minimum.accumulate(np.maximum(ahead, -0.5), axis=1) @ [1.0, 0.7, 0.4]
+    turn = np.abs(fan - 0.25 * drift * min(1.0, length / usual)) / np.pi
+    score = np.where(free, room + space.clearance(ends) - 2.5 * turn, -np.inf)
+    best = int(np.argmax(score))
+    # A short step must not swing the heading about: it turns by what its length is worth.
+    return heading + fan[best] * min(1.0, length / usual), ends[best]
+
+
+def slow_noise(count: int, rng: np.random.Generator) -> Array:
+    """Three smooth random curves within about +-1.  -> (3, count)."""
+    phase, cycles = rng.uniform(0, 2 * np.pi, (3, 3, 1)), rng.uniform(0.5, 5.0, (3, 3, 1))
+    return np.sin(2 * np.pi * cycles * np.linspace(0, 1, count) + phase).mean(axis=1)

@@ -1,0 +1,161 @@
+"""Where in a scene a camera can be: a voxel grid of what its triangles fill, and how far each voxel is from them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.animation.pose import is_skinned, pose_vertices
+from taubench_gl.animation.state import FrameState
+from taubench_gl.animation.views import OrbitCamera
+from taubench_gl.metrics.activity import euler_yxz
+from taubench_gl.scene.model import Scene
+
+Array = np.ndarray
+
+VOXELS = 1_500_000
+SAMPLES = 3_000_000
+"""Points on triangles, about: enough for two per voxel face on surfaces that cross the whole grid many times."""
+
+PLENTY = 4
+"""Voxels of distance at which there is room enough."""
+
+EYE_HEIGHT = 1.7
+"""Metres above the ground, for scenes that are high enough to stand in."""
+
+
+class VoxelSpace:
+    """``FreeSpace`` of any scene, from its triangles at time 0.  Moving things are where they are at time 0.
+
+    The camera moves in a horizontal plane.  Where there is ground below its start it stays above ground; a thing that
+    floats or stands alone is circled and looked at instead.
+    """
+
+    def __init__(self, scene: Scene, voxels: int = VOXELS):
+        poser = Poser(scene)
+        state = poser.sample(0.0)
+        points = surface_points(scene, state)
+        self._low, self._high = np.quantile(points, 0.002, axis=0), np.quantile(points, 0.998, axis=0)
+        self.center = 0.5 * (self._low + self._high)
+        self.radius = max(0.5 * float(np.linalg.norm(self._high - self._low)), 1e-6)
+        self._build(points, 0.0, voxels)
+        self._around = False
+        start = self._from_camera(scene, state) or self._from_ground()
+        if start is None:
+            # Nothing to stand on: walk around it, three radii out at most.
+            self._around = True
+            self._build(points, 2.0 * self.radius, voxels)
+            at = self.center + self.radius * np.array([0.0, 0.25, 1.6])
+            start = at, 0.0
+        self._start = start
+
+    def start(self) -> tuple[Array, float]:
+        return self._start
+
+    def resolution(self) -> float:
+        return self.size
+
+    def look_at(self) -> Array | None:
+        return self.center if self._around else None
+
+    def step(self, position: Array, angles: Array, length: float) -> Array:
+        level = np.stack([-np.sin(angles), np.zeros_like(angles), -np.cos(angles)], axis=-1)
+        return position + length * level
+
+    def clearance(self, points: Array) -> Array:
+        cell = np.floor((np.asarray(points) - self._origin) / self.size).astype(np.int64)
+        shape = np.array(self._room.shape)
+        inside = np.all((cell >= 0) & (cell < shape), axis=-1)
+        x, y, z = np.moveaxis(np.clip(cell, 0, shape - 1), -1, 0)
+        room = self._room[x, y, z].astype(np.float64)
+        if not self._around:
+            inside &= self._grounded[x, y, z]
+        return np.where(inside, room / PLENTY, -1.0)
+
+    def _build(self, points: Array, pad: float, voxels: int) -> None:
+        low, high = self._low - [pad, 0.5 * pad, pad], self._high + [pad, 0.5 * pad, pad]
+        extent = np.maximum(high - low, 1e-3 * self.radius)
+        self.size = max(float(np.prod(extent) / voxels) ** (1 / 3), float(extent.max()) / 1024)
+        self._origin = low - 2 * self.size
+        shape = np.ceil(extent / self.size).astype(int) + 4
+        cell = np.floor((points - self._origin) / self.size).astype(np.int64)
+        cell = cell[np.all((cell >= 0) & (cell < shape), axis=1)]
+        filled = np.zeros(shape, dtype=bool)
+        filled[tuple(cell.T)] = True
+        self._grounded = np.logical_or.accumulate(filled, axis=1)
+        self._room = np.zeros(shape, dtype=np.uint8)
+        for _ in range(PLENTY):
+            self._room += ~filled
+            filled = _grown(filled)
+
+    def _from_camera(self, scene: Scene, state: FrameState) -> tuple[Array, float] | None:
+        camera = choose_camera(scene)
+        if isinstance(camera, OrbitCamera):
+            return None
+        view = camera.view_at(state)
+        yaw = math.degrees(float(euler_yxz(view.world_from_view)[0]))
+        return (view.position, yaw) if self.clearance(view.position) > 0 else None
+
+    def _from_ground(self) -> tuple[Array, float] | None:
+        """Near the middle, at eye height over the lowest ground, where there is most room; None: no such place."""
+        height = float(self._high[1] - self._low[1])
+        eye = EYE_HEIGHT if height > 2 * EYE_HEIGHT else 0.4 * height
+        spots = np.argwhere((self._room >= 2) & self._grounded)
+        if not len(spots):
+            return None
+        points = self._origin + (spots + 0.5) * self.size
+        ground = self._origin[1] + self.size * np.argmax(self._grounded, axis=1)[spots[:, 0], spots[:, 2]]
+        level = np.abs(points[:, 1] - ground - eye) <= self.size
+        points, spots = points[level], spots[level]
+        if len(points) < 8:
+            return None
+        away = np.linalg.norm((points - self.center)[:, [0, 2]], axis=1) / self.radius
+        best = points[int(np.argmax(self._room[tuple(spots.T)] / PLENTY - away))]
+        return best, 0.0
+
+
+def surface_points(scene: Scene, state: FrameState, budget: int = SAMPLES) -> Array:
+    """Points spread over every drawn triangle by area, its corners included, world metres.  -> (P, 3) float64, P > 0."""
+    corners = [c for node in scene.mesh_nodes.tolist() if state.visible[node] for c in _triangles(scene, state, node)]
+    if not corners:
+        return np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]])
+    triangles = np.concatenate(corners)
+    triangles = triangles[np.all(np.isfinite(triangles), axis=(1, 2))]
+    area = 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    count = np.floor(area / max(float(area.sum()), 1e-300) * budget).astype(np.int64)
+    which = np.repeat(np.arange(len(triangles)), count)
+    u = np.random.default_rng(0).random((len(which), 2))
+    u = np.where(u.sum(axis=1, keepdims=True) > 1, 1 - u, u)
+    a, b, c = (triangles[which, k] for k in range(3))
+    inside = a + u[:, :1] * (b - a) + u[:, 1:] * (c - a)
+    return np.concatenate([triangles.reshape(-1, 3), inside])
+
+
+def _triangles(scene: Scene, state: FrameState, node: int) -> list[Array]:
+    """World corners (T, 3, 3) of each primitive of a node, and of each of its instances."""
+    out = []
+    instances = scene.nodes.instances.get(int(node))
+    for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+        if not len(primitive.triangles):
+            continue
+        if instances is None or is_skinned(scene, node, primitive):
+            out.append(pose_vertices(scene, state, node, primitive)[primitive.triangles])
+            continue
+        for place in state.world[node] @ instances:
+            out.append(math3d.transform_points(place, primitive.positions.astype(np.float64))[primitive.triangles])
+    return out
+
+
+def _grown(filled: Array) -> Array:
+    """One voxel more on every side, diagonals too."""
+    for axis in range(3):
+        grown = filled.copy()
+        ahead, behind = [slice(None)] * 3, [slice(None)] * 3
+        ahead[axis], behind[axis] = slice(1, None), slice(None, -1)
+        grown[tuple(ahead)] |= filled[tuple(behind)]
+        grown[tuple(behind)] |= filled[tuple(ahead)]
+        filled = grown
+    return filled

@@ -1,0 +1,58 @@
+"""Our rasterizer against small stored renders of Cycles, geometry only.  The renders are made by tools/cycles_references.
+
+The long test (test_cycles.py) renders the same scenes anew, and more of them.
+"""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from reference_scenes import CASES, REFERENCES, compare, faults, open_case, reference_frames
+
+STORED = [name for name, case in CASES.items() if case.stored]
+
+
+@pytest.mark.parametrize("name", STORED)
+def test_geometry_agrees_with_cycles(data, name):
+    case, folder = CASES[name], REFERENCES / name
+    if not (data / case.path).is_file():
+        pytest.skip(f"no {case.path} among the real scenes")
+    scene, camera = open_case(case, data)
+    model = json.loads((folder / "camera.json").read_text())
+    assert (model["model"], model["sha256"]) == (case.path, scene.sha256), "run tools/cycles_references: other model"
+    result = compare(scene, camera, folder, reference_frames(case))
+    assert not list(faults(result)), result
+
+
+def test_every_kind_of_scene_is_there_and_small():
+    assert len(STORED) >= 6 and set(STORED) == {p.name for p in REFERENCES.iterdir() if p.is_dir()}
+    notes = (REFERENCES / "README.md").read_text()
+    assert all(CASES[name].path in notes for name in STORED), "the licence of each model is named"
+    assert sum(p.stat().st_size for p in REFERENCES.rglob("*") if p.is_file()) < 1.5e6
+
+
+def test_disagreement_is_seen(data):
+    """A reference of another moment: every measure but the frustum's must say so."""
+    case = CASES["rigid"]
+    scene, camera = open_case(case, data)
+    result = compare(scene, Late(camera), REFERENCES / "rigid", reference_frames(case))
+    said = "; ".join(faults(result))
+    assert "positions are off" in said and "motion is off" in said, said
+
+
+class Late:
+    """A camera half a second behind."""
+
+    name = "late"
+
+    def __init__(self, camera):
+        self._camera = camera
+
+    def describe(self):
+        return self.name
+
+    def view_at(self, state):
+        from dataclasses import replace
+
+        return self._camera.view_at(replace(state, time=state.time - 0.5))
