@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from taubench_gl.gpu.context import Gpu
 
 
 def _shared_data() -> Path | None:
@@ -26,3 +31,19 @@ def data() -> Path:
     if DATA is None:
         pytest.skip("no real scenes beside the checkout; set TAUBENCH_DATA to their folder")
     return DATA
+
+
+@pytest.fixture(scope="session")
+def session_gpu() -> Gpu:
+    from taubench_gl.gpu.context import open_gpu
+
+    return open_gpu()
+
+
+@pytest.fixture
+def gpu(session_gpu: Gpu) -> Iterator[Gpu]:
+    """The GL context, current; a clean GL error state is part of passing."""
+    with session_gpu:
+        assert session_gpu.ctx.error == "GL_NO_ERROR"
+        yield session_gpu
+        session_gpu.check("the test")

@@ -182,8 +182,9 @@ def _try_walk(
     position[0], headings[0] = start, heading
     for i in range(len(steps)):
         # A step for which there is no room here changes places with a later one: the statistics stay what they are.
-        later = i + np.argsort(-steps[i:] * (steps[i:] < steps[i]), kind="stable")[:: max(1, (len(steps) - i) // 12)]
-        for j in (i, *later.tolist()):
+        smaller = i + np.flatnonzero(steps[i:] < steps[i])
+        smaller = smaller[np.argsort(-steps[smaller], kind="stable")][:: max(1, len(smaller) // 12)]
+        for j in (i, *smaller.tolist()):
             found = _choose(position[i], headings[i], fan, float(steps[j]), usual, drift[i], space)
             if found is not None:
                 steps[[i, j]] = steps[[j, i]]

@@ -15,9 +15,17 @@ def _read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | in
     return read_gltf(path, scene, animation)
 
 
+def _read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+    from taubench_gl.scene.aff.reader import read_aff
+
+    return read_aff(path, scene, animation)
+
+
 READERS: dict[str, Callable[[Path, str | int | None, Sequence[str | int] | None], Scene]] = {
     ".gltf": _read_gltf,
     ".glb": _read_gltf,
+    ".aff": _read_aff,
+    ".nff": _read_aff,
 }
 """File suffix, lower case -> reader.  A reader is imported when the first file of its kind is read."""
 

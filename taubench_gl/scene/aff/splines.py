@@ -60,7 +60,7 @@ def position_keys(times: Array, values: Array, tcb: Array, window: tuple[float, 
         a, b = _hermite(values[i], out, into, values[i + 1], (t0 - times[i]) / span, span)
         c, d = _hermite(values[i], out, into, values[i + 1], (t1 - times[i]) / span, span)
         pieces.append(Piece(t0, t1, a, b, c, d))
-    return _join(pieces, window[0])
+    return _join(pieces, window[0], values[-2])
 
 
 def rotation_keys(times: Array, axes: Array, degrees: Array, tcb: Array, window: tuple[float, float]) -> Keys:
@@ -81,8 +81,9 @@ def rotation_keys(times: Array, axes: Array, degrees: Array, tcb: Array, window:
             rest = np.zeros(4)
             pieces.append(Piece(t0, t1, quaternions[i], rest, quaternions[i], rest))
         else:
-            pieces += _resample(curve, s0, s1, t0, t1)
-    return _join(pieces, window[0])
+            ends = (quaternions[i] if s0 == 0.0 else None, quaternions[i + 1] if s1 == 1.0 else None)
+            pieces += _resample(curve, s0, s1, t0, t1, ends)
+    return _join(pieces, window[0], quaternions[-2])
 
 
 def long_turns(axes: Array, degrees: Array) -> Array:
@@ -129,28 +130,23 @@ def key_window(times: Array) -> tuple[float, float]:
 
 
 def _spans(times: Array, window: tuple[float, float]) -> list[tuple[int, float, float]]:
-    """(segment i from key i to i + 1, begin, end) of what is seen of each, in order, without gaps."""
-    last = float(times[-2])
-    low, high = window
-    out, reached = [], float(times[1])
+    """(segment i from key i to i + 1, begin, end) of what the window shows of each, in order, without gaps.
+
+    Where nothing moves inside the window it is one span without length: what is held there.
+    """
+    last, reached = float(times[-2]), float(times[1])
+    spans = []
     for i in range(1, len(times) - 2):
         t1 = min(float(times[i + 1]), last)
-        if t1 <= reached:
-            continue
-        if t1 > low and reached < high and times[i + 1] > times[i]:
-            out.append((i, max(reached, low), min(t1, high)))
-        reached = t1
-    if not out or out[0][1] >= out[-1][2]:
-        # Nothing moves inside the window: what is held there, as a point.
-        i = 1 if low <= times[1] or len(times) < 4 else len(times) - 3
-        t = float(times[i] if i == 1 else times[i + 1])
-        ok = times[i + 1] > times[i]
-        out = [(i, t, t)] if ok else []
-        if not out:
-            usable = [j for j in range(1, len(times) - 2) if times[j + 1] > times[j]]
-            j = usable[-1] if usable else 1
-            out = [(j, float(times[j + 1]), float(times[j + 1]))]
-    return out
+        if t1 > reached and times[i + 1] > times[i]:
+            spans.append((i, reached, t1))
+            reached = t1
+    low, high = window
+    seen = [(i, max(t0, low), min(t1, high)) for i, t0, t1 in spans if t1 > low and t0 < high]
+    if seen or not spans:
+        return seen
+    (i, t0, _), (j, _, t1) = spans[0], spans[-1]
+    return [(i, t0, t0)] if t0 >= high else [(j, t1, t1)]
 
 
 def _tangents(times: Array, chords: Array, tcb: Array, i: int) -> tuple[Array, Array]:
@@ -223,8 +219,15 @@ def _squad(p: Array, q: Array, log: Array, out: Array, into: Array) -> Callable[
     return curve
 
 
-def _resample(curve: Callable[[Array], Array], s0: float, s1: float, t0: float, t1: float) -> list[Piece]:
-    """Cubic pieces of the curve over [s0, s1], as many as its error asks for."""
+def _resample(
+    curve: Callable[[Array], Array],
+    s0: float,
+    s1: float,
+    t0: float,
+    t1: float,
+    ends: tuple[Array | None, Array | None],
+) -> list[Piece]:
+    """Cubic pieces of the curve over [s0, s1], as many as its error asks for; ``ends``: keys to meet bit for bit."""
     if not t1 > t0:
         value = curve(np.array([s0]))[0]
         return [Piece(t0, t1, value, np.zeros(4), value, np.zeros(4))]
@@ -232,6 +235,8 @@ def _resample(curve: Callable[[Array], Array], s0: float, s1: float, t0: float, 
     while True:
         s = np.linspace(s0, s1, count + 1)
         values, slopes = curve(s), _slopes(curve, s) * ((s1 - s0) / (t1 - t0))
+        values[0] = values[0] if ends[0] is None else ends[0]
+        values[-1] = values[-1] if ends[1] is None else ends[1]
         step = (t1 - t0) / count
         worst = 0.0
         for u in (0.25, 0.5, 0.75):
@@ -255,27 +260,27 @@ def _slopes(curve: Callable[[Array], Array], s: Array) -> Array:
     return (8 * (curve(s + h) - curve(s - h)) - (curve(s + 2 * h) - curve(s - 2 * h))) / (12 * h)
 
 
-def _join(pieces: list[Piece], origin: float) -> Keys:
-    """Pieces in order, without gaps, as keys.  A jump becomes two keys one float64 apart."""
-    first = pieces[0]
-    times, values = [first.t0], [[np.zeros_like(first.slope0), first.value0, first.slope0]]
+def _join(pieces: list[Piece], origin: float, held: Array) -> Keys:
+    """Pieces in order, without gaps, as keys counted from ``origin``.  A jump becomes two keys one float64 apart.
+
+    ``held``: the value where there is no piece at all.
+    """
+    rest = np.zeros_like(held)
+    if not pieces or pieces[0].t1 == pieces[-1].t0 == pieces[0].t0:
+        return np.zeros(1), np.array([[rest, pieces[0].value0 if pieces else held, rest]])
+    times, values = [pieces[0].t0 - origin], [[rest, pieces[0].value0, rest]]
     for piece in pieces:
-        if not np.array_equal(piece.value0, values[-1][1]):
-            same = np.allclose(piece.value0, values[-1][1], rtol=0.0, atol=1e-12)
-            if not same and piece.t0 > first.t0:
-                times[-1] = float(np.nextafter(times[-1] - origin, -np.inf)) + origin
-                times.append(piece.t0)
-                values.append([np.zeros_like(piece.slope0), piece.value0, piece.slope0])
+        if not np.allclose(piece.value0, values[-1][1], rtol=0.0, atol=1e-12):
+            times.append(times[-1])
+            values.append([rest, piece.value0, rest])
         values[-1][2] = piece.slope0
-        if piece.t1 > piece.t0:
-            times.append(piece.t1)
-            values.append([piece.slope1, piece.value1, np.zeros_like(piece.slope1)])
-    shifted = np.array(times) - origin
-    # The subtraction may round two times together; a jump stays a jump, one float64 wide.
-    for i in range(len(shifted) - 2, -1, -1):
-        if shifted[i] >= shifted[i + 1]:
-            shifted[i] = np.nextafter(shifted[i + 1], -np.inf)
-    return shifted, np.array(values)
+        times.append(piece.t1 - origin)
+        values.append([piece.slope1, piece.value1, rest])
+    out = np.array(times)
+    for i in range(len(out) - 2, -1, -1):
+        if out[i] >= out[i + 1]:
+            out[i] = np.nextafter(out[i + 1], -np.inf)
+    return out, np.array(values)
 
 
 def _inverse(q: Array) -> Array:

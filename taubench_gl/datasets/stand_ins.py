@@ -1,0 +1,270 @@
+"""Stand-ins for the paper's two EternalValley scenes, made by code: same counts, same camera statistics, not the data.
+
+A stand-in has the paper's Table 1 row exactly, and its Table 2 and 3 rows when evaluated at its capture rate of 60 fps.
+Everything else, geometry above all, is original and CC0, so its Table 4 row is its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.datasets import figures, valley
+from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, generate, quat_about
+from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.datasets.presets import FPS, VR
+from taubench_gl.datasets.shapes import box, sphere
+from taubench_gl.errors import SettingsError
+
+Array = np.ndarray
+Tracks = list[tuple]
+
+LICENCE = "CC0-1.0, made for taubench-gl"
+
+
+@dataclass(frozen=True, slots=True)
+class StandIn:
+    """Recipe of one stand-in.
+
+    Dynamic point lights are ``shots`` + ``flashes`` + ``carried``; dynamic rigid objects ``shots`` + ``carried`` +
+    ``birds`` + ``debris``.
+    """
+
+    name: str
+    stands_for: str
+    camera: CameraSpec
+    armatures: int
+    lanterns: int
+    shots: int
+    flashes: int
+    carried: int
+    birds: int
+    debris: int
+    yfov: float  # degrees
+    reach: float  # metres along the valley within which the camera and what happens stay
+    seed: int
+
+    @property
+    def note(self) -> str:
+        return (
+            f"stand-in for {self.stands_for}, made by code; not the dataset. Its camera has the paper's rows at "
+            f"{self.camera.fps:g} fps"
+        )
+
+
+STAND_INS = {
+    s.name: s
+    for s in (
+        StandIn("eternal-valley-fps", "EternalValleyFPS", FPS, 32, 73, 360, 200, 57, 30, 30, 60.0, 132.0, 11),
+        StandIn("eternal-valley-vr", "EternalValleyVR", VR, 34, 63, 370, 190, 66, 25, 30, 75.0, 34.0, 12),
+    )
+}
+
+
+def stand_in(name: str) -> StandIn:
+    """Raises SettingsError listing what there is."""
+    if name not in STAND_INS:
+        raise SettingsError(f"no stand-in is named {name!r}", hint=f"choose from {', '.join(STAND_INS)}")
+    return STAND_INS[name]
+
+
+def make_stand_in(name: str, path: str | Path) -> StandIn:
+    """Write a stand-in as .glb; the same bytes every time on one machine.  Raises SettingsError, OutputError."""
+    recipe, path = stand_in(name), Path(path)
+    if path.suffix.lower() != ".glb":
+        raise SettingsError(f"{path.name} does not end in .glb", hint="stand-ins are written as one binary file")
+    build(recipe).save(path)
+    return recipe
+
+
+def build(recipe: StandIn) -> Writer:
+    """The whole scene."""
+    w = Writer(LICENCE, "taubench-gl scenes make", share=True)
+    w.gltf.asset.extras = {
+        "taubench_gl": {"stand_in": recipe.note, "name": f"{recipe.name} (stand-in)", "fps": recipe.camera.fps}
+    }
+    w.gltf.scenes[0].name = f"{recipe.name} (stand-in)"
+    rng = np.random.default_rng(recipe.seed)
+    x = -100.0 if recipe.reach > 100 else 10.0
+    begin = (x, float(valley.middle(x)) + 12.0)
+    obstacles = valley.build_valley(w, rng, begin)
+    valley.add_lanterns(w, rng, recipe.lanterns, obstacles)
+    path = camera_of(recipe, valley.ValleySpace(obstacles, begin, -90.0, recipe.reach))
+    seconds = float(path.times[-1])
+    happening = _Stage(recipe, path, rng)
+    places = [happening.place() for _ in range(recipe.armatures)]
+    w.animation("figures", *figures.add_figures(w, rng, places, seconds))
+    w.animation("shots", *add_shots(w, rng, recipe, happening, seconds))
+    w.animation("flashes", *add_flashes(w, rng, recipe, happening))
+    w.animation("carried lights", *add_carried(w, rng, recipe, happening, seconds))
+    w.animation("birds and debris", *add_birds(w, rng, recipe, seconds), *add_debris(w, rng, recipe, happening, seconds))
+    w.animation("camera", *add_camera(w, recipe, path))
+    return w
+
+
+def camera_of(recipe: StandIn, space: valley.ValleySpace) -> CameraPath:
+    """The camera alone, which needs no more than where things stand."""
+    return generate(recipe.camera, space)
+
+
+class _Stage:
+    """Where and when things happen: around where the camera is at that time, so that there is something to see."""
+
+    def __init__(self, recipe: StandIn, path: CameraPath, rng: np.random.Generator):
+        self._path, self._rng, self.frames = path, rng, recipe.camera.frames
+        self._spread = 45.0 if recipe.reach > 100 else 22.0
+
+    def frame(self) -> int:
+        return int(self._rng.integers(0, self.frames))
+
+    def place(self, frame: int | None = None) -> tuple[float, float]:
+        """(x, z) on the valley's floor, some metres from the camera's place in ``frame`` (None: in any frame)."""
+        eye = self._path.position[self.frame() if frame is None else frame]
+        while True:
+            x, z = eye[[0, 2]] + self._rng.normal(0.0, self._spread, 2)
+            if valley.on_floor(x, z) and math.hypot(x - eye[0], z - eye[2]) > 4.0:
+                return float(x), float(z)
+
+
+def _switched(birth: int, death: int, fps: float) -> tuple[list[float], Array]:
+    """STEP keys of a scale that is 1 in frames birth .. death - 1 and 0 in all others.
+
+    The keys lie halfway between frames: a frame's time rounded to float32 may fall on either side of the frame.
+    """
+    keys = [(0.0, float(birth <= 0))]
+    if birth > 0:
+        keys.append(((birth - 0.5) / fps, 1.0))
+    keys.append(((death - 0.5) / fps, 0.0))
+    return [t for t, _ in keys], np.repeat([[s] for _, s in keys], 3, axis=1)
+
+
+def _glow(w: Writer, name: str, color: tuple[float, float, float]) -> int:
+    return w.material(name, color, emissiveFactor=list(color))
+
+
+def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage, seconds: float) -> Tracks:
+    """Projectiles: a ball and its light that appear, fly and vanish."""
+    fps, tracks = recipe.camera.fps, []
+    kinds = []
+    for name, color in (("fire", (1.0, 0.45, 0.15)), ("frost", (0.35, 0.65, 1.0)), ("venom", (0.45, 1.0, 0.3))):
+        light = w.light(type="point", name=name, color=list(color), intensity=14.0, range=12.0)
+        kinds.append((w.mesh(name, w.primitive(sphere(0.14, 6, 9), _glow(w, name, color))), light))
+    for i in range(recipe.shots):
+        mesh, light = kinds[i % len(kinds)]
+        life = int(rng.integers(24, 72))
+        birth = int(rng.integers(1 - life // 2, stage.frames - life))
+        death = birth + life
+        x, z = stage.place(int(np.clip(birth + life // 2, 0, stage.frames - 1)))
+        turn, speed = rng.uniform(0, 2 * math.pi), rng.uniform(14.0, 34.0)
+        t = np.linspace(max(birth, 0), death, 6) / fps
+        out = speed * (t - 0.5 * (birth + death) / fps)
+        px, pz = x + out * math.cos(turn), z + out * math.sin(turn)
+        arc = 1.0 - ((t - t[0]) / (t[-1] - t[0]) * 2 - 1) ** 2
+        path = np.stack([px, valley.height(px, pz) + 1.3 + 0.8 * arc, pz], axis=-1)
+        node = w.node(f"shot {i}", mesh=mesh, translation=path[0].tolist(), scale=[float(birth <= 0)] * 3)
+        w.node("light", node, translation=[0.0, 0.3, 0.0], extensions=light)
+        times, states = _switched(birth, death, fps)
+        tracks += [(node, "translation", t, path, "LINEAR"), (node, "scale", times, states, "STEP")]
+    return tracks
+
+
+def add_flashes(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage) -> Tracks:
+    """Muzzle flashes and impacts: lights that stand still for a few frames."""
+    light = w.light(type="point", name="flash", color=[1.0, 0.82, 0.55], intensity=30.0, range=16.0)
+    tracks = []
+    for i in range(recipe.flashes):
+        birth = int(rng.integers(1, stage.frames - 12))
+        x, z = stage.place(birth)
+        at = [x, float(valley.height(x, z)) + 1.4, z]
+        node = w.node(f"flash {i}", translation=at, scale=[0.0] * 3, extensions=light)
+        times, states = _switched(birth, birth + int(rng.integers(3, 9)), recipe.camera.fps)
+        tracks.append((node, "scale", times, states, "STEP"))
+    return tracks
+
+
+def add_carried(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage, seconds: float) -> Tracks:
+    """Will-o'-the-wisps that are there all the time and float about."""
+    color = (0.9, 0.85, 0.6)
+    light = w.light(type="point", name="wisp", color=list(color), intensity=5.0, range=9.0)
+    mesh = w.mesh("wisp", w.primitive(sphere(0.1, 6, 9), _glow(w, "wisp", color)))
+    tracks = []
+    for i in range(recipe.carried):
+        x, z = stage.place()
+        t = np.linspace(0.0, seconds, 31)
+        phase = 2 * math.pi * (rng.uniform(0.5, 1.5) * t / seconds + rng.uniform(0, 1))
+        px, pz = x + 3 * np.cos(phase), z + 3 * np.sin(phase)
+        path = np.stack([px, valley.height(px, pz) + 1.6 + 0.4 * np.sin(3 * phase), pz], axis=-1)
+        node = w.node(f"wisp {i}", mesh=mesh, translation=path[0].tolist())
+        w.node("light", node, translation=[0.0, -0.2, 0.0], extensions=light)
+        tracks.append((node, "translation", t, path, "LINEAR"))
+    return tracks
+
+
+def add_birds(w: Writer, rng: np.random.Generator, recipe: StandIn, seconds: float) -> Tracks:
+    wings = box((-0.9, 0.0, -0.18), (0.9, 0.05, 0.18))
+    mesh = w.mesh("bird", w.primitive(wings, w.material("bird", (0.05, 0.05, 0.06))))
+    tracks = []
+    for i in range(recipe.birds):
+        t = np.linspace(0.0, seconds, 31)
+        turn = 2 * math.pi * rng.uniform() + rng.choice([-1, 1]) * t * rng.uniform(0.3, 0.6)
+        radius, center = rng.uniform(12, 30), rng.uniform([-110, -15], [110, 15])
+        path = np.stack([center[0] + radius * np.cos(turn), np.full_like(t, rng.uniform(9, 22)),
+                         center[1] + radius * np.sin(turn)], axis=-1)  # fmt: skip
+        node = w.node(f"bird {i}", mesh=mesh, translation=path[0].tolist())
+        tracks += [(node, "translation", t, path, "LINEAR")]
+        tracks += [(node, "rotation", t, quat_about("y", -np.degrees(turn) - 90), "LINEAR")]
+    return tracks
+
+
+def add_debris(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage, seconds: float) -> Tracks:
+    """Stones thrown up and falling back, turning, over and over."""
+    shape = valley.rock(7)
+    shape = {**shape, "POSITION": shape["POSITION"] * 0.28}
+    mesh = w.mesh("stone", w.primitive(shape, w.material("stone", (1, 1, 1), roughness=0.9)))
+    tracks = []
+    for i in range(recipe.debris):
+        x, z = stage.place()
+        t = np.linspace(0.0, seconds, 61)
+        flight = np.mod(t * rng.uniform(0.6, 1.0) + rng.uniform(), 1.0)
+        path = np.stack([x + 2 * flight, valley.height(x, z) + 0.2 + 9 * flight * (1 - flight), z - 2 * flight], axis=-1)
+        node = w.node(f"stone {i}", mesh=mesh, translation=path[0].tolist())
+        tracks.append((node, "translation", t, path, "LINEAR"))
+        tracks.append((node, "rotation", t, quat_about("x", 400.0 * t + 40 * i), "LINEAR"))
+    return tracks
+
+
+def add_camera(w: Writer, recipe: StandIn, path: CameraPath) -> Tracks:
+    return add_rig(
+        path,
+        lambda name, parent, **properties: w.node(name, parent, **properties),
+        w.camera("stand-in camera", math.radians(recipe.yfov), 0.1, 1000.0),
+        "stand-in camera",
+    )
+
+
+def add_rig(path: CameraPath, node: Callable[..., int], camera: int, name: str) -> Tracks:
+    """Nodes for position, yaw, pitch and roll, one inside the other, the camera on the innermost.
+
+    One axis per node: a turn between two keys stays a turn about that axis, and an angle nobody turns is exactly 0.
+    """
+    parts: list[tuple[str, str, Array]] = [("position", "translation", path.position)]
+    parts += [
+        (axis_name, "rotation", quat_about(axis, angles))
+        for axis_name, axis, angles in zip(("yaw", "pitch", "roll"), "yxz", path.angles.T, strict=True)
+    ]
+    tracks: Tracks = []
+    parent: int | None = None
+    for part, channel, values in parts:
+        last = part == "roll"
+        rest: dict[str, Any] = {channel: values[0].tolist()}
+        if last:
+            rest["camera"] = camera
+        parent = node(name if last else f"{name} {part}", parent, **rest)
+        if np.any(values != values[0]):
+            tracks.append((parent, channel, path.times, values, "LINEAR"))
+    return tracks

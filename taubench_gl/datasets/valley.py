@@ -1,0 +1,279 @@
+"""The valley of the stand-ins: a height field between ridges with trees, rocks, huts and grass.  Original, CC0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.datasets.camera_path import quat_about
+from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.datasets.shapes import Shape, box, grid_indices, join, moved, quad, sphere, tube
+
+Array = np.ndarray
+
+HALF_LENGTH, HALF_WIDTH = 190.0, 130.0
+"""Half the extent of the terrain along x and z, metres."""
+
+FLOOR_END, FLOOR_SIDE = 140.0, 40.0
+"""Where the valley's floor ends along x, and on either side of its middle."""
+
+CELL = 4.0
+EYE_HEIGHT = 1.75
+
+_WAVES = np.random.default_rng(20).uniform([0.012, 0.012, 0.0], [0.055, 0.055, 2 * np.pi], (14, 3))
+_CRAGS = np.random.default_rng(21).uniform([0.05, 0.05, 0.0], [0.16, 0.16, 2 * np.pi], (14, 3))
+
+
+def middle(x: Array) -> Array:
+    """z of the valley's middle line."""
+    return 14.0 * np.sin(np.asarray(x) / 46.0)
+
+
+def height(x: Array, z: Array) -> Array:
+    """Metres, smooth.  Broadcasts x and z."""
+    x, z = np.asarray(x, dtype=np.float64), np.asarray(z, dtype=np.float64)
+    side = np.abs(z - middle(x)) - FLOOR_SIDE
+    # The ridge in the south, towards the sun, is the higher one: its shadow lies over half of the floor.
+    crest = np.where(z < middle(x), 50.0, 40.0)
+    rise = np.maximum(_smooth(side / 44.0), _smooth((np.abs(x) - FLOOR_END) / 42.0))
+    rolling = _waves(_WAVES, x, z)
+    crags = _waves(_CRAGS, x, z)
+    return 0.9 * rolling + rise * (crest + 6.0 * rolling + 3.2 * crags)
+
+
+def _smooth(t: Array) -> Array:
+    t = np.clip(t, 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def _waves(waves: Array, x: Array, z: Array) -> Array:
+    total = np.zeros(np.broadcast_shapes(x.shape, z.shape))
+    for i, (kx, kz, phase) in enumerate(waves):
+        total += np.sin((kx if i % 2 else -kx) * x + kz * z + phase)
+    return total / math.sqrt(len(waves))
+
+
+@dataclass(frozen=True)
+class ValleySpace:
+    """``FreeSpace`` over the valley's floor, at eye height, around what stands there.
+
+    ``obstacles`` (K, 3): x, z and radius.  ``begin`` (x, z) and ``yaw``; ``reach`` limits the camera to a part of x.
+    """
+
+    obstacles: Array
+    begin: tuple[float, float]
+    yaw: float
+    reach: float = FLOOR_END - 8.0
+
+    def start(self) -> tuple[Array, float]:
+        x, z = self.begin
+        return np.array([x, float(height(x, z)) + EYE_HEIGHT, z]), self.yaw
+
+    def resolution(self) -> float:
+        return 0.5
+
+    def look_at(self) -> None:
+        return None
+
+    def step(self, position: Array, angles: Array, length: float) -> Array:
+        """Over the ground: the horizontal part is solved for, so that the step's full length comes out."""
+        dx, dz = -np.sin(angles), -np.cos(angles)
+        low, high = np.zeros(len(angles)), np.full(len(angles), float(length))
+        for _ in range(52):
+            r = 0.5 * (low + high)
+            climb = height(position[0] + r * dx, position[2] + r * dz) + EYE_HEIGHT - position[1]
+            short = r * r + climb * climb < length * length
+            low, high = np.where(short, r, low), np.where(short, high, r)
+        x, z = position[0] + low * dx, position[2] + low * dz
+        return np.stack([x, height(x, z) + EYE_HEIGHT, z], axis=-1)
+
+    def clearance(self, points: Array) -> Array:
+        points = np.asarray(points)
+        x, z = points[..., 0], points[..., 2]
+        side = FLOOR_SIDE - 4.0 - np.abs(z - middle(x))
+        end = self.reach - np.abs(x - (self.begin[0] if self.reach < 100 else 0.0))
+        away = np.hypot(x[..., None] - self.obstacles[:, 0], z[..., None] - self.obstacles[:, 1]) - self.obstacles[:, 2]
+        return np.minimum(np.minimum(side, end) / 12.0, np.minimum(away.min(axis=-1) / 3.0, 1.0))
+
+
+def terrain() -> Shape:
+    """The ground with colours by height and slope; texture coordinates repeat every 6 m."""
+    rows, columns = int(2 * HALF_WIDTH / CELL), int(2 * HALF_LENGTH / CELL)
+    z, x = np.meshgrid(
+        np.linspace(-HALF_WIDTH, HALF_WIDTH, rows + 1), np.linspace(-HALF_LENGTH, HALF_LENGTH, columns + 1), indexing="ij"
+    )
+    y, step = height(x, z), 0.25
+    slope_x = (height(x + step, z) - height(x - step, z)) / (2 * step)
+    slope_z = (height(x, z + step) - height(x, z - step)) / (2 * step)
+    normal = np.stack([-slope_x, np.ones_like(x), -slope_z], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    steep = _smooth((1.0 - normal[..., 1]) / 0.22)[..., None]
+    dry = (0.5 + 0.5 * np.sin(x / 17.0 + np.cos(z / 13.0)))[..., None]
+    grass = (1 - dry) * np.array([0.13, 0.24, 0.06]) + dry * np.array([0.30, 0.28, 0.10])
+    snow = _smooth((y - 44.0) / 9.0)[..., None]
+    color = (1 - steep) * grass + steep * np.array([0.27, 0.24, 0.21])
+    path = np.exp(-(((z - middle(x) - 5 * np.sin(x / 21)) / 2.6) ** 2))[..., None] * (np.abs(x) < FLOOR_END)[..., None]
+    color = (1 - 0.8 * path) * color + 0.8 * path * np.array([0.36, 0.28, 0.19])
+    color = (1 - snow) * color + snow * 0.75
+    return {
+        "POSITION": np.stack([x, y, z], axis=-1).reshape(-1, 3),
+        "NORMAL": normal.reshape(-1, 3),
+        "TEXCOORD_0": np.stack([x, z], axis=-1).reshape(-1, 2) / 6.0,
+        "COLOR_0": np.concatenate([color, np.ones_like(snow)], axis=-1).reshape(-1, 4),
+        "indices": grid_indices(rows, columns),
+    }
+
+
+def mottled(size: int = 128) -> tuple[Array, Array]:
+    """A seamless bumpy pattern as a colour factor and a normal map.  -> two (size, size, 3) uint8."""
+    rng = np.random.default_rng(22)
+    y, x = np.mgrid[0:size, 0:size] * (2 * np.pi / size)
+    bumps = sum(
+        np.sin(rng.integers(1, top) * x + rng.integers(-top, top) * y + rng.uniform(0, 6.3)) / top**0.5
+        for top in np.repeat([5, 11, 23], 9)
+    )
+    bumps = (bumps - bumps.min()) / (bumps.max() - bumps.min())
+    color = np.repeat((150 + 105 * bumps)[..., None], 3, axis=-1)
+    slope = [np.roll(bumps, -1, a) - np.roll(bumps, 1, a) for a in (1, 0)]
+    normal = np.stack([-2.2 * slope[0], 2.2 * slope[1], np.ones_like(bumps)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return (color // 8 * 8).astype(np.uint8), np.round(normal * 127.5 + 127.5).astype(np.uint8)
+
+
+def colored(shape: Shape, color: tuple[float, float, float]) -> Shape:
+    return shape | {"COLOR_0": np.tile([*color, 1.0], (len(shape["POSITION"]), 1))}
+
+
+def tree() -> Shape:
+    """A conifer about 7 m high, foot at the origin."""
+    bark = colored(tube(np.array([0.32, 0.2, 0.14]), np.array([-0.5, 1.5, 3.0]), 7), (0.20, 0.12, 0.07))
+    crowns = [
+        colored(tube(np.array([0.05, r, 0.02]), np.array([y - 0.05, y, top]), 9), (0.05, 0.15 + 0.02 * i, 0.06))
+        for i, (r, y, top) in enumerate(((1.9, 1.6, 4.2), (1.5, 3.1, 5.6), (1.0, 4.6, 7.0)))
+    ]
+    return join([bark, *crowns])
+
+
+def rock(seed: int) -> Shape:
+    """A lump about 1 m in radius."""
+    ball, rng = sphere(1.0, 8, 12), np.random.default_rng(seed)
+    p = ball["POSITION"]
+    lobes = rng.normal(size=(6, 3))
+    bulge = 1 + 0.16 * np.sin(p @ lobes.T * 2.0).sum(axis=1)
+    return colored(ball | {"POSITION": p * bulge[:, None] * [1.0, 0.75, 1.0]}, (0.33, 0.31, 0.28))
+
+
+def hut() -> Shape:
+    """A small house, 5 m by 4 m, foot at the origin."""
+    walls = colored(box((-2.5, -0.6, -2.0), (2.5, 2.6, 2.0)), (0.42, 0.34, 0.24))
+    door = colored(box((-0.5, 0, 2.0), (0.5, 2.0, 2.06)), (0.14, 0.08, 0.05))
+    slope = [quad((-2.9, 2.3, s * 2.6), (s * 5.8, 0, 0), (0, 1.9, -s * 2.6)) for s in (1,)]
+    slope.append(quad((2.9, 2.3, -2.6), (-5.8, 0, 0), (0, 1.9, 2.6)))
+    gables = [colored(box((x, 2.5, -0.9), (x + 0.1, 3.5, 0.9)), (0.42, 0.34, 0.24)) for x in (-2.5, 2.4)]
+    return join([walls, door, *gables, *(colored(s, (0.30, 0.11, 0.08)) for s in slope)])
+
+
+def grass(seed: int) -> Shape:
+    """Blades over a disc of 2.5 m radius, each one triangle."""
+    rng = np.random.default_rng(seed)
+    count = 90
+    turn, out = rng.uniform(0, 2 * np.pi, count), 2.5 * np.sqrt(rng.uniform(0, 1, count))
+    foot = np.stack([out * np.cos(turn), np.full(count, -0.1), out * np.sin(turn)], axis=-1)
+    facing = rng.uniform(0, 2 * np.pi, count)
+    wide = 0.05 * np.stack([np.cos(facing), np.zeros(count), np.sin(facing)], axis=-1)
+    lean = rng.normal(0, 0.15, (count, 3)) * [1, 0, 1]
+    tip = foot + lean + np.array([0, 1, 0]) * rng.uniform(0.35, 0.75, count)[:, None]
+    p = np.stack([foot - wide, foot + wide, tip], axis=1)
+    n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    return {
+        "POSITION": p.reshape(-1, 3),
+        "NORMAL": np.repeat(n, 3, axis=0),
+        "TEXCOORD_0": np.tile([[0.0, 0], [1, 0], [0.5, 1]], (count, 1)),
+        "COLOR_0": np.tile([[0.08, 0.16, 0.04, 1], [0.08, 0.16, 0.04, 1], [0.30, 0.36, 0.12, 1]], (count, 1)),
+        "indices": np.arange(3 * count).reshape(-1, 3),
+    }
+
+
+def post() -> Shape:
+    """A lantern's post, 2.6 m high; the light hangs in front of it."""
+    arm = box((-0.05, 2.4, -0.05), (0.05, 2.5, 0.7))
+    return colored(join([box((-0.07, -0.4, -0.07), (0.07, 2.6, 0.07)), arm]), (0.10, 0.09, 0.08))
+
+
+def scatter(rng: np.random.Generator, count: int, taken: list[tuple[float, float, float]], radius: float,
+            where: Callable[[Array, Array], Array]) -> list[tuple[float, float]]:  # fmt: skip
+    """Places (x, z) at which ``where(x, z)`` holds and nothing ``taken`` is near; they are taken from then on."""
+    out: list[tuple[float, float]] = []
+    while len(out) < count:
+        x, z = rng.uniform([-HALF_LENGTH + 6, -HALF_WIDTH + 6], [HALF_LENGTH - 6, HALF_WIDTH - 6])
+        if bool(where(x, z)) and all(math.hypot(x - a, z - b) > radius + r for a, b, r in taken):
+            out.append((float(x), float(z)))
+            taken.append((float(x), float(z), radius))
+    return out
+
+
+def on_floor(x: Array, z: Array) -> Array:
+    return (np.abs(z - middle(x)) < FLOOR_SIDE) & (np.abs(x) < FLOOR_END)
+
+
+def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, float]) -> Array:
+    """Ground, plants, rocks, huts, sun.  -> (K, 3) obstacles on the floor: x, z, radius of what a camera must avoid."""
+    color, bumps = (w.texture(pixels) for pixels in mottled())
+    ground = w.material("ground", (1, 1, 1), roughness=0.95, texture=color, normal=bumps)
+    plain = w.material("plain", (1, 1, 1), roughness=0.9)
+    blades = w.material("grass", (1, 1, 1), roughness=0.9, doubleSided=True)
+    w.node("valley", mesh=w.mesh("valley", w.primitive(terrain(), ground)))
+    taken = [(*keep_free, 9.0)]
+    kinds = (
+        ("hut", [hut()], 9, 3.4, 9.0, on_floor, (1.0, 1.2), plain),
+        ("tree", [tree()], 70, 1.0, 6.0, on_floor, (0.7, 1.3), plain),
+        ("tree", [tree()], 170, 0.0, 2.5, lambda x, z: ~on_floor(x, z) & (height(x, z) < 34), (0.7, 1.5), plain),
+        ("rock", [rock(1), rock(2), rock(3)], 60, 1.5, 4.0, on_floor, (0.5, 1.3), plain),
+        ("grass", [grass(4), grass(5), grass(6)], 300, 0.0, -99.0, on_floor, (0.8, 1.2), blades),
+    )
+    obstacles = []
+    for name, shapes, count, solid, spread, where, sizes, material in kinds:
+        meshes = [w.mesh(name, w.primitive(shape, material)) for shape in shapes]
+        for i, (x, z) in enumerate(scatter(rng, count, taken if spread > 0 else [], spread, where)):
+            size = float(rng.uniform(*sizes))
+            w.node(
+                f"{name} {i}",
+                mesh=meshes[i % len(meshes)],
+                translation=[x, float(height(x, z)), z],
+                rotation=quat_about("y", float(rng.uniform(0, 360))).tolist(),
+                scale=[size] * 3,
+            )
+            if solid:
+                obstacles.append((x, z, solid * size + 0.4))
+    sun = w.light(type="directional", name="sun", color=[1.0, 0.9, 0.72], intensity=5.0)
+    # From the south (-z), 29 degrees high.
+    w.node("sun", rotation=_product(quat_about("y", 196.0), quat_about("x", -29.0)).tolist(), extensions=sun)
+    sky = w.light(type="directional", name="sky", color=[0.55, 0.72, 1.0], intensity=0.7)
+    w.node("sky", rotation=quat_about("x", -90.0).tolist(), extensions=sky)
+    return np.array(obstacles)
+
+
+def add_lanterns(w: Writer, rng: np.random.Generator, count: int, obstacles: Array) -> None:
+    """``count`` static point lights on posts along the path and at the huts."""
+    metal = w.material("iron", (1, 1, 1), roughness=0.6)
+    glow = w.material("lantern", (1.0, 0.8, 0.5), emissiveFactor=[1.0, 0.65, 0.3])
+    stand = w.mesh("post", w.primitive(post(), metal))
+    flame = w.mesh("lantern", w.primitive(moved(sphere(0.11, 6, 10), (0, 2.36, 0.62)), glow))
+    light = w.light(type="point", name="lantern", color=[1.0, 0.68, 0.36], intensity=9.0, range=14.0)
+    taken = [tuple(o) for o in obstacles.tolist()]
+    for i, (x, z) in enumerate(scatter(rng, count, taken, 3.0, on_floor)):
+        turn = quat_about("y", float(rng.uniform(0, 360))).tolist()
+        at = w.node(f"post {i}", mesh=stand, translation=[x, float(height(x, z)), z], rotation=turn)
+        w.node("flame", at, mesh=flame)
+        # Just below its flame: inside, the flame's own shell would keep all of its light.
+        w.node("lantern", at, translation=[0.0, 2.2, 0.62], extensions=light)
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Rotation b first, then a; xyzw."""
+    vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
+    return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])

@@ -1,0 +1,374 @@
+"""Statements of AFF, one method each; what they say is kept in an ``AffFile``.
+
+The format is described at BART's home page (aff.html); the order of a mesh's index triples (vertices, normals, texture
+coordinates) and what is optional follow its sample parser.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.errors import SceneError
+from taubench_gl.scene.aff import surfaces
+from taubench_gl.scene.aff.surfaces import Collector, Surface
+from taubench_gl.scene.aff.tokens import Tokens, read_tokens
+from taubench_gl.scene.beside import find_beside
+from taubench_gl.scene.build import NodeList
+from taubench_gl.scene.model import Note
+
+Array = np.ndarray
+
+MAX_DEPTH = 64
+MAX_INCLUDES = 20_000
+MAX_VERTICES = 50_000_000
+"""Limits on files that include each other: nesting, number in all, and the vertices that come of it."""
+COUNT = 2**31 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Fill:
+    """A surface description: colours are linear coefficients, ``shine`` a Phong exponent."""
+
+    ambient: tuple[float, ...]
+    diffuse: tuple[float, ...]
+    specular: tuple[float, ...]
+    shine: float
+    transmittance: float
+    texture: Path | None = None
+
+
+@dataclass(slots=True)
+class Motion:
+    """One ``k`` statement.  Rows: transl and scale (t, xyz, tcb), rot (t, axis, degrees, tcb), visibility (t, on)."""
+
+    name: str
+    where: str
+    tracks: dict[str, Array] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class AffFile:
+    """Everything the files say, before it becomes a Scene."""
+
+    nodes: NodeList = field(default_factory=NodeList)
+    drawn: dict[int, Collector] = field(default_factory=dict)  # by node
+    fills: dict[Fill, int] = field(default_factory=dict)
+    movers: dict[str, list[int]] = field(default_factory=dict)  # animation name -> nodes
+    motions: dict[str, Motion] = field(default_factory=dict)
+    lights: list[tuple[int, Array, Array]] = field(default_factory=list)  # parent, position, colour
+    camera: dict[str, Any] | None = None
+    window: tuple[float, float, int] | None = None  # start, end, frames
+    ambient: Array = field(default_factory=lambda: np.zeros(3))
+    notes: dict[Note, None] = field(default_factory=dict)
+    digest: Any = field(default_factory=sha256)
+
+    def note(self, message: str, where: str = "") -> None:
+        self.notes[Note(message, where)] = None
+
+
+TRACKS = {"transl": 7, "scale": 7, "rot": 8, "visibility": 2}
+"""Kind of keys -> numbers in each."""
+
+
+class Parser:
+    """Reads one AFF or NFF file and all it includes.  Raises SceneError with file and line."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        self.file = AffFile()
+        self.stack = [self.file.nodes.add(path.stem)]
+        self.fill = -1
+        self.current: Fill | None = None
+        self.detail = 0
+        self.vertices = 0
+        self.includes = 0
+        self._cache: dict[Path, Tokens] = {}
+        self._statements = {
+            "v": self._viewpoint, "l": self._light, "la": self._animated_light, "b": self._background,
+            "f": self._fill, "fm": self._material, "c": self._cone, "s": self._sphere,
+            "p": self._polygon, "pp": self._patch, "tt": self._textured, "ttp": self._textured_patch,
+            "tpa": self._animated_triangle, "m": self._mesh, "mesh": self._mesh, "xs": self._static,
+            "x": self._transform, "k": self._keys, "a": self._animation, "am": self._ambient,
+            "i": self._include, "d": self._detail,
+        }  # fmt: skip
+
+    def parse(self) -> AffFile:
+        self._run(self.path, (), None)
+        return self.file
+
+    def _run(self, path: Path, chain: tuple[Path, ...], where: str | None) -> None:
+        resolved = path.resolve()
+        if resolved in chain:
+            names = " > ".join(p.name for p in (*chain[chain.index(resolved) :], resolved))
+            raise SceneError(f"files include each other: {names}", where=where)
+        if len(chain) >= MAX_DEPTH:
+            raise SceneError(f"includes are nested deeper than {MAX_DEPTH}", where=where)
+        if resolved not in self._cache:
+            self._cache[resolved], data = read_tokens(path, where)
+            self.file.digest.update(data)
+        cached = self._cache[resolved]
+        t = _again(cached)
+        depth = len(self.stack)
+        opened: list[int] = []
+        self.chain = (*chain, resolved)
+        while not t.done():
+            word = t.word("a statement")
+            if word == "}":
+                if len(self.stack) <= depth:
+                    raise t.error("} closes nothing", "every x and xs opens one block with {")
+                self.stack.pop()
+                opened.pop()
+                continue
+            statement = self._statements.get(word)
+            if statement is None:
+                raise t.error(f"{word[:40]!r} is not a statement of AFF", f"known: {' '.join(self._statements)}")
+            if word in ("x", "xs"):
+                opened.append(t.at - 1)
+            statement(t)
+            self.chain = (*chain, resolved)
+        if opened:
+            raise t.error("this block is never closed with }", at=opened[-1])
+
+    # ------------------------------------------------------------------------------------------------ view and light
+    def _viewpoint(self, t: Tokens) -> None:
+        at = t.at - 1
+        view: dict[str, Any] = {}
+        for name, count in (("from", 3), ("at", 3), ("up", 3), ("angle", 1), ("hither", 1), ("resolution", 2)):
+            t.expect(name, "the viewpoint")
+            view[name] = t.floats(count, f"{name} of the viewpoint")
+        if not np.any(view["from"] - view["at"]):
+            raise t.error("the viewpoint looks at itself: from equals at", at=at)
+        if not 0.0 < view["angle"][0] < 180.0:
+            raise t.error(f"angle of the viewpoint is {view['angle'][0]:g}, must lie in 0..180 degrees", at=at)
+        if not np.all(view["resolution"] >= 1):
+            raise t.error("resolution of the viewpoint must be positive", at=at)
+        if self.file.camera is not None:
+            self.file.note("more than one viewpoint: the last one counts", t.where(at))
+        self.file.camera = view
+
+    def _light(self, t: Tokens) -> None:
+        self._add_light(t, self.stack[-1])
+
+    def _animated_light(self, t: Tokens) -> None:
+        name = t.word("the name of an animated light")
+        node = self.file.nodes.add(name, self.stack[-1])
+        self.file.movers.setdefault(name, []).append(node)
+        self._add_light(t, node)
+
+    def _add_light(self, t: Tokens, parent: int) -> None:
+        position = t.floats(3, "a light's position")
+        color = t.floats(3, "a light's colour") if t.number_follows() else np.ones(3)
+        if np.any(color < 0.0):
+            raise t.error("a light's colour must not be negative")
+        self.file.lights.append((parent, position, color))
+
+    def _background(self, t: Tokens) -> None:
+        t.floats(3, "the background")
+        self.file.note("the background colour is not simulated: the sky is black", t.where())
+
+    def _ambient(self, t: Tokens) -> None:
+        self.file.ambient = np.maximum(t.floats(3, "the ambient light"), 0.0)
+        self.file.note("ambient light is not simulated, except on surfaces nothing else can light", t.where())
+
+    # ----------------------------------------------------------------------------------------------------- materials
+    def _fill(self, t: Tokens) -> None:
+        r, g, b, kd, ks, shine, transmittance, _ = t.floats(8, "a fill").tolist()
+        color = np.maximum([r, g, b], 0.0)
+        self._use(Fill(tuple(color), tuple(color * max(kd, 0.0)), (max(ks, 0.0),) * 3, shine, transmittance))
+
+    def _material(self, t: Tokens) -> None:
+        values = t.floats(12, "a material")
+        a, d, s = (tuple(np.maximum(part, 0.0).tolist()) for part in values[:9].reshape(3, 3))
+        self._use(Fill(a, d, s, float(values[9]), float(values[10])))
+
+    def _use(self, fill: Fill) -> None:
+        self.current = fill
+        self.fill = self.file.fills.setdefault(fill, len(self.file.fills))
+
+    def _with_texture(self, name: str, t: Tokens) -> int:
+        """The current fill with a texture, or as it is where the picture cannot be had."""
+        found = find_beside(self.path.parent, name)
+        if isinstance(found, str):
+            self.file.note(f"texture {found}; drawn without it", t.where())
+            return self.fill
+        base = self.current or Fill((0.0,) * 3, (1.0,) * 3, (0.0,) * 3, 0.0, 0.0)
+        fill = Fill(base.ambient, base.diffuse, base.specular, base.shine, base.transmittance, found)
+        return self.file.fills.setdefault(fill, len(self.file.fills))
+
+    # ------------------------------------------------------------------------------------------------------ surfaces
+    def _draw(self, t: Tokens, surface: Surface, material: int | None = None) -> None:
+        self._count(t, len(surface.positions))
+        collector = self.file.drawn.setdefault(self.stack[-1], Collector())
+        collector.add(surface, self.fill if material is None else material)
+
+    def _count(self, t: Tokens, vertices: int) -> None:
+        self.vertices += vertices
+        if self.vertices > MAX_VERTICES:
+            raise t.error(f"the scene has more than {MAX_VERTICES} vertices", "includes repeat what they contain")
+
+    def _sphere(self, t: Tokens) -> None:
+        values = t.floats(4, "a sphere")
+        if values[3] == 0.0:
+            raise t.error("a sphere has radius 0")
+        self._draw(t, surfaces.sphere(values[:3], float(values[3])))
+
+    def _cone(self, t: Tokens) -> None:
+        values = t.floats(8, "a cone")
+        if not np.any(values[:3] - values[4:7]) or not np.any(values[[3, 7]]):
+            raise t.error("a cone has no height or no radius")
+        self._draw(t, surfaces.cone(values[:3], float(values[3]), values[4:7], float(values[7])))
+
+    def _polygon(self, t: Tokens) -> None:
+        count = t.integer("the number of corners", 3, COUNT)
+        self._draw(t, surfaces.fan(t.table(count, 3, "a polygon")))
+
+    def _patch(self, t: Tokens) -> None:
+        count = t.integer("the number of corners", 3, COUNT)
+        rows = t.table(count, 6, "a patch")
+        self._draw(t, surfaces.fan(rows[:, :3], rows[:, 3:]))
+
+    def _textured(self, t: Tokens) -> None:
+        material = self._with_texture(t.word("a texture"), t)
+        rows = t.table(3, 5, "a textured triangle")
+        self._draw(t, surfaces.fan(rows[:, :3], None, rows[:, 3:]), material)
+
+    def _textured_patch(self, t: Tokens) -> None:
+        material = self._with_texture(t.word("a texture"), t)
+        rows = t.table(3, 8, "a textured patch")
+        self._draw(t, surfaces.fan(rows[:, :3], rows[:, 3:6], rows[:, 6:]), material)
+
+    def _animated_triangle(self, t: Tokens) -> None:
+        count = t.integer("the number of times", 1, COUNT)
+        rows = t.table(count, 19, "an animated triangle")
+        later = np.concatenate([[True], rows[1:, 0] > np.maximum.accumulate(rows[:, 0])[:-1]])
+        if not np.all(later):
+            self.file.note("times of an animated triangle that do not increase are left out", t.where())
+            rows = rows[later]
+        self._count(t, 3 * len(rows))
+        collector = self.file.drawn.setdefault(self.stack[-1], Collector())
+        collector.add_moving(tuple(rows[:, 0].tolist()), rows[:, 1:].reshape(-1, 3, 6), self.fill)
+
+    def _mesh(self, t: Tokens) -> None:
+        t.expect("vertices", "a mesh")
+        positions = t.table(t.integer("the number of vertices", 0, COUNT), 3, "vertices of a mesh")
+        normals = texcoords = None
+        material = self.fill
+        word = t.word("triangles of a mesh")
+        if word == "normals":
+            normals = t.table(t.integer("the number of normals", 0, COUNT), 3, "normals of a mesh")
+            word = t.word("triangles of a mesh")
+        if word == "texturecoords":
+            count = t.integer("the number of texture coordinates", 0, COUNT)
+            material = self._with_texture(t.word("the texture of a mesh"), t)
+            texcoords = t.table(count, 2, "texture coordinates of a mesh")
+            word = t.word("triangles of a mesh")
+        if word != "triangles":
+            raise t.error(f"{word[:40]!r} instead of 'triangles' in a mesh")
+        count, start = t.integer("the number of triangles", 0, COUNT), t.at
+        parts = [a for a in (positions, normals, texcoords) if a is not None]
+        corners = t.indices(count, 3 * len(parts), "triangles of a mesh").reshape(count, len(parts), 3)
+        for k, part in enumerate(parts):
+            bad = (corners[:, k] < 0) | (corners[:, k] >= len(part))
+            if np.any(bad):
+                row, column = (int(x) for x in np.argwhere(bad)[0])
+                what = "vertices" if k == 0 else "normals" if part is normals else "texture coordinates"
+                at = start + (row * len(parts) + k) * 3 + column
+                raise t.error(f"index {t.words[at][:20]} in a mesh of {len(part)} {what}", at=at)
+        if count:
+            self._draw(t, _welded(positions, normals, texcoords, corners), material)
+
+    # ---------------------------------------------------------------------------------------------------- transforms
+    def _static(self, t: Tokens) -> None:
+        values = t.floats(10, "a static transform")
+        axis, degrees = values[3:6], values[6]
+        if not np.any(axis) and degrees != 0.0:
+            self.file.note("a rotation about an axis without length turns nothing", t.where())
+        rotation = math3d.quat_from_axis_angle(axis, np.radians(degrees)) if np.any(axis) else (0.0, 0.0, 0.0, 1.0)
+        t.expect("{", "a static transform")
+        node = self.file.nodes.add(
+            f"xs {t.where()}", self.stack[-1], translation=values[7:], rotation=rotation, scale=values[:3]
+        )
+        self._open(t, node)
+
+    def _transform(self, t: Tokens) -> None:
+        name = t.word("the name of a transform")
+        t.expect("{", f"the transform {name[:40]}")
+        node = self.file.nodes.add(name, self.stack[-1])
+        self.file.movers.setdefault(name, []).append(node)
+        self._open(t, node)
+
+    def _open(self, t: Tokens, node: int) -> None:
+        self.stack.append(node)
+        if len(self.stack) > MAX_DEPTH:
+            raise t.error(f"transforms are nested deeper than {MAX_DEPTH}")
+
+    # ----------------------------------------------------------------------------------------------------- animation
+    def _animation(self, t: Tokens) -> None:
+        start, end = t.floats(2, "the animation's times").tolist()
+        frames = t.integer("the number of frames", 1, COUNT)
+        if end < start:
+            raise t.error(f"the animation ends at {end:g} before it starts at {start:g}")
+        self.file.window = (start, end, frames)
+
+    def _keys(self, t: Tokens) -> None:
+        name = t.word("the name of an animation")
+        motion = Motion(name, t.where())
+        t.expect("{", f"the animation {name[:40]}")
+        while (kind := t.word("} of an animation")) != "}":
+            if kind not in TRACKS:
+                raise t.error(f"{kind[:40]!r} is no kind of keys", f"known: {' '.join(TRACKS)}")
+            least = 1 if kind == "visibility" else 4
+            count, where = t.integer(f"the number of {kind} keys", least, COUNT), t.where()
+            rows = t.table(count, TRACKS[kind], f"{kind} keys of {name[:40]}")
+            if np.any(np.diff(rows[:, 0]) <= 0):
+                self.file.note(f"{kind} keys of {name} whose times do not increase: segments that end no later than "
+                               "an earlier one are skipped, as BART's own code does", where)  # fmt: skip
+            motion.tracks[kind] = rows
+        if name in self.file.motions:
+            self.file.note(f"animation {name} is given twice: the last one counts", motion.where)
+        self.file.motions[name] = motion
+
+    # ------------------------------------------------------------------------------------------------------ includes
+    def _detail(self, t: Tokens) -> None:
+        self.detail = t.integer("the detail level", -COUNT, COUNT)
+
+    def _include(self, t: Tokens) -> None:
+        level = t.integer("the detail level of an include", -COUNT, COUNT)
+        name, where = t.word("the file to include"), t.where()
+        if level > self.detail:
+            self.file.note(f"{name} is left out: its detail level {level} is above {self.detail}", where)
+            return
+        self.includes += 1
+        if self.includes > MAX_INCLUDES:
+            raise t.error(f"more than {MAX_INCLUDES} files are included")
+        found = find_beside(self.path.parent, name)
+        if isinstance(found, str):
+            raise t.error(f"include {found}", "keep it in the scene's folder and name it by a relative path")
+        self._run(found, self.chain, where)
+
+
+def _again(cached: Tokens) -> Tokens:
+    """A reader of the same words from the start."""
+    t = object.__new__(Tokens)
+    t.__dict__ = dict(cached.__dict__)
+    t.at = 0
+    return t
+
+
+def _welded(positions: Array, normals: Array | None, texcoords: Array | None, corners: Array) -> Surface:
+    """One vertex per distinct combination of indices.  ``corners`` (T, parts, 3)."""
+    flat = corners.transpose(0, 2, 1).reshape(-1, corners.shape[1])
+    vertices, inverse = np.unique(flat, axis=0, return_inverse=True)
+    normal_column = None if normals is None else vertices[:, 1]
+    return Surface(
+        positions[vertices[:, 0]],
+        inverse.reshape(-1, 3),
+        None if normals is None else surfaces.usable_normals(normals[normal_column]),
+        None if texcoords is None else texcoords[vertices[:, -1]],
+    )
