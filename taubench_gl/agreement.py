@@ -1,8 +1,11 @@
-"""How far two runs of the same frames agree: columns, masks pixel by pixel, and features.  NumPy only."""
+"""How far two runs of the same frames agree: columns, masks pixel by pixel, features, and what each cost.
+
+NumPy only.  ``agree`` compares, ``save_agreement`` writes the result as text, JSON, HTML and a picture.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +13,28 @@ import numpy as np
 
 from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FRUSTUM
 from taubench_gl.errors import OutputError
+from taubench_gl.metrics.feature_errors import FeatureErrors
+from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.report.agreement import agreement_html, agreement_text, save_worst_picture
 from taubench_gl.run import Run, load_run
 
 Array = np.ndarray
 BITS = {"frustum": FRUSTUM} | FEATURE_BIT
+AGREEMENT_SCHEMA = "taubench-gl/agreement/1"
+NO_MASKS = "masks were not saved by both runs (evaluate them with --save masks,channels)"
+NO_CHANNELS = "channels were not saved by both runs (evaluate them with --save masks,channels)"
+_MASKS, _CHANNELS = "masks/mask_{:05d}.npz", "channels/channels_{:05d}.npz"
 
 
 def agree(first: str | Path | Run, second: str | Path | Run) -> dict[str, Any]:
     """Compare two runs; the second is the one to be reached (truth).
 
-    ``columns``: both means and their difference in points.  ``masks`` (where both runs saved masks): intersection over
-    union of each mask over all common pairs, and the share of pixels that agree outside a band of one pixel on either
-    side of the second mask's edges, where a sub-pixel difference flips pixels.  ``features`` (where both saved
-    channels): median and 95th percentile of position (millimetres) and normal (degrees) errors.
-    Raises OutputError for runs of different sizes or without a common pair.
+    ``columns``: both means, their difference in points, and the noise floors where known.  ``masks`` (where both runs
+    saved masks): intersection over union of each mask over all common pairs, and the share of pixels that agree
+    outside a band of one pixel on either side of the second mask's edges, where a sub-pixel difference flips pixels.
+    ``features`` (where both saved channels): the distribution of each error, see ``metrics.feature_errors``.  ``time``:
+    seconds per frame of both.  ``worst``: the pair whose masks differ on most pixels.  A block that cannot be had is
+    ``{"reason": why}``.  Raises OutputError for runs of different sizes or without a common pair.
     """
     a, b = (run if isinstance(run, Run) else load_run(run) for run in (first, second))
     sizes = [(r.summary["settings"]["width"], r.summary["settings"]["height"]) for r in (a, b)]
@@ -35,13 +46,47 @@ def agree(first: str | Path | Run, second: str | Path | Run) -> dict[str, Any]:
         raise OutputError(
             "the runs have no pair of frames in common", hint="evaluate the same --frames at the same --fps"
         )
+    masks, worst = _masks(a, b, frames)
     return {
+        "schema": AGREEMENT_SCHEMA,
         "runs": [str(r.out or r.summary["scene"]["name"]) for r in (a, b)],
+        "size": list(sizes[0]),
+        "fps": [r.summary["settings"].get("fps") for r in (a, b)],
         "pairs": len(frames),
+        "settings_that_differ": _different_settings(a, b),
         "columns": {column: _column(a, b, column, frames) for column in COLUMNS},
-        "masks": _masks(a, b, frames),
+        "masks": masks,
         "features": _features(a, b, frames),
+        "time": _time(a, b),
+        "worst": worst,
+        "provenance": [r.summary.get("provenance") for r in (a, b)],
     }
+
+
+def save_agreement(result: dict[str, Any], out: str | Path) -> list[Path]:
+    """agreement.txt, agreement.json, agreement.html (one file, its picture within) and, with masks, worst.png.
+
+    ``result`` is ``agree``'s of two runs on disk.  -> the files written.  Raises OutputError.
+    """
+    out = Path(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(out, error) from None
+    written = []
+    picture = None
+    if "frame" in result["worst"]:
+        picture = save_worst_picture(out / "worst.png", result, *_worst_arrays(result))
+        written.append(picture)
+    texts = {
+        "agreement.txt": "\n".join(agreement_text(result)) + "\n",
+        "agreement.json": json.dumps(result, indent=2, allow_nan=False) + "\n",
+        "agreement.html": agreement_html(result, None if picture is None else picture.read_bytes()),
+    }
+    for name, text in texts.items():
+        write_atomically(out / name, text)
+        written.append(out / name)
+    return written
 
 
 def mask_agreement(first: Array, second: Array) -> tuple[int, int, int, int]:
@@ -69,85 +114,114 @@ def _column(a: Run, b: Run, column: str, frames: list[int]) -> dict[str, Any]:
             reason = run.summary["discard"][column].get("reason", "not measured")
             return {"difference_points": None, "reason": f"{run.summary['scene']['name']}: {reason}"}
         shares.append(float(np.mean([100.0 * count / pixels for count, pixels in counts])))
-    return {"percent": shares, "difference_points": shares[0] - shares[1]}
+    floors = [((run.summary.get("noise_floor") or {}).get(column) or {}).get("mean_percent") for run in (a, b)]
+    return {"percent": shares, "difference_points": shares[0] - shares[1], "noise_floor_percent": floors}
 
 
-def _masks(a: Run, b: Run, frames: list[int]) -> dict[str, Any]:
-    pairs = _saved(a, b, frames, "masks/mask_{:05d}.npz")
-    sums = {name: np.zeros(4, dtype=np.int64) for name in BITS}
-    for first, second in pairs:
-        for name, bit in BITS.items():
-            masks = [(words["mask"].astype(np.uint32) & int(bit)) != 0 for words in (first, second)]
-            sums[name] += mask_agreement(*masks)
+def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The block ``masks``, and the block ``worst``."""
+    pairs = saved_pairs(a.out, b.out, frames, _MASKS)
+    if not pairs:
+        return {"reason": NO_MASKS}, {"reason": NO_MASKS}
+    measured = {n: all(r.frames[0].get(n) is not None for r in (a, b)) for n in BITS}
+    judged = sum(int(bit) for name, bit in BITS.items() if measured[name])
+    sums = {name: np.zeros(4, dtype=np.int64) for name in BITS if measured[name]}
+    worst = (-1, 0)
+    for frame, first, second in pairs:
+        words = [lazy["mask"].astype(np.uint32) for lazy in (first, second)]
+        for name in sums:
+            sums[name] += mask_agreement(*((word & int(BITS[name])) != 0 for word in words))
+        differ = int(np.count_nonzero((words[0] ^ words[1]) & np.uint32(judged)))
+        worst = max(worst, (differ, -frame))
     out = {}
     for name, (both, either, equal, outside) in sums.items():
-        if either or name == "frustum":
-            out[name] = {
-                "iou": both / either if either else 1.0,
-                "agree_outside_band_percent": 100.0 * equal / outside if outside else None,
-            }
-    return out if pairs else {"reason": "masks were not saved by both runs (--save masks)"}
+        out[name] = {
+            "iou": float(both / either) if either else 1.0,
+            "agree_outside_band_percent": float(100.0 * equal / outside) if outside else None,
+            "pixels": int(either),
+        }
+    pixels = a.summary["settings"]["width"] * a.summary["settings"]["height"]
+    return out, {"frame": -worst[1], "differing_percent": 100.0 * worst[0] / pixels, "judged_bits": judged}
 
 
 def _features(a: Run, b: Run, frames: list[int]) -> dict[str, Any]:
-    pairs = _saved(a, b, frames, "channels/channels_{:05d}.npz")
-    errors: dict[str, list[Array]] = {"position_mm": [], "normal_deg": []}
-    for first, second in pairs:
-        both = (first["position"][..., 3] > 0) & (second["position"][..., 3] > 0)
-        apart = first["position"][both, :3].astype(np.float64) - second["position"][both, :3]
-        apart += first["camera_position"] - second["camera_position"]
-        errors["position_mm"].append(1e3 * np.linalg.norm(apart, axis=-1))
-        chord = np.linalg.norm(first["normal"][both, :3].astype(np.float64) - second["normal"][both, :3], axis=-1)
-        errors["normal_deg"].append(np.degrees(2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))
+    pairs = saved_pairs(a.out, b.out, frames, _CHANNELS)
     if not pairs:
-        return {"reason": "channels were not saved by both runs (--save channels)"}
-    out = {}
-    for name, parts in errors.items():
-        values = np.concatenate(parts)
-        values = values[np.isfinite(values)]
-        if len(values):
-            out[name] = {"median": float(np.median(values)), "p95": float(np.percentile(values, 95))}
+        return {"reason": NO_CHANNELS}
+    errors = FeatureErrors(same_place_m=b.summary["settings"]["thresholds"]["position"])
+    for _, first, second in pairs:
+        errors.add(first, second)
+    return errors.summary()
+
+
+def _time(a: Run, b: Run) -> dict[str, Any]:
+    """Seconds per frame of both and their ratio (second / first)."""
+    entries = [seconds_per_frame(run.summary) for run in (a, b)]
+    out: dict[str, Any] = {"runs": entries}
+    if all("seconds" in entry for entry in entries) and entries[0]["seconds"] > 0:
+        out["ratio"] = entries[1]["seconds"] / entries[0]["seconds"]
     return out
 
 
-def _saved(a: Run, b: Run, frames: list[int], name: str) -> list[tuple[Any, Any]]:
-    if a.out is None or b.out is None:
+def seconds_per_frame(summary: dict[str, Any]) -> dict[str, Any]:
+    """What making one frame took, without masks and files: ``seconds`` and ``clock``, or ``reason``."""
+    truth = summary.get("truth")
+    if truth is not None:
+        render = truth.get("render") or {}
+        if render.get("seconds_per_frame") is None:
+            return {"reason": "nobody recorded how long these files took to render ('truth render' does)"}
+        made = f"Cycles, {render['samples']} samples, {render['bounces']} bounces"
+        return {"seconds": render["seconds_per_frame"], "clock": render["clock"], "of": made}
+    timing = summary.get("timing") or {}
+    passes = {name: ms for name, ms in (timing.get("passes") or {}).items() if name != "masks" and ms is not None}
+    if not passes:
+        return {"reason": "the run recorded no times"}
+    made = (summary.get("provenance") or {}).get("renderer") or "rasterizer"
+    return {"seconds": 1e-3 * sum(passes.values()), "clock": f"medians of passes, {timing.get('clock')}", "of": made}
+
+
+def _different_settings(a: Run, b: Run) -> dict[str, list[Any]]:
+    """Settings on which a column depends and that the runs do not share."""
+    both = ("fps", "reprojection", "sampling", "thresholds", "unit_scale", "exposure", "tone_map")
+    values = {name: [run.summary["settings"].get(name) for run in (a, b)] for name in both}
+    return {name: pair for name, pair in values.items() if pair[0] != pair[1]}
+
+
+def saved_pairs(first: Path | None, second: Path | None, frames: list[int], name: str) -> list[tuple[int, Any, Any]]:
+    """(frame, arrays, arrays) of every frame whose file both folders hold; ``name`` has a place for its number."""
+    if first is None or second is None:
         return []
-    pairs = [(a.out / name.format(f), b.out / name.format(f)) for f in frames]
-    return [(_Lazy(x), _Lazy(y)) for x, y in pairs if x.is_file() and y.is_file()]
+    paths = [(f, first / name.format(f), second / name.format(f)) for f in frames]
+    return [(f, Saved(x), Saved(y)) for f, x, y in paths if x.is_file() and y.is_file()]
 
 
-class _Lazy:
+class Saved:
     """Arrays of one .npz, read when asked for, so that a long run never lies in memory whole."""
 
     def __init__(self, path: Path):
         self._path = path
 
+    def __contains__(self, name: str) -> bool:
+        return self._read(lambda arrays: name in arrays)
+
     def __getitem__(self, name: str) -> Array:
+        return self._read(lambda arrays: arrays[name])
+
+    def _read(self, take: Any) -> Any:
         try:
             with np.load(self._path) as arrays:
-                return arrays[name]
+                return take(arrays)
         except (OSError, ValueError, KeyError) as error:
             raise OutputError(f"cannot be read: {error}", where=str(self._path)) from None
 
 
-def agreement_lines(result: dict[str, Any], say: Callable[[str], None]) -> None:
-    """The result as plain text, line by line."""
-    say(f"{result['runs'][0]} against {result['runs'][1]}, {result['pairs']} pairs")
-    say(f"{'column':<10}{'first %':>10}{'second %':>10}{'points':>10}{'IoU':>9}{'outside band %':>16}")
-    for column, entry in result["columns"].items():
-        if entry["difference_points"] is None:
-            say(f"{column:<10}{'–':>10}{'–':>10}{'–':>10}   {entry['reason']}")
-            continue
-        mask = result["masks"].get(column) if isinstance(result["masks"].get(column), dict) else None
-        outside = None if mask is None else mask["agree_outside_band_percent"]
-        shown = f"{mask['iou']:>9.4f}" if mask else f"{'–':>9}"
-        shown += f"{outside:>16.3f}" if outside is not None else f"{'–':>16}"
-        a, b = entry["percent"]
-        say(f"{column:<10}{a:>10.3f}{b:>10.3f}{entry['difference_points']:>+10.3f}{shown}")
-    for name, entry in result["features"].items():
-        if isinstance(entry, dict):
-            say(f"{name}: median {entry['median']:.4g}, 95 % below {entry['p95']:.4g}")
-    for block in ("masks", "features"):
-        if "reason" in result[block]:
-            say(f"{block}: {result[block]['reason']}")
+def _worst_arrays(result: dict[str, Any]) -> tuple[list[Array], list[Array] | None]:
+    """Mask words of the worst pair, and its colours where both runs saved them."""
+    frame = result["worst"]["frame"]
+    folders = [Path(name) for name in result["runs"]]
+    masks = [Saved(folder / _MASKS.format(frame))["mask"].astype(np.uint32) for folder in folders]
+    kept = saved_pairs(*folders, [frame], _CHANNELS)
+    colors = None
+    if kept and all("color" in arrays for arrays in kept[0][1:]):
+        colors = [arrays["color"][..., :3] for arrays in kept[0][1:]]
+    return masks, colors

@@ -211,6 +211,7 @@ def _summary(
             "sha256": scene.sha256,
             "duration_s": scene.duration,
             "playing": list(scene.playing),
+            "stand_in": scene.stand_in,
         },
         "settings": settings.as_summary(frames),
         "pairs": stats.pairs,

@@ -15,6 +15,7 @@ import numpy as np
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, SUMMARY_SCHEMA
+from taubench_gl.cycles.render import read_render
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Pair, count_pairs
 from taubench_gl.frame.counting import SequenceStats
@@ -126,6 +127,8 @@ def _run(
             )
             gpu.check("evaluation")
             summary = _summary(sequence, frames, settings, views, stats) | source.describe()
+            folder = sequence.path if sequence.path.is_dir() else sequence.path.parent
+            summary["truth"]["render"] = read_render(folder, frames)
             summary["camera"]["source"] = camera.describe()
             summary["notes"] = _notes(source, camera)
             if lobes is not None:

@@ -3,7 +3,10 @@
 //
 // Bound of one light in one tile: its irradiance at the tile's nearest point times the largest brdf * cos the tile's
 // materials can have, 1/pi + 1 / (2 pi alpha^3) (Lambert plus the GGX peak with its visibility term at its largest).
-// Reads    position, material.   Writes   tile_counts, tile_lists.   Twin   metrics.light_bounds (tests)
+//
+// Reads    position, material.
+// Writes   tile_counts, tile_lists: rows of the light table, ascending.
+// Twin     metrics.light_bounds
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"
@@ -47,14 +50,20 @@ void main() {
         for (int x = first.x; x < last.x; ++x) {
             vec4 p = texelFetch(position, ivec2(x, y), 0);
             if (!(p.w > 0.0)) continue;
-            vec4 m = texelFetch(material, ivec2(x, y), 0);
             low = min(low, p.xyz);
             high = max(high, p.xyz);
+#if GLOSSY
+            vec4 m = texelFetch(material, ivec2(x, y), 0);
             if (m.w > 0.0 || m.x > 0.0) alpha = min(alpha, max(m.y * m.y, MIN_ALPHA));
+#endif
         }
     uint kept = 0u, base = tile * uint(P.size.w);
     if (low.x <= high.x) {
+#if GLOSSY
         float brdf = 1.0 / PI + 1.0 / (2.0 * PI * alpha * alpha * alpha);
+#else
+        float brdf = 1.0 / PI;
+#endif
         float sums[BINS];
         for (int b = 0; b < BINS; ++b) sums[b] = 0.0;
         for (int i = 0; i < P.size.w; ++i) {

@@ -102,12 +102,13 @@ def choose_camera(scene: Scene, wanted: str | int | None = None) -> CameraTrack:
     """The camera a user asked for.
 
     ``wanted`` is a node's name, a camera's name, or an index into ``scene.camera_nodes`` (a number, also as text when
-    nothing has that name); names are tried in this order and the first match in file order counts.  None: the first
-    camera of the file, or an ``OrbitCamera`` where there is none.  Raises SettingsError listing what there is.
+    nothing has that name); names are tried in this order and the first match in file order counts.  None: the
+    file's own choice (``Scene.default_camera``), else its first camera, or an ``OrbitCamera`` where there is none.  Raises SettingsError listing what there is.
     """
     tracks = [FileCamera(scene, node) for node in scene.camera_nodes]
     if wanted is None:
-        return tracks[0] if tracks else OrbitCamera(scene)
+        named = [track for track in tracks if track.node_name == scene.default_camera]
+        return (named or tracks)[0] if tracks else OrbitCamera(scene)
     if isinstance(wanted, str) and wanted:
         for track in tracks:
             if track.node_name == wanted:

@@ -142,7 +142,7 @@ def light_options(command: Any) -> Any:
                 help="auto: simulate what scene and columns call for.  all: everything, for comparison.",
             ),
             click.option(
-                "--sky", type=Color(), default=default.sky, help="Uniform sky radiance, cd/m2, linear.  [default: 0,0,0]"
+                "--sky", type=Color(), default=default.sky, help="Uniform sky radiance, cd/m2.  [default: 0,0,0]"
             ),
             click.option(
                 "--exposure",
@@ -153,7 +153,11 @@ def light_options(command: Any) -> Any:
                 help="Factor on radiance before thresholds and tone map.",
             ),
             click.option(
-                "--tone-map", type=click.Choice(TONE_MAPS), default=default.tone_map, show_default=True, help="Of color."
+                "--tone-map",
+                type=click.Choice(TONE_MAPS),
+                default=default.tone_map,
+                show_default=True,
+                help="From radiance x exposure to the color column.",
             ),
             click.option(
                 "--shadow-size",

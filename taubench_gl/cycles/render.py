@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ HOW_TO_GET_BPY = (
     f"{INTERPRETER} at that interpreter"
 )
 _LAST_LINES = 12
+CLOCK = "wall clock around each frame's render, within Blender"
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +149,7 @@ def _run(
                 share = 0.0
                 if said["event"] == "frame":
                     done, seconds = done + 1, said["seconds"]
+                    _note_seconds(out, said["frame"], seconds)
                 elif said["event"] == "samples":
                     share = said["done"] / said["total"]
                 if progress is not None and said["event"] in ("frame", "samples", "ready"):
@@ -185,6 +187,7 @@ def _write_provenance(
     notes: list[str],
 ) -> None:
     kept = ("fps", "size", "samples", "bounces", "seed", "crisp", "cull_back_faces", "sky")
+    path = out / PROVENANCE_FILE
     values = {
         "job": key,
         "version": __version__,
@@ -194,9 +197,39 @@ def _write_provenance(
         "scene": {"name": scene.name, "sha256": scene.sha256, "playing": list(scene.playing)},
         "camera": camera.describe(),
         "settings": {name: job[name] for name in kept},
+        "cores": os.cpu_count(),
         "notes": notes,
+        "clock": CLOCK,
+        "frame_seconds": _read_json(path).get("frame_seconds", {}),
     }
+    write_atomically(path, json.dumps(values, indent=2) + "\n")
+
+
+def _note_seconds(out: Path, frame: int, seconds: float) -> None:
+    """Once per frame, so that an interrupted render keeps what its finished frames took."""
+    values = _read_json(out / PROVENANCE_FILE)
+    values.setdefault("frame_seconds", {})[str(frame)] = seconds
     write_atomically(out / PROVENANCE_FILE, json.dumps(values, indent=2) + "\n")
+
+
+def read_render(folder: Path, frames: Iterable[int]) -> dict[str, Any] | None:
+    """How ``frames`` in ``folder`` were rendered, from the driver's provenance; None if another program wrote them.
+
+    Keys: samples, bounces, seed, crisp, blender, and ``seconds_per_frame`` (mean over those of ``frames`` whose time
+    is known; None if none is) with its ``clock``.
+    """
+    values = _read_json(folder / PROVENANCE_FILE)
+    settings = values.get("settings")
+    if not isinstance(settings, dict) or "job" not in values:
+        return None
+    known = values.get("frame_seconds") or {}
+    seconds = [float(known[str(frame)]) for frame in frames if str(frame) in known]
+    return {
+        **{name: settings.get(name) for name in ("samples", "bounces", "seed", "crisp")},
+        "blender": values.get("blender"),
+        "seconds_per_frame": sum(seconds) / len(seconds) if seconds else None,
+        "clock": f"{values.get('clock', CLOCK)}, {values.get('cores', '?')} cores",
+    }
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -78,6 +78,7 @@ def body() -> Shape:
         near = np.linalg.norm(shape["POSITION"] - a, axis=1) < np.linalg.norm(shape["POSITION"] - b, axis=1)
         share = np.where(near & (parent >= 0), 0.5, 0.0)
         zero = np.zeros(len(near))
+        del shape["TEXCOORD_0"]
         shape["JOINTS_0"] = np.stack([zero + i, np.where(share > 0, max(parent, 0), 0), zero, zero], axis=-1)
         shape["WEIGHTS_0"] = np.stack([1 - share, share, zero, zero], axis=-1)
         parts.append(shape)

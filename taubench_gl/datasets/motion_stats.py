@@ -83,7 +83,11 @@ def ordered_steps(stats: MotionStats, count: int, rng: np.random.Generator, cap:
     slow[0] = noise[0]
     for i in range(1, count):
         slow[i] = CORRELATION * slow[i - 1] + math.sqrt(1.0 - CORRELATION**2) * noise[i]
-    return steps[np.argsort(np.argsort(slow))]
+    steps = steps[np.argsort(np.argsort(slow))]
+    if stats.usual_maximum is not None:  # a jump belongs where both sides of it can be seen
+        middle, jump = count // 2, int(np.argmax(steps))
+        steps[[middle, jump]] = steps[[jump, middle]]
+    return steps
 
 
 def _solve(total: float, squares: float, count: int, high: float, stats: MotionStats) -> Array:

@@ -7,10 +7,8 @@ Everything else, geometry above all, is original and CC0, so its Table 4 row is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +16,7 @@ from taubench_gl.datasets import figures, valley
 from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, generate, quat_about
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.presets import FPS, VR
+from taubench_gl.datasets.rig import add_rig
 from taubench_gl.datasets.shapes import box, sphere
 from taubench_gl.errors import SettingsError
 
@@ -86,7 +85,7 @@ def build(recipe: StandIn) -> Writer:
     """The whole scene."""
     w = Writer(LICENCE, "taubench-gl scenes make", share=True)
     w.gltf.asset.extras = {
-        "taubench_gl": {"stand_in": recipe.note, "name": f"{recipe.name} (stand-in)", "fps": recipe.camera.fps}
+        "taubench_gl": {"stand_in": recipe.note, "name": f"{recipe.name} (stand-in)"}
     }
     w.gltf.scenes[0].name = f"{recipe.name} (stand-in)"
     rng = np.random.default_rng(recipe.seed)
@@ -245,26 +244,3 @@ def add_camera(w: Writer, recipe: StandIn, path: CameraPath) -> Tracks:
         w.camera("stand-in camera", math.radians(recipe.yfov), 0.1, 1000.0),
         "stand-in camera",
     )
-
-
-def add_rig(path: CameraPath, node: Callable[..., int], camera: int, name: str) -> Tracks:
-    """Nodes for position, yaw, pitch and roll, one inside the other, the camera on the innermost.
-
-    One axis per node: a turn between two keys stays a turn about that axis, and an angle nobody turns is exactly 0.
-    """
-    parts: list[tuple[str, str, Array]] = [("position", "translation", path.position)]
-    parts += [
-        (axis_name, "rotation", quat_about(axis, angles))
-        for axis_name, axis, angles in zip(("yaw", "pitch", "roll"), "yxz", path.angles.T, strict=True)
-    ]
-    tracks: Tracks = []
-    parent: int | None = None
-    for part, channel, values in parts:
-        last = part == "roll"
-        rest: dict[str, Any] = {channel: values[0].tolist()}
-        if last:
-            rest["camera"] = camera
-        parent = node(name if last else f"{name} {part}", parent, **rest)
-        if np.any(values != values[0]):
-            tracks.append((parent, channel, path.times, values, "LINEAR"))
-    return tracks

@@ -144,7 +144,9 @@ def mottled(size: int = 128) -> tuple[Array, Array]:
 
 
 def colored(shape: Shape, color: tuple[float, float, float]) -> Shape:
-    return shape | {"COLOR_0": np.tile([*color, 1.0], (len(shape["POSITION"]), 1))}
+    """One colour on every vertex, and no texture coordinates."""
+    plain = {name: values for name, values in shape.items() if name != "TEXCOORD_0"}
+    return plain | {"COLOR_0": np.tile([*color, 1.0], (len(shape["POSITION"]), 1))}
 
 
 def tree() -> Shape:
@@ -192,7 +194,6 @@ def grass(seed: int) -> Shape:
     return {
         "POSITION": p.reshape(-1, 3),
         "NORMAL": np.repeat(n, 3, axis=0),
-        "TEXCOORD_0": np.tile([[0.0, 0], [1, 0], [0.5, 1]], (count, 1)),
         "COLOR_0": np.tile([[0.08, 0.16, 0.04, 1], [0.08, 0.16, 0.04, 1], [0.30, 0.36, 0.12, 1]], (count, 1)),
         "indices": np.arange(3 * count).reshape(-1, 3),
     }
@@ -249,9 +250,9 @@ def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, fl
             )
             if solid:
                 obstacles.append((x, z, solid * size + 0.4))
-    sun = w.light(type="directional", name="sun", color=[1.0, 0.9, 0.72], intensity=5.0)
-    # From the south (-z), 29 degrees high.
-    w.node("sun", rotation=_product(quat_about("y", 196.0), quat_about("x", -29.0)).tolist(), extensions=sun)
+    sun = w.light(type="directional", name="sun", color=[1.0, 0.9, 0.72], intensity=6.0)
+    # From the south (-z), 30 degrees high.
+    w.node("sun", rotation=_product(quat_about("y", 196.0), quat_about("x", -30.0)).tolist(), extensions=sun)
     sky = w.light(type="directional", name="sky", color=[0.55, 0.72, 1.0], intensity=0.7)
     w.node("sky", rotation=quat_about("x", -90.0).tolist(), extensions=sky)
     return np.array(obstacles)

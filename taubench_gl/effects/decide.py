@@ -30,14 +30,20 @@ def decide(scene: Scene, settings: Settings) -> dict[str, Effect]:
     """Effects by name, for this scene and what is asked of it."""
     effects = _geometry(scene, settings) | _light(scene, settings)
     if settings.effects == "all":
-        forced = "forced on by --effects all"
-        for name, effect in effects.items():
-            if not effect.on and name in _FORCEABLE:
-                effects[name] = Effect(True, f"{forced} ({effect.reason})")
+        return force(effects, FORCEABLE, "forced on by --effects all")
     return effects
 
 
-_FORCEABLE = {
+def force(effects: dict[str, Effect], names: Iterable[str], why: str = "forced on") -> dict[str, Effect]:
+    """``effects`` with those of ``names`` on, each saying ``why`` besides what spoke against it."""
+    out = dict(effects)
+    for name in effects.keys() & set(names):
+        if not effects[name].on:
+            out[name] = Effect(True, f"{why} ({effects[name].reason})")
+    return out
+
+
+FORCEABLE = {
     "normal_maps",
     "previous_pose",
     "direct",
@@ -51,6 +57,7 @@ _FORCEABLE = {
     "shadows",
     "light_culling",
 }
+"""What can be simulated although nothing calls for it.  The others have nothing to work on."""
 
 
 def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]:

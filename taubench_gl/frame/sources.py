@@ -13,6 +13,7 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.effects.decide import as_summary, decide, unmeasured
+from taubench_gl.effects.decide import force as force_on
 from taubench_gl.frame.light_stage import LightStage, light_channels
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
@@ -60,10 +61,12 @@ class RasterSource:
         extra: tuple[str, ...] = (),
         timer: PassTimer | None = None,
         poser: Poser | None = None,
+        force: tuple[str, ...] = (),
     ):
+        """``extra``: channels besides those the columns need; ``force``: effects to simulate although nothing asks."""
         self.size = (settings.width, settings.height)
         self._fps = settings.fps
-        self.effects = decide(scene, settings)
+        self.effects = force_on(decide(scene, settings), force)
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
         self.reprojection = settings.reprojection if self.effects["previous_pose"].on else "camera"
         self.unmeasured = unmeasured(self.effects, settings)

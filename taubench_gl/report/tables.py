@@ -139,6 +139,8 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
             left_out = len(cuts) if key == "without_cuts_mean_percent" else 0
             values = [entry.get(key) for entry in entries]
             rows.append(_row(f"{label} {basis}", values, summary, *why, left_out=left_out))
+            if key == "mean_percent" and summary.get("noise_floor"):
+                rows.append(_noise_floor(label, summary))
     if paper:
         fps = float(paper_numbers()["settings"]["render_fps"])
         rows += [
@@ -147,10 +149,21 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
         ]
     columns = (*(Column(name, "%", 2) for name in COLUMNS), *_SAMPLING)
     notes = tuple(f"{_who(label, labels)}{_how(summary)}" for label, summary in zip(labels, summaries, strict=True))
+    for label, summary in zip(labels, summaries, strict=True):
+        if summary.get("truth") and not summary.get("noise_floor"):
+            notes += (f"{_who(label, labels)}the noise floor is not known; a render with another seed would tell.",)
     if paper:
         notes += ("The paper does not publish the thresholds behind its Table 4.",)
     notes += _notes(summaries, labels, paper)
     return Table(4, "Discarded pixels, mean over the animation", columns, tuple(rows), notes)
+
+
+def _noise_floor(label: str, summary: Summary) -> Row:
+    """Discards that noise alone makes: the same frames of two renders, one pair per frame instead of per step."""
+    floor = summary["noise_floor"]
+    entries = [floor.get(name) or {} for name in COLUMNS]
+    why = [entry.get("reason") or "geometry is taken as free of noise" for entry in entries]
+    return _row(f"{label} noise floor", [e.get("mean_percent") for e in entries], summary, *why, left_out=-1)
 
 
 def _camera_rows(summaries: Sequence[Summary], labels: Sequence[str], wanted: Sequence[tuple[str, str]]) -> list[Row]:

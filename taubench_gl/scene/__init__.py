@@ -7,6 +7,7 @@ from pathlib import Path
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Scene
+from taubench_gl.scene.obj.sequence import is_sequence
 
 
 def _read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
@@ -21,9 +22,16 @@ def _read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int
     return read_aff(path, scene, animation)
 
 
+def _read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+    from taubench_gl.scene.obj.reader import read_obj
+
+    return read_obj(path, scene, animation)
+
+
 READERS: dict[str, Callable[[Path, str | int | None, Sequence[str | int] | None], Scene]] = {
     ".gltf": _read_gltf,
     ".glb": _read_gltf,
+    ".obj": _read_obj,
     ".aff": _read_aff,
     ".nff": _read_aff,
 }
@@ -31,7 +39,10 @@ READERS: dict[str, Callable[[Path, str | int | None, Sequence[str | int] | None]
 
 
 def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequence[str | int] | None = None) -> Scene:
-    """Read and validate one scene file.
+    """Read and validate one scene: a file, or a numbered sequence of OBJ files.
+
+    A sequence is a folder of name000.obj, name001.obj ... or a pattern (``name%04d.obj``, ``name*.obj``), with or
+    without ``seq:`` before it, and with ``@FPS`` behind it where it does not run at 24 frames per second.
 
     ``scene`` is the name or index of the scene to show; None takes the file's default, else its first.  ``animation``
     lists names or indices of the animations to play; None plays all that do not fight over one target.  What the
@@ -39,6 +50,10 @@ def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequ
 
     Raises ``SceneError`` for anything missing, unreadable, invalid or not supported.
     """
+    if is_sequence(str(path)):
+        from taubench_gl.scene.obj.reader import read_obj_sequence
+
+        return read_obj_sequence(str(path), scene, animation)
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:

@@ -224,6 +224,8 @@ class Scene:
     path: Path | None = None
     sha256: str | None = None
     scene_names: tuple[str, ...] = ()
+    stand_in: str | None = None  # what the scene stands for, where it is not the thing itself
+    default_camera: str | None = None  # name of the camera that the file itself asks for
 
     @property
     def duration(self) -> float:

@@ -22,11 +22,8 @@ COLUMNS = ("frustum", "position", "normal")
 LIMITS = {"frustum": 0.02, "position": 0.15, "normal": 0.2}
 """Points by which a column may differ from Cycles'."""
 
-POSITION_M, OF_PIXEL = 1e-4, 2e-3
-"""Median position error: 0.1 mm, or this share of a pixel's footprint where that is more (large models, few pixels):
-Cycles' narrowest filter is 0.01 pixel wide, and its sample lies anywhere within."""
-
-MOTION_PX = 0.05
+POSITION_M = 1e-4  # median
+MOTION_PX = 0.05  # median
 
 
 @dataclass(frozen=True)
@@ -97,8 +94,8 @@ def open_case(case: Case, data: Path) -> tuple[Scene, CameraTrack]:
 def compare(scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, int]) -> dict[str, float]:
     """Rasterize what ``folder`` holds renders of.
 
-    -> points per column (ours - Cycles') and Cycles' percentage; medians of position (m), its allowance (m), normal
-    (degrees) and motion (px); the percentage of pixels that both see.
+    -> points per column (ours - Cycles') and Cycles' percentage; medians of position (m), normal (degrees) and motion
+    (px); the percentage of pixels that both see.
     """
     sequence = TruthSequence.open(folder)
     width, height = sequence.size
@@ -121,7 +118,7 @@ def compare(scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, 
     for column in COLUMNS:
         ours, theirs = (run.summary["discard"][column]["mean_percent"] for run in (raster, truth))
         out |= {column: ours - theirs, f"{column}_percent": theirs}
-    errors: dict[str, list[Array]] = {"position": [], "normal": [], "motion": [], "distance": []}
+    errors: dict[str, list[Array]] = {"position": [], "normal": [], "motion": []}
     seen = []
     for theirs, ours, followed in zip(kept["truth"], kept["raster"], kept["motion"], strict=True):
         (frame, p_truth, n_truth, _), (_, p, n, _), motion = theirs, ours, followed[-1]
@@ -131,15 +128,10 @@ def compare(scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, 
         errors["normal"].append(np.degrees(2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))
         vector = sequence.read(frame).motion
         errors["motion"].append(np.linalg.norm((vector - motion)[both], axis=-1))
-        errors["distance"].append(np.linalg.norm(p[both][:, :3], axis=-1))
         seen.append(100.0 * both.mean())
     medians = {name: float(np.median(np.concatenate(parts))) for name, parts in errors.items()}
-    lens = camera.view_at(Poser(scene).sample(frames[0] / 24.0)).camera
-    footprint = 2.0 * math.tan(0.5 * lens.yfov) / height * medians["distance"]
-    allowed = max(POSITION_M, OF_PIXEL * footprint)
     return out | {
         "position_m": medians["position"],
-        "allowed_m": allowed,
         "normal_deg": medians["normal"],
         "motion_px": medians["motion"],
         "seen_percent": float(np.mean(seen)),
@@ -151,7 +143,7 @@ def faults(result: dict[str, float]) -> Iterator[str]:
     for column, limit in LIMITS.items():
         if not abs(result[column]) <= limit:
             yield f"{column} differs by {result[column]:+.3f} points"
-    if not result["position_m"] < result["allowed_m"]:
+    if not result["position_m"] < POSITION_M:
         yield f"positions are off by {result['position_m']:.3g} m"
     if not result["motion_px"] < MOTION_PX:
         yield f"motion is off by {result['motion_px']:.3g} px"

@@ -1,6 +1,6 @@
 """Our rasterizer against small stored renders of Cycles, geometry only.
 
-tools/cycles_references makes the renders.  The long test (test_cycles.py) renders the same scenes anew, and more of them.
+tools/cycles_references makes the renders.  The long test (test_cycles.py) renders the same scenes and more anew.
 """
 
 from __future__ import annotations

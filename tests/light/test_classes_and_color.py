@@ -139,7 +139,7 @@ def test_the_color_mask_is_cut_from_encoded_color(gpu):
 
 @pytest.mark.parametrize("exposure", [0.25, 4.0])
 def test_exposure_and_threshold_are_one_scale(exposure):
-    """direct compares radiance x exposure: exposure e, threshold a is exposure 1, threshold a / e; powers of 2 exactly."""
+    """direct compares radiance x exposure: exposure e with a is exposure 1 with a / e, for powers of 2 exactly."""
     scene = swept(Case("point", 50.0), light_path=np.array([[3.0, 4.0, 0.0], [3.0, 4.5, 0.5]]))
     one, _ = mask_of(scene, exposure=exposure, thresholds={"direct": 0.125})
     other, _ = mask_of(scene, exposure=1.0, thresholds={"direct": 0.125 / exposure})

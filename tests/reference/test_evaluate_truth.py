@@ -196,7 +196,8 @@ def test_agreement_of_a_run_with_itself_and_with_another(renders, tmp_path):
     same = agree(tmp_path / "a", tmp_path / "a")
     assert all(entry["difference_points"] == 0.0 for entry in same["columns"].values())
     assert all(entry["iou"] == 1.0 for entry in same["masks"].values())
-    assert same["features"]["position_mm"] == {"median": 0.0, "p95": 0.0}
+    assert all(entry["max"] == 0.0 for entry in same["features"].values())
+    assert {"position_mm", "normal_deg", "direct_percent", "indirect_percent", "color_levels"} <= set(same["features"])
     other = agree(tmp_path / "a", tmp_path / "b")
     assert other["columns"]["direct"]["difference_points"] > 0 and other["masks"]["direct"]["iou"] < 1.0
     assert other["columns"]["position"]["difference_points"] == 0.0

@@ -46,6 +46,19 @@ def test_paper_is_left_out_on_request(summary):
     assert not any("Paper" in note for table in tables for note in table.notes)
 
 
+def test_path_traced_columns_stand_with_their_noise_floor(summary):
+    summary["truth"] = {"mapping": "blender"}
+    discard = paper_tables([summary])[3]
+    assert any("noise floor is not known" in note for note in discard.notes)
+    summary["noise_floor"] = {"color": {"mean_percent": 5.0}, "direct": {"mean_percent": 4.0},
+                              "indirect": {"mean_percent": None, "reason": "the files lack the pass X"}}  # fmt: skip
+    discard = paper_tables([summary])[3]
+    row = find(discard, f"{summary['scene']['name']} noise floor")
+    assert discard.rows[1] is row and not any("not known" in note for note in discard.notes)
+    assert [value(discard, row, name) for name in COLUMNS] == [None, 5.0, None, None, 4.0, None]
+    assert row.reasons[5] == "the files lack the pass X" and value(discard, row, "N") == summary["pairs"] + 1
+
+
 def test_fps_and_pairs_stand_in_every_table(summary):
     for table in paper_tables([summary]):
         row = table.rows[0]

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.lights import LIGHT
 from taubench_gl.frame.passes.shadows import ShadowPass
 from taubench_gl.frame.shadow_faces import FACE
@@ -33,6 +34,9 @@ COLOR = Struct(
     Field("exposure", "float", "factor on radiance before tone mapping"),
 )
 TILE = 16
+
+MAX_LIGHTS = 30_000
+"""Twice over all lights and once over a tile's pixels: a shader of llvmpipe stops, silently, after 65,535 turns."""
 
 SHADOW_BIAS = 0.5
 """In texels of the map, along the light: what is left for curved and creased surfaces, planes need none."""
@@ -72,6 +76,8 @@ class LightingPass:
         split: bool = False,
     ):
         """``effects``: names of those that are on; ``split``: write each lobe too."""
+        if light_count > MAX_LIGHTS:
+            raise GraphicsError(f"the scene has {light_count} lights, at most {MAX_LIGHTS} can be drawn")
         self._gpu, self._size, self._settings, self._count = gpu, size, settings, light_count
         self._tiled = "light_culling" in effects and light_count > 0
         self._group = (32, 1) if gpu.software else (8, 8)
@@ -128,7 +134,9 @@ class LightingPass:
         if self._cull is not None:
             self._tile_counts.bind_to_storage_buffer(2)
             self._tile_lists.bind_to_storage_buffer(3)
-            self._cull["position"], self._cull["material"] = 0, 4
+            for name in ("position", "material"):
+                if name in self._cull:  # without a glossy lobe no material matters
+                    self._cull[name] = inputs.index(name)
             self._cull.run(-(-self._tiles[1] // 8))
             self._gpu.ctx.memory_barrier()
         for unit, name in enumerate(inputs):
@@ -152,6 +160,13 @@ class LightingPass:
         if self._tile_counts is None:
             return None
         return np.frombuffer(self._tile_counts.read(), np.uint32).reshape(-1, self._tiles[0])
+
+    def tile_lists(self) -> list[np.ndarray] | None:
+        """Rows of the light table that each tile keeps, tiles row by row from the bottom; None without culling."""
+        if self._tile_lists is None:
+            return None
+        lists = np.frombuffer(self._tile_lists.read(), np.uint32).reshape(-1, self._count)
+        return [row[:count] for row, count in zip(lists, self.tile_counts().ravel(), strict=True)]
 
     def release(self) -> None:
         for buffer in (self._parameters, self._lights, self._tile_counts, self._tile_lists, self._albedos):

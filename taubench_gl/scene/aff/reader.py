@@ -2,8 +2,8 @@
 
 Axes are the model's already: right-handed, cameras look along -Z with +Y up; ``m`` is taken as metres.  Time 0 of the
 scene is the start of the ``a`` statement (without one, the earliest key).  Colours are linear coefficients; diffuse
-becomes the base colour, the Phong exponent n a roughness of (2 / (n + 2)) ^ 1/4.  AFF's lights do not fade with distance
-and ours do: a light of colour c gets pi c R^2 candela, so that at R, half the diagonal of the scene's box, it lights as
+becomes the base colour, the Phong exponent n a roughness of (2 / (n + 2)) ^ 1/4.  AFF's lights do not fade,
+ours do: a light of colour c gets pi c R^2 candela, so that at R, half the diagonal of the scene's box, it lights as
 AFF's does.  Texture coordinates run down from the picture's top row.
 """
 

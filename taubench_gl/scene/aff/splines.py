@@ -142,7 +142,7 @@ def _spans(times: Array, window: tuple[float, float]) -> list[tuple[int, float, 
             spans.append((i, reached, t1))
             reached = t1
     low, high = window
-    seen = [(i, max(t0, low), min(t1, high)) for i, t0, t1 in spans if t1 > low and t0 < high]
+    seen = [(i, max(t0, low), min(t1, high)) for i, t0, t1 in spans if t1 > low and (t0 < high or t0 == low)]
     if seen or not spans:
         return seen
     (i, t0, _), (j, _, t1) = spans[0], spans[-1]

@@ -8,6 +8,7 @@ from pathlib import Path
 from taubench_gl.scene.gltf.accessors import Accessors
 from taubench_gl.scene.gltf.animations import AnimationReader, choose_animations
 from taubench_gl.scene.gltf.container import open_document
+from taubench_gl.scene.gltf.document import Document
 from taubench_gl.scene.gltf.extensions import check_extensions
 from taubench_gl.scene.gltf.materials import MaterialReader
 from taubench_gl.scene.gltf.meshes import MeshReader
@@ -37,8 +38,11 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
     nodes = read_nodes(document, accessors, parent, in_scene, meshes, skins, len(lights))
     animations = AnimationReader(document, accessors, meshes).read()
     channels, playing = choose_animations(document, animations, animation)
+    own = _own_extras(document)
+    if "note" in own:
+        document.note(own["note"], "/asset/extras/taubench_gl")
     return Scene(
-        name=path.stem,
+        name=own.get("name", path.stem),
         nodes=nodes,
         meshes=meshes,
         materials=materials,
@@ -53,4 +57,16 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
         path=path,
         sha256=document.sha256,
         scene_names=scene_names,
+        stand_in=own.get("stand_in"),
+        default_camera=own.get("camera"),
     )
+
+
+def _own_extras(document: Document) -> dict[str, str]:
+    """What ``taubench_gl.datasets`` wrote into ``asset.extras``: texts in one line, whatever else is there is not ours."""
+    extras = document.root.asset.extras
+    own = extras.get("taubench_gl") if isinstance(extras, dict) else None
+    if not isinstance(own, dict):
+        return {}
+    texts = {key: " ".join(text.split())[:300] for key, text in own.items() if isinstance(text, str)}
+    return {key: text for key, text in texts.items() if text}

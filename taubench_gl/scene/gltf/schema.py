@@ -1,7 +1,7 @@
 """The JSON of glTF 2.0 as typed structs: types, ranges and required properties are checked while decoding.
 
 Names are the specification's in snake case.  Unknown properties are ignored, as the specification asks; ``extras`` are
-never decoded.  References between objects are checked where they are followed.
+never decoded, but for what we write ourselves into ``asset.extras`` (``Asset``).  References between objects are checked where they are followed.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ class Asset(Struct, rename="camel"):
     min_version: str | None = None
     generator: str = ""
     copyright: str = ""
+    extras: Any = None  # {"taubench_gl": {"name", "stand_in", "note", "camera"}} in files we wrote
 
 
 class Buffer(Property):

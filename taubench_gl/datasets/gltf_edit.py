@@ -1,0 +1,169 @@
+"""Adds nodes and animations to a glTF file and keeps all the rest as it is, unknown extensions and extras too.
+
+The JSON is edited as JSON, because a typed document would drop what its types do not know.  What comes out is one file:
+buffers and images that lay beside the source are put inside.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.errors import SettingsError
+from taubench_gl.outputs import cannot_write
+from taubench_gl.scene.gltf.container import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document
+from taubench_gl.scene.gltf.images import MEDIA_TYPES
+from taubench_gl.scene.gltf.uri import read_uri
+
+Json = dict[str, Any]
+_FLOAT = 5126
+_TYPE = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+_MAGIC = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}
+
+
+class GltfEditor:
+    """A glTF file being added to.  Raises SceneError for a file that cannot be read."""
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+        document = open_document(self.path)
+        self.root: Json = json.loads(_json_text(self.path))
+        self._blob = bytearray()
+        self._embed_images(document)
+        self._merge_buffers(document.buffers)
+
+    def node(self, parent: int | None, scene: int, **properties: Any) -> int:
+        """A node under ``parent``, or None for a root of ``scenes[scene]``.  Returns its index."""
+        index = self._append("nodes", properties)
+        owner = self.root["scenes"][scene] if parent is None else self.root["nodes"][parent]
+        owner.setdefault("nodes" if parent is None else "children", []).append(index)
+        return index
+
+    def insert_above(self, node: int, name: str) -> int:
+        """A new node between ``node`` and what holds it, in every place that holds it.  Returns its index."""
+        index = len(self.root["nodes"])
+        for owner, key in (*((s, "nodes") for s in self.root.get("scenes", ())),
+                           *((n, "children") for n in self.root["nodes"])):  # fmt: skip
+            if node in owner.get(key, ()):
+                owner[key] = [index if child == node else child for child in owner[key]]
+        return self._append("nodes", {"name": name, "children": [node]})
+
+    def camera(self, name: str, yfov: float, znear: float, zfar: float | None) -> int:
+        lens = {"yfov": yfov, "znear": znear, "aspectRatio": 16 / 9} | ({} if zfar is None else {"zfar": zfar})
+        return self._append("cameras", {"name": name, "type": "perspective", "perspective": lens})
+
+    def animation(self, name: str, tracks: list[tuple]) -> None:
+        """``tracks``: (node, path, times, values, interpolation) each; an animation with none is not written."""
+        if not tracks:
+            return
+        animation: Json = {"name": name, "samplers": [], "channels": []}
+        clocks: dict[bytes, int] = {}
+        for node, path, times, values, interpolation in tracks:
+            times = np.asarray(times, dtype=np.float32)
+            if times.tobytes() not in clocks:
+                clocks[times.tobytes()] = self._accessor(times[:, None], bounds=True)
+            sampler = {
+                "input": clocks[times.tobytes()],
+                "output": self._accessor(np.asarray(values, dtype=np.float32)),
+                "interpolation": interpolation,
+            }
+            animation["samplers"].append(sampler)
+            target = {"node": node, "path": path}
+            animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
+        self._append("animations", animation)
+
+    def say(self, **facts: str) -> None:
+        """Facts for our own reader, in ``asset.extras.taubench_gl``; facts already there are kept beside them."""
+        extras = self.root["asset"].get("extras")
+        extras = extras if isinstance(extras, dict) else {}
+        own = extras.get("taubench_gl")
+        self.root["asset"]["extras"] = extras | {"taubench_gl": (own if isinstance(own, dict) else {}) | facts}
+
+    def save(self, path: str | Path) -> None:
+        """Write as .glb, or as one .gltf with its data inside.  Raises OutputError, SettingsError."""
+        path = Path(path)
+        if path.suffix.lower() not in (".glb", ".gltf"):
+            raise SettingsError(f"{path.name} does not end in .glb or .gltf")
+        blob = bytes(self._blob) + bytes(-len(self._blob) % 4)
+        buffer: Json = self.root["buffers"][0]
+        buffer["byteLength"] = len(blob)
+        if path.suffix.lower() == ".gltf":
+            buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
+        text = json.dumps(self.root, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+        if path.suffix.lower() == ".glb":
+            text += b" " * (-len(text) % 4)
+            chunks = struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(blob), BIN_CHUNK) + blob
+            text = GLB_MAGIC + struct.pack("<II", 2, 12 + len(chunks)) + chunks
+        partial = path.with_name(f".{path.name}.partial")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            partial.write_bytes(text)
+            partial.replace(path)
+        except OSError as error:
+            partial.unlink(missing_ok=True)
+            raise cannot_write(path, error) from None
+
+    def _append(self, collection: str, item: Json) -> int:
+        items = self.root.setdefault(collection, [])
+        items.append(item)
+        return len(items) - 1
+
+    def _view(self, payload: bytes) -> int:
+        self._blob += bytes(-len(self._blob) % 4)
+        view = {"buffer": 0, "byteOffset": len(self._blob), "byteLength": len(payload)}
+        self._blob += payload
+        return self._append("bufferViews", view)
+
+    def _accessor(self, values: np.ndarray, bounds: bool = False) -> int:
+        kind = _TYPE[values.shape[1]]
+        accessor: Json = {"bufferView": self._view(values.tobytes()), "componentType": _FLOAT, "count": len(values)}
+        accessor["type"] = kind
+        if bounds:
+            accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        return self._append("accessors", accessor)
+
+    def _embed_images(self, document: Any) -> None:
+        """Pictures beside the file become data URIs; one that is missing stays named as it is."""
+        for i, image in enumerate(self.root.get("images", ())):
+            uri = image.get("uri")
+            if uri is None or uri[:5].lower() == "data:":
+                continue
+            data = read_uri(document, uri, f"/images/{i}/uri", MEDIA_TYPES)
+            kind = next((kind for magic, kind in _MAGIC.items() if data.startswith(magic)), None)
+            if kind is not None:
+                image["uri"] = f"data:{kind};base64," + base64.b64encode(data).decode()
+
+    def _merge_buffers(self, buffers: list[memoryview | None]) -> None:
+        """One buffer 0 with all data; buffers without data (meshopt's fallbacks) keep a place of their own."""
+        old = self.root.get("buffers", [])
+        place: list[tuple[int, int]] = []
+        kept: list[Json] = [{"byteLength": 0}]
+        for description, data in zip(old, buffers, strict=True):
+            if data is None:
+                place.append((len(kept), 0))
+                kept.append(description)
+            else:
+                self._blob += bytes(-len(self._blob) % 8)
+                place.append((0, len(self._blob)))
+                self._blob += data
+        for view in self.root.get("bufferViews", ()):
+            compressed = [view["extensions"][name] for name in MESHOPT if name in view.get("extensions", ())]
+            for reference in (view, *compressed):
+                index, base = place[reference["buffer"]]
+                reference["buffer"] = index
+                if base:
+                    reference["byteOffset"] = reference.get("byteOffset", 0) + base
+        self.root["buffers"] = kept
+
+
+def _json_text(path: Path) -> bytes:
+    """JSON of a file that ``open_document`` has accepted."""
+    data = path.read_bytes()
+    if data[:4] != GLB_MAGIC:
+        return data
+    return data[20 : 20 + struct.unpack_from("<I", data, 12)[0]]

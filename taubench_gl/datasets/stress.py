@@ -1,0 +1,185 @@
+"""The dial: any glTF scene with another camera, and things in it set moving, written as glTF again."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import Poser
+from taubench_gl.animation.state import FrameState
+from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, generate
+from taubench_gl.datasets.free_space import VoxelSpace
+from taubench_gl.datasets.gltf_edit import GltfEditor
+from taubench_gl.datasets.motion_stats import MotionStats, ordered_steps
+from taubench_gl.datasets.recorded import RecordedPath
+from taubench_gl.datasets.rig import add_rig
+from taubench_gl.errors import SettingsError
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+
+Array = np.ndarray
+
+CAMERA_NAME = "stress camera"
+YFOV = math.radians(60.0)
+
+LARGE = 0.35
+"""Objects larger than this part of the scene's radius are what the scene stands on or in, and are not moved."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moves:
+    """Things to set moving, chosen by the camera's seed: -1 all, 0 none.  ``motion``: metres per frame of each."""
+
+    lights: int = 0
+    objects: int = 0
+    motion: MotionStats = MotionStats(0.05, 0.001)
+
+    def __post_init__(self) -> None:
+        for name, count in (("lights", self.lights), ("objects", self.objects)):
+            if count < -1:
+                raise SettingsError(f"{count} {name} to move", hint="give a number, or all")
+
+
+@dataclass(frozen=True, slots=True)
+class Stressed:
+    """What ``stress`` wrote.  ``path`` is None for a recorded camera."""
+
+    file: Path
+    path: CameraPath | None
+    fps: float
+    seconds: float
+    lights: int
+    objects: int
+
+
+def stress(
+    source: str | Path, out: str | Path, camera: CameraSpec | RecordedPath, moves: Moves | None = None, seed: int = 0
+) -> Stressed:
+    """Write ``source`` (.glb, .gltf) with ``camera`` and ``moves`` to ``out`` (.glb, .gltf); all else is kept.
+
+    Raises SceneError, SettingsError, OutputError.
+    """
+    source, moves = Path(source), moves or Moves()
+    if source.suffix.lower() not in (".glb", ".gltf"):
+        raise SettingsError(f"{source.name} is not a glTF file", hint="stress reads and writes .glb and .gltf")
+    scene = load_scene(source)
+    editor = GltfEditor(source)
+    chosen = _scene_index(editor)
+    lens = editor.camera(CAMERA_NAME, *_lens(scene))
+    path = None
+    if isinstance(camera, RecordedPath):
+        node = editor.node(None, chosen, name=CAMERA_NAME, camera=lens, translation=camera.position[0].tolist(),
+                           rotation=camera.rotation[0].tolist())  # fmt: skip
+        tracks = [(node, "translation", camera.times, camera.position, "LINEAR"),
+                  (node, "rotation", camera.times, camera.rotation, "LINEAR")]  # fmt: skip
+        frames, fps = max(2, round(float(camera.times[-1]) * camera.fps) + 1), camera.fps
+        what = "a recorded camera"
+    else:
+        path = generate(camera, VoxelSpace(scene))
+        tracks = add_rig(path, lambda name, parent, **more: editor.node(parent, chosen, name=name, **more), lens,
+                         CAMERA_NAME, keep_still=True)  # fmt: skip
+        frames, fps = camera.frames, camera.fps
+        what = f"a generated camera (translation {camera.translation}; yaw {camera.yaw}; pitch {camera.pitch}; " \
+               f"roll {camera.roll}; seed {camera.seed})"  # fmt: skip
+    editor.animation(CAMERA_NAME, tracks)
+    lights, objects, tracks = _moved(editor, scene, moves, frames, fps, seed)
+    editor.animation("stress moves", tracks)
+    moved = f", {lights} lights and {objects} objects set moving" if lights or objects else ""
+    editor.say(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}")
+    editor.save(out)
+    return Stressed(Path(out), path, fps, (frames - 1) / fps, lights, objects)
+
+
+def _lens(scene: Scene) -> tuple[float, float, float | None]:
+    """Field of view and planes of the scene's own camera, or ones that fit its size."""
+    cameras = [scene.cameras[k] for k in scene.nodes.camera[scene.camera_nodes]]
+    for camera in cameras:
+        if camera.kind == "perspective":
+            return camera.yfov, camera.znear, camera.zfar if math.isfinite(camera.zfar) else None
+    return YFOV, 0.05, None
+
+
+def _scene_index(editor: GltfEditor) -> int:
+    if not editor.root.get("scenes"):
+        editor.root["scenes"] = [{"nodes": [i for i in _roots(editor)]}]
+        editor.root["scene"] = 0
+    return int(editor.root.get("scene", 0))
+
+
+def _roots(editor: GltfEditor) -> list[int]:
+    nodes = editor.root.get("nodes", [])
+    children = {child for node in nodes for child in node.get("children", ())}
+    return [i for i in range(len(nodes)) if i not in children]
+
+
+def _moved(
+    editor: GltfEditor, scene: Scene, moves: Moves, frames: int, fps: float, seed: int
+) -> tuple[int, int, list[tuple]]:
+    """Puts a moving node above each chosen one, so that its own transform and animation stay as they are."""
+    if not (moves.lights or moves.objects):
+        return 0, 0, []
+    rng = np.random.default_rng([seed, 3])
+    poser = Poser(scene)
+    state = poser.sample(0.0)
+    joints = {int(j) for skin in scene.skins for j in skin.joints}
+    lights = [n for n in _pick(scene.light_nodes.tolist(), moves.lights, rng) if n not in joints]
+    objects = [n for n in _pick(_movable(scene, state), moves.objects, rng) if n not in joints]
+    times = np.arange(frames) / fps
+    tracks, done = [], set()
+    for node in (*lights, *objects):
+        if node in done:  # a light on an object moves with it
+            continue
+        done.add(node)
+        above = editor.insert_above(node, f"stress move {scene.nodes.names[node] or node}")
+        parent = int(scene.nodes.parent[node])
+        linear = np.eye(3) if parent < 0 else state.world[parent][:3, :3]
+        tracks.append((above, "translation", times, _drift(moves.motion, frames, linear, rng), "LINEAR"))
+    return len(lights), len(objects), tracks
+
+
+def _drift(motion: MotionStats, frames: int, parent: Array, rng: np.random.Generator) -> Array:
+    """Displacements (frames, 3), in the space of ``parent`` (3, 3), whose world steps have exactly ``motion``."""
+    steps = ordered_steps(motion, frames - 1, rng)
+    reach = 12.0 * motion.mean
+    out, way = np.zeros((frames, 3)), rng.normal(size=3)
+    for i, step in enumerate(steps.tolist()):
+        # Home is where it began: the further out, the more it turns back.
+        way = way / np.linalg.norm(way) + 0.35 * rng.normal(size=3) - out[i] / reach
+        out[i + 1] = out[i] + step * way / np.linalg.norm(way)
+    return out @ np.linalg.pinv(parent).T
+
+
+def _movable(scene: Scene, state: FrameState) -> list[int]:
+    """Visible, rigid mesh nodes that are small against the scene."""
+    centers, radii, nodes = [], [], []
+    for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
+        points = [p.positions for p in scene.meshes[scene.nodes.mesh[node]].primitives if len(p.triangles)]
+        if not points or scene.nodes.skin[node] >= 0 or node in scene.nodes.instances:
+            continue
+        low, high = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
+        world = state.world[node]
+        centers.append(world[:3, :3] @ (0.5 * (low + high)) + world[:3, 3])
+        radii.append(0.5 * float(np.linalg.norm(world[:3, :3] @ (high - low))))
+        nodes.append(node)
+    if not nodes:
+        return []
+    middle = np.mean([np.min(centers, axis=0), np.max(centers, axis=0)], axis=0)
+    whole = float(np.max(np.linalg.norm(np.array(centers) - middle, axis=1) + radii))
+    return [node for node, radius in zip(nodes, radii, strict=True) if radius <= LARGE * whole]
+
+
+def _pick(nodes: list[int], count: int, rng: np.random.Generator) -> list[int]:
+    if count == 0 or not nodes:
+        return []
+    if count < 0 or count >= len(nodes):
+        return nodes
+    return sorted(rng.choice(nodes, size=count, replace=False).tolist())
+
+
+def with_stats(spec: CameraSpec, **stats: MotionStats | None) -> CameraSpec:
+    """``spec`` with the given quantities replaced; None keeps one."""
+    return dataclasses.replace(spec, **{name: value for name, value in stats.items() if value is not None})

@@ -1,0 +1,157 @@
+"""MTL: the part of it that a metallic-roughness surface can show.
+
+Kd, Ks and Ke are linear (as Blender reads and writes them), pictures are sRGB.  The exponent Ns becomes a roughness of
+(2 / (Ns + 2)) ^ 1/4; a material whose Ks is black, or absent, is Lambertian.  ``d`` below 1 (or ``Tr`` above 0) is
+glTF's BLEND.  map_d is noted and left out.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.errors import SceneError
+from taubench_gl.scene.beside import find_beside, read_bytes, read_image
+from taubench_gl.scene.model import Image, Material, Note, Texture
+
+OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1,
+           "-imfchan": 1, "-type": 1, "-o": 3, "-s": 3, "-t": 3}  # fmt: skip
+"""Options of map statements -> words that follow; -o, -s and -t may have fewer."""
+
+
+@dataclass
+class Library:
+    """Materials and pictures in the order they were first named; the index of a material is its place."""
+
+    folder: Path
+    materials: list[Material] = field(default_factory=list)
+    images: list[Image] = field(default_factory=list)
+    index: dict[str, int] = field(default_factory=dict)
+    notes: dict[Note, None] = field(default_factory=dict)
+    data: list[bytes] = field(default_factory=list)  # of the libraries, in order
+    _pictures: dict[Path, int] = field(default_factory=dict)
+    _read: set[Path] = field(default_factory=set)
+
+    def note(self, message: str, where: str = "") -> None:
+        self.notes[Note(message, where)] = None
+
+    def read(self, names: str, where: str) -> None:
+        """``mtllib``: one file whose name may hold spaces, or several.  One that is missing is noted."""
+        found = find_beside(self.folder, names)
+        several = [names] if isinstance(found, Path) else names.split()
+        for name in several:
+            found = find_beside(self.folder, name)
+            if isinstance(found, str):
+                self.note(f"material library {found}; drawn without it", where)
+            elif found not in self._read:
+                self._read.add(found)
+                data = read_bytes(found, where)
+                self.data.append(data)
+                self._parse(found, data)
+
+    def use(self, name: str) -> int:
+        """Index of a material; -1 for none, and for one that no library holds, which is noted."""
+        if name and name not in self.index:
+            self.note(f"material {name} is in no library: drawn in the default one")
+        return self.index.get(name, -1)
+
+    def _parse(self, path: Path, data: bytes) -> None:
+        text = data.decode("utf-8", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+        name, values, lines = None, {}, text.replace("\\\n", "  ").split("\n")
+        for number, line in enumerate(lines, start=1):
+            words = line.split("#", 1)[0].split()
+            if not words:
+                continue
+            where = f"{path.name}:{number}"
+            if words[0] == "newmtl":
+                self._add(path, name, values)
+                name, values = line.split("#", 1)[0].strip()[6:].strip(), {}
+                if not name:
+                    raise SceneError("newmtl without a name", where=where)
+            elif name is None:
+                raise SceneError(f"{words[0][:40]!r} comes before the first newmtl", where=where)
+            else:
+                self._statement(words, values, where)
+        self._add(path, name, values)
+
+    def _statement(self, words: list[str], values: dict, where: str) -> None:
+        kind = words[0]
+        if kind in ("Kd", "Ks", "Ke"):
+            if words[1:2] and words[1] in ("spectral", "xyz"):
+                self.note(f"{kind} {words[1]} is not supported: left out", where)
+                return
+            numbers = _numbers(words[1:], (1, 3), where)
+            values[kind] = tuple(max(x, 0.0) for x in (numbers * 3 if len(numbers) == 1 else numbers))
+        elif kind in ("d", "Tr", "Ns"):
+            values[kind] = _numbers([w for w in words[1:] if w != "-halo"], (1,), where)[0]
+        elif kind in ("map_Kd", "map_Ke"):
+            values[kind] = (words[1:], where)
+        elif kind == "map_d":
+            self.note("map_d is not simulated: surfaces are as opaque as d says", where)
+
+    def _add(self, path: Path, name: str | None, values: dict) -> None:
+        if name is None:
+            return
+        if name in self.index:
+            self.note(f"material {name} is given twice: the first one counts", path.name)
+            return
+        self.index[name] = len(self.materials)
+        alpha = float(np.clip(values.get("d", 1.0 - values.get("Tr", 0.0)), 0.0, 1.0))
+        color = values.get("Kd")
+        texture = self._texture(*values["map_Kd"]) if "map_Kd" in values else None
+        if color is None or (texture is not None and not any(color)):
+            color = (1.0, 1.0, 1.0) if texture is not None else (0.8, 0.8, 0.8)
+        glow = values.get("Ke", (0.0, 0.0, 0.0))
+        self.materials.append(
+            Material(
+                name=name,
+                base_color=(*(min(c, 1.0) for c in color), alpha),
+                base_color_texture=texture,
+                metallic=0.0,
+                roughness=float((2.0 / (max(values.get("Ns", 0.0), 0.0) + 2.0)) ** 0.25),
+                emissive=glow,
+                emissive_texture=self._texture(*values["map_Ke"]) if "map_Ke" in values and any(glow) else None,
+                alpha_mode="BLEND" if alpha < 1.0 else "OPAQUE",
+                double_sided=True,
+                specular=1.0 if any(values.get("Ks", ())) else 0.0,
+            )
+        )
+
+    def _texture(self, words: list[str], where: str) -> Texture | None:
+        words, name = _without_options(words), ""
+        if words:
+            name = " ".join(words)
+        found = find_beside(self.folder, name)
+        if isinstance(found, str):
+            self.note(f"texture {found}; drawn without it", where)
+            return None
+        if found not in self._pictures:
+            self._pictures[found] = len(self.images)
+            self.images.append(read_image(found))
+        return Texture(self._pictures[found])
+
+
+def _without_options(words: list[str]) -> list[str]:
+    i = 0
+    while i < len(words) and words[i] in OPTIONS:
+        most = OPTIONS[words[i]]
+        i += 1
+        for _ in range(most):
+            if i < len(words) and (most < 3 or re.fullmatch(r"[-+.\deE]+", words[i])):
+                i += 1
+    return words[i:]
+
+
+def _numbers(words: list[str], counts: tuple[int, ...], where: str) -> list[float]:
+    if len(words) not in counts:
+        raise SceneError(f"{len(words)} numbers, expected {' or '.join(map(str, counts))}", where=where)
+    try:
+        out = [float(w) for w in words]
+    except ValueError:
+        raise SceneError(f"{' '.join(words)[:40]!r} where numbers should be", where=where) from None
+    if not all(abs(x) < 1e30 for x in out):
+        raise SceneError("holds a number that is not usable", where=where)
+    return out

@@ -1,0 +1,277 @@
+"""The statements of one OBJ file as arrays.
+
+Lines are sorted by their keyword with array operations, and each kind's numbers are converted in one go; only where
+that fails is a file looked at line by line, to say which line is wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.errors import SceneError
+from taubench_gl.scene.beside import read_bytes
+
+Array = np.ndarray
+
+LARGEST = 1e30
+"""Magnitude above which a coordinate cannot be meant; its square still fits a float64, itself a float32."""
+SPACE, SLASH, NEWLINE = 32, 47, 10
+MISSING = -1
+"""Index of a corner that has no texture coordinate or normal."""
+
+COUNTS = {b"v": (3, 4, 6, 7, 8), b"vt": (1, 2, 3), b"vn": (3,)}
+"""Numbers each kind of line may have: v may carry a weight or a colour, which are not read."""
+STATES = (b"o", b"g", b"usemtl")
+IGNORED = (b"s", b"vp", b"mg", b"lod", b"bevel", b"c_interp", b"d_interp", b"shadow_obj", b"trace_obj", b"maplib",
+           b"usemap")  # fmt: skip
+CURVES = (b"curv", b"curv2", b"surf", b"cstype", b"deg", b"parm", b"end", b"bmat", b"step", b"call", b"trim", b"hole")
+
+
+@dataclass(slots=True)
+class Part:
+    """Triangles of one object and material.  ``corners`` (T, 3, 3) int64: for each corner v, vt, vn, from 0."""
+
+    object: str
+    material: str
+    corners: Array
+
+
+@dataclass(slots=True)
+class ObjFile:
+    """One file.  ``undrawn`` counts statements that are not simulated."""
+
+    path: Path
+    data: bytes
+    v: Array  # (V, 3) float64
+    vt: Array  # (T, 2) float64, v upwards as the file has it
+    vn: Array  # (N, 3) float64, as the file has them
+    parts: list[Part]
+    libraries: list[tuple[str, str]]  # name, file:line
+    undrawn: dict[str, int] = field(default_factory=dict)
+
+
+def parse_obj(path: Path) -> ObjFile:
+    """Read one OBJ file.  Raises SceneError with file and line."""
+    raw = read_bytes(path)
+    return _Lines(path, raw).file(raw)
+
+
+class _Lines:
+    def __init__(self, path: Path, raw: bytes):
+        self.path = path
+        if b"\r" in raw:
+            # Every replacement keeps the length, so that line numbers stay the file's own.
+            raw = raw.replace(b"\\\r\n", b" \\\n").replace(b"\r\n", b" \n").replace(b"\r", b"\n")
+        self.breaks = np.flatnonzero(np.frombuffer(raw, np.uint8) == NEWLINE)
+        raw = raw.replace(b"\\\n", b"  ")
+        data = np.frombuffer(raw, np.uint8).copy()
+        ends = np.append(np.flatnonzero(data == NEWLINE), len(data))
+        starts = np.concatenate([[0], ends[:-1] + 1])
+        if b"#" in raw:
+            marks = np.flatnonzero(data == ord("#"))
+            first = np.unique(np.searchsorted(ends, marks), return_index=True)
+            for line, at in zip(first[0].tolist(), marks[first[1]].tolist()):
+                data[at : ends[line]] = SPACE
+        data[(data < SPACE) & (data != NEWLINE)] = SPACE
+        blank = data <= SPACE
+        before = np.concatenate([[True], blank[:-1]])
+        self.words = np.flatnonzero(~blank & before)
+        after = np.concatenate([blank[1:], [True]])
+        self.word_ends = np.flatnonzero(~blank & after) + 1
+        self.data, self.starts, self.ends = data, starts, ends
+        self.word_line = np.searchsorted(ends, self.words)
+        used, self.first, self.count = np.unique(self.word_line, return_index=True, return_counts=True)
+        self.used = used  # lines with words, in order
+        self.text = data.tobytes()
+        self.kinds, self.names = self._kinds()
+        self._rows: dict[bytes, Array] = {}
+
+    def _kinds(self) -> tuple[Array, dict[bytes, int]]:
+        """For every used line the number of its keyword, and what the numbers stand for."""
+        a, b = self.words[self.first], self.word_ends[self.first]
+        padded = np.append(self.data, SPACE).astype(np.int64)
+        # Keywords of one and two letters, which are nearly all, are numbers themselves.
+        code = padded[a] * 256 + np.where(b - a == 2, padded[np.minimum(a + 1, len(self.data))], 0)
+        names: dict[bytes, int] = {}
+        for i in np.flatnonzero(b - a > 2).tolist():
+            code[i] = names.setdefault(self.text[a[i] : b[i]], 65536 + len(names))
+        for value in np.unique(code[code < 65536]).tolist():
+            names[bytes([value >> 8]) + (bytes([value & 255]) if value & 255 else b"")] = value
+        return code, names
+
+    def where(self, row: int) -> str:
+        """file:line of a used line (of its first part, where it is continued)."""
+        line = int(np.searchsorted(self.breaks, self.words[self.first[row]])) + 1
+        return f"{self.path.name}:{line}"
+
+    def error(self, row: int, what: str, hint: str | None = None) -> SceneError:
+        return SceneError(what, where=self.where(row), hint=hint)
+
+    def rest(self, row: int) -> str:
+        """What follows the keyword of a used line."""
+        line = self.used[row]
+        text = self.text[self.word_ends[self.first[row]] : self.ends[line]]
+        return text.decode("utf-8", errors="replace").strip()
+
+    def rows(self, kind: bytes) -> Array:
+        """Used lines of one kind, in order."""
+        if kind not in self._rows:
+            self._rows[kind] = np.flatnonzero(self.kinds == self.names.get(kind, -1))
+        return self._rows[kind]
+
+    def numbers(self, kind: bytes, width: int) -> Array:
+        """The first ``width`` numbers of every line of a kind, missing ones 0.  (rows, width) float64."""
+        rows = self.rows(kind)
+        counts = self.count[rows] - 1
+        bad = ~np.isin(counts, COUNTS[kind])
+        if np.any(bad):
+            row = rows[np.argmax(bad)]
+            raise self.error(row, f"{kind.decode()} with {counts[np.argmax(bad)]} numbers")
+        out = np.zeros((len(rows), width))
+        for count in np.unique(counts).tolist():
+            chosen = rows[counts == count]
+            try:
+                values = np.array(list(map(float, self._joined(chosen).split())))
+            except ValueError:
+                raise self._not_a_number(chosen, float) from None
+            values = values.reshape(-1, count)[:, :width]
+            ok = np.abs(values) < LARGEST
+            if not np.all(ok):
+                row = chosen[np.argmin(np.all(ok, axis=1))]
+                raise self.error(row, "holds a number that is not usable")
+            out[counts == count, : values.shape[1]] = values
+        return out
+
+    def _joined(self, rows: Array) -> bytes:
+        """What follows the keywords of these used lines, keywords left out."""
+        begin, end = self.word_ends[self.first[rows]], self.ends[self.used[rows]]
+        text = self.text
+        # Lines of one kind often follow each other: then the run is cut whole and split into words only once.
+        if len(rows) > 1 and rows[-1] - rows[0] == len(rows) - 1:
+            blanked = self.data[begin[0] : end[-1]].copy()
+            at = self.words[self.first[rows[1:]]] - begin[0]
+            for k in range(int((begin - self.words[self.first[rows]]).max())):
+                blanked[at + k] = SPACE
+            return blanked.tobytes()
+        return b"\n".join([text[i:j] for i, j in zip(begin.tolist(), end.tolist())])
+
+    def _not_a_number(self, rows: Array, convert: type) -> SceneError:
+        for row in rows.tolist():
+            for word in self.rest(row).replace("/", " ").split():
+                try:
+                    convert(word)
+                except ValueError:
+                    return self.error(row, f"{word[:40]!r} where a number should be")
+        return self.error(int(rows[0]), "holds something that is not a number")
+
+    def file(self, raw: bytes) -> ObjFile:
+        self._check_kinds()
+        v, vt, vn = self.numbers(b"v", 3), self.numbers(b"vt", 2), self.numbers(b"vn", 3)
+        undrawn = {name: n for kind, name in ((b"l", "lines"), (b"p", "points")) if (n := len(self.rows(kind)))}
+        libraries = []
+        for row in self.rows(b"mtllib").tolist():
+            names = self.rest(row)
+            if not names:
+                raise self.error(row, "mtllib without a file name")
+            libraries.append((names, self.where(row)))
+        return ObjFile(self.path, raw, v, vt, vn, self._parts(len(v), len(vt), len(vn)), libraries, undrawn)
+
+    def _check_kinds(self) -> None:
+        known = {b"v", b"vt", b"vn", b"f", b"l", b"p", b"mtllib", *STATES, *IGNORED}
+        unknown = [(int(self.rows(kind)[0]), kind) for kind in self.names.keys() - known]
+        if not unknown:
+            return
+        row, kind = min(unknown)
+        name = kind.decode("utf-8", errors="replace")[:20]
+        if kind in CURVES:
+            raise self.error(row, f"{name!r}: curves and surfaces are not supported", "export triangles")
+        raise self.error(row, f"{name!r} is not a statement of OBJ", "is it really an .obj?")
+
+    # --------------------------------------------------------------------------------------------------------- faces
+    def _parts(self, nv: int, nt: int, nn: int) -> list[Part]:
+        rows = self.rows(b"f")
+        if not len(rows):
+            return []
+        sizes = self.count[rows] - 1
+        if np.any(sizes < 3):
+            raise self.error(rows[np.argmax(sizes < 3)], f"a face with {sizes[np.argmax(sizes < 3)]} corners")
+        corners = self._corners(rows, sizes)
+        self._resolve(rows, sizes, corners, (nv, nt, nn))
+        first = np.cumsum(sizes) - sizes
+        # Fan: corner 0 with each two that follow one another.
+        fans = sizes - 2
+        face = np.repeat(np.arange(len(rows)), fans)
+        step = np.arange(len(face)) - np.repeat(np.cumsum(fans) - fans, fans)
+        triangles = np.stack([corners[first[face]], corners[first[face] + step + 1], corners[first[face] + step + 2]],
+                             axis=1)  # fmt: skip
+        objects, materials = self._states(rows)
+        label = objects[0] * len(materials[1]) + materials[0]
+        parts = []
+        for value in np.unique(label).tolist():
+            chosen = triangles[label[face] == value]
+            parts.append(Part(objects[1][value // len(materials[1])], materials[1][value % len(materials[1])], chosen))
+        return parts
+
+    def _corners(self, rows: Array, sizes: Array) -> Array:
+        """(corners, 3) int64 as the file has them: 0 where an index is left out."""
+        word = np.repeat(self.first[rows] + 1, sizes) + _counting(sizes)
+        slashes = np.flatnonzero(self.data == SLASH)
+        low, high = np.searchsorted(slashes, self.words[word]), np.searchsorted(slashes, self.word_ends[word])
+        count = high - low
+        twice = np.zeros(len(word), dtype=bool)
+        two = np.flatnonzero(count == 2)
+        twice[two] = slashes[low[two] + 1] == slashes[low[two]] + 1
+        text = self._joined(rows).replace(b"//", b" 0 ").replace(b"/", b" ")
+        try:
+            values = np.array(list(map(int, text.split())), dtype=np.int64)
+        except (ValueError, OverflowError):
+            raise self._not_a_number(rows, int) from None
+        if np.any(count > 2) or len(values) != int((count + 1).sum()):
+            raise self._bad_corner(rows)
+        out = np.zeros((len(word), 3), dtype=np.int64)
+        at = np.cumsum(count + 1) - (count + 1)
+        out[:, 0] = values[at]
+        has_t = (count >= 1) & ~twice
+        out[has_t, 1] = values[at[has_t] + 1]
+        out[two, 2] = values[at[two] + 2]
+        return out
+
+    def _bad_corner(self, rows: Array) -> SceneError:
+        for row in rows.tolist():
+            for word in self.rest(row).split():
+                numbers = word.split("/")
+                if len(numbers) > 3 or not numbers[0] or not numbers[-1]:
+                    return self.error(row, f"{word[:40]!r} is not a corner", "v, v/vt, v//vn or v/vt/vn")
+        return self.error(int(rows[0]), "holds a corner that cannot be read")
+
+    def _resolve(self, rows: Array, sizes: Array, corners: Array, totals: tuple[int, int, int]) -> None:
+        """Indices from 0 in place; negative ones count back from the face's own line."""
+        for column, (kind, total) in enumerate(zip((b"v", b"vt", b"vn"), totals)):
+            values = corners[:, column]
+            so_far = np.repeat(np.searchsorted(self.rows(kind), rows), sizes)
+            resolved = np.where(values > 0, values - 1, np.where(values < 0, so_far + values, MISSING))
+            bad = (resolved >= total) | ((values < 0) & (resolved < 0)) | ((values == 0) & (column == 0))
+            if np.any(bad):
+                at = int(np.argmax(bad))
+                row = int(rows[np.searchsorted(np.cumsum(sizes), at, side="right")])
+                raise self.error(row, f"index {values[at]}, the file has {total} {kind.decode()}")
+            corners[:, column] = resolved
+
+    def _states(self, rows: Array) -> tuple[tuple[Array, list[str]], tuple[Array, list[str]]]:
+        """For every face line the number of its object and its material, and their names."""
+        kind = b"o" if len(self.rows(b"o")) else b"g"
+        return self._state(rows, kind), self._state(rows, b"usemtl")
+
+    def _state(self, rows: Array, kind: bytes) -> tuple[Array, list[str]]:
+        at = self.rows(kind)
+        numbers: dict[str, int] = {"": 0}
+        values = np.array([0, *(numbers.setdefault(self.rest(r), len(numbers)) for r in at.tolist())], dtype=np.int64)
+        return values[np.searchsorted(at, rows)], list(numbers)
+
+
+def _counting(sizes: Array) -> Array:
+    """0 .. n-1 for each n of ``sizes``, one after another."""
+    return np.arange(int(sizes.sum())) - np.repeat(np.cumsum(sizes) - sizes, sizes)

@@ -1,0 +1,216 @@
+"""Reads an OBJ file, or a numbered sequence of them, into a Scene.
+
+Axes are the model's already (Y up, metres unless the user's unit scale says otherwise).  Every ``o`` is an object, or
+every ``g`` where the file has no ``o``.  Polygons are fans; faces without normals are flat; both sides are drawn.
+
+In a sequence, frame i is file i and is shown at i / fps.  An object whose faces stay the same is one mesh with a morph
+target for each shape it takes and LINEAR weights, so that every frame has exactly the file's vertices and motion
+follows them.  Where its faces change, one mesh ends and another begins: a cut for that object alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.errors import SceneError
+from taubench_gl.math3d import normalize
+from taubench_gl.scene.build import NodeList
+from taubench_gl.scene.model import Animation, Channel, Mesh, MorphTarget, Primitive, Scene
+from taubench_gl.scene.obj.materials import Library
+from taubench_gl.scene.obj.parse import ObjFile, parse_obj
+from taubench_gl.scene.obj.sequence import Shape, find_frames, shapes
+
+Array = np.ndarray
+
+MAX_MORPHED = 200_000_000
+"""Vertices of all morph targets together (5 GB); and weights of all frames together."""
+MAX_OBJECTS = 100_000
+
+
+def read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+    """``load_scene`` for one .obj file, which stands still.  Raises SceneError with file and line."""
+    _only_scene(path.name, scene)
+    return _Assembly([path], 1.0, path.parent).scene(path.stem, path, animation)
+
+
+def read_obj_sequence(text: str, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+    """``load_scene`` for a folder or pattern of numbered OBJ files, ``@FPS`` behind it.  Raises SceneError."""
+    _only_scene(text, scene)
+    files, fps, odd = find_frames(text)
+    assembly = _Assembly(files, fps, files[0].parent)
+    for what in odd:
+        assembly.library.note(what)
+    assembly.library.note(f"{len(files)} files at {fps:g} frames per second, the first at 0 s")
+    return assembly.scene(files[0].stem.rstrip("0123456789") or files[0].stem, files[0], animation)
+
+
+def _only_scene(name: str, scene: str | int | None) -> None:
+    if scene is not None:
+        raise SceneError("OBJ files hold one scene", where=name, hint="leave the scene's name out")
+
+
+@dataclass(slots=True)
+class _Track:
+    """One object while its faces stay the same: frames ``first`` .. ``last``, and the shape of each frame."""
+
+    name: str
+    first: int
+    last: int
+    base: Shape
+    which: list[int]  # per frame: 0 the base, k the k-th of ``others``
+    others: list[tuple[Array, Array]]  # positions, normals
+    seen: dict[bytes, int]
+
+    def add(self, shape: Shape) -> None:
+        key = shape.v.tobytes() + shape.vn.tobytes()
+        if key not in self.seen:
+            self.seen[key] = len(self.others) + 1
+            self.others.append((shape.v, shape.vn))
+        self.which.append(self.seen[key])
+
+
+class _Assembly:
+    def __init__(self, files: list[Path], fps: float, folder: Path):
+        self.files, self.fps = files, fps
+        self.library = Library(folder)
+        self.digest = sha256()
+        self.tracks: list[_Track] = []
+        self._read()
+
+    def _read(self) -> None:
+        open_tracks: dict[str, _Track] = {}
+        for frame, path in enumerate(self.files):
+            file = parse_obj(path)
+            self.digest.update(file.data)
+            self._notes(file)
+            now: dict[str, _Track] = {}
+            for name, shape in shapes(file).items():
+                track = open_tracks.get(name)
+                if track is not None and track.base.same_topology(shape):
+                    if not np.array_equal(track.base.vt, shape.vt):
+                        self.library.note(f"texture coordinates of {name or 'the object'} change: the first are kept")
+                    track.last = frame
+                    track.add(shape)
+                else:
+                    if track is not None:
+                        self.library.note(f"{name or 'the object'} changes its faces: a cut for it", path.name)
+                    track = _Track(name, frame, frame, shape, [], [], {})
+                    track.seen[shape.v.tobytes() + shape.vn.tobytes()] = 0
+                    track.add(shape)
+                    self.tracks.append(track)
+                now[name] = track
+            for name in open_tracks.keys() - now.keys():
+                self.library.note(f"{name or 'the object'} is gone: a cut for it", path.name)
+            open_tracks = now
+            if len(self.tracks) > MAX_OBJECTS:
+                raise SceneError(f"more than {MAX_OBJECTS} objects", where=path.name)
+            if sum(len(t.others) * (len(t.base.v) + len(t.which)) for t in self.tracks) > MAX_MORPHED:
+                raise SceneError("the sequence is too large to hold in memory", where=path.name)
+
+    def _notes(self, file: ObjFile) -> None:
+        for names, where in file.libraries:
+            self.library.read(names, where)
+        for what, count in file.undrawn.items():
+            self.library.note(f"{count} statements of {what} are not drawn", file.path.name)
+
+    def scene(self, name: str, path: Path, animation: Sequence[str | int] | None) -> Scene:
+        nodes, meshes, channels = NodeList(), [], []
+        root = nodes.add(name)
+        count = len(self.files)
+        for track in self.tracks:
+            node = nodes.add(track.name or name, root, mesh=len(meshes))
+            meshes.append(self._mesh(track))
+            if track.others:
+                times = np.arange(track.first, track.last + 1) / self.fps
+                weights = np.zeros((len(times), len(track.others)))
+                moved = np.flatnonzero(np.array(track.which) > 0)
+                weights[moved, np.array(track.which)[moved] - 1] = 1.0
+                channels.append(Channel("node", node, "weights", "LINEAR", times, weights))
+            if track.first > 0 or track.last < count - 1:
+                channels.append(self._visible(node, track))
+        if count > 1:
+            # The root's visibility never changes; its last key says how long the sequence is.
+            times = np.array([0.0, (count - 1) / self.fps])
+            channels.append(Channel("node", root, "visible", "STEP", times, np.ones((2, 1))))
+        for data in self.library.data:
+            self.digest.update(data)
+        played = Animation("sequence", tuple(channels))
+        playing = bool(channels) and (animation is None or len(animation) > 0)
+        return Scene(
+            name=name,
+            nodes=nodes.nodes(),
+            meshes=tuple(meshes),
+            materials=tuple(self.library.materials),
+            images=tuple(self.library.images),
+            animations=(played,) if channels else (),
+            channels=played.channels if playing else (),
+            playing=(played.name,) if playing else (),
+            notes=tuple(self.library.notes),
+            path=path,
+            sha256=self.digest.hexdigest(),
+        )
+
+    def _visible(self, node: int, track: _Track) -> Channel:
+        keys = [(0.0, 0.0)] if track.first > 0 else []
+        keys.append((track.first / self.fps, 1.0))
+        if track.last < len(self.files) - 1:
+            keys.append(((track.last + 1) / self.fps, 0.0))
+        times, values = np.array(keys).T
+        return Channel("node", node, "visible", "STEP", times, values[:, None])
+
+    def _mesh(self, track: _Track) -> Mesh:
+        primitives = tuple(
+            self._primitive(track, material, corners)
+            for material, corners in zip(track.base.materials, track.base.corners, strict=True)
+        )
+        return Mesh(track.name, primitives, np.zeros(len(track.others)))
+
+    def _primitive(self, track: _Track, material: str, corners: Array) -> Primitive:
+        base = track.base
+        flat = corners.reshape(-1, 3)
+        vertices, inverse = _distinct(flat)
+        v, t, n = flat[vertices].T
+        smooth = bool(np.all(n >= 0)) and _all_long([base.vn, *(vn for _, vn in track.others)], n)
+        texcoords = None
+        if np.any(t >= 0):
+            uv = np.where((t >= 0)[:, None], base.vt[np.maximum(t, 0)], 0.0)
+            texcoords = np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1).astype(np.float32)
+        positions = base.v[v]
+        normals = normalize(base.vn[n]) if smooth else None
+        targets = tuple(
+            MorphTarget(
+                (other_v[v] - positions).astype(np.float32),
+                (normalize(other_vn[n]) - normals).astype(np.float32) if smooth else None,
+            )
+            for other_v, other_vn in track.others
+        )
+        return Primitive(
+            positions=positions.astype(np.float32),
+            triangles=inverse.reshape(-1, 3).astype(np.uint32),
+            material=self.library.use(material),
+            normals=None if normals is None else normals.astype(np.float32),
+            texcoords=(texcoords, None),
+            targets=targets,
+        )
+
+
+def _all_long(arrays: list[Array], used: Array) -> bool:
+    """Do all normals that are used have a direction?"""
+    return all(bool(np.all(np.any(a[used] != 0.0, axis=1))) for a in arrays)
+
+
+def _distinct(corners: Array) -> tuple[Array, Array]:
+    """Row of the first corner of each distinct kind, and for every corner its kind.  (C, 3) -> (U,), (C,)."""
+    key = corners[:, 0].copy()
+    for column in (1, 2):
+        width = int(corners[:, column].max()) + 2
+        if int(key.max() + 1) * width > 2**62:
+            key = np.unique(key, return_inverse=True)[1].reshape(-1)
+        key = key * width + corners[:, column] + 1
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return first, inverse.reshape(-1)

@@ -1,0 +1,121 @@
+"""690 lights: what culling leaves out is bounded, small, and the same as in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from light_tools import DIRECT_ONLY, lambert, opened, shoot
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.frame.passes.lighting import MAX_LIGHTS, TILE, LightingPass
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.metrics.light_bounds import kept_lights, light_bounds, tile_boxes
+from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
+from taubench_gl.settings import Settings
+
+SIZE = {"width": 192, "height": 108, "shadow_lights": 0, "columns": DIRECT_ONLY}
+
+
+@pytest.fixture(scope="module")
+def field():
+    return lamp_field(reach=4.0)
+
+
+@pytest.mark.parametrize("light_error", [1e-4, 1e-3, 1e-2, 0.1])
+def test_what_is_left_out_stays_below_the_given_error(gpu, field, light_error):
+    """All 690 lights against the culled ones, per pixel and channel; and culling is worth it."""
+    with opened(gpu, field, light_error=light_error, **SIZE) as source:
+        culled = shoot(source, 3)
+        kept = source.light.lighting.tile_counts()
+    with opened(gpu, field, light_error=0.0, **SIZE) as source:
+        every = shoot(source, 3)
+        most = source.light.lighting.tile_counts()
+    left_out = every.direct - culled.direct
+    rounding = 1e-5 * every.direct.max()
+    assert left_out.min() >= -rounding and left_out.max() <= light_error + rounding
+    assert every.direct.max() > 0.5, "the scene is too dark to tell"
+    assert kept.mean() < 0.1 * 690 and kept.sum() < most.sum()
+
+
+def test_unlimited_lights_are_bounded_too(gpu):
+    """Without ranges hundreds of faint lights add up: few can go, and what goes is still within the error."""
+    field = lamp_field(intensity=0.01)
+    pictures = []
+    for light_error in (0.0, 2e-2):
+        with opened(gpu, field, light_error=light_error, **SIZE) as source:
+            pictures.append(shoot(source, 3).direct)
+            kept = source.light.lighting.tile_counts()
+    left_out = pictures[0] - pictures[1]
+    assert 0 < left_out.max() <= 2e-2 + 1e-5 and left_out.min() >= -1e-5
+    assert kept.max() < 690
+
+
+@pytest.mark.parametrize("light_error", [0.0, 1e-3, 1e-2])
+def test_kept_lists_are_those_of_the_twin(gpu, field, light_error):
+    with opened(gpu, field, light_error=light_error, **SIZE) as source:
+        shot = shoot(source, 3)
+        lists = source.light.lighting.tile_lists()
+        rows = source.light.table.rows
+    low, high, brdf = tile_boxes(shot["position"][::-1], shot["material"][::-1], TILE)
+    peak = rows["color"][:, :3].max(axis=1).astype(np.float64)
+    reach = np.where(rows["position"][:, 3] > 0, rows["position"][:, 3], np.inf).astype(np.float64)
+    bounds = light_bounds(low, high, brdf, rows["position"][:, :3].astype(np.float64), peak, reach)
+    expected = kept_lights(bounds, light_error)
+    got = np.zeros_like(expected)
+    for tile, kept in enumerate(lists):
+        assert np.all(np.diff(kept) > 0), "a light is listed twice, or out of order"
+        got[tile, kept] = True
+    # A bound within float32's rounding of a power of two may fall into the bin beside.
+    octave = np.log2(np.maximum(bounds, 1e-30))
+    edge = (np.abs(octave - np.round(octave)) < 1e-4) | (bounds < 1e-6)
+    assert np.array_equal(got | edge, expected | edge)
+    assert edge[bounds > 0].mean() < 0.01 and expected.sum() > 1000
+
+
+def test_a_shiny_floor_keeps_more(gpu):
+    """The bound knows the materials: a smooth metal may mirror a light that a rough floor hardly shows."""
+    counts = []
+    for roughness in (0.9, 0.2):
+        b = SceneBuilder()
+        b.node(mesh=b.mesh(quad(8.0, 8.0, material=b.material(metallic=1.0, roughness=roughness))))
+        for i in range(64):
+            b.light(translation=(i % 8 - 3.5, i // 8 - 3.5, 0.6), kind="point", intensity=0.01)
+        b.camera(translation=(0.0, 0.0, 8.0))
+        with opened(gpu, b.build(), light_error=1e-2, **SIZE) as source:
+            shoot(source)
+            counts.append(source.light.lighting.tile_counts().mean())
+    assert counts[0] < 0.8 * counts[1]
+
+
+def test_culling_keeps_suns_and_spots(gpu):
+    """Lights of all kinds through the lists give what they give without lists."""
+    pictures = []
+    for effects in ("auto", "all"):
+        b = SceneBuilder()
+        b.node(mesh=b.mesh(quad(4.0, 4.0, material=lambert(b))))
+        b.light(kind="directional", intensity=0.5)
+        for i in range(9):
+            b.light(translation=(i - 4.0, 0.3, 1.0), kind="spot", intensity=1.0, outer_cone=0.5)
+        for i in range(5):
+            b.light(translation=(0.4, i - 2.0, 0.5), kind="point", intensity=0.3)
+        b.camera(translation=(0.0, 0.0, 4.0))
+        with opened(gpu, b.build(), effects=effects, light_error=0.0, **SIZE) as source:
+            assert source.effects["light_culling"].on == (effects == "all")
+            pictures.append(shoot(source).direct)
+    assert pictures[0].max() > 0.1 and np.allclose(pictures[0], pictures[1], rtol=1e-5, atol=1e-7)
+
+
+def test_a_black_or_hidden_light_is_in_no_list(gpu):
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=lambert(b))))
+    for i in range(20):
+        b.light(translation=(0.1 * i, 0.0, 1.0), kind="point", intensity=0.0 if i else 1.0)
+    b.camera(translation=(0.0, 0.0, 4.0))
+    with opened(gpu, b.build(), light_error=0.0, **SIZE) as source:
+        shoot(source)
+        assert source.light.lighting.tile_counts().max() == 1
+
+
+def test_more_lights_than_a_loop_may_turn_are_refused(gpu):
+    with pytest.raises(GraphicsError, match="lights"):
+        LightingPass(gpu, ShaderCache(gpu.ctx), (8, 8), MAX_LIGHTS + 1, Settings(), frozenset({"direct"}))

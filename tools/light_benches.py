@@ -1,0 +1,115 @@
+"""Benches of light: many lights against few, and what each skipped effect would have cost."""
+
+from __future__ import annotations
+
+import numpy as np
+from benches import FPS, Options, Result, Row, bench, real_scene, row
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.effects.decide import FORCEABLE, decide
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import lamp_field
+from taubench_gl.settings import Settings
+
+LIGHT_FRAMES = 3
+"""Frames per round: a frame under 690 lights without ranges takes seconds on llvmpipe."""
+
+
+class Subject:
+    """A source with a timer of its own."""
+
+    def __init__(self, gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...] = ()):
+        self.timer = PassTimer(gpu)
+        self._gpu, self._frame = gpu, 0
+        self.source = RasterSource(gpu, scene, choose_camera(scene), settings, timer=self.timer, force=force)
+
+    def advance(self) -> None:
+        with self.timer.measure("frame"):
+            self.source.advance(self._frame % 7)
+        self._frame += 1
+
+    def samples(self, name: str) -> list[float]:
+        """Milliseconds, without the first frame, which compiles."""
+        return self.timer.samples_ms()[name][1:].tolist()
+
+    def release(self) -> None:
+        self.source.release()
+        self._gpu.collect()
+
+
+@bench
+def lights(gpu: Gpu, options: Options) -> Result:
+    """Direct light of 690 point lights, culled, against 16 lights, in one interleaved run."""
+    settings = Settings(
+        width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0
+    )
+    scenes = {
+        "16 lights": lamp_field(4, 12),
+        "690 lights, range 2 m": lamp_field(reach=2.0),
+        "690 lights, range 4 m": lamp_field(reach=4.0),
+        "690 lights, no range": lamp_field(),
+    }
+    subjects = {name: Subject(gpu, scene, settings) for name, scene in scenes.items()}
+    for _ in range(1 + LIGHT_FRAMES * options.repeats):
+        for subject in subjects.values():
+            subject.advance()
+    rows = [row(f"direct, {name}", subject.samples("direct")) for name, subject in subjects.items()]
+    notes = [f"40 x 40 m of rolling ground, {settings.width}x{settings.height}, light error {settings.light_error:g}"]
+    for measured, (name, subject) in zip(rows, subjects.items(), strict=True):
+        lighting = subject.source.light.lighting
+        counts = lighting.tile_counts()
+        if counts is None:
+            continue
+        ratio = measured.median_ms / rows[0].median_ms
+        kept = counts[counts > 0]
+        notes.append(
+            f"{name}: {ratio:.2f} x the time of 16 lights; a tile keeps {kept.mean():.0f} on average, at most "
+            f"{kept.max()}; light lists take {lighting.bytes / 2**20:.1f} MiB"
+        )
+    for subject in subjects.values():
+        subject.release()
+    return Result("Many lights", rows, notes)
+
+
+@bench
+def effects(gpu: Gpu, options: Options) -> Result:
+    """Per scene and skipped effect: a frame with that effect alone forced on, less a frame on demand."""
+    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS)
+    geometry = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"))
+    cases = [
+        (real_scene(), settings, "all columns"),
+        (real_scene("sponza/Sponza.gltf"), geometry, "frustum and position"),
+        (real_scene("khronos/CesiumMan/CesiumMan.glb"), settings, "all columns"),
+    ]
+    rows: list[Row] = []
+    notes = []
+    for path, chosen, columns in cases:
+        scene = load_scene(path)
+        skipped = [name for name, effect in decide(scene, chosen).items() if not effect.on and name in FORCEABLE]
+        for force in [*((name,) for name in skipped), tuple(skipped)]:
+            if not force:
+                continue
+            what = force[0] if len(force) == 1 else "all of these"
+            saved, extra = _saved(gpu, scene, chosen, force, options.repeats)
+            rows.append(row(f"{path.stem} ({columns}): {what}", saved, f"{extra / 2**20:.1f} MiB"))
+            notes.append(f"{path.stem}: skipping {what} saves {extra / 2**20:.1f} MiB")
+    return Result("Milliseconds a frame that skipped effects save", rows, notes)
+
+
+def _saved(gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...], repeats: int) -> tuple[list[float], int]:
+    """Differences in ms, frame by frame, and in bytes."""
+    pair = [Subject(gpu, scene, settings), Subject(gpu, scene, settings, force)]
+    try:
+        for _ in range(1 + 7 * repeats):
+            for subject in pair:
+                subject.advance()
+        without, forced = (np.array(subject.samples("frame")) for subject in pair)
+        memory = [subject.source.describe()["memory"]["gpu_bytes"] for subject in pair]
+        return (forced - without).tolist(), memory[1] - memory[0]
+    finally:
+        for subject in pair:
+            subject.release()
