@@ -170,7 +170,8 @@ def seconds_per_frame(summary: dict[str, Any]) -> dict[str, Any]:
         render = truth.get("render") or {}
         if render.get("seconds_per_frame") is None:
             return {"reason": "nobody recorded how long these files took to render ('truth render' does)"}
-        made = f"Cycles, {render['samples']} samples, {render['bounces']} bounces"
+        samples = f"{render['samples']} sample{'s' * (render['samples'] != 1)}"
+        made = f"Cycles, {samples}, {render['bounces']} bounces"
         return {"seconds": render["seconds_per_frame"], "clock": render["clock"], "of": made}
     timing = summary.get("timing") or {}
     passes = {name: ms for name, ms in (timing.get("passes") or {}).items() if name != "masks" and ms is not None}

@@ -20,6 +20,11 @@ class ChannelInfo:
     exr: tuple[str, ...]  # layer channel names on export
     attachment: bool = True  # written by the geometry pass
 
+    @property
+    def bytes(self) -> int:
+        """Per pixel on the GPU."""
+        return self.components * int(self.dtype[1])
+
 
 CHANNELS: dict[str, ChannelInfo] = {
     c.name: c

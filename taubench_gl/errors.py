@@ -39,6 +39,10 @@ class GraphError(TaubenchError):
     """A frame graph whose passes do not fit together.  Lists every fault at once."""
 
 
+class DatasetError(TaubenchError):
+    """A scene of the registry is unknown, cannot be fetched, or is not what it was."""
+
+
 class OutputError(TaubenchError):
     """A result cannot be written where it was asked for, or a stored run cannot be read."""
 

@@ -26,7 +26,7 @@ LAYERS: tuple[set[str], ...] = (
     {"evaluation"},
     {"evaluation_truth", "agreement"},
     {"api"},
-    {"reuse", "selftest"},
+    {"reuse", "selftest", "datasets"},
     {"study"},
     {"apps", "demos"},
     {"__main__"},

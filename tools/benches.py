@@ -237,13 +237,20 @@ def size_of(text: str) -> tuple[int, int]:
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="tools/bench", description="Times the passes and prints tables.")
-    parser.add_argument("which", nargs="?", default="all", choices=[*BENCHES, "all"])
-    parser.add_argument("--size", type=size_of, default=(1920, 1080), metavar="WxH")
+    parser.add_argument("which", nargs="?", default="all", choices=[*BENCHES, "all", "agreement"])
+    parser.add_argument("--size", type=size_of, metavar="WxH", help="default 1920x1080; agreement: 192x108")
     parser.add_argument("--repeats", type=int, default=3, help="rounds of 7 frames after the warm-up (default 3)")
     parser.add_argument("--backend", default="auto")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers with their provenance")
+    group = parser.add_argument_group("agreement (needs Blender as a Python module; not part of all)")
+    group.add_argument("--out", type=Path, default=ROOT / "out" / "agreement", help="keeps renders (out/agreement)")
+    group.add_argument("--scene", default="room", help="of tools/light_scenes.py (default room)")
+    group.add_argument("--converged", type=int, default=256, help="samples of the reference (default 256)")
     options = parser.parse_args(arguments)
     console = Console(soft_wrap=True)
+    if options.which == "agreement":
+        return agreement(console, options)
+    options.size = options.size or (1920, 1080)
     gpu = open_gpu(options.backend)
     with gpu:
         told = provenance(gpu, PassTimer.clock)
@@ -257,6 +264,19 @@ def main(arguments: list[str]) -> int:
         gpu.check("the benches")
     if options.json is not None:
         report = {"provenance": told, "cores": os.cpu_count(), "benches": results}
+        options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    return 0
+
+
+def agreement(console: Console, options: argparse.Namespace) -> int:
+    """Its own program: it opens a context per evaluation, and its rows have columns of accuracy."""
+    from agreement_bench import SIZE, measure
+    from agreement_bench import show as show_costs
+
+    costs = measure(options.out, options.scene, options.size or SIZE, options.converged, options.backend)
+    show_costs(console, costs)
+    if options.json is not None:
+        report = {"cores": os.cpu_count(), "benches": {"agreement": asdict(costs)}}
         options.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     return 0
 

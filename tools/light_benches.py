@@ -10,6 +10,7 @@ from taubench_gl.effects.decide import FORCEABLE, decide
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import lamp_field
@@ -51,6 +52,7 @@ def lights(gpu: Gpu, options: Options) -> Result:
         "16 lights": lamp_field(4, 12),
         "690 lights, range 2 m": lamp_field(reach=2.0),
         "690 lights, range 4 m": lamp_field(reach=4.0),
+        "690 lights, range 8 m": lamp_field(reach=8.0),
         "690 lights, no range": lamp_field(),
     }
     subjects = {name: Subject(gpu, scene, settings) for name, scene in scenes.items()}
@@ -73,6 +75,29 @@ def lights(gpu: Gpu, options: Options) -> Result:
     for subject in subjects.values():
         subject.release()
     return Result("Many lights", rows, notes)
+
+
+@bench
+def rungs(gpu: Gpu, options: Options) -> Result:
+    """What each rung of indirect light costs a frame, on the demo scene: lights and surfaces move all the time."""
+    scene = load_scene(ASSETS / "demo.glb")
+    subjects = {
+        rung: Subject(gpu, scene, Settings(width=options.size[0], height=options.size[1], fps=FPS, indirect=rung))
+        for rung in ("none", "rsm", "probes")
+    }
+    for _ in range(1 + LIGHT_FRAMES * options.repeats):
+        for subject in subjects.values():
+            subject.advance()
+    rows, notes = [], []
+    base = float(np.median(subjects["none"].samples("frame")))
+    for rung, subject in subjects.items():
+        samples = subject.samples("frame")
+        rows.append(row(f"frame, indirect {rung}", samples))
+        if rung != "none":
+            rows.append(row(f"of it the indirect pass, {rung}", subject.samples("indirect")))
+        notes.append(f"indirect {rung}: {float(np.median(samples)) / base:.2f} x a frame without indirect light")
+        subject.release()
+    return Result("Rungs of indirect light, assets/demo.glb", rows, notes)
 
 
 @bench

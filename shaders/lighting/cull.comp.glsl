@@ -1,10 +1,10 @@
 // Per-tile light lists with a bounded error: a light is left out of a tile only while the sum of the upper bounds of all
 // lights left out there stays under P.light_error (radiance, before exposure).
 //
-// Bound of one light in one tile: its irradiance at the tile's nearest point times the largest brdf * cos the tile's
-// materials can have, 1/pi + 1 / (2 pi alpha^3) (Lambert plus the GGX peak with its visibility term at its largest).
+// Bound of one light in one tile: its irradiance at the tile's nearest point times the largest brdf * cos that any pixel of
+// the tile can have for any direction of light (``largest_brdf``).
 //
-// Reads    position, material.
+// Reads    position normal base_color material.
 // Writes   tile_counts, tile_lists: rows of the light table, ascending.
 // Twin     metrics.light_bounds
 #include "common/affine.glsl"
@@ -19,6 +19,8 @@ layout(std430, binding = 2) writeonly buffer TileCounts { uint tile_counts[]; };
 layout(std430, binding = 3) writeonly buffer TileLists { uint tile_lists[]; };
 
 uniform sampler2D position;
+uniform sampler2D normal;
+uniform sampler2D base_color;
 uniform sampler2D material;
 
 const int BINS = 40; // powers of two of the bound, the last one 2^7 and above
@@ -37,6 +39,26 @@ float bound(LightRecord light, vec3 low, vec3 high, float brdf) {
     return peak / d2;
 }
 
+// Largest brdf * cos(theta_l), any channel, over all directions of light.  GGX: D <= 1 / (pi a^2), and the visibility term
+// times cos(theta_l) <= 0.5 / sqrt(n_v^2 (1 - a^2) + a^2); Fresnel: v.h >= n_v / 2, for 2 v.h n.h = n_v + n_l.
+float largest_brdf(ivec2 pixel, vec3 p) {
+    vec4 base = texelFetch(base_color, pixel, 0);
+    vec4 m = texelFetch(material, pixel, 0);
+    if (m.w < 0.0) return 0.0; // unlit
+    float color = max(base.r, max(base.g, base.b));
+#if GLOSSY
+    vec3 v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p);
+    float n_v = max(dot(texelFetch(normal, pixel, 0).xyz, v), 1e-4);
+    float a = max(m.y * m.y, MIN_ALPHA), a2 = a * a;
+    float peak = 1.0 / (2.0 * PI * a2 * sqrt(n_v * n_v * (1.0 - a2) + a2));
+    float away = max(1.0 - 0.5 * n_v, 0.0), away2 = away * away, schlick = away2 * away2 * away;
+    float fresnel = (1.0 - m.x) * m.w * (0.04 + 0.96 * schlick) + m.x * mix(max(color, 0.0), max(color, 1.0), schlick);
+    return (1.0 - m.x) * color / PI + fresnel * peak;
+#else
+    return color / PI;
+#endif
+}
+
 int bin_of(float b) { return clamp(int(ceil(log2(b))) - LOWEST, 0, BINS - 1); }
 
 void main() {
@@ -45,25 +67,18 @@ void main() {
     ivec2 first = ivec2(int(tile) % P.size.z, int(tile) / P.size.z) * TILE;
     ivec2 last = min(first + TILE, P.size.xy);
     vec3 low = vec3(3.0e38), high = vec3(-3.0e38);
-    float alpha = 1.0;
+    float brdf = 0.0;
     for (int y = first.y; y < last.y; ++y)
         for (int x = first.x; x < last.x; ++x) {
             vec4 p = texelFetch(position, ivec2(x, y), 0);
             if (!(p.w > 0.0)) continue;
             low = min(low, p.xyz);
             high = max(high, p.xyz);
-#if GLOSSY
-            vec4 m = texelFetch(material, ivec2(x, y), 0);
-            if (m.w > 0.0 || m.x > 0.0) alpha = min(alpha, max(m.y * m.y, MIN_ALPHA));
-#endif
+            brdf = max(brdf, largest_brdf(ivec2(x, y), p.xyz));
         }
+    brdf *= 1.0001; // rounding
     uint kept = 0u, base = tile * uint(P.size.w);
     if (low.x <= high.x) {
-#if GLOSSY
-        float brdf = 1.0 / PI + 1.0 / (2.0 * PI * alpha * alpha * alpha);
-#else
-        float brdf = 1.0 / PI;
-#endif
         float sums[BINS];
         for (int b = 0; b < BINS; ++b) sums[b] = 0.0;
         for (int i = 0; i < P.size.w; ++i) {

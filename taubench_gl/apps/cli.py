@@ -14,10 +14,13 @@ import click
 from taubench_gl import __version__
 from taubench_gl.apps.agree_command import agree
 from taubench_gl.apps.compare_command import compare
+from taubench_gl.apps.convert_command import convert
 from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.apps.scenes_command import scenes
 from taubench_gl.apps.selftest_command import selftest
+from taubench_gl.apps.stress_command import stress
 from taubench_gl.apps.truth_command import truth
 from taubench_gl.errors import TaubenchError
 
@@ -34,6 +37,8 @@ Examples:
   taubench-gl evaluate scene.glb --out results
   taubench-gl compare results other-results
   taubench-gl selftest
+  taubench-gl scenes make eternal-valley-fps valley.glb
+  taubench-gl stress scene.glb --camera vr --out hard.glb
 
 \b
 Errors end with exit code 2 and one line; TAUBENCH_DEBUG=1 adds the traceback.""",
@@ -43,7 +48,7 @@ def cli() -> None:
     """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
 
 
-for command in (doctor, inspect, evaluate, compare, agree, truth, selftest):
+for command in (doctor, inspect, evaluate, compare, agree, truth, convert, selftest, scenes, stress):
     cli.add_command(command)
 
 

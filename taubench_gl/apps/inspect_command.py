@@ -44,6 +44,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     """Facts of a scene as plain values fit for JSON; lengths in metres, angles in degrees, times in seconds."""
     from taubench_gl.animation import Poser, bounding_sphere, choose_camera
     from taubench_gl.effects.census import census
+    from taubench_gl.frame.plan import FramePlan
 
     poser = Poser(scene)
     frames = settings.frame_count(scene.duration)
@@ -84,6 +85,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
             }
             for node in map(int, scene.light_nodes)
         ],
+        "effects": FramePlan(scene, settings, poser=poser).costs(),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
         "notes": [str(note) for note in scene.notes],
@@ -127,8 +129,30 @@ def _show(facts: dict[str, Any]) -> None:
             lines["..."] = f"{len(listed) - 20} more, see --json"
         if lines:
             show_pairs(heading, lines)
+    show_pairs("Effects of an evaluation at 1920x1080 with default settings", _effect_lines(facts["effects"]))
     if facts["notes"]:
         show_pairs("Notes of the reader", {f"{i}": note for i, note in enumerate(facts["notes"], start=1)})
+
+
+def _effect_lines(effects: dict[str, Any]) -> dict[str, str]:
+    """One line per effect: whether, why, and what a frame has because of it (what is off: would have)."""
+    lines = {}
+    for name, effect in effects.items():
+        parts = [f"{'on ' if effect['on'] else 'off'} {effect['reason']}"]
+        cost = [f"pass {p}" for p in effect["passes"]]
+        if effect["textures"]:
+            shown = effect["textures"][:3] + (
+                [f"and {len(effect['textures']) - 3} more"] * (len(effect["textures"]) > 3)
+            )
+            cost.append(", ".join(shown))
+        if effect["shaders"]:
+            cost.append(f"{len(effect['shaders'])} shader{'s' * (len(effect['shaders']) > 1)}")
+        if effect["gpu_bytes"]:
+            cost.append(f"{effect['gpu_bytes'] / 2**20:.1f} MiB")
+        if cost:
+            parts.append(("adds " if effect["on"] else "would add ") + "; ".join(cost))
+        lines[name.replace("_", " ")] = " - ".join(parts)
+    return lines
 
 
 def _line(entry: dict[str, Any]) -> str:

@@ -195,7 +195,8 @@ def light_options(command: Any) -> Any:
                 type=click.Choice(INDIRECT),
                 default=default.indirect,
                 show_default=True,
-                help="Light of two bounces or more: none, rsm (cheap) or probes (auto).",
+                help="Light of two bounces or more: none (column is null), rsm (ignores walls between surfaces and "
+                "later bounces) or probes (auto; four bounces, ignores detail below the probe spacing).",
             ),
         )
     ):

@@ -20,6 +20,7 @@ PASSES = (
     *(f"{lobe}_{what}" for lobe in ("diffuse", "glossy", "transmission") for what in ("direct", "indirect", "color")),
 )  # fmt: skip
 CRISP_FILTER_PX = 0.01  # the narrowest Cycles takes; its BOX filter is one pixel wide whatever this says
+NODE_NAME = "taubench node {}"  # of mesh nodes, by their number in the file
 INFINITELY_FAR = 1e6  # metres, for cameras without a far plane
 SAY_EVERY = 1.0  # seconds between lines about samples
 
@@ -230,11 +231,25 @@ def watch_samples(total):
     bpy.app.handlers.render_stats.append(stats)
 
 
+def hide(nodes):
+    """Show every mesh but those of ``nodes``; what the importer hung beneath a node's object (instances) goes along."""
+    for owner in bpy.data.objects:
+        if owner.type != "MESH":
+            continue
+        at = owner
+        while at is not None and not at.name.startswith(NODE_NAME.format("")):
+            at = at.parent
+        if at is not None:
+            number = at.name.removeprefix(NODE_NAME.format("")).split(".")[0]
+            owner.hide_render = number.isdecimal() and int(number) in nodes
+
+
 def render(scene, job, frame):
     """Under a name no reader takes for a frame, then renamed: half a frame never looks like a whole one."""
     target = os.path.join(job["out"], job["name"] % frame)
     partial = os.path.join(job["out"], "." + os.path.basename(target) + ".partial.exr")
     scene.frame_set(frame)
+    hide(set(job["hidden"].get(str(frame), ())))
     scene.render.filepath = partial
     bpy.ops.render.render(write_still=True)
     with open(partial, "rb+") as file:

@@ -67,13 +67,15 @@ def make_job(
         "threads": quality.threads,
         "camera": {str(frame): _plain(pose) for frame, pose in poses.items()},
         "lights": lights,
+        "hidden": {str(frame): nodes for frame in frames if (nodes := _hidden(scene, states[frame]))},
     }
     return job, {frame: poses[frame] for frame in frames}, notes
 
 
 def identity(job: dict[str, Any], sha256: str | None) -> str:
     """Hash of what a frame's pixels depend on: resuming under another one would mix two renders."""
-    pixels = {k: v for k, v in job.items() if k not in ("frames", "first_key", "camera", "lights", "threads", "name")}
+    left_out = ("frames", "first_key", "camera", "lights", "hidden", "threads", "name")  # other frames, other values
+    pixels = {k: v for k, v in job.items() if k not in left_out}
     return hashlib.sha256(json.dumps([pixels, sha256], sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -93,6 +95,16 @@ def _plain(pose: CameraPose) -> dict[str, Any]:
     }
 
 
+def _hidden(scene: Scene, state: FrameState) -> list[int]:
+    """Mesh nodes of the chosen scene that KHR_node_visibility (their own or an ancestor's) hides."""
+    return [node for node in scene.mesh_nodes.tolist() if scene.nodes.in_scene[node] and not state.visible[node]]
+
+
+def _shines(state: FrameState, node: int) -> bool:
+    """A light is off where its node is hidden or scaled to nothing, as for the rasterizer."""
+    return bool(state.visible[node] and np.any(state.world[node, :3, :3] != 0.0))
+
+
 def _lights(scene: Scene, states: dict[int, FrameState]) -> tuple[list[dict[str, Any]], list[str]]:
     out, notes = [], []
     for node in scene.light_nodes:
@@ -104,7 +116,7 @@ def _lights(scene: Scene, states: dict[int, FrameState]) -> tuple[list[dict[str,
                 "position": world[:3, 3].tolist(),
                 "rotation": math3d.orthonormal(world[:3, :3]).tolist(),
                 "color": list(map(float, light.color)),
-                "intensity": float(light.intensity) if state.visible[node] else 0.0,
+                "intensity": float(light.intensity) if _shines(state, node) else 0.0,
                 "inner_cone": float(light.inner_cone),
                 "outer_cone": float(light.outer_cone),
             }

@@ -91,8 +91,7 @@ def render_truth(
     _merge_cameras(out, poses, fps, size)
     with tempfile.TemporaryDirectory(prefix="taubench-") as folder:
         keyed = range(frames[0] - 1, frames[-1] + 2)
-        path, more = write_resampled(scene, keyed, fps, Path(folder))
-        notes += more
+        path = write_resampled(scene, keyed, fps, Path(folder))
         _write_provenance(out, key, job, scene, camera, version, notes)
         if job["frames"]:
             job |= {"scene": str(path), "out": str(out.resolve())}

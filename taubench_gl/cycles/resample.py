@@ -24,20 +24,23 @@ from taubench_gl.scene.model import Channel, Scene
 KEY_FPS = 24.0
 """Rate of the written keys: frame f lies at (f - first) / KEY_FPS, whatever the rate it was sampled at."""
 
+NODE_NAME = "taubench node {}"
+"""Name of mesh nodes by their number in the file: names of files need not be unique (``inside.py`` has its copy)."""
+
 _SET_BY_JOB = ("KHR_lights_punctual", "KHR_animation_pointer", "KHR_node_visibility")
 _PATHS = ("translation", "rotation", "scale", "weights")
 _JSON_CHUNK = 0x4E4F534A
 
 
-def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> tuple[Path, list[str]]:
-    """Write ``scene.gltf`` and its buffers into ``folder``.  -> its path, and notes on what could not be carried over.
+def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Path:
+    """Write ``scene.gltf`` and its buffers into ``folder``.  -> its path.
 
     ``frames`` are the frames to key (neighbours of the rendered ones included); frame f is sampled at f / fps seconds.
     """
     if scene.path is None or scene.path.suffix.lower() not in (".gltf", ".glb"):
         raise SceneError("only glTF files can be handed to Blender", where=str(scene.path or scene.name))
     root, chunk = _read(scene.path)
-    notes = _strip(root, scene)
+    _strip(root, scene)
     for buffer in root.get("buffers", ()):
         if "uri" not in buffer and chunk is not None:
             (folder / "scene.bin").write_bytes(chunk)
@@ -47,14 +50,12 @@ def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> tu
         if uri != "scene.bin" and uri[:5].lower() != "data:":
             item["uri"] = quote(os.path.relpath(scene.path.parent / unquote(uri), folder).replace(os.sep, "/"))
     channels = [c for c in scene.channels if c.target == "node" and c.path in _PATHS]
-    if any(c.target == "node" and c.path == "visible" for c in scene.channels):
-        notes.append("animated visibility of meshes is not carried over to Cycles")
     root.pop("animations", None)
     if channels:
         (folder / "keys.bin").write_bytes(_add_animation(root, channels, frames, fps))
     path = folder / "scene.gltf"
     path.write_text(json.dumps(root), encoding="utf-8")
-    return path, notes
+    return path
 
 
 def _read(path: Path) -> tuple[dict[str, Any], bytes | None]:
@@ -71,13 +72,15 @@ def _read(path: Path) -> tuple[dict[str, Any], bytes | None]:
     return json.loads(chunks[0][1]), rest[0] if rest else None
 
 
-def _strip(root: dict[str, Any], scene: Scene) -> list[str]:
-    """Only the chosen scene, without cameras and lights."""
+def _strip(root: dict[str, Any], scene: Scene) -> None:
+    """Only the chosen scene, without cameras and lights; mesh nodes get the names by which the job hides them."""
     shown = set(np.flatnonzero(scene.nodes.in_scene).tolist())
     scenes = [s for s in root.get("scenes", ()) if s.get("nodes") and set(s["nodes"]) <= shown]
     if scenes:
         root["scenes"], root["scene"] = [copy.deepcopy(max(scenes, key=lambda s: len(s["nodes"])))], 0
-    for node in root.get("nodes", ()):
+    for number, node in enumerate(root.get("nodes", ())):
+        if "mesh" in node:
+            node["name"] = NODE_NAME.format(number)
         node.pop("camera", None)
         for name in _SET_BY_JOB:
             node.get("extensions", {}).pop(name, None)
@@ -89,9 +92,6 @@ def _strip(root: dict[str, Any], scene: Scene) -> list[str]:
         root.pop(key, None)
         if kept:
             root[key] = kept
-    if not all(scene.nodes.visible[n] for n in shown):
-        return ["hidden nodes are shown by Cycles"]
-    return []
 
 
 def _add_animation(root: dict[str, Any], channels: list[Channel], frames: range, fps: float) -> bytes:

@@ -26,6 +26,13 @@ PLENTY = 4
 EYE_HEIGHT = 1.7
 """Metres above the ground, for scenes that are high enough to stand in."""
 
+WALKABLE = 3.0
+"""Metres a scene must measure along x and z to be walked in; a smaller thing is circled."""
+
+CANDIDATES = 24
+INSIDE = 0.5
+"""Winding number above which a point lies inside a closed surface: in a wall or a statue, not in a room."""
+
 
 class VoxelSpace:
     """``FreeSpace`` of any scene, from its triangles at time 0.  Moving things are where they are at time 0.
@@ -37,13 +44,14 @@ class VoxelSpace:
     def __init__(self, scene: Scene, voxels: int = VOXELS):
         poser = Poser(scene)
         state = poser.sample(0.0)
-        points = surface_points(scene, state)
+        triangles = world_triangles(scene, state)
+        points = surface_points(triangles)
         self._low, self._high = np.quantile(points, 0.002, axis=0), np.quantile(points, 0.998, axis=0)
         self.center = 0.5 * (self._low + self._high)
         self.radius = max(0.5 * float(np.linalg.norm(self._high - self._low)), 1e-6)
         self._build(points, 0.0, voxels)
         self._around = False
-        start = self._from_camera(scene, state) or self._from_ground()
+        start = self._from_camera(scene, state) or self._from_ground(triangles)
         if start is None:
             # Nothing to stand on: walk around it, three radii out at most.
             self._around = True
@@ -99,8 +107,10 @@ class VoxelSpace:
         yaw = math.degrees(float(euler_yxz(view.world_from_view)[0]))
         return (view.position, yaw) if self.clearance(view.position) > 0 else None
 
-    def _from_ground(self) -> tuple[Array, float] | None:
+    def _from_ground(self, triangles: Array) -> tuple[Array, float] | None:
         """Near the middle, at eye height over the lowest ground, where there is most room; None: no such place."""
+        if min((self._high - self._low)[[0, 2]]) < WALKABLE:
+            return None
         height = float(self._high[1] - self._low[1])
         eye = EYE_HEIGHT if height > 2 * EYE_HEIGHT else 0.4 * height
         spots = np.argwhere((self._room >= 2) & self._grounded)
@@ -113,17 +123,25 @@ class VoxelSpace:
         if len(points) < 8:
             return None
         away = np.linalg.norm((points - self.center)[:, [0, 2]], axis=1) / self.radius
-        best = points[int(np.argmax(self._room[tuple(spots.T)] / PLENTY - away))]
-        return best, 0.0
+        ranked = np.argsort(away - self._room[tuple(spots.T)] / PLENTY, kind="stable")
+        # Neighbours fare alike, so the candidates are spread over the better half.
+        for i in ranked[: max(len(ranked) // 2, 1) : max(len(ranked) // (2 * CANDIDATES), 1)]:
+            if winding_number(triangles, points[i]) < INSIDE:
+                return points[i], 0.0
+        return None
 
 
-def surface_points(scene: Scene, state: FrameState, budget: int = SAMPLES) -> Array:
-    """Points spread over every drawn triangle by area, its corners included, world metres.  -> (P, 3) float64, P > 0."""
+def world_triangles(scene: Scene, state: FrameState) -> Array:
+    """Corners of every drawn triangle, world metres.  -> (T, 3, 3) float64, finite."""
     corners = [c for node in scene.mesh_nodes.tolist() if state.visible[node] for c in _triangles(scene, state, node)]
-    if not corners:
+    triangles = np.concatenate([np.zeros((0, 3, 3)), *corners])
+    return triangles[np.all(np.isfinite(triangles), axis=(1, 2))]
+
+
+def surface_points(triangles: Array, budget: int = SAMPLES) -> Array:
+    """Points over triangles (T, 3, 3) by area, corners included.  -> (P, 3) float64, P > 0; none: a unit box's."""
+    if not len(triangles):
         return np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]])
-    triangles = np.concatenate(corners)
-    triangles = triangles[np.all(np.isfinite(triangles), axis=(1, 2))]
     area = 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
     count = np.floor(area / max(float(area.sum()), 1e-300) * budget).astype(np.int64)
     which = np.repeat(np.arange(len(triangles)), count)
@@ -132,6 +150,17 @@ def surface_points(scene: Scene, state: FrameState, budget: int = SAMPLES) -> Ar
     a, b, c = (triangles[which, k] for k in range(3))
     inside = a + u[:, :1] * (b - a) + u[:, 1:] * (c - a)
     return np.concatenate([triangles.reshape(-1, 3), inside])
+
+
+def winding_number(triangles: Array, point: Array) -> float:
+    """How often the triangles (T, 3, 3) wind around a point: 1 inside a closed surface that faces outwards, 0 outside,
+    -1 in a room whose walls face inwards (Van Oosterom and Strackee's solid angle, summed)."""
+    a, b, c = np.moveaxis(triangles - point, 1, 0)
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    dots = [np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a))]
+    angle = 2.0 * np.arctan2(volume, la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb)
+    return float(angle.sum() / (4.0 * np.pi))
 
 
 def _triangles(scene: Scene, state: FrameState, node: int) -> list[Array]:

@@ -7,6 +7,7 @@ buffers and images that lay beside the source are put inside.
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import struct
 from pathlib import Path
@@ -105,7 +106,8 @@ class GltfEditor:
             partial.write_bytes(text)
             partial.replace(path)
         except OSError as error:
-            partial.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # where its folder is no folder either
+                partial.unlink()
             raise cannot_write(path, error) from None
 
     def _append(self, collection: str, item: Json) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 from pathlib import Path
 from typing import Any
@@ -159,5 +160,6 @@ def save_document(gltf: gl.GLTF2, path: Path) -> None:
         gltf.save_binary(str(partial))
         partial.replace(path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # where its folder is no folder either
+            partial.unlink()
         raise cannot_write(path, error) from None

@@ -26,8 +26,8 @@ _SLACK = 1e-9
 class MotionStats:
     """Absolute change per frame of one quantity, in metres or degrees, as in Tables 2 and 3 of the paper.
 
-    ``variance`` is the population variance.  ``maximum``, where given, is reached exactly once; ``usual_maximum`` then
-    bounds all other steps, which makes the largest one a jump.  Raises SettingsError for values that no list has.
+    ``variance`` is the population variance.  ``maximum``, where given, is reached; ``usual_maximum`` then bounds all
+    steps but one, which makes that one a jump.  Raises SettingsError for values that no list has.
     """
 
     mean: float
@@ -98,6 +98,8 @@ def _solve(total: float, squares: float, count: int, high: float, stats: MotionS
         return np.zeros(0)
     mean = total / count
     least = count * mean**2
+    if stats.maximum is None and mean > high:
+        raise SettingsError(f"mean {mean:g} is above the {high:g} that one frame can hold")
     if mean < 0 or mean > high * (1 + _SLACK) or squares < least - _SLACK * max(squares, least):
         raise SettingsError(f"no {count + (stats.maximum is not None)} steps have {stats}", hint=_why(stats, count))
     if high < math.inf:
@@ -105,7 +107,8 @@ def _solve(total: float, squares: float, count: int, high: float, stats: MotionS
         most = full * high**2 + (total - full * high) ** 2
         if squares > most * (1 + _SLACK):
             bound = f"at most {high:g} each" if stats.maximum is None or stats.usual_maximum else "the max"
-            raise SettingsError(f"no {count} steps with {bound} have {stats}", hint="give less variance or a larger max")
+            hint = "give less variance or a larger max"
+            raise SettingsError(f"no {count} steps with {bound} have {stats}", hint=hint)
     elif squares > total**2 * (1 + _SLACK):
         raise SettingsError(f"no {count} steps have {stats}", hint="give less variance or more frames")
     if squares - least <= 1e-12 * least:

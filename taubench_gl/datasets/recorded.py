@@ -32,7 +32,7 @@ UNIT_TOLERANCE = 0.05
 
 @dataclass(frozen=True, slots=True)
 class RecordedPath:
-    """N >= 2 poses: times (N,) seconds from 0, strictly increasing; position (N, 3) metres; rotation (N, 4) unit xyzw."""
+    """N >= 2 poses: times (N,) seconds from 0, increasing; position (N, 3) metres; rotation (N, 4) unit xyzw."""
 
     times: Array
     position: Array

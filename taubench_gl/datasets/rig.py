@@ -18,7 +18,7 @@ def add_rig(
     """Nodes for position, yaw, pitch and roll, one inside the other, the camera on the innermost.
 
     One axis per node: a turn between two keys stays a turn about that axis, and an angle nobody turns is exactly 0.
-    ``node(name, parent, **properties)`` adds a node and returns its index.  ``keep_still``: a position that never
+    ``node(name, parent, **properties)`` adds a node and returns its index.  ``keep_still``: what never
     changes is keyed too, so that the file is as long as the path.  Returns tracks (node, path, times, values,
     interpolation).
     """
@@ -35,6 +35,6 @@ def add_rig(
         if last:
             rest["camera"] = camera
         parent = node(name if last else f"{name} {part}", parent, **rest)
-        if np.any(values != values[0]) or (keep_still and part == "position"):
+        if np.any(values != values[0]) or keep_still:
             tracks.append((parent, channel, path.times, values, "LINEAR"))
     return tracks

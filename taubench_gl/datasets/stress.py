@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,7 @@ class Moves:
 
     lights: int = 0
     objects: int = 0
-    motion: MotionStats = MotionStats(0.05, 0.001)
+    motion: MotionStats = field(default_factory=lambda: MotionStats(0.05, 0.001))
 
     def __post_init__(self) -> None:
         for name, count in (("lights", self.lights), ("objects", self.objects)):

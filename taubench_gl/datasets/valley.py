@@ -50,10 +50,9 @@ def _smooth(t: Array) -> Array:
 
 
 def _waves(waves: Array, x: Array, z: Array) -> Array:
-    total = np.zeros(np.broadcast_shapes(x.shape, z.shape))
-    for i, (kx, kz, phase) in enumerate(waves):
-        total += np.sin((kx if i % 2 else -kx) * x + kz * z + phase)
-    return total / math.sqrt(len(waves))
+    kx, kz, phase = waves.T
+    kx = np.where(np.arange(len(waves)) % 2, kx, -kx)  # so that they cross
+    return np.sin(x[..., None] * kx + z[..., None] * kz + phase).sum(axis=-1) / math.sqrt(len(waves))
 
 
 @dataclass(frozen=True)
@@ -102,9 +101,8 @@ class ValleySpace:
 def terrain() -> Shape:
     """The ground with colours by height and slope; texture coordinates repeat every 6 m."""
     rows, columns = int(2 * HALF_WIDTH / CELL), int(2 * HALF_LENGTH / CELL)
-    z, x = np.meshgrid(
-        np.linspace(-HALF_WIDTH, HALF_WIDTH, rows + 1), np.linspace(-HALF_LENGTH, HALF_LENGTH, columns + 1), indexing="ij"
-    )
+    lines = np.linspace(-HALF_WIDTH, HALF_WIDTH, rows + 1), np.linspace(-HALF_LENGTH, HALF_LENGTH, columns + 1)
+    z, x = np.meshgrid(*lines, indexing="ij")
     y, step = height(x, z), 0.25
     slope_x = (height(x + step, z) - height(x - step, z)) / (2 * step)
     slope_z = (height(x, z + step) - height(x, z - step)) / (2 * step)

@@ -14,31 +14,13 @@ from taubench_gl.frame.passes.faces import Casters
 from taubench_gl.frame.passes.indirect import IndirectPass
 from taubench_gl.frame.passes.lighting import ColorPass, LightingPass
 from taubench_gl.frame.passes.shadows import ShadowPass
+from taubench_gl.frame.plan import bound_times, significant_lights
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
-INPUTS = ("position", "normal", "geometric_normal", "base_color", "material")
-LOBES = ("direct_diffuse", "direct_glossy")
-BOUND_TIMES = 9
 BOUND_MARGIN = 1.05
-
-
-def light_channels(effects: dict[str, Effect], extra: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Channels the light stage reads and writes, for what is on."""
-    out: tuple[str, ...] = ()
-    if effects["direct"].on:
-        out += (*INPUTS, "direct")
-        out += LOBES if set(LOBES) & set(extra) else ()  # one shader writes both
-    if effects["indirect"].on:
-        out += ("indirect",)
-    if effects["color"].on:
-        out += ("position", "color")
-        # What is unlit sends out its base colour.
-        out += ("emission", "base_color") if effects["emission"].on else ()
-    return tuple(dict.fromkeys(out))
 
 
 class LightStage:
@@ -49,12 +31,12 @@ class LightStage:
         self._renderer, self._timer = renderer, timer
         self.table = LightTable(scene)
         self.table.rows["color"][:, 3] = -1.0
-        times = np.linspace(0.0, scene.duration, BOUND_TIMES) if scene.duration > 0 else [0.0]
+        times = bound_times(scene)
         center, radius = bounding_sphere(renderer.poser, times)
         self._shadow = None
         self.left_out = 0
         if effects["shadows"].on and len(self.table):
-            ranked = significant_lights(scene, renderer, times)
+            ranked = significant_lights(scene, renderer.poser, renderer.camera, times)
             chosen = sorted(ranked[: settings.shadow_lights])
             self.left_out = len(self.table) - len(chosen)
             self._shadow = ShadowPass(
@@ -148,25 +130,3 @@ class LightStage:
         for part in (self.lighting, self._shadow, self._indirect, self._color):
             if part is not None:
                 part.release()
-
-
-def significant_lights(scene: Scene, renderer: Renderer, times: Array) -> list[int]:
-    """Rows of the light table, most significant first: the largest irradiance each gives at the camera's place.
-
-    Taken over the whole animation, so that no light gains or loses its shadow in the middle of it.
-    """
-    nodes = scene.light_nodes
-    index = scene.nodes.light[nodes]
-    best = np.zeros(len(nodes))
-    for t in times:
-        state, view = renderer.view(float(t))
-        for row, node in enumerate(nodes.tolist()):
-            light = state.lights[int(index[row])]
-            if not state.visible[node]:
-                continue
-            strength = max(light.color) * light.intensity
-            if light.kind != "directional":
-                d2 = float(np.sum((state.world[node, :3, 3] - view.position) ** 2))
-                strength /= max(d2, 1.0)
-            best[row] = max(best[row], strength)
-    return [int(i) for i in np.argsort(-best, kind="stable")]

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 
 from taubench_gl.errors import GraphicsError
+from taubench_gl.frame.material_slots import (
+    SLOTS,
+    SRGB_SLOTS,
+    MaterialKey,
+    tests_alpha,
+    texture_of,
+    wanted_slots,
+)
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.scene.model import Material, Scene, Texture
 
-SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
-"""Texture slots in binding order."""
-
-_SRGB_SLOTS = ("base_color", "emissive")
 _GL_SRGB8_ALPHA8 = 0x8C43
 _MIRRORED_REPEAT, _CLAMP = 33648, 33071
 BLEND_CUTOFF = 0.5
@@ -32,36 +35,6 @@ MATERIAL = Struct(
     Field("uv_x", "vec4", "per slot, xyz: first row of uv_transform; w: texture-coordinate set", len(SLOTS)),
     Field("uv_y", "vec4", "per slot, xyz: second row; w: wrap mode bits, 1 mirrored s, 2 mirrored t", len(SLOTS)),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class MaterialKey:
-    """What of a material decides which shader variant draws it."""
-
-    slots: tuple[str, ...]  # textures sampled
-    alpha_test: bool
-    double_sided: bool
-
-
-def texture_of(material: Material, slot: str) -> Texture | None:
-    return getattr(material, f"{slot}_texture")
-
-
-def wanted_slots(channels: Iterable[str], material: Material, *, normal_maps: bool = True) -> tuple[str, ...]:
-    """Texture slots that the requested channels make necessary for this material."""
-    channels = set(channels)
-    needs = {
-        "base_color": "base_color" in channels or _tests_alpha(material),
-        "normal": normal_maps and "normal" in channels and material.normal_scale != 0.0,
-        "metallic_roughness": "material" in channels,
-        "emissive": "emission" in channels and any(material.emissive) and not material.unlit,
-        "occlusion": "material" in channels and material.occlusion_strength != 0.0,
-    }
-    return tuple(s for s in SLOTS if needs[s] and texture_of(material, s) is not None)
-
-
-def _tests_alpha(material: Material) -> bool:
-    return material.alpha_mode in ("MASK", "BLEND")
 
 
 class MaterialTable:
@@ -91,11 +64,11 @@ class MaterialTable:
 
     def _key(self, material: Material, channels: tuple[str, ...]) -> MaterialKey:
         slots = wanted_slots(channels, material, normal_maps=self._normal_maps)
-        return MaterialKey(slots, _tests_alpha(material), material.double_sided)
+        return MaterialKey(slots, tests_alpha(material), material.double_sided)
 
     def _upload(self, scene: Scene, used: set[int]) -> None:
         wanted = {
-            (texture_of(self._materials[m + 1], slot).image, slot in _SRGB_SLOTS)
+            (texture_of(self._materials[m + 1], slot).image, slot in SRGB_SLOTS)
             for m in used
             for slot in self.keys[m + 1].slots
         }
@@ -128,7 +101,7 @@ class MaterialTable:
                 continue
             texture = texture_of(record, slot)
             unit = SLOTS.index(slot)
-            self._textures[texture.image, slot in _SRGB_SLOTS].use(unit)
+            self._textures[texture.image, slot in SRGB_SLOTS].use(unit)
             self._sampler(texture).use(unit)
             program[f"{slot}_map"] = unit
 

@@ -14,7 +14,8 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.effects.decide import as_summary, decide, unmeasured
 from taubench_gl.effects.decide import force as force_on
-from taubench_gl.frame.light_stage import LightStage, light_channels
+from taubench_gl.frame.light_stage import LightStage
+from taubench_gl.frame.plan import frame_channels, light_channels
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
@@ -71,10 +72,7 @@ class RasterSource:
         self.reprojection = settings.reprojection if self.effects["previous_pose"].on else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
-        lit = light_channels(self.effects, extra)
-        channels = {"position", "normal", *lit, *extra}
-        if self.effects["previous_pose"].on:
-            channels.add("prev_position")
+        channels = frame_channels(self.effects, extra)
         timer = timer or PassTimer(gpu, enabled=False)
         self.renderer = Renderer(
             gpu,
@@ -88,7 +86,9 @@ class RasterSource:
             timer=timer,
             poser=poser,
         )
-        self.light = LightStage(self.renderer, settings, self.effects, timer) if lit else None
+        self.light = (
+            LightStage(self.renderer, settings, self.effects, timer) if light_channels(self.effects, extra) else None
+        )
 
     def advance(self, frame: int) -> View:
         moment = frame / self._fps

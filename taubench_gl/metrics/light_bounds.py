@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from taubench_gl.math3d import normalize
 from taubench_gl.metrics.brdf import MIN_ALPHA
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 
@@ -13,24 +14,45 @@ LOWEST, BINS = -32, 40
 """Bounds are sorted into ``BINS`` powers of two from 2^LOWEST up; whole bins are left out, faintest first."""
 
 
-def tile_boxes(position: Array, material: Array, tile: int, *, glossy: bool = True) -> tuple[Array, Array, Array]:
+def largest_brdf(
+    position: Array, normal: Array, base_color: Array, material: Array, parallel_view: Array | None = None
+) -> Array:
+    """Upper bound of brdf * cos(theta_l), any channel, over all directions of light, 1/sr.  (..., 3 or 4) -> (...).
+
+    Channels as in ``channels``; ``parallel_view`` (3,): unit, towards a parallel camera.  GGX: D <= 1 / (pi a^2), and
+    the visibility term times cos(theta_l) is at most 0.5 / sqrt(n_v^2 (1 - a^2) + a^2).  Fresnel: v.h >= n_v / 2,
+    because 2 v.h n.h = n_v + n_l.
+    """
+    position, material = position.astype(np.float64), material.astype(np.float64)
+    color = base_color[..., :3].astype(np.float64).max(axis=-1)
+    v = normalize(-position[..., :3]) if parallel_view is None else parallel_view
+    n_v = np.maximum(np.sum(normal[..., :3] * v, axis=-1), 1e-4)
+    metallic, roughness, specular = material[..., 0], material[..., 1], material[..., 3]
+    a2 = np.maximum(roughness**2, MIN_ALPHA) ** 2
+    peak = 1.0 / (2.0 * np.pi * a2 * np.sqrt(n_v**2 * (1.0 - a2) + a2))
+    schlick = np.maximum(1.0 - 0.5 * n_v, 0.0) ** 5
+    metal = color + (np.maximum(color, 1.0) - color) * schlick
+    fresnel = (1.0 - metallic) * specular * (0.04 + 0.96 * schlick) + metallic * metal
+    return np.where(specular < 0, 0.0, (1.0 - metallic) * color / np.pi + fresnel * peak)
+
+
+def tile_boxes(position: Array, brdf: Array, tile: int) -> tuple[Array, Array, Array]:
     """Low and high corners (T, 3) of what each tile shows, and its largest brdf (T,), 1/sr.
 
-    ``position`` (h, w, 4), w = 0 where nothing is; ``material`` (h, w, 4) as in ``channels``; row 0 at the *bottom*, as
-    in GL memory.  Tiles row by row from the bottom left; an empty tile has low = +Inf.
+    ``position`` (h, w, 4), w = 0 where nothing is; ``brdf`` (h, w) of ``largest_brdf``; row 0 at the *bottom*, as in GL
+    memory.  Tiles row by row from the bottom left; an empty tile has low = +Inf.
     """
     h, w = position.shape[:2]
-    low, high, brdf = [], [], []
+    low, high, largest = [], [], []
     for y in range(0, h, tile):
         for x in range(0, w, tile):
-            p, m = (a[y : y + tile, x : x + tile].reshape(-1, 4).astype(np.float64) for a in (position, material))
-            m, p = m[p[:, 3] > 0], p[p[:, 3] > 0]
+            p = position[y : y + tile, x : x + tile].reshape(-1, 4).astype(np.float64)
+            b = brdf[y : y + tile, x : x + tile].reshape(-1)[p[:, 3] > 0]
+            p = p[p[:, 3] > 0]
             low.append(p[:, :3].min(axis=0, initial=np.inf))
             high.append(p[:, :3].max(axis=0, initial=-np.inf))
-            shiny = glossy & ((m[:, 3] > 0) | (m[:, 0] > 0))
-            alpha = np.maximum(m[shiny, 1] ** 2, MIN_ALPHA).min(initial=1.0)
-            brdf.append(1.0 / np.pi + (1.0 / (2.0 * np.pi * alpha**3) if glossy else 0.0))
-    return np.array(low), np.array(high), np.array(brdf)
+            largest.append(1.0001 * b.max(initial=0.0))
+    return np.array(low), np.array(high), np.array(largest)
 
 
 def light_bounds(low: Array, high: Array, brdf: Array, place: Array, peak: Array, reach: Array) -> Array:

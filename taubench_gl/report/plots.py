@@ -110,6 +110,39 @@ def plot_frames(summary: Summary, frames: Sequence[Mapping[str, Any]], path: str
     return _save(figure, Path(path))
 
 
+def plot_sweep(
+    rows: Sequence[Mapping[str, Any]],
+    axis: str,
+    unit: str,
+    name: str,
+    paper: Sequence[tuple[str, float, float]],
+    path: str | Path,
+) -> list[Path]:
+    """Percentage discarded against camera speed, a line per column; the paper's scenes are points of their frustum.
+
+    ``rows`` hold ``mean_{axis}_{unit}`` and ``{column}_percent``; ``paper`` holds (scene, speed, frustum percent), of
+    which those within reach of the rows are drawn.  Writes PNG and SVG and returns both.  Raises OutputError.
+    """
+    figure, axes = _figure(7.5, 4.6)
+    speed = _column(rows, f"mean_{axis}_{unit}")
+    for column in COLUMNS:
+        percent = _column(rows, f"{column}_percent")
+        if np.isfinite(percent).any():
+            axes.plot(speed, percent, linewidth=2, marker="o", markersize=4, label=column, **_line(column))
+    for scene, at, percent in paper:
+        if at <= 1.05 * np.nanmax(speed):
+            axes.plot([at], [percent], "D", color="none", markeredgecolor=hex_of("frustum"), markersize=7)
+            if at > 0.1 * np.nanmax(speed):  # the slow ones lie on top of each other
+                axes.annotate(scene, (at, percent), textcoords="offset points", xytext=(6, -10), fontsize=8)
+    sign = "°" if unit == "deg" else " m"
+    axes.set(xlabel=f"{axis} per frame,{sign}", ylabel="discarded, % of w·h, mean")
+    axes.set_title("Discard against camera speed: " + name.replace("$", r"\$"))
+    axes.set_ylim(bottom=0)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(frameon=False, fontsize=9, title="diamonds: the paper's frustum", title_fontsize=9)
+    return _save(figure, Path(path))
+
+
 def _figure(width: float, height: float, rows: int = 1) -> tuple[Any, Any]:
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -16,6 +16,10 @@ DOWN = [-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]
 BASE_COLOR = (0.5, 0.25, 0.125)
 
 
+def encode(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
 def plane(path: Path, lights: list[dict] = (), keys: dict[str, list] | None = None) -> Path:
     """A 2 m square at y = 0 with a rough dielectric, a camera 3 m above looking down, lights as nodes.
 
@@ -76,6 +80,41 @@ def plane(path: Path, lights: list[dict] = (), keys: dict[str, list] | None = No
     return path
 
 
+LAMP = {"light": {"type": "point", "intensity": 10.0}, "node": {"translation": [0, 2, 0]}}
+
+
+def blinking(path: Path, *, ground: bool = True) -> Path:
+    """On, off, on, every half second: a lamp by scale, another and (if asked) the plane by KHR_node_visibility."""
+    gltf = json.loads(plane(path, [LAMP, LAMP], {"translation": [[0, 0, 0]] * 3, "scale": [[1, 1, 1]] * 3}).read_text())
+    blob = [np.array([[1, 1, 1], [0, 0, 0], [1, 1, 1]], "<f4").tobytes(), np.array([1, 0, 1], "<u1").tobytes()]
+    start = len(gltf["bufferViews"])
+    data = b"".join(blob)
+    gltf["buffers"].append({"byteLength": len(data), "uri": "data:application/octet-stream;base64," + encode(data)})
+    gltf["bufferViews"] += [{"buffer": 1, "byteLength": 36}, {"buffer": 1, "byteOffset": 36, "byteLength": 3}]
+    gltf["accessors"] += [
+        {"bufferView": start, "componentType": 5126, "count": 3, "type": "VEC3"},
+        {"bufferView": start + 1, "componentType": 5121, "count": 3, "type": "SCALAR"},
+    ]
+    times = gltf["animations"][0]["samplers"][0]["input"]
+    count = len(gltf["accessors"])
+
+    def hides(node):
+        pointer = f"/nodes/{node}/extensions/KHR_node_visibility/visible"
+        return {"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}}
+
+    step = {"input": times, "interpolation": "STEP"}
+    gltf["animations"].append({
+        "samplers": [step | {"output": count - 2}, step | {"output": count - 1}],
+        "channels": [{"sampler": 0, "target": {"node": 2, "path": "scale"}},
+                     {"sampler": 1, "target": hides(3)}, *[{"sampler": 1, "target": hides(0)}][: int(ground)]],
+    })  # fmt: skip
+    for node in (0, 3):
+        gltf["nodes"][node].setdefault("extensions", {})["KHR_node_visibility"] = {"visible": True}
+    gltf["extensionsUsed"] += ["KHR_node_visibility", "KHR_animation_pointer"]
+    path.write_text(json.dumps(gltf))
+    return path
+
+
 FAKE = """
 import json, os, sys
 if sys.argv[1] == "-c":
@@ -98,8 +137,13 @@ for n, frame in enumerate(job["frames"]):
 
 def fake_blender(folder: Path) -> str:
     """An executable that takes a job as Blender's Python would, and writes empty frames."""
+    return executable(folder, FAKE)
+
+
+def executable(folder: Path, source: str) -> str:
+    """A program that runs ``source`` with this interpreter, in the place of one that has bpy."""
     script, program = folder / "fake.py", folder / "fake_python"
-    script.write_text(FAKE)
+    script.write_text(source)
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')
     os.chmod(program, program.stat().st_mode | stat.S_IXUSR)
     return str(program)

@@ -91,7 +91,9 @@ def open_case(case: Case, data: Path) -> tuple[Scene, CameraTrack]:
     return scene, cameras[case.camera](scene)
 
 
-def compare(scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, int]) -> dict[str, float]:
+def compare(
+    scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, int], textures: str = "finest"
+) -> dict[str, float]:
     """Rasterize what ``folder`` holds renders of.
 
     -> points per column (ours - Cycles') and Cycles' percentage; medians of position (m), normal (degrees) and motion
@@ -100,7 +102,7 @@ def compare(scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, 
     sequence = TruthSequence.open(folder)
     width, height = sequence.size
     settings = {"width": width, "height": height, "frames": frames, "columns": COLUMNS,
-                "textures": "finest"}  # fmt: skip
+                "textures": textures}  # fmt: skip
     kept: dict[str, list] = {"truth": [], "raster": [], "motion": []}
 
     def keep(name: str):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
+import shutil
 
 import numpy as np
 import pytest
-from cycles_scenes import BASE_COLOR, DOWN, plane
+from cycles_scenes import BASE_COLOR, DOWN, blinking, plane
 from reference_scenes import CASES, compare, faults, open_case
 
 from taubench_gl.animation import choose_camera
@@ -50,3 +52,38 @@ def test_the_rasterizer_against_crisp_cycles(data, tmp_path, blender, name):
     render_truth(scene, camera, range(*case.frames), out, fps=24.0, size=SIZE, quality=quality, python=blender)
     result = compare(scene, camera, out, case.frames)
     assert not list(faults(result)), result
+
+
+def render_small(scene, out, frames, blender):
+    quality = Quality(samples=1, crisp=True)
+    render_truth(scene, choose_camera(scene), frames, out, fps=24.0, size=(16, 9), quality=quality, python=blender)
+    sequence = TruthSequence.open(out)
+    return [sequence.read(frame) for frame in frames]
+
+
+@pytest.mark.parametrize("ground", [True, False], ids=["with its ground", "lamps only"])
+def test_what_blinks_is_dark_or_gone(tmp_path, blender, ground):
+    scene = load_scene(blinking(tmp_path / "blink.gltf", ground=ground))
+    before, after = render_small(scene, tmp_path / "out", range(11, 13), blender)
+    seen = ~before.sky
+    assert seen.any() and before.radiance["direct"][seen].min() > 0.01
+    assert after.sky.all() if ground else (after.sky == before.sky).all()
+    assert after.radiance["direct"].max() == 0.0
+
+
+def test_a_hidden_skinned_mesh_is_gone(data, tmp_path, blender):
+    folder = tmp_path / "model"
+    shutil.copytree(data / "blender_io" / "03_skinned_cylinder", folder)
+    path = folder / "03_skinned_cylinder.gltf"
+    root = json.loads(path.read_text())
+    camera = choose_camera(load_scene(path))
+    for node in root["nodes"]:
+        if "mesh" in node:
+            node["extensions"] = {"KHR_node_visibility": {"visible": False}}
+    root["extensionsUsed"] = [*root.get("extensionsUsed", ()), "KHR_node_visibility"]
+    for name, text, all_sky in (("shown", path.read_text(), False), ("hidden", json.dumps(root), True)):
+        path.write_text(text)
+        quality = Quality(samples=1, crisp=True)
+        out = tmp_path / name
+        render_truth(load_scene(path), camera, range(1), out, fps=24.0, size=(16, 9), quality=quality, python=blender)
+        assert TruthSequence.open(out).read(0).sky.all() == all_sky

@@ -9,11 +9,11 @@ import sys
 
 import numpy as np
 import pytest
-from cycles_scenes import DOWN, fake_blender, plane
+from cycles_scenes import DOWN, blinking, fake_blender, plane
 
 from taubench_gl.animation import choose_camera, sample
 from taubench_gl.cycles.job import Quality, make_job
-from taubench_gl.cycles.render import CAMERA_FILE, PROVENANCE_FILE, render_truth
+from taubench_gl.cycles.render import CAMERA_FILE, PROVENANCE_FILE, read_render, render_truth
 from taubench_gl.cycles.resample import KEY_FPS, write_resampled
 from taubench_gl.errors import SettingsError, TruthError
 from taubench_gl.reference.camera import read_camera_file
@@ -50,9 +50,8 @@ def test_resampled_scenes_play_what_ours_play(scene, tmp_path):
     folder = tmp_path / "job"
     folder.mkdir()
     frames, fps = range(-1, 14), 25.0
-    path, notes = write_resampled(scene, frames, fps, folder)
-    again = load_scene(path)
-    assert notes == [] and len(again.animations) == 1 and not again.cameras and not again.lights
+    again = load_scene(write_resampled(scene, frames, fps, folder))
+    assert len(again.animations) == 1 and not again.cameras and not again.lights
     for i, frame in enumerate(frames):
         ours, theirs = sample(scene, frame / fps), sample(again, i / KEY_FPS)
         np.testing.assert_allclose(theirs.world[0], ours.world[0], atol=1e-6)
@@ -64,7 +63,7 @@ def test_resampled_real_scenes_still_load(data, tmp_path):
         scene = load_scene(data / "khronos" / name)
         folder = tmp_path / name.split("/")[0]
         folder.mkdir()
-        path, _ = write_resampled(scene, range(3), 24.0, folder)
+        path = write_resampled(scene, range(3), 24.0, folder)
         # Files beside the scene lie outside of the temporary folder, which our own reader refuses: read the keys only.
         root = json.loads(path.read_text())
         assert (
@@ -85,6 +84,21 @@ def test_jobs_give_cameras_and_lights_of_neighbours_too(scene):
     assert job["camera"]["2"]["zfar"] is None and json.loads(json.dumps(job)) == job
 
 
+def test_what_blinks_blinks_in_cycles_too(tmp_path):
+    """Keys every half second: on, off, on.  A lamp of scale 0 is off as a hidden one is; hidden meshes are named."""
+    scene = load_scene(blinking(tmp_path / "blink.gltf"))
+    frames = range(10, 14)
+    job, _, notes = make_job(scene, choose_camera(scene), frames, 24.0, (16, 9), Quality())
+    assert notes == [] and job["hidden"] == {"12": [0], "13": [0]}
+    for light in job["lights"]:
+        assert [light["frames"][str(f)]["intensity"] for f in (11, 12)] == [10.0, 0.0]
+        assert np.isfinite(light["frames"]["12"]["rotation"]).all()
+    folder = tmp_path / "job"
+    folder.mkdir()
+    root = json.loads(write_resampled(scene, frames, 24.0, folder).read_text())
+    assert root["nodes"][0]["name"] == "taubench node 0" and "KHR_node_visibility" not in json.dumps(root)
+
+
 def test_limits_of_cycles_are_said(tmp_path):
     spot = {"light": {"type": "spot", "intensity": 1.0, "range": 5.0, "spot": {}}, "node": {"rotation": DOWN}}
     scene = load_scene(plane(tmp_path / "s.gltf", [spot]))
@@ -102,6 +116,10 @@ def test_a_render_writes_frames_sidecar_and_provenance(scene, tmp_path):
     assert sorted(file.poses) == [0, 1, 2] and file.size == (16, 9) and file.fps == 24.0
     provenance = json.loads((out / PROVENANCE_FILE).read_text())
     assert provenance["blender"] == "4.5.0 stand-in" and provenance["settings"]["samples"] == 1
+    assert provenance["frame_seconds"] == {"0": 0.5, "1": 0.5, "2": 0.5}
+    told = read_render(out, range(1, 3))
+    assert told["seconds_per_frame"] == 0.5 and told["samples"] == 1 and "wall clock" in told["clock"]
+    assert read_render(out, range(7, 9))["seconds_per_frame"] is None and read_render(tmp_path, range(3)) is None
     assert "Blender says hello" in (out / "render.log").read_text()
 
 

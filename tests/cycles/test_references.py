@@ -40,6 +40,15 @@ def test_disagreement_is_seen(data):
     assert "positions are off" in "; ".join(faults(result))
 
 
+def test_mipmaps_would_not_agree(data):
+    """A pixel-centre sample of a path tracer reads the finest texels, alpha included; a mipmap blurs them."""
+    case = CASES["alpha_masked"]
+    scene, camera = open_case(case, data)
+    folder, frames = REFERENCES / "alpha_masked", reference_frames(case)
+    blurred, sharp = (compare(scene, camera, folder, frames, textures) for textures in ("mipmapped", "finest"))
+    assert abs(sharp["position"]) < 0.02 < abs(blurred["position"])
+
+
 class Late:
     """A camera half a second behind."""
 

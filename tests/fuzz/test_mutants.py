@@ -1,4 +1,4 @@
-"""Mutants of glTF and EXR, through the whole road in a limited process: a clean error, or a right result."""
+"""Mutants of glTF, AFF, OBJ and EXR, through the whole road in a limited process: a clean error, or a right result."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from mutants import write_exr_mutants, write_gltf_mutants
+from text_mutants import write_text_mutants
 
 WORKER = Path(__file__).with_name("workers.py")
 SECONDS_A_FILE = 2  # of processor time, on average; the seed takes 0.05
@@ -31,7 +32,8 @@ def check(found: dict[str, dict], count: int, whole: str) -> None:
     assert found[whole]["verdict"] == "read", found[whole]
     refused = [v for v in found.values() if v["verdict"] == "refused"]
     assert count // 10 < len(refused) < count, "mutants must neither all be refused nor all be harmless"
-    unclear = [v for v in refused if v["file"] not in v["error"] and "device" not in v["error"]]
+    beside = ("device", "a.mtl:", "a1.obj:", "part.aff:")  # what is not the file itself, but named as clearly
+    unclear = [v for v in refused if not any(name in v["error"] for name in (v["file"], *beside))]
     assert len(unclear) <= len(refused) // 4, f"errors that do not name their file: {unclear[:5]}"
 
 
@@ -43,6 +45,20 @@ def test_gltf(tmp_path):
 def test_exr(tmp_path):
     write_exr_mutants(tmp_path, 150, seed=5)
     check(verdicts("exr", tmp_path, 150), 150, "000000.exr")
+
+
+@pytest.mark.parametrize("kind", ["aff", "obj"])
+def test_text_formats(tmp_path, kind):
+    write_text_mutants(tmp_path, kind, 90, seed=7)
+    check(verdicts(kind, tmp_path, 90), 90, f"000000.{kind}")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["aff", "obj"])
+@pytest.mark.parametrize("seed", range(5))
+def test_text_formats_long(tmp_path, kind, seed):
+    write_text_mutants(tmp_path, kind, 500, seed=100 + seed)
+    check(verdicts(kind, tmp_path, 500), 500, f"000000.{kind}")
 
 
 @pytest.mark.long

@@ -1,7 +1,7 @@
 """What the fuzz tests run in a process of its own, under limits of memory and processor time.
 
-``python workers.py gltf|exr FOLDER SECONDS GIBIBYTES``: judges every file of FOLDER in turn and prints one JSON line
-each: ``{"file", "verdict", "error"}``, verdict one of ``read``, ``refused``.  Anything else ends the process.
+``python workers.py gltf|exr|aff|obj FOLDER SECONDS GIBIBYTES``: judges every file of FOLDER in turn and prints one JSON
+line each: ``{"file", "verdict", "error"}``, verdict one of ``read``, ``refused``.  Anything else ends the process.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("LP_NUM_THREADS", "1")
 
 
-def judge_gltf(path: Path) -> None:
+def judge_scene(path: Path) -> None:
     """Read, pose, draw and count; a scene that loads must give frames whose classes add up."""
     import numpy as np
 
@@ -45,15 +45,19 @@ def judge_exr(path: Path) -> None:
         assert image.plane(name).shape == (image.size[1], image.size[0])
 
 
+KINDS = {"gltf": (".gltf", ".glb"), "exr": (".exr",), "aff": (".aff",), "obj": (".obj", ".seq")}
+"""Files and folders that are judged, by kind."""
+
+
 def main(kind: str, folder: str, seconds: str, gibibytes: str) -> None:
     limit = int(float(gibibytes) * 2**30)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
     from taubench_gl.errors import TaubenchError
 
-    judge = {"gltf": judge_gltf, "exr": judge_exr}[kind]
+    judge = {"exr": judge_exr}.get(kind, judge_scene)
     for path in sorted(Path(folder).iterdir()):
-        if path.suffix not in (".gltf", ".glb", ".exr"):
+        if path.suffix not in KINDS[kind] or path.name == "part.aff":
             continue
         print(json.dumps({"file": path.name}), flush=True)  # the last name printed is the culprit
         error = None

@@ -9,7 +9,8 @@ from light_tools import DIRECT_ONLY, lambert, opened, shoot
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.passes.lighting import MAX_LIGHTS, TILE, LightingPass
 from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.metrics.light_bounds import kept_lights, light_bounds, tile_boxes
+from taubench_gl.metrics.brdf import evaluate_brdf
+from taubench_gl.metrics.light_bounds import kept_lights, largest_brdf, light_bounds, tile_boxes
 from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
 from taubench_gl.settings import Settings
 
@@ -56,7 +57,8 @@ def test_kept_lists_are_those_of_the_twin(gpu, field, light_error):
         shot = shoot(source, 3)
         lists = source.light.lighting.tile_lists()
         rows = source.light.table.rows
-    low, high, brdf = tile_boxes(shot["position"][::-1], shot["material"][::-1], TILE)
+    channels = (shot[name][::-1] for name in ("position", "normal", "base_color", "material"))
+    low, high, brdf = tile_boxes(shot["position"][::-1], largest_brdf(*channels), TILE)
     peak = rows["color"][:, :3].max(axis=1).astype(np.float64)
     reach = np.where(rows["position"][:, 3] > 0, rows["position"][:, 3], np.inf).astype(np.float64)
     bounds = light_bounds(low, high, brdf, rows["position"][:, :3].astype(np.float64), peak, reach)
@@ -70,6 +72,24 @@ def test_kept_lists_are_those_of_the_twin(gpu, field, light_error):
     edge = (np.abs(octave - np.round(octave)) < 1e-4) | (bounds < 1e-6)
     assert np.array_equal(got | edge, expected | edge)
     assert edge[bounds > 0].mean() < 0.01 and expected.sum() > 1000
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 0.7, 1.0])
+def test_no_direction_of_light_exceeds_the_largest_brdf(roughness, metallic):
+    """The bound against the lobes themselves, over half a million directions; and not idly above them."""
+    base = np.array([0.2, 0.9, 0.5])
+    tightest = np.inf
+    for degrees in (0.0, 30.0, 60.0, 80.0, 89.0):
+        n, v = np.array([0.0, 0.0, 1.0]), np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+        theta, phi = np.meshgrid(np.linspace(0, np.pi / 2, 700)[:-1], np.linspace(-0.3, 0.3, 151) ** 3, indexing="ij")
+        l = np.stack([-np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)  # noqa: E741
+        full = np.ones(l.shape[:-1])
+        diffuse, glossy = evaluate_brdf(np.broadcast_to(base, l.shape), full * metallic, full * roughness, n, v, l, 0.8)
+        bound = float(largest_brdf(-v, n, base, np.array([metallic, roughness, 1.0, 0.8])))
+        assert (diffuse + glossy).max() <= bound
+        tightest = min(tightest, bound / (diffuse + glossy).max())
+    assert tightest < 5.0
 
 
 def test_a_shiny_floor_keeps_more(gpu):

@@ -3,4 +3,22 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import pytest
+
 sys.path.insert(0, str(Path(__file__).parent))  # exr_files: helpers shared by the tests of this folder
+
+
+@pytest.fixture
+def renders(tmp_path):
+    """Frames 4 to 6 of a camera that moves to the right over a floor, with noise for light; and its sidecar."""
+    from exr_files import HEIGHT, WIDTH, blender_frame, pose, write
+
+    from taubench_gl.reference.camera import camera_file_text
+
+    folder = tmp_path / "renders"
+    folder.mkdir()
+    poses = {f: pose(0.3 * f) for f in (4, 5, 6)}
+    for f, p in poses.items():
+        write(folder / f"frame_{f:04d}.exr", blender_frame(p.position, seed=f)[0])
+    (folder / "camera.json").write_text(camera_file_text(poses, 30.0, (WIDTH, HEIGHT)))
+    return folder

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 
+from taubench_gl.evaluation_truth import TruthOptions
+from taubench_gl.reference.camera import CameraPose
+
 WIDTH, HEIGHT = 12, 8
+YFOV = math.radians(60.0)
+
+
+def pose(x: float) -> CameraPose:
+    return CameraPose(np.array([x, 1.0, 5.0]), np.eye(3), yfov=YFOV)
+
+
+def options(folder: Path, **more) -> TruthOptions:
+    return TruthOptions(camera_file=folder / "camera.json", **more)
 
 
 def window(x0: int, y0: int, x1: int, y1: int) -> tuple[np.ndarray, np.ndarray]:

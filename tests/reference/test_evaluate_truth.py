@@ -2,48 +2,22 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
-from exr_files import HEIGHT, WIDTH, blender_frame, write
+from exr_files import HEIGHT, WIDTH, blender_frame, options, pose, write
 
-from taubench_gl.agreement import agree, edge_band, mask_agreement
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.api import evaluate
 from taubench_gl.conventions import FEATURES, Reason
-from taubench_gl.errors import OutputError, SettingsError, TruthError
+from taubench_gl.errors import SettingsError, TruthError
 from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth
 from taubench_gl.frame.truth_cameras import view_of
 from taubench_gl.frame.truth_source import frame_channels
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import pair_masks
-from taubench_gl.reference.camera import CameraPose, camera_file_text
+from taubench_gl.reference.camera import camera_file_text
 from taubench_gl.reference.mapping import LOBES
 from taubench_gl.reference.sequence import TruthSequence
 from taubench_gl.settings import Settings
-
-YFOV = math.radians(60.0)
-
-
-def pose(x: float) -> CameraPose:
-    return CameraPose(np.array([x, 1.0, 5.0]), np.eye(3), yfov=YFOV)
-
-
-@pytest.fixture
-def renders(tmp_path):
-    """Frames 4 to 6 of a camera that moves to the right over a floor, with noise for light; and its sidecar."""
-    folder = tmp_path / "renders"
-    folder.mkdir()
-    poses = {f: pose(0.3 * f) for f in (4, 5, 6)}
-    for f, p in poses.items():
-        write(folder / f"frame_{f:04d}.exr", blender_frame(p.position, seed=f)[0])
-    (folder / "camera.json").write_text(camera_file_text(poses, 30.0, (WIDTH, HEIGHT)))
-    return folder
-
-
-def options(folder, **more) -> TruthOptions:
-    return TruthOptions(camera_file=folder / "camera.json", **more)
 
 
 def test_the_gpu_counts_what_the_twin_counts(renders):
@@ -187,37 +161,6 @@ def test_real_cycles_files_with_three_cameras(data):
     assert given.summary["truth"]["camera_mismatch_px"] < 1e-3
     assert given.summary["discard"]["direct"]["mean_percent"] == pytest.approx(11.40, abs=0.05)
     assert "estimated from the position pass" in fitted.summary["notes"][0]
-
-
-def test_agreement_of_a_run_with_itself_and_with_another(renders, tmp_path):
-    for name, threshold in (("a", 0.1255), ("b", 0.9)):
-        settings = Settings(thresholds={"direct": threshold})
-        evaluate(f"exr:{renders}", settings, out=tmp_path / name, save=("masks", "channels"), truth=options(renders))
-    same = agree(tmp_path / "a", tmp_path / "a")
-    assert all(entry["difference_points"] == 0.0 for entry in same["columns"].values())
-    assert all(entry["iou"] == 1.0 for entry in same["masks"].values())
-    assert all(entry["max"] == 0.0 for entry in same["features"].values())
-    assert {"position_mm", "normal_deg", "direct_percent", "indirect_percent", "color_levels"} <= set(same["features"])
-    other = agree(tmp_path / "a", tmp_path / "b")
-    assert other["columns"]["direct"]["difference_points"] > 0 and other["masks"]["direct"]["iou"] < 1.0
-    assert other["columns"]["position"]["difference_points"] == 0.0
-    evaluate(f"exr:{renders}", Settings(frames=(5, None)), out=tmp_path / "c", truth=options(renders))
-    assert agree(tmp_path / "a", tmp_path / "c")["pairs"] == 1
-    assert "not saved" in agree(tmp_path / "a", tmp_path / "c")["masks"]["reason"]
-    evaluate(f"exr:{renders}", Settings(frames=(4, 6)), out=tmp_path / "d", truth=options(renders))
-    with pytest.raises(OutputError, match="no pair of frames in common"):
-        agree(tmp_path / "c", tmp_path / "d")
-
-
-def test_the_band_of_a_mask():
-    mask = np.zeros((7, 7), dtype=bool)
-    mask[:, 3:] = True
-    band = edge_band(mask)
-    assert band[:, 2:4].all() and not band[:, :2].any() and not band[:, 4:].any()
-    shifted = np.zeros_like(mask)
-    shifted[:, 4:] = True
-    both, either, equal, outside = mask_agreement(shifted, mask)
-    assert (both, either) == (21, 28) and equal == outside == 35
 
 
 @pytest.mark.parametrize("curve", ["linear", "reinhard", "aces"])

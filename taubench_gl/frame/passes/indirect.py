@@ -13,6 +13,15 @@ import numpy as np
 
 from taubench_gl.animation import FrameState, View
 from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.indirect_layout import (
+    CHANNEL_NAMES,
+    GRID,
+    INDIRECT,
+    SCALE,
+    VIRTUAL,
+    indirect_layout,
+    rsm_resolution,
+)
 from taubench_gl.frame.lights import LIGHT
 from taubench_gl.frame.materials import MaterialKey, MaterialTable, wanted_slots
 from taubench_gl.frame.passes.faces import Casters, FaceDrawer, Program
@@ -21,7 +30,6 @@ from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
 from taubench_gl.frame.targets import Targets
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.scene.model import Scene
@@ -29,26 +37,6 @@ from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
-INDIRECT = Struct(
-    "IndirectRecord",
-    Field("scene_from_relative", "vec4", "xyz: current camera - centre of the scene's bounds, metres"),
-    Field("grid_origin", "vec4", "xyz: low corner of the occupancy grid, scene space; w: size of a voxel, metres"),
-    Field("probe_origin", "vec4", "xyz: first probe, scene space"),
-    Field("probe_step", "vec4", "xyz: distance between probes along each axis, metres"),
-    Field("probe_counts", "ivec4", "xyz: probes along each axis"),
-    Field("size", "ivec4", "xy: pixels, zw: pixels of the small irradiance image"),
-    Field("counts", "ivec4", "x: virtual lights"),
-)
-VIRTUAL = Struct(
-    "VirtualLight",
-    Field("position", "vec4", "xyz: scene space, metres; w: area of its patch, m2, 0 = none"),
-    Field("normal", "vec4", "xyz: unit, world axes; w: how far above the patch visibility rays aim, metres"),
-    Field("flux", "vec4", "xyz: reflected flux, linear"),
-    Field("albedo", "vec4", "xyz: diffuse albedo of its patch"),
-)
-CHANNEL_NAMES = ("position", "normal", "base_color", "material")
-GRID = 96  # voxels along the longest side
-SCALE = 8  # the cheap rung gathers at every 8th pixel of both axes
 CHUNK = 60000 // (3 * GRID + 8)
 """Virtual lights per dispatch: loop turns of one invocation stay below llvmpipe's silent limit of 65,535."""
 
@@ -79,7 +67,7 @@ class IndirectPass:
         faces = faces_of(scene, None, lights, bounds, self._resolution)
         self._offsets, atlas = pack(faces)
         self._center = 0.5 * (box[0] + box[1])
-        self._record = self._layout(box, settings)
+        self._record = indirect_layout(box, size, settings)
         ctx = gpu.ctx
         self._depth = gpu.depth_texture(atlas)
         self._atlas = Targets(gpu, atlas, CHANNEL_NAMES, self._depth)
@@ -98,23 +86,6 @@ class IndirectPass:
         self._occupancy: bytes | None = None
         self._make_programs()
         self._make_rung()
-
-    def _layout(self, box: tuple[Array, Array], settings: Settings) -> np.ndarray:
-        low, high = box[0] - self._center, box[1] - self._center
-        extent = np.maximum(high - low, 1e-6 * max(float((high - low).max()), 1e-6))
-        record = INDIRECT.zeros()
-        voxel = float(extent.max()) * 1.02 / (GRID - 2)
-        record["grid_origin"] = (*(low - voxel), voxel)
-        # As cubic as the budget allows: one spacing for all axes.
-        spacing = float((extent.prod() / max(settings.probes, 8)) ** (1.0 / 3.0))
-        spacing = max(spacing, float(extent.max()) / 64.0)
-        counts = np.clip(np.ceil(extent / spacing).astype(int), 2, 64)
-        step = extent / counts  # probes at cell centres: none lies on the outer walls
-        record["probe_origin"][:3], record["probe_step"][:3] = low + 0.5 * step, step
-        record["probe_counts"][:3] = counts
-        small = -(-self._size[0] // SCALE), -(-self._size[1] // SCALE)
-        record["size"] = (*self._size, *small)
-        return record
 
     def _make_programs(self) -> None:
         self._group = (32, 1) if self._gpu.software else (8, 8)
@@ -311,12 +282,6 @@ class IndirectPass:
             item.release()
         for item in (*self._virtual, self._parameters, *self._owned):
             item.release()
-
-
-def rsm_resolution(scene: Scene, lights: list[int], samples: int) -> int:
-    """Texels along a face so that all lights together give about ``samples`` virtual lights, at least 2."""
-    weight = sum(f.resolution**2 for f in faces_of(scene, None, lights, (np.zeros(3), 1.0), 1))
-    return max(2, int(np.sqrt(samples / max(weight, 1))))
 
 
 def _texel_table(faces: list[Face], offsets: list[tuple[int, int]]) -> Array:

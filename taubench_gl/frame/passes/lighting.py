@@ -11,6 +11,7 @@ from taubench_gl.animation import View
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.lights import LIGHT
 from taubench_gl.frame.passes.shadows import ShadowPass
+from taubench_gl.frame.plan import TILE
 from taubench_gl.frame.shadow_faces import FACE
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
@@ -33,7 +34,6 @@ COLOR = Struct(
     Field("size", "ivec4", "xy: pixels"),
     Field("exposure", "float", "factor on radiance before tone mapping"),
 )
-TILE = 16
 
 MAX_LIGHTS = 30_000
 """Twice over all lights and once over a tile's pixels: a shader of llvmpipe stops, silently, after 65,535 turns."""
@@ -106,8 +106,9 @@ class LightingPass:
 
     @property
     def bytes(self) -> int:
-        """GPU memory of the light lists, bytes."""
-        return 0 if self._tile_lists is None else self._tile_lists.size + self._tile_counts.size
+        """GPU memory of the light lists and the sky's table, bytes."""
+        lists = 0 if self._tile_lists is None else self._tile_lists.size + self._tile_counts.size
+        return lists + (0 if self._albedos is None else 16 * ALBEDO_TABLE**2)
 
     def run(
         self,
@@ -134,7 +135,7 @@ class LightingPass:
         if self._cull is not None:
             self._tile_counts.bind_to_storage_buffer(2)
             self._tile_lists.bind_to_storage_buffer(3)
-            for name in ("position", "material"):
+            for name in inputs:
                 if name in self._cull:  # without a glossy lobe no material matters
                     self._cull[name] = inputs.index(name)
             self._cull.run(-(-self._tiles[1] // 8))

@@ -57,7 +57,7 @@ class _Assembly:
         self._animate()
         self._view()
         lights = self._lights()
-        if self.channels:
+        if self.channels and self.duration > 0:
             # The root's visibility never changes; its last key says how long the animation is.
             self._channel(0, "visible", "STEP", np.array([0.0, self.duration]), np.ones((2, 1)))
         played = Animation("keyframes", tuple(self.channels))

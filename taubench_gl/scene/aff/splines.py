@@ -121,7 +121,7 @@ def linear_keys(times: Array, values: Array, window: tuple[float, float]) -> tup
     if not end > start:
         return np.zeros(1), at(start)[None]
     cut = np.concatenate([[start], times[inside], [end]])
-    return cut - start, np.concatenate([at(start)[None], values[inside], at(end)[None]])
+    return _increasing(cut - start), np.concatenate([at(start)[None], values[inside], at(end)[None]])
 
 
 def key_window(times: Array) -> tuple[float, float]:
@@ -276,11 +276,15 @@ def _join(pieces: list[Piece], origin: float, held: Array) -> Keys:
         values[-1][2] = piece.slope0
         times.append(piece.t1 - origin)
         values.append([piece.slope1, piece.value1, rest])
-    out = np.array(times)
-    for i in range(len(out) - 2, -1, -1):
-        if out[i] >= out[i + 1]:
-            out[i] = np.nextafter(out[i + 1], -np.inf)
-    return out, np.array(values)
+    return _increasing(np.array(times)), np.array(values)
+
+
+def _increasing(times: Array) -> Array:
+    """Times that are equal, or that a subtraction has made so, one float64 apart."""
+    for i in range(len(times) - 2, -1, -1):
+        if times[i] >= times[i + 1]:
+            times[i] = np.nextafter(times[i + 1], -np.inf)
+    return times
 
 
 def _inverse(q: Array) -> Array:

@@ -70,7 +70,8 @@ def cone(base: Array, base_radius: float, apex: Array, apex_radius: float) -> Su
     # Along the side radius falls by (base - apex) over the height, so the normal leans by as much.
     normals = normalize(spokes * height + w * (base_radius - apex_radius))
     positions = np.concatenate([base + base_radius * spokes, apex + apex_radius * spokes])
-    triangles = _band(0)[:, [0, 2, 1]]
+    # Where one end is a point, half of the triangles have no area.
+    triangles = _band(0)[AROUND if base_radius == 0.0 else 0 : AROUND if apex_radius == 0.0 else None]
     return Surface(positions, triangles, np.concatenate([normals, normals]))
 
 

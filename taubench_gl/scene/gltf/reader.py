@@ -63,7 +63,7 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
 
 
 def _own_extras(document: Document) -> dict[str, str]:
-    """What ``taubench_gl.datasets`` wrote into ``asset.extras``: texts in one line, whatever else is there is not ours."""
+    """What ``taubench_gl.datasets`` wrote into ``asset.extras``, as texts of one line; all else there is not ours."""
     extras = document.root.asset.extras
     own = extras.get("taubench_gl") if isinstance(extras, dict) else None
     if not isinstance(own, dict):

@@ -1,7 +1,8 @@
 """The JSON of glTF 2.0 as typed structs: types, ranges and required properties are checked while decoding.
 
 Names are the specification's in snake case.  Unknown properties are ignored, as the specification asks; ``extras`` are
-never decoded, but for what we write ourselves into ``asset.extras`` (``Asset``).  References between objects are checked where they are followed.
+not looked at, but for what we write into ``asset.extras`` ourselves.  References between objects are checked where they
+are followed.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ every ``g`` where the file has no ``o``.  Polygons are fans; faces without norma
 
 In a sequence, frame i is file i and is shown at i / fps.  An object whose faces stay the same is one mesh with a morph
 target for each shape it takes and LINEAR weights, so that every frame has exactly the file's vertices and motion
-follows them.  Where its faces change, one mesh ends and another begins: a cut for that object alone.
+follows them.  Where its faces change, one mesh ends and another begins: a cut for that object alone, across which
+nothing follows it (its new surface is seen as standing still where it appears).
 """
 
 from __future__ import annotations

@@ -1,0 +1,41 @@
+"""``taubench-gl convert``: FBX and .blend files into glTF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl convert scene.fbx scene.glb
+  taubench-gl convert scene.blend scene.glb --lights watts
+\b
+Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
+interpreter that has it.  Scripts inside .blend files are not run."""
+)
+@click.argument("source", metavar="SCENE")
+@click.argument("target", type=click.Path(path_type=Path), metavar="OUT.glb")
+@click.option(
+    "--lights",
+    type=click.Choice(["spec", "watts"]),
+    default="spec",
+    show_default=True,
+    help="spec: candela and lux at 683 lm/W.  watts: numbers that give Cycles' radiance at exposure 1.",
+)
+def convert(source: str, target: Path, lights: str) -> None:
+    """Write an FBX or .blend file as glTF, with its animations, cameras and lights."""
+    from taubench_gl.cycles.convert import convert as convert_file
+    from taubench_gl.scene import load_scene
+
+    made = convert_file(source, target, lights=lights)
+    listed = ", ".join(f"{made[name]} {name}" for name in ("meshes", "cameras", "lights", "armatures", "actions"))
+    click.echo(f"Blender {made['blender']} read {listed}")
+    scene = load_scene(target)
+    for note in scene.notes[:10]:
+        click.echo(f"note: {note}")
+    animated = f"{len(scene.animations)} animations, {scene.duration:g} s"
+    lights_and_cameras = f"{len(scene.cameras)} cameras, {len(scene.lights)} lights"
+    click.echo(f"{target}: {len(scene.mesh_nodes)} meshes, {lights_and_cameras}, {animated}")

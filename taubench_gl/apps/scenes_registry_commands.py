@@ -1,0 +1,134 @@
+"""``taubench-gl scenes list|show|get|verify``: scenes by name, and where to get them."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+registry_option = click.option(
+    "--registry",
+    "registries",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="A TOML file with scenes of your own; may be repeated.  [default: those of TAUBENCH_SCENES]",
+)
+cache_option = click.option(
+    "--cache",
+    type=click.Path(path_type=Path),
+    help="Keep scenes here.  [default: TAUBENCH_CACHE, else the user's cache]",
+)
+
+
+def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
+    from taubench_gl.datasets.registry import VARIABLE, load_registry
+
+    named = [Path(p) for p in os.environ.get(VARIABLE, "").split(os.pathsep) if p]
+    return load_registry(registries or named)
+
+
+@click.command("list")
+@registry_option
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_scenes(registries: tuple[Path, ...], as_json: bool) -> None:
+    """The scenes that have a name."""
+    import msgspec
+
+    entries = _entries(registries)
+    if as_json:
+        click.echo(json.dumps({name: msgspec.to_builtins(e) for name, e in entries.items()}, indent=2))
+        return
+    width = max(map(len, entries))
+    for name, entry in entries.items():
+        click.echo(f"{name:{width}}  {entry.format:12}  {entry.title}")
+
+
+@click.command()
+@click.argument("name")
+@registry_option
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
+    """What is known of scene NAME: licence, homepage, units, rate, camera and its rows in the paper."""
+    import msgspec
+
+    from taubench_gl.apps.screen import show_pairs
+    from taubench_gl.datasets.registry import find_entry
+
+    entry = find_entry(_entries(registries), name)
+    facts = msgspec.to_builtins(entry)
+    if as_json:
+        click.echo(json.dumps({"name": name, **facts}, indent=2))
+        return
+    show_pairs(f"Scene {name}", {key: value if value not in ("", None) else None for key, value in facts.items()})
+    if entry.options():
+        click.echo(f"  evaluate with      {entry.options()}")
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl scenes get bart-museum --from museum.zip
+  taubench-gl scenes get my-scene --registry mine.toml --accept-licence
+\b
+An interrupted download goes on where it stopped.  The checksum of the first download is remembered; a later one that
+differs is refused.  Downloading needs the extra 'datasets'; --from needs nothing."""
+)
+@click.argument("name")
+@click.option("--from", "source", type=click.Path(path_type=Path), metavar="FILE", help="Take this file.")
+@click.option("--url", help="Download from here instead of the registry's address.")
+@click.option("--accept-licence", is_flag=True, help="Do not ask.")
+@registry_option
+@cache_option
+def get(
+    name: str,
+    source: Path | None,
+    url: str | None,
+    accept_licence: bool,
+    registries: tuple[Path, ...],
+    cache: Path | None,
+) -> None:
+    """Download scene NAME into the cache, or take it from a file you have, and print where it is."""
+    from taubench_gl.datasets.registry import find_entry
+    from taubench_gl.datasets.registry_store import Store
+    from taubench_gl.errors import DatasetError
+
+    entry = find_entry(_entries(registries), name)
+    click.echo(f"{entry.title}, by {entry.authors or 'unknown'}; licence: {entry.licence or 'not stated'}", err=True)
+    if not accept_licence:
+        if not sys.stdin.isatty():
+            raise DatasetError("the licence has not been accepted", hint="add --accept-licence if you accept it")
+        click.confirm("Do you accept the licence?", abort=True, err=True)
+    store = Store(name, entry, cache)
+    scene = store.take(source) if source is not None else store.get(url, _bar() if sys.stderr.isatty() else None)
+    click.echo(scene)
+    if entry.format in ("fbx", "blend"):
+        click.echo(f"convert it first: taubench-gl convert '{scene}'", err=True)
+    click.echo(f"taubench-gl evaluate '{scene}' {entry.options()}".rstrip(), err=True)
+
+
+@click.command()
+@click.argument("name")
+@registry_option
+@cache_option
+def verify(name: str, registries: tuple[Path, ...], cache: Path | None) -> None:
+    """Check that the cached file of scene NAME is still what was fetched."""
+    from taubench_gl.datasets.registry import find_entry
+    from taubench_gl.datasets.registry_store import Store
+
+    record, scene = Store(name, find_entry(_entries(registries), name), cache).verify()
+    click.echo(f"{record.file}: {record.bytes} bytes, sha256 {record.sha256}, as fetched")
+    click.echo(scene)
+
+
+def _bar():
+    """A progress line on the terminal, one update per megabyte."""
+
+    def show_bytes(have: int, whole: int | None) -> None:
+        share = f"{100 * have / whole:5.1f} %" if whole else ""
+        click.echo(f"\r{have >> 20} MiB {share}", err=True, nl=whole is not None and have >= whole)
+
+    return show_bytes

@@ -1,0 +1,171 @@
+"""``taubench-gl stress``: the dial for temporal difficulty, one setting or a sweep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from taubench_gl.apps.options import Size, gpu_options
+
+if TYPE_CHECKING:
+    from taubench_gl.datasets.camera_path import CameraSpec
+
+CAMERAS = ("fps", "vr", "still")
+AXES = ("translation", "yaw", "pitch", "roll")
+
+
+class Stats(click.ParamType):
+    """``M,V`` or ``M,V,MAX`` -> numbers; whether they can be is checked by MotionStats."""
+
+    name = "M,V[,MAX]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in value.split(","))
+            if not 1 <= len(numbers) <= 3:
+                raise ValueError
+            return numbers
+        except ValueError:
+            self.fail(f"{value!r} is not a mean and variance such as 3.4,8.9", param, ctx)
+
+
+class Count(click.ParamType):
+    """A number of things, or ``all`` -> -1."""
+
+    name = "N|all"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, int):
+            return value
+        if value == "all":
+            return -1
+        if not value.isdecimal():
+            self.fail(f"{value!r} is neither a number nor all", param, ctx)
+        return int(value)
+
+
+class SweepRange(click.ParamType):
+    """``yaw=0:12:7`` -> (axis, low, high, count)."""
+
+    name = "AXIS=LO:HI:N"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        axis, equals, numbers = value.partition("=")
+        try:
+            low, high, count = numbers.split(":")
+            if not equals:
+                raise ValueError
+            return axis.strip(), float(low), float(high), int(count)
+        except ValueError:
+            self.fail(f"{value!r} is not a sweep such as yaw=0:12:7", param, ctx)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl stress scene.glb --camera vr --out hard.glb
+  taubench-gl stress scene.glb --camera fps --translation 0.1,0.003 --seed 4 --out fast.glb
+  taubench-gl stress scene.glb --camera headset.csv --move-lights all --out recorded.glb
+  taubench-gl stress scene.glb --sweep yaw=0:12:7 --out results
+
+\b
+A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, metres, +Y up, quaternion
+world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
+of lists time, position, rotation.  A rate of 60 fps is what the presets' rows of Tables 2 and 3 hold at."""
+)
+@click.argument("scene", type=click.Path(path_type=Path), metavar="SCENE")
+@click.option("--camera", default=None, metavar="fps|vr|still|FILE",
+              help="Camera statistics of the paper's EternalValley rows, none, or a recorded path (.csv, .json).  "
+                   "[default: fps; with --sweep still]")  # fmt: skip
+@click.option("--translation", type=Stats(), help="Metres per frame: mean, variance and largest.")
+@click.option("--yaw", type=Stats(), help="Degrees per frame, likewise.")
+@click.option("--pitch", type=Stats(), help="Degrees per frame, likewise.")
+@click.option("--roll", type=Stats(), help="Degrees per frame, likewise.")
+@click.option("--seconds", type=float, help="Length.  [default: 6; with --sweep 0.5]")
+@click.option("--fps", type=float, help="Frames per second that the statistics hold at.  [default: 60]")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option("--move-lights", type=Count(), default="0", help="Also move this many lights.")
+@click.option("--move-objects", type=Count(), default="0", help="Also move this many small rigid objects.")
+@click.option("--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Theirs, metres per frame.")
+@click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; table and plot go into --out.")
+@click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")
+@click.option("--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: measured.")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="OUT.glb|DIR")
+@gpu_options
+def stress(scene: Path, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:
+    """Give a glTF scene a camera of asked-for difficulty, or a recorded one, and write it as glTF again.
+
+    The steps per frame have exactly the mean, variance and largest value asked for; the seed chooses the way, inside
+    the scene's free space.  Everything else in the file is kept.  The output plays its new camera by default.
+    """
+    if sweep is not None:
+        _sweep(scene, out, sweep, options)
+        return
+    from taubench_gl.datasets.motion_stats import MotionStats
+    from taubench_gl.datasets.recorded import SUFFIXES, read_recorded
+    from taubench_gl.datasets.stress import Moves
+    from taubench_gl.datasets.stress import stress as write
+
+    choice = options["camera"] or "fps"
+    if Path(choice).suffix.lower() in SUFFIXES:
+        given = [name for name in (*AXES, "seconds", "fps") if options[name] is not None]
+        if given:
+            raise click.UsageError(f"--{given[0]} is for generated cameras, {choice} is a recorded one")
+        camera = read_recorded(choice)
+    else:
+        camera = _spec(choice, options, 6.0)
+    moves = Moves(options["move_lights"], options["move_objects"], MotionStats(*options["motion"]))
+    done = write(scene, out, camera, moves, options["seed"])
+    moved = f", {done.lights} lights and {done.objects} objects moving" if done.lights or done.objects else ""
+    click.echo(f"written to {done.file}: {done.seconds:.6g} s at {done.fps:.6g} fps{moved}")
+    click.echo(f"see it: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")
+
+
+def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
+    import dataclasses
+
+    from taubench_gl.datasets.motion_stats import MotionStats
+    from taubench_gl.datasets.presets import CAPTURE_FPS, PRESETS
+    from taubench_gl.datasets.stress import with_stats
+    from taubench_gl.errors import SettingsError
+
+    if choice not in PRESETS:
+        raise SettingsError(f"no camera is named {choice!r}", hint=f"choose from {', '.join(CAMERAS)}, .csv or .json")
+    fps = CAPTURE_FPS if options["fps"] is None else options["fps"]
+    seconds = seconds if options["seconds"] is None else options["seconds"]
+    if not 0 < seconds * fps < 1e6:
+        raise SettingsError(f"{seconds:g} s at {fps:g} fps", hint="give a length and a rate above 0")
+    asked = {name: MotionStats(*options[name]) for name in AXES if options[name] is not None}
+    spec = dataclasses.replace(PRESETS[choice], frames=round(seconds * fps) + 1, fps=fps, seed=options["seed"])
+    return with_stats(spec, **asked)
+
+
+def _sweep(scene: Path, out: Path, sweep: tuple[str, float, float, int], options: dict[str, Any]) -> None:
+    from taubench_gl.datasets.sweep import Sweep, run_sweep
+    from taubench_gl.settings import Settings
+
+    if options[sweep[0]] is not None if sweep[0] in AXES else False:
+        raise click.UsageError(f"--{sweep[0]} is what the sweep sets")
+    if options["move_lights"] or options["move_objects"]:
+        raise click.UsageError("--sweep moves only the camera: write the moving scene first, then sweep it")
+    base = _spec(options["camera"] or "still", options, 0.5)
+    width, height = options["size"]
+    columns = tuple(name.strip() for name in options["columns"].split(",") if name.strip())
+    settings = Settings(width, height, columns=columns, backend=options["backend"], device=options["device"])
+    plan = Sweep(*sweep)
+    click.echo(f"{scene.name}: {plan.count} speeds, {base.frames - 1} pairs each", err=True)
+    rows = run_sweep(scene, plan, base, settings, out,
+                     lambda done, of: click.echo(f"{scene.name}: {done}/{of}", err=True))  # fmt: skip
+    measured = [name for name in columns if any(row[f"{name}_percent"] is not None for row in rows)]
+    click.echo("  ".join([f"{plan.axis:>12}", *(f"{name:>9}" for name in measured)]))
+    for row in rows:
+        speed = f"{row[f'mean_{plan.axis}_{plan.unit}']:>10.3f} {'m' if plan.unit == 'm' else '°'}"
+        cells = ("–" if row[f"{n}_percent"] is None else f"{row[f'{n}_percent']:.2f} %" for n in measured)
+        click.echo("  ".join([speed, *(f"{cell:>9}" for cell in cells)]))
+    click.echo(f"written to {out}: sweep.csv, sweep.png, sweep.svg")

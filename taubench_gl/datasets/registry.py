@@ -1,0 +1,116 @@
+"""Which scenes there are by name: a table of facts, the package's own and the user's.
+
+A registry is a TOML file with one table per scene (``[my-scene]``): ``title`` and ``format`` (gltf, obj, obj sequence,
+aff, fbx, blend), and as far as they are known ``authors``, ``licence``, ``homepage``, ``url`` (http or https),
+``sha256`` of what lies there, ``scene`` (path or pattern of the scene inside the archive), ``unit_scale`` (units per
+metre), ``fps``, ``frames`` ([first, behind the last]), ``camera``, ``paper`` (its row in the paper's tables), ``note``.
+A name in a later file replaces the same name in an earlier one.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+
+from taubench_gl.errors import DatasetError
+
+FORMATS = ("gltf", "obj", "obj sequence", "aff", "fbx", "blend")
+VARIABLE = "TAUBENCH_SCENES"
+"""Environment variable with the user's own registries, separated like PATH."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+
+
+class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One scene.  What is not known is None or empty."""
+
+    title: str
+    format: str
+    authors: str = ""
+    licence: str = ""
+    homepage: str = ""
+    url: str | None = None
+    sha256: str | None = None
+    scene: str | None = None
+    unit_scale: float = 1.0
+    fps: float | None = None
+    frames: tuple[int, int] | None = None
+    camera: str | None = None
+    paper: str | None = None
+    note: str = ""
+
+    def options(self) -> str:
+        """What ``taubench-gl evaluate`` needs to be told beside the scene's path."""
+        words = []
+        if self.fps is not None:
+            words.append(f"--fps {self.fps:g}")
+        if self.frames is not None:
+            words.append(f"--frames {self.frames[0]}:{self.frames[1]}")
+        if self.camera is not None:
+            words.append(f"--camera {self.camera}")
+        if self.unit_scale != 1.0:
+            words.append(f"--unit-scale {self.unit_scale:g}")
+        return " ".join(words)
+
+
+def load_registry(extra: Sequence[Path] = ()) -> dict[str, Entry]:
+    """All scenes by name, the package's first.  Raises DatasetError with the file and the table."""
+    own = files("taubench_gl.datasets") / "registry.toml"
+    out = parse_registry(own.read_text(encoding="utf-8"), "registry.toml")
+    for path in extra:
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            raise DatasetError("is not UTF-8 text", where=str(path)) from None
+        except OSError as e:
+            raise DatasetError(f"cannot be read: {e.strerror}", where=str(path)) from None
+        out |= parse_registry(text, path.name)
+    return out
+
+
+def parse_registry(text: str, where: str) -> dict[str, Entry]:
+    """Entries of one TOML text.  Raises DatasetError."""
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as e:
+        raise DatasetError(f"is not valid TOML: {e}", where=where) from None
+    out = {}
+    for name, table in tables.items():
+        at = f"{where} [{name}]"
+        if not _NAME.fullmatch(name):
+            raise DatasetError("a name has letters, digits, dots, dashes and underscores only", where=at)
+        try:
+            entry = msgspec.convert(table, Entry)
+        except msgspec.ValidationError as e:
+            raise DatasetError(str(e).replace("`", ""), where=at) from None
+        _check(entry, at)
+        out[name] = entry
+    return out
+
+
+def find_entry(entries: dict[str, Entry], name: str) -> Entry:
+    """The entry of that name.  Raises DatasetError with the names there are."""
+    if name not in entries:
+        raise DatasetError(f"no scene is called {name!r}", hint=f"known: {', '.join(sorted(entries))}")
+    return entries[name]
+
+
+def _check(entry: Entry, at: str) -> None:
+    if entry.format not in FORMATS:
+        raise DatasetError(f"format {entry.format!r} is none of {', '.join(FORMATS)}", where=at)
+    if entry.url is not None and not re.match(r"https?://[^/\s]+/\S", entry.url):
+        raise DatasetError("url must be http:// or https:// and name a file", where=at)
+    if entry.sha256 is not None and not re.fullmatch(r"[0-9a-f]{64}", entry.sha256):
+        raise DatasetError("sha256 must be 64 hexadecimal digits", where=at)
+    if not entry.unit_scale > 0 or not (entry.fps is None or entry.fps > 0):
+        raise DatasetError("unit_scale and fps must be positive", where=at)
+    if entry.frames is not None and not 0 <= entry.frames[0] < entry.frames[1]:
+        raise DatasetError("frames must be [first, behind the last]", where=at)
+    inside = entry.scene is None or not (Path(entry.scene).is_absolute() or ".." in Path(entry.scene).parts)
+    if not inside:
+        raise DatasetError("scene must lie inside the archive", where=at)

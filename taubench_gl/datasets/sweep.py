@@ -1,0 +1,143 @@
+"""Discards against the camera's speed: the same scene and place, one quantity turned up step by step."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.datasets.camera_path import CameraSpec, generate
+from taubench_gl.datasets.free_space import VoxelSpace
+from taubench_gl.datasets.motion_stats import MotionStats
+from taubench_gl.datasets.rig import add_rig
+from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
+from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.report.plots import plot_sweep
+from taubench_gl.report.tables import paper_numbers
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Channel, Scene
+from taubench_gl.settings import Settings
+
+AXES = ("translation", "yaw", "pitch", "roll")
+CSV_NAME, PLOT_NAME = "sweep.csv", "sweep"
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """``count`` speeds from ``low`` to ``high``, metres or degrees per frame, of one of ``AXES``."""
+
+    axis: str
+    low: float
+    high: float
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.axis not in AXES:
+            raise SettingsError(f"nothing to sweep is named {self.axis!r}", hint=f"choose from {', '.join(AXES)}")
+        if not (math.isfinite(self.low) and math.isfinite(self.high) and 0 <= self.low < self.high):
+            raise SettingsError(f"sweep from {self.low:g} to {self.high:g}", hint="give 0 <= LO < HI")
+        if not 2 <= self.count <= 1000:
+            raise SettingsError(f"sweep of {self.count} points", hint="give 2 to 1000")
+
+    @property
+    def unit(self) -> str:
+        return "m" if self.axis == "translation" else "deg"
+
+    @property
+    def values(self) -> list[float]:
+        return np.linspace(self.low, self.high, self.count).tolist()
+
+
+def run_sweep(
+    source: str | Path,
+    sweep: Sweep,
+    base: CameraSpec,
+    settings: Settings,
+    out: str | Path,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Evaluate ``source`` once for each speed and write ``sweep.csv``, ``sweep.png`` and ``sweep.svg`` into ``out``.
+
+    Each camera moves or turns by the same amount in every frame; the other quantities are those of ``base``, the same
+    at all points.  Returns a row per speed: the measured mean of each quantity, N, fps, and the percentage discarded
+    per column (None where not measured).  Raises TaubenchError.
+    """
+    out = Path(out)
+    settings = dataclasses.replace(settings, fps=base.fps, camera=CAMERA_NAME)
+    with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:
+        file = Path(folder) / "still.glb"
+        still = CameraSpec(frames=base.frames, fps=base.fps, seed=base.seed)
+        stress(source, file, still)
+        scene = load_scene(file, settings.scene, settings.animation and (*settings.animation, CAMERA_NAME))
+        space = VoxelSpace(load_scene(source))
+        rows = []
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise cannot_write(out, error) from None
+        frames = (0, base.frames)
+        for value in sweep.values:
+            spec = with_stats(base, **{sweep.axis: MotionStats(value)})
+            posed = _posed(scene, spec, space)
+            run = evaluate_scene(posed, dataclasses.replace(settings, frames=frames))
+            rows.append(_row(sweep, value, run.summary))
+            write_atomically(out / CSV_NAME, _csv(rows))
+            if progress is not None:
+                progress(len(rows), sweep.count)
+    name = f"{Path(source).stem}, {base.frames - 1} pairs a point at {base.fps:g} fps"
+    plot_sweep(rows, sweep.axis, sweep.unit, name, _paper_points(sweep.axis), out / PLOT_NAME)
+    return rows
+
+
+def _posed(scene: Scene, spec: CameraSpec, space: VoxelSpace) -> Scene:
+    """The scene with the rig's keys replaced: only the camera differs from point to point."""
+    names = {name: i for i, name in enumerate(scene.nodes.names)}
+    rig: list[str] = []
+
+    def node(name: str, parent: int | None, **properties: Any) -> int:
+        rig.append(name)
+        return names[name]
+
+    tracks = add_rig(generate(spec, space), node, 0, CAMERA_NAME, keep_still=True)
+    ours = {names[name] for name in rig}
+    kept = [c for c in scene.channels if not (c.target == "node" and c.index in ours)]
+    new = [Channel("node", index, path, how, np.asarray(times), values) for index, path, times, values, how in tracks]
+    return dataclasses.replace(scene, channels=(*kept, *new))
+
+
+def _row(sweep: Sweep, value: float, summary: dict[str, Any]) -> dict[str, Any]:
+    camera, discard = summary["camera"], summary["discard"]
+    row: dict[str, Any] = {f"asked_{sweep.axis}_{sweep.unit}": value}
+    measured = {"translation_m": "position", "yaw_deg": "yaw", "pitch_deg": "pitch", "roll_deg": "roll"}
+    row |= {f"mean_{name}": camera[key]["mean"] for name, key in measured.items()}
+    row |= {"fps": camera["fps"], "pairs": camera["samples"]}
+    return row | {f"{name}_percent": discard[name]["mean_percent"] for name in COLUMNS}
+
+
+def _csv(rows: list[dict[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _paper_points(axis: str) -> list[tuple[str, float, float]]:
+    """(scene, mean speed, frustum percent) of the paper's scenes whose camera does this at all."""
+    points = []
+    for scene in paper_numbers()["scenes"]:
+        mean = scene["position"]["mean"] if axis == "translation" else scene["rotation"][f"{axis}_mean"]
+        if mean:
+            points.append((scene["name"], float(mean), float(scene["discard"]["frustum"])))
+    return points

@@ -1,0 +1,44 @@
+"""Which of a material's textures the requested channels make necessary.  No OpenGL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from taubench_gl.scene.model import Material, Texture
+
+SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
+"""Texture slots in binding order."""
+
+SRGB_SLOTS = ("base_color", "emissive")
+"""Slots whose texels are sRGB-encoded."""
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialKey:
+    """What of a material decides which shader variant draws it."""
+
+    slots: tuple[str, ...]  # textures sampled
+    alpha_test: bool
+    double_sided: bool
+
+
+def texture_of(material: Material, slot: str) -> Texture | None:
+    return getattr(material, f"{slot}_texture")
+
+
+def wanted_slots(channels: Iterable[str], material: Material, *, normal_maps: bool = True) -> tuple[str, ...]:
+    """Texture slots that the requested channels make necessary for this material."""
+    channels = set(channels)
+    needs = {
+        "base_color": "base_color" in channels or tests_alpha(material),
+        "normal": normal_maps and "normal" in channels and material.normal_scale != 0.0,
+        "metallic_roughness": "material" in channels,
+        "emissive": "emission" in channels and any(material.emissive) and not material.unlit,
+        "occlusion": "material" in channels and material.occlusion_strength != 0.0,
+    }
+    return tuple(s for s in SLOTS if needs[s] and texture_of(material, s) is not None)
+
+
+def tests_alpha(material: Material) -> bool:
+    return material.alpha_mode in ("MASK", "BLEND")

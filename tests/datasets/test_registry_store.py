@@ -1,0 +1,266 @@
+"""Fetching against a server on this machine: whole, resumed, cut off, silent, broken, changed and absent."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import socket
+import tarfile
+import threading
+import zipfile
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("pooch")
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.datasets import registry_store
+from taubench_gl.datasets.registry import Entry
+from taubench_gl.datasets.registry_store import Store, unpack
+from taubench_gl.errors import DatasetError
+from taubench_gl.scene import load_scene
+
+AFF = b"s 0 0 0 1\nv from 0 0 5 at 0 0 0 up 0 1 0 angle 40 hither .1 resolution 4 3\n"
+
+
+def zipped(files: dict[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as z:
+        for name, data in files.items():
+            z.writestr(zipfile.ZipInfo(name), data)
+    return out.getvalue()
+
+
+class Server:
+    """``files`` by path; ``limits``: bytes of each next answer before the line drops; ``silent``: never answers."""
+
+    def __init__(self) -> None:
+        self.files: dict[str, bytes] = {}
+        self.limits: list[int] = []
+        self.ranges: list[str | None] = []
+        self.status, self.takes_ranges, self.silent = 200, True, False
+        self.end = threading.Event()
+        outer = self
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                outer.answer(self)
+
+            def log_message(self, *args: object) -> None:
+                pass
+
+        self.http = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.http.daemon_threads = True
+        threading.Thread(target=self.http.serve_forever, daemon=True).start()
+
+    def url(self, path: str) -> str:
+        return f"http://127.0.0.1:{self.http.server_port}{path}"
+
+    def answer(self, request: BaseHTTPRequestHandler) -> None:
+        self.ranges.append(request.headers.get("Range"))
+        if self.silent:
+            self.end.wait()
+            return
+        data = self.files.get(request.path)
+        if data is None or self.status != 200:
+            request.send_error(404 if data is None else self.status)
+            return
+        start = 0
+        if self.ranges[-1] and self.takes_ranges:
+            start = int(self.ranges[-1].removeprefix("bytes=").rstrip("-"))
+            if start >= len(data):
+                request.send_response(416)
+                request.send_header("Content-Range", f"bytes */{len(data)}")
+                request.end_headers()
+                return
+            request.send_response(206)
+            request.send_header("Content-Range", f"bytes {start}-{len(data) - 1}/{len(data)}")
+        else:
+            request.send_response(200)
+        request.send_header("Content-Length", str(len(data) - start))
+        request.end_headers()
+        body = data[start:]
+        request.wfile.write(body[: self.limits.pop(0)] if self.limits else body)
+
+
+@pytest.fixture
+def server(monkeypatch):
+    monkeypatch.setattr(registry_store.time, "sleep", lambda _: None)
+    for name in ("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+    made = Server()
+    made.files["/world.zip"] = zipped({"world/main.aff": AFF, "world/read me.txt": b"hello" * 2000})
+    yield made
+    made.end.set()
+    made.http.shutdown()
+    made.http.server_close()
+
+
+def store(server: Server, tmp_path, path: str = "/world.zip", **fields) -> Store:
+    entry = Entry(title="World", format="aff", **{"url": server.url(path), **fields})
+    return Store("world", entry, tmp_path)
+
+
+def test_whole(server, tmp_path):
+    seen = []
+    place = store(server, tmp_path)
+    scene = place.get(progress=lambda have, whole: seen.append((have, whole)))
+    assert len(load_scene(scene).mesh_nodes) == 1 and seen[-1][0] == seen[-1][1] == len(server.files["/world.zip"])
+    record = place.record()
+    assert record.sha256 == hashlib.sha256(server.files["/world.zip"]).hexdigest()
+    assert place.verify() == (record, scene)
+    assert place.get() == scene and len(server.ranges) == 1, "what is there and whole is not fetched again"
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_a_download_that_is_cut_off_goes_on(server, tmp_path):
+    server.limits = [100, 50]
+    store(server, tmp_path).get()
+    assert server.ranges == [None, "bytes=100-", "bytes=150-"]
+
+
+def test_a_server_without_ranges_starts_again(server, tmp_path):
+    server.takes_ranges, server.limits = False, [100]
+    store(server, tmp_path).get()
+    assert server.ranges == [None, "bytes=100-"]
+
+
+def test_a_download_that_is_cut_off_for_good_goes_on_next_time(server, tmp_path):
+    server.limits = [10] * 4
+    with pytest.raises(DatasetError, match=r"failed 4 times: cut off after 40 .*run it again to go on"):
+        store(server, tmp_path).get()
+    store(server, tmp_path).get()
+    assert server.ranges[-1] == "bytes=40-"
+
+
+def test_a_part_that_was_whole_already(server, tmp_path):
+    (tmp_path / "world").mkdir()
+    (tmp_path / "world" / "world.zip.part").write_bytes(server.files["/world.zip"])
+    store(server, tmp_path).get()
+    assert len(server.ranges) == 1
+
+
+def test_a_changed_download_is_refused(server, tmp_path):
+    place = store(server, tmp_path)
+    place.get()
+    (place.folder / "world.zip").unlink()
+    server.files["/world.zip"] += b"more"
+    with pytest.raises(DatasetError, match="not what was fetched first"):
+        place.get()
+    with pytest.raises(DatasetError, match="is gone"):
+        place.verify()
+
+
+def test_the_registrys_own_checksum_counts_the_first_time(server, tmp_path):
+    with pytest.raises(DatasetError, match="not what was fetched first"):
+        store(server, tmp_path, sha256="0" * 64).get()
+    assert not (tmp_path / "world" / "record.json").exists()
+    good = hashlib.sha256(server.files["/world.zip"]).hexdigest()
+    store(server, tmp_path, sha256=good).get()
+
+
+@pytest.mark.parametrize("status", [403, 404, 500])
+def test_a_server_that_refuses(server, tmp_path, status):
+    server.status = status
+    path = "/none.zip" if status == 404 else "/world.zip"
+    with pytest.raises(DatasetError, match=f"the server answers {status}"):
+        store(server, tmp_path, path).get()
+
+
+def test_a_server_that_never_answers(server, tmp_path, monkeypatch):
+    server.silent = True
+    monkeypatch.setattr(registry_store, "TIMEOUT", (0.2, 0.2))
+    with pytest.raises(DatasetError, match=r"127\.0\.0\.1 does not answer"):
+        store(server, tmp_path).get()
+
+
+def test_offline(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound, not listening: nobody answers there
+        entry = Entry(title="x", format="aff", url=f"http://127.0.0.1:{taken.getsockname()[1]}/x.zip")
+        with pytest.raises(DatasetError, match=r"127\.0\.0\.1 cannot be reached \(offline\? .*--from FILE\)"):
+            Store("x", entry, tmp_path).get()
+
+
+def test_no_known_address(tmp_path):
+    entry = Entry(title="x", format="aff", homepage="http://here")
+    with pytest.raises(DatasetError, match=r"download it from http://here, then: get x --from FILE"):
+        Store("x", entry, tmp_path).get()
+
+
+def test_a_file_the_user_has_is_taken_and_watched(tmp_path):
+    source = tmp_path / "mine.aff"
+    source.write_bytes(AFF)
+    place = Store("x", Entry(title="x", format="aff"), tmp_path / "cache")
+    scene = place.take(source)
+    assert scene.read_bytes() == AFF and place.verify()[0].url is None
+    (place.folder / "mine.aff").write_bytes(b"other")
+    with pytest.raises(DatasetError, match="has changed"):
+        place.verify()
+    with pytest.raises(DatasetError, match="is not a file"):
+        place.take(tmp_path / "none.zip")
+    with pytest.raises(DatasetError, match="the registry says"):
+        Store("x", Entry(title="x", format="aff", sha256="0" * 64), tmp_path).take(source)
+
+
+@pytest.mark.parametrize("name", ["../out.aff", "/out.aff", "a/../../out.aff"])
+def test_archives_stay_in_their_folder(tmp_path, name):
+    (tmp_path / "a.zip").write_bytes(zipped({name: AFF}))
+    with tarfile.open(tmp_path / "a.tar.gz", "w:gz") as t:
+        member = tarfile.TarInfo(name)
+        member.size = len(AFF)
+        t.addfile(member, io.BytesIO(AFF))
+    for archive in ("a.zip", "a.tar.gz"):
+        with pytest.raises(DatasetError, match="leads out of its folder"):
+            unpack(tmp_path / archive, tmp_path / "to" / archive)
+    assert not (tmp_path / "out.aff").exists()
+
+
+def test_which_scene_of_an_archive(tmp_path):
+    def place(files: dict[str, bytes], **fields) -> Store:
+        (tmp_path / "a.zip").write_bytes(zipped(files))
+        made = Store("x", Entry(title="x", **fields), tmp_path / "cache")
+        made.take(tmp_path / "a.zip")
+        return made
+
+    two = {"in/a.aff": AFF, "in/b.aff": AFF}
+    assert place(two, format="aff", scene="b.aff").scene().name == "b.aff"
+    with pytest.raises(DatasetError, match="holds 2 files of the format aff"):
+        place(two, format="aff")
+    with pytest.raises(DatasetError, match=r"holds no c\.aff"):
+        place(two, format="aff", scene="c.aff")
+    quad = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    frames = place({f"t/t{i}.obj": quad for i in range(3)}, format="obj sequence").scene()
+    assert load_scene(frames).duration == pytest.approx(2 / 24)
+
+
+def test_a_damaged_archive_and_a_damaged_record(tmp_path):
+    (tmp_path / "a.zip").write_bytes(zipped({"a.aff": AFF * 100})[:-30] + b"PK\5\6" + bytes(18))
+    place = Store("x", Entry(title="x", format="aff"), tmp_path)
+    with pytest.raises(DatasetError):
+        place.take(tmp_path / "a.zip")
+    (place.folder / "record.json").write_text("{")
+    with pytest.raises(DatasetError, match="is damaged"):
+        place.verify()
+
+
+def test_the_commands(server, tmp_path, monkeypatch):
+    mine = tmp_path / "mine.toml"
+    mine.write_text(f'[world]\ntitle = "World"\nformat = "aff"\nurl = "{server.url("/world.zip")}"\nfps = 30.0\n')
+    monkeypatch.setenv("TAUBENCH_SCENES", str(mine))
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+
+    def run(*words: str):
+        return CliRunner().invoke(cli, ["scenes", *words])
+
+    assert "world" in run("list").output and "toasters" in json.loads(run("list", "--json").output)
+    assert "--fps 30" in run("show", "world").output and json.loads(run("show", "world", "--json").output)["fps"] == 30
+    refused = run("get", "world")
+    assert isinstance(refused.exception, DatasetError) and "--accept-licence" in str(refused.exception)
+    got = run("get", "world", "--accept-licence")
+    assert got.exit_code == 0 and "main.aff" in got.output and "licence: not stated" in got.output
+    assert "as fetched" in run("verify", "world").output
+    assert isinstance(run("verify", "toasters").exception, DatasetError)

@@ -1,0 +1,206 @@
+"""The dial: asked-for statistics come out of the written file, in free space, and the rest of the file is kept."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from validator import errors
+
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.apps.cli import cli, main
+from taubench_gl.datasets.camera_path import CameraSpec, chase, generate
+from taubench_gl.datasets.free_space import VoxelSpace, winding_number, world_triangles
+from taubench_gl.datasets.gltf_edit import GltfEditor
+from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.datasets.motion_stats import MotionStats
+from taubench_gl.datasets.shapes import box
+from taubench_gl.datasets.stress import CAMERA_NAME, Moves, stress
+from taubench_gl.effects.census import census
+from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.metrics.activity import camera_activity, summarize
+from taubench_gl.paths import PACKAGE
+from taubench_gl.scene import load_scene
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+SPEC = CameraSpec(
+    MotionStats(0.2, 0.02, 1.0), MotionStats(3.365, 8.887), MotionStats(1.55, 2.839), MotionStats(0.5, 0.2),
+    frames=121, fps=60.0,
+)  # fmt: skip
+
+
+def walked(path, fps=60.0, frames=121):
+    """Camera statistics of the file's default camera, and its positions."""
+    scene = load_scene(path)
+    poser, camera = Poser(scene), choose_camera(scene)
+    views = [camera.view_at(poser.sample(i / fps)) for i in range(frames)]
+    position = np.array([v.position for v in views])
+    activity = camera_activity(position, np.array([v.world_from_view for v in views]))
+    return summarize(activity, None, fps), position, camera
+
+
+@pytest.mark.parametrize("name", ["out.glb", "out.gltf"])
+def test_the_written_camera_has_the_asked_for_statistics(tmp_path, name):
+    stress(DEMO, tmp_path / name, SPEC)
+    found, _, camera = walked(tmp_path / name)
+    assert camera.node_name == CAMERA_NAME
+    for key, stats in (("position", SPEC.translation), ("yaw", SPEC.yaw), ("pitch", SPEC.pitch), ("roll", SPEC.roll)):
+        assert found[key]["mean"] == pytest.approx(stats.mean, rel=1e-3)
+        assert found[key]["variance"] == pytest.approx(stats.variance, rel=1e-3)
+    assert found["position"]["max"] == pytest.approx(1.0, rel=1e-3)
+    assert any("stressed" in str(note) for note in load_scene(tmp_path / name).notes)
+
+
+def test_the_same_seed_gives_the_same_bytes(tmp_path):
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        spec = CameraSpec(SPEC.translation, SPEC.yaw, frames=61, seed=seed)
+        stress(DEMO, tmp_path / f"{name}.glb", spec, Moves(1, 2), seed)
+    a, b, c = ((tmp_path / f"{name}.glb").read_bytes() for name in "abc")
+    assert a == b and a != c
+
+
+def test_the_camera_keeps_off_the_triangles_and_inside_the_walls():
+    scene = load_scene(DEMO)
+    space = VoxelSpace(scene)
+    path = generate(SPEC, space)
+    assert np.all(space.clearance(path.position) > 0)
+    low, high = np.array([-8.0, 0.0, -6.0]), np.array([8.0, 4.2, 6.0])  # the court
+    assert np.all((path.position > low) & (path.position < high))
+    corners = world_triangles(scene, Poser(scene).sample(0.0)).reshape(-1, 3)
+    gap = np.linalg.norm(path.position[:, None] - corners[None], axis=-1).min()
+    assert gap > 0.5 * space.size
+
+
+def test_a_thing_without_ground_is_circled_and_looked_at(tmp_path):
+    w = Writer("CC0-1.0", "test")
+    w.node("box", mesh=w.mesh("box", w.primitive(box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), w.material("m"))))
+    w.save(tmp_path / "box.glb")
+    scene = load_scene(tmp_path / "box.glb")
+    space = VoxelSpace(scene)
+    path = generate(CameraSpec(MotionStats(0.05, 0.001), MotionStats(2.0, 1.0), frames=200), space)
+    assert np.all(np.abs(path.position).max(axis=1) > 0.5)  # never inside
+    forward = -path.world_from_view[:, :, 2]
+    towards = -path.position / np.linalg.norm(path.position, axis=1, keepdims=True)
+    assert np.median(np.sum(forward * towards, axis=1)) > 0.7
+    corners = world_triangles(scene, Poser(scene).sample(0.0))
+    assert winding_number(corners, np.zeros(3)) == pytest.approx(1.0)
+    assert winding_number(corners, np.array([0.0, 0.0, 2.0])) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_turns_stay_within_the_limit():
+    rng = np.random.default_rng(0)
+    turns = rng.uniform(0, 75, 500)
+    angle = chase(200 * rng.standard_normal(501), turns, 0.0, 7.0, 75.0)
+    assert np.abs(angle).max() <= 75.0
+    np.testing.assert_allclose(np.abs(np.diff(angle)), turns, atol=1e-9)
+
+
+def test_moved_things_move_and_nothing_else_changes(tmp_path):
+    stress(DEMO, tmp_path / "out.glb", CameraSpec(frames=61), Moves(-1, 3, MotionStats(0.02, 1e-4)))
+    times = [i / 60 for i in range(61)]
+    before, after = census(load_scene(DEMO), times), census(load_scene(tmp_path / "out.glb"), times)
+    assert after["static_point_lights"] == 0
+    assert after["dynamic_point_lights"] == before["static_point_lights"] + before["dynamic_point_lights"]
+    assert before["dynamic_rigid_objects"] <= after["dynamic_rigid_objects"] <= before["dynamic_rigid_objects"] + 3
+    for key in ("armatures", "bones", "morphs", "triangles", "drawn_meshes"):
+        assert after[key] == before[key]
+
+
+def test_what_the_editor_does_not_know_is_kept(tmp_path):
+    source = json.loads((_gltf := tmp_path / "in.gltf", stress(DEMO, _gltf, CameraSpec(frames=3)))[0].read_text())
+    source["extras"] = {"mine": [1, {"deep": True}]}
+    source["nodes"][0]["extensions"] = {"VENDOR_thing": {"x": 1.5}}
+    source["extensionsUsed"].append("VENDOR_thing")
+    (tmp_path / "in.gltf").write_text(json.dumps(source))
+    stress(tmp_path / "in.gltf", tmp_path / "out.gltf", SPEC)
+    out = json.loads((tmp_path / "out.gltf").read_text())
+    assert out["extras"] == source["extras"] and out["nodes"][: len(source["nodes"])] == source["nodes"]
+    for key in ("meshes", "materials", "skins", "textures"):
+        assert out[key] == source[key]
+
+
+def test_files_beside_the_source_go_inside(tmp_path):
+    editor = GltfEditor(DEMO)
+    (tmp_path / "data.bin").write_bytes(editor._blob)
+    editor.root["buffers"] = [{"byteLength": len(editor._blob), "uri": "data.bin"}]
+    (tmp_path / "in.gltf").write_text(json.dumps(editor.root))
+    (tmp_path / "elsewhere").mkdir()
+    stress(tmp_path / "in.gltf", tmp_path / "elsewhere" / "out.glb", SPEC)
+    theirs, ours = load_scene(DEMO), load_scene(tmp_path / "elsewhere" / "out.glb")
+    for a, b in zip(theirs.meshes, ours.meshes, strict=True):
+        np.testing.assert_array_equal(a.primitives[0].positions, b.primitives[0].positions)
+
+
+@pytest.mark.parametrize("moves", [Moves(), Moves(-1, -1)])
+def test_khronos_validator(tmp_path, moves):
+    stress(DEMO, tmp_path / "out.glb", SPEC, moves)
+    assert errors(tmp_path / "out.glb") == []
+
+
+@pytest.mark.parametrize(
+    "file", ["tauray_test/test.glb", "gltf_transform/BoxMeshopt.glb", "gltf_transform/BoxDraco.gltf"]
+)
+def test_real_files(data, tmp_path, file):
+    source = data / file
+    if not source.is_file():
+        pytest.skip(f"no {file}")
+    stress(source, tmp_path / "out.glb", CameraSpec(MotionStats(0.02, 1e-4), MotionStats(2.0), frames=31))
+    found, _, _ = walked(tmp_path / "out.glb", frames=31)
+    assert found["yaw"]["mean"] == pytest.approx(2.0, rel=1e-3)
+    assert found["position"]["mean"] == pytest.approx(0.02, rel=1e-3)
+
+
+def test_a_space_without_room_is_one_line():
+    with pytest.raises(SettingsError, match="no room to move by mean 60"):
+        generate(CameraSpec(MotionStats(60.0), frames=30), VoxelSpace(load_scene(DEMO)))
+
+
+def test_a_sweep_draws_the_curve(tmp_path, gpu):
+    out = tmp_path / "sweep"
+    arguments = [str(DEMO), "--sweep", "yaw=0:9:4", "--size", "96x54", "--columns", "frustum", "--seconds", "0.1"]
+    done = CliRunner().invoke(cli, ["stress", *arguments, "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    with open(out / "sweep.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["asked_yaw_deg"]) for row in rows] == [0.0, 3.0, 6.0, 9.0]
+    np.testing.assert_allclose([float(row["mean_yaw_deg"]) for row in rows], [0, 3, 6, 9], atol=1e-9)
+    frustum = [float(row["frustum_percent"]) for row in rows]
+    assert frustum[0] == 0.0 and np.all(np.diff(frustum) > 0)
+    assert rows[0]["color_percent"] == "" and rows[0]["pairs"] == "6" and rows[0]["fps"] == "60.0"
+    assert (out / "sweep.png").stat().st_size > 5000 and (out / "sweep.svg").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--yaw", "3,-1"], "variance of a motion is -1"),
+        (["--yaw", "3,1,2"], "max 2 is below the mean 3"),
+        (["--camera", "nope"], "no camera is named 'nope'"),
+        (["--camera", "vr", "--seconds", "2"], "no 120 steps have mean 0.041"),
+        (["--camera", "missing.csv"], "no such file"),
+        (["--yaw", "400"], "above the 175"),
+        (["--sweep", "spin=0:1:3"], "nothing to sweep is named 'spin'"),
+        (["--sweep", "yaw=3:1:3"], "sweep from 3 to 1"),
+        (["--fps", "0"], "6 s at 0 fps"),
+    ],
+)
+def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, capsys, options, complaint):
+    with pytest.raises(SystemExit) as ended:
+        main(["stress", str(DEMO), *options, "--out", str(tmp_path / "out.glb")])
+    said = capsys.readouterr().err
+    assert ended.value.code == 2 and said.count("\n") == 1 and complaint in said
+    assert not (tmp_path / "out.glb").exists()
+
+
+def test_other_formats_and_unwritable_places_are_refused(tmp_path):
+    with pytest.raises(SettingsError, match="is not a glTF file"):
+        stress(Path("scene.obj"), tmp_path / "out.glb", SPEC)
+    with pytest.raises(SettingsError, match=r"does not end in \.glb or \.gltf"):
+        stress(DEMO, tmp_path / "out.fbx", CameraSpec(frames=3))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(TaubenchError, match="cannot be written"):
+        stress(DEMO, tmp_path / "file" / "out.glb", CameraSpec(frames=3))

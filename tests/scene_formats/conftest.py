@@ -1,0 +1,8 @@
+"""The float64 ray caster of the frame tests judges the scenes of these formats too."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "frame"))

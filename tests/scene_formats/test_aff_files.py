@@ -1,0 +1,274 @@
+"""Whole AFF files, written by hand, with poses known in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from aff_files import TRIANGLE, VIEW, keys, write
+from PIL import Image as Picture
+
+from taubench_gl.animation import choose_camera, pose_normals, pose_vertices, sample
+from taubench_gl.effects.census import census
+from taubench_gl.errors import SceneError
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.aff import parser
+
+REST = "0 0 0"
+
+
+def node(scene, name: str) -> int:
+    return scene.nodes.names.index(name)
+
+
+def world(scene, name: str, t: float) -> np.ndarray:
+    return sample(scene, t).world[node(scene, name)]
+
+
+def corners(scene, at: int = 0, t: float = 0.0) -> np.ndarray:
+    """World positions of the first primitive of mesh node number ``at``."""
+    n = int(scene.mesh_nodes[at])
+    return pose_vertices(scene, sample(scene, t), n, scene.meshes[scene.nodes.mesh[n]].primitives[0])
+
+
+def test_static_transforms_scale_then_turn_then_move(tmp_path):
+    scene = load_scene(write(tmp_path, "xs 2 3 4  0 0 5 90  10 20 30 { xs 1 1 1 1 0 0 0 1 0 0 {" + TRIANGLE + "} }"))
+    # (1, 0, 0) + (1, 0, 0) scaled to (4, 0, 0), turned to (0, 4, 0), moved
+    np.testing.assert_allclose(corners(scene), [[10, 22, 30], [10, 24, 30], [7, 22, 30]], atol=1e-12)
+
+
+def test_movement_turn_scale_and_visibility_of_one_node(tmp_path):
+    move = keys(np.array([[t, t, 0, 0, 0, 0, 0] for t in (-1, 0, 2, 3)]))
+    turn = keys(np.array([[t, 0, 0, 7, 90 * t, 0, 0, 0] for t in (-1, 0, 1, 2, 3)]))
+    grow = keys(np.array([[t, 1 + t, 1, 1, 0, 0, 0] for t in (-1, 0, 2, 3)]))
+    text = f"a 0 2 48\nx car {{ {TRIANGLE} }}\nk car {{ transl {move} rot {turn} scale {grow} visibility 1 1.5 0 }}"
+    scene = load_scene(write(tmp_path, text))
+    assert scene.duration == 2.0 and any("--fps 24" in str(n) for n in scene.notes)
+    for t in (0.0, 0.4, 1.0, 1.9):
+        c, s = np.cos(np.pi / 2 * t), np.sin(np.pi / 2 * t)
+        expected = [[t, 0, 0], [t + (1 + t) * c, (1 + t) * s, 0], [t - s, c, 0]]
+        np.testing.assert_allclose(corners(scene, t=t), expected, atol=1e-6)
+        assert sample(scene, t).visible[node(scene, "car")] == (t < 1.5)
+    assert census(scene, np.arange(0, 2, 0.25))["dynamic_rigid_objects"] == 1
+
+
+def test_the_animation_may_start_before_zero_and_keys_come_before_what_they_move(tmp_path):
+    move = keys(np.array([[t, t, 0, 0, 0, 0, 0] for t in (-3, -2, 2, 3)]))
+    scene = load_scene(write(tmp_path, f"k car {{ transl {move} }} a -1 2 90 x car {{ {TRIANGLE} }} x car {{ }}"))
+    assert scene.duration == 3.0
+    np.testing.assert_allclose(world(scene, "car", 0.5)[:3, 3], [-0.5, 0, 0], atol=1e-12)
+    assert len(scene.channels) == 3, "both blocks called car, and the length of the whole"
+
+
+def test_camera(tmp_path):
+    move = keys(np.array([[t, 0, 0, 5 - t, 0, 0, 0] for t in (-1, 0, 2, 3)]))
+    turn = keys(np.array([[t, 0, 1, 0, 10 * t, 0, 0, 0] for t in (-1, 0, 2, 3)]))
+    scene = load_scene(write(tmp_path, VIEW + TRIANGLE + f"k camera {{ transl {move} rot {turn} }}"))
+    track = choose_camera(scene)
+    for t in (0.0, 1.0, 2.0):
+        view = track.view_at(sample(scene, t))
+        np.testing.assert_allclose(view.position, [0, 0, 5 - t], atol=1e-12)
+        a = np.radians(10 * t)
+        np.testing.assert_allclose(view.world_from_view[:, 2], [np.sin(a), 0, np.cos(a)], atol=1e-7)
+    lens = scene.cameras[0]
+    assert lens.yfov == pytest.approx(np.radians(40)) and lens.aspect == 80 / 60 and lens.znear == 0.01
+
+
+def test_a_still_camera_looks_from_from_to_at(tmp_path):
+    text = VIEW.replace("from 0 0 10", "from 3 4 0").replace("at 0 0 0", "at 3 0 0").replace("up 0 1 0", "up 0 0 9")
+    view = choose_camera(scene := load_scene(write(tmp_path, text + TRIANGLE))).view_at(sample(scene, 0.0))
+    np.testing.assert_allclose(view.world_from_view, np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]]), atol=1e-12)
+
+
+def test_lights(tmp_path):
+    move = keys(np.array([[t, t, 0, 0, 0, 0, 0] for t in (-1, 0, 2, 3)]))
+    text = f"l 0 2 0\nl 1 2 3 .5 .25 0\nla lamp 0 1 0 1 0 0\np 3 -3 0 0 3 0 0 3 8 0\nk lamp {{ transl {move} }}"
+    scene = load_scene(write(tmp_path, text))
+    assert [light.color for light in scene.lights] == [(1, 1, 1), (0.5, 0.25, 0), (1, 0, 0)]
+    for light in scene.lights:
+        assert light.intensity == pytest.approx(np.pi * 25.0), "half the diagonal is 5 m"
+    np.testing.assert_allclose(world(scene, "light 2", 1.5)[:3, 3], [1.5, 1, 0], atol=1e-12)
+    found = census(scene, [0.0, 1.0])
+    assert (found["static_point_lights"], found["dynamic_point_lights"]) == (2, 1)
+
+
+@pytest.mark.parametrize("word", ["m", "mesh"])
+def test_meshes_have_index_triples_in_the_order_vertices_normals_texture(tmp_path, word):
+    Picture.new("RGB", (4, 2), (255, 0, 0)).save(tmp_path / "red.ppm")
+    text = (
+        f"{word} vertices 3 0 0 0 1 0 0 0 1 0 normals 2 0 0 -4 0 9 0 texturecoords 3 red.ppm 0 0 1 0 0.25 0.75 "
+        "triangles 2  0 1 2  0 0 1  2 1 0   0 1 2  0 0 1  2 1 0"
+    )
+    scene = load_scene(write(tmp_path, text))
+    (primitive,) = scene.meshes[0].primitives
+    assert len(primitive.positions) == 3 and len(primitive.triangles) == 2, "equal corners are one vertex"
+    order = primitive.triangles[0]
+    np.testing.assert_array_equal(primitive.positions[order], [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    np.testing.assert_array_equal(primitive.normals[order], [[0, 0, -1], [0, 0, -1], [0, 1, 0]])
+    np.testing.assert_array_equal(primitive.texcoords[0][order], [[0.25, 0.75], [1, 0], [0, 0]])
+    texture = scene.materials[primitive.material].base_color_texture
+    assert scene.images[texture.image].size == (4, 2)
+    assert scene.images[texture.image].decode()[0, 0].tolist() == [255, 0, 0, 255]
+
+
+def test_polygons_patches_and_textured_triangles(tmp_path):
+    Picture.new("RGB", (1, 1)).save(tmp_path / "t.png")
+    text = (
+        "p 4 0 0 0 1 0 0 1 1 0 0 1 0\npp 3 0 0 0 0 0 9 1 0 0 0 0 1 0 1 0 0 0 1\n"
+        "tt t.png 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\nttp t.png 0 0 0 0 0 2 0 1  1 0 0 0 0 1 1 1  0 1 0 0 0 1 0 0\n"
+        "pp 3 0 0 0 0 0 0 1 0 0 0 0 1 0 1 0 0 0 1"
+    )
+    primitives = load_scene(write(tmp_path, text)).meshes[0].primitives
+    assert sum(len(p.triangles) for p in primitives) == 2 + 1 + 1 + 1 + 1
+    flat, patch, textured, both = primitives
+    assert flat.normals is None and len(flat.triangles) == 3, "a normal without length makes its patch flat"
+    np.testing.assert_array_equal(patch.normals, np.tile([0, 0, 1], (3, 1)))
+    np.testing.assert_array_equal(textured.texcoords[0], [[0, 1], [1, 1], [0, 0]])
+    np.testing.assert_array_equal(both.texcoords[0], [[0, 1], [1, 1], [0, 0]])
+
+
+def test_round_surfaces(tmp_path):
+    (primitive,) = load_scene(write(tmp_path, "s 1 2 3 -2")).meshes[0].primitives
+    out = primitive.positions - np.array([1, 2, 3], np.float32)
+    np.testing.assert_allclose(np.linalg.norm(out, axis=1), 2, rtol=1e-6)
+    np.testing.assert_allclose(primitive.normals, out / 2, atol=1e-6)
+    faces_outwards(primitive, [1, 2, 3])
+    assert len(primitive.triangles) == 2 * 32 * 15
+
+    (primitive,) = load_scene(write(tmp_path, "c 0 0 0 2  0 0 4 1")).meshes[0].primitives
+    radius = np.linalg.norm(primitive.positions[:, :2], axis=1)
+    np.testing.assert_allclose(radius, 2 - primitive.positions[:, 2] / 4, rtol=1e-6)
+    slope = primitive.normals[:, 2] / np.linalg.norm(primitive.normals[:, :2], axis=1)
+    np.testing.assert_allclose(slope, 0.25, rtol=1e-5)
+    faces_outwards(primitive, [0, 0, 2])
+    assert len(primitive.triangles) == 64, "no caps"
+    (primitive,) = load_scene(write(tmp_path, "c 0 0 0 2  0 0 4 0")).meshes[0].primitives
+    assert len(primitive.triangles) == 32, "a pointed cone has no triangle without area"
+    faces_outwards(primitive, [0, 0, 1])
+
+
+def faces_outwards(primitive, center) -> None:
+    a, b, c = primitive.positions[primitive.triangles].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    assert np.all(np.sum(normal * (a + b + c - 3 * np.array(center, np.float32)), axis=1) > 0)
+
+
+def test_animated_triangles_move_straight_between_their_times(tmp_path):
+    frame = "{t} {x} 0 0 0 0 2  {y} 0 0 0 0 1  {x} 1 0 0 1 0 "
+    text = "tpa 3 " + "".join(frame.format(t=t, x=t * t, y=t * t + 1) for t in (0, 1, 2))
+    scene = load_scene(write(tmp_path, f"a 0 1.5 30 {text} {text} tpa 1 0 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1"))
+    moving, still = (scene.meshes[scene.nodes.mesh[n]] for n in scene.mesh_nodes)
+    assert len(moving.primitives[0].triangles) == 2 and len(still.primitives[0].triangles) == 1
+    for t in (0.0, 0.25, 1.0, 1.5):
+        x = t if t <= 1 else 1 + 3 * (t - 1)
+        np.testing.assert_allclose(corners(scene, 0, t)[:3], [[x, 0, 0], [x + 1, 0, 0], [x, 1, 0]], atol=1e-6)
+    normals = pose_normals(scene, sample(scene, 0.5), int(scene.mesh_nodes[0]), moving.primitives[0])
+    np.testing.assert_allclose(normals[:3], [[0, 0, 1], [0, 0, 1], [0, 1, 0]], atol=1e-6)
+    assert scene.duration == 1.5
+
+
+def test_materials(tmp_path):
+    text = f"f 1 .5 0 .8 .2 30 0 1 {TRIANGLE} fm 1 1 1 .1 .2 .3 0 0 0 5 .25 1 {TRIANGLE} am .5 .5 2 "
+    text += f"fm .2 .4 1 0 0 0 0 0 0 0 0 0 {TRIANGLE}"
+    shiny, dull, lit = load_scene(write(tmp_path, text)).materials
+    assert shiny.base_color == pytest.approx((0.8, 0.4, 0, 1)) and shiny.specular == 1.0
+    assert shiny.roughness == pytest.approx((2 / 32) ** 0.25) and shiny.alpha_mode == "OPAQUE"
+    assert dull.base_color == pytest.approx((0.1, 0.2, 0.3, 0.75)) and dull.specular == 0.0
+    assert dull.alpha_mode == "BLEND" and not any(dull.emissive)
+    assert lit.emissive == pytest.approx((0.1, 0.2, 2.0)), "nothing but ambient: it glows"
+
+
+def test_includes_share_material_and_block(tmp_path):
+    write(tmp_path, "fm 0 0 0 .1 .2 .3 0 0 0 0 0 0\ni 0 deeper.aff", "part.aff")
+    write(tmp_path, TRIANGLE, "deeper.aff")
+    scene = load_scene(
+        write(tmp_path, "xs 1 1 1 0 1 0 0 5 0 0 { i 0 part.aff }\ni 1 left_out.aff\np 3 0 0 0 1 0 0 0 1 0")
+    )
+    assert len(scene.mesh_nodes) == 2 and corners(scene, 1)[0, 0] == 5
+    assert {m.primitives[0].material for m in scene.meshes} == {0}, "what a file sets stays set behind it"
+    assert any("left_out.aff is left out" in str(n) for n in scene.notes)
+    scene = load_scene(write(tmp_path, "d 3 i 3 part.aff"))
+    assert len(scene.mesh_nodes) == 1
+
+
+def test_trouble_with_textures_is_noted(tmp_path):
+    (tmp_path.parent / "secret.png").write_bytes(b"")
+    text = "".join(f"tt {name} 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\n" for name in ("none.ppm", "../secret.png", "/etc/x"))
+    scene = load_scene(write(tmp_path, text))
+    notes = " ".join(str(n) for n in scene.notes)
+    assert "does not exist; drawn without it [scene.aff:1]" in notes
+    assert "leads out of the scene's folder" in notes and "absolute" in notes and not scene.images
+
+
+BAD = {
+    "q 1 2 3": (1, "'q' is not a statement"),
+    "\n\ns 0 0 0": (3, "a sphere needs 4 numbers, the file has 3"),
+    "s 0 0\n0 one": (2, "'one' where a sphere needs a number"),
+    "s 0 0 0 0": (1, "radius 0"),
+    "s nan 0 0 1": (1, "'nan' in a sphere is not a usable number"),
+    "s 1e39 0 0 1": (1, "not a usable number"),
+    "p 2 0 0 0 1 1 1": (1, "must lie in 3.."),
+    "p 999999999 0 0 0": (1, "needs 2999999997 numbers"),
+    "c 0 0 0 1 0 0 0 1": (1, "no height"),
+    "v from 0 0 0 to 1 1 1": (1, "'to' instead of 'at'"),
+    VIEW.replace("at 0 0 0", "at 0 0 10"): (1, "looks at itself"),
+    VIEW.replace("angle 40", "angle 180"): (1, "must lie in 0..180"),
+    "xs 1 1 1 0 1 0 0 0 0 0 {\ns 0 0 0 1": (1, "never closed"),
+    "s 0 0 0 1\n}": (2, "} closes nothing"),
+    "x car\ns 0 0 0 1": (2, "'s' instead of '{'"),
+    "k a { transl 3": (1, "must lie in 4.."),
+    "k a { wobble 4": (1, "'wobble' is no kind of keys"),
+    "k a { visibility 1 0 1": (1, "the file ends"),
+    "a 2 1 5": (1, "ends at 1 before it starts"),
+    "m vertices 1 0 0 0 corners 1": (1, "'corners' instead of 'triangles'"),
+    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 3": (2, "index 3 in a mesh of 3 vertices"),
+    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 -1": (2, "index -1"),
+    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 .5": (2, "needs a whole number"),
+    "\ni 0 ../x.aff": (2, "leads out of the scene's folder"),
+    "i 0 none.aff": (1, "'none.aff' does not exist"),
+    "i zero x.aff": (1, "should be a whole number"),
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_files_give_one_line_with_file_and_line(tmp_path, text):
+    line, what = BAD[text]
+    with pytest.raises(SceneError) as caught:
+        load_scene(write(tmp_path, text))
+    message = str(caught.value)
+    assert message.startswith(f"scene.aff:{line}: ") and what in message and "\n" not in message
+
+
+def test_files_that_include_each_other(tmp_path):
+    write(tmp_path, "s 0 0 0 1\ni 0 b.aff", "a.aff")
+    write(tmp_path, "i 0 a.aff", "b.aff")
+    with pytest.raises(SceneError, match=r"b.aff:1: files include each other: a.aff > b.aff > a.aff"):
+        load_scene(write(tmp_path, "i 0 a.aff"))
+
+
+def test_include_bombs_end_early(tmp_path):
+    for k in range(30):
+        write(tmp_path, f"i 0 f{k + 1}.aff\n" * 4, f"f{k}.aff")
+    write(tmp_path, TRIANGLE, "f30.aff")
+    with pytest.raises(SceneError, match="more than 20000 files are included"):
+        load_scene(tmp_path / "f0.aff")
+
+
+def test_vertex_bombs_end_early(tmp_path, monkeypatch):
+    monkeypatch.setattr(parser, "MAX_VERTICES", 1000)
+    write(tmp_path, "s 0 0 0 1", "ball.aff")
+    with pytest.raises(SceneError, match="more than 1000 vertices"):
+        load_scene(write(tmp_path, "i 0 ball.aff\n" * 3))
+
+
+@pytest.mark.parametrize("data", [b"", b"\0\1\2"])
+def test_not_a_text_file(tmp_path, data):
+    (tmp_path / "x.aff").write_bytes(data)
+    with pytest.raises(SceneError, match=r"is empty|is not a text file"):
+        load_scene(tmp_path / "x.aff")
+
+
+def test_scene_and_animation_choices(tmp_path):
+    path = write(tmp_path, f"x car {{ {TRIANGLE} }} k car {{ visibility 1 1 0 }} a 0 2 4")
+    assert load_scene(path, animation=[]).channels == ()
+    with pytest.raises(SceneError, match="hold one scene"):
+        load_scene(path, scene=0)

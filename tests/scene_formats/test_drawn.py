@@ -1,0 +1,120 @@
+"""AFF and OBJ scenes on the GPU: positions, normals and motion vectors against float64 rays; whole runs of the tool."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import obj_files
+import pytest
+from aff_files import TRIANGLE, keys, write
+from frame_tools import draw_pair, looking_at, still_camera
+from test_rays import SIZE, Seen, check_motion, check_normals, check_positions
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.apps.cli import cli
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Camera
+
+WORLD = """
+v
+from 0 1 7
+at 0 0 0
+up 0 1 0
+angle 45
+hither 0.1
+resolution 96 54
+l 2 5 4 .6 .6 .6
+fm 0 0 0  .6 .5 .4  .1 .1 .1  20 0 1
+p 4  -6 -1.5 6  6 -1.5 6  6 -1.5 -6  -6 -1.5 -6
+x ball { s 0 0 0 0.8  c 0 0 0 .3  1.6 0 0 .1 }
+xs 1 2 1  1 1 0 30  -2 0 -1 { m vertices 4 -1 -1 0 1 -1 0 1 1 0 -1 1 0 triangles 2 0 1 2 0 2 3 }
+tpa 3 0  1 -1 1 0 0 1  2.5 -1 1 0 0 1  1 1 1 0 0 1
+      1  1 -1 0 0 .3 1  2.5 -1 1 0 0 1  1.4 1 1 .2 0 1
+      2  1 -1 1 0 0 1  2.8 -.4 1 0 0 1  1 1 1 0 0 1
+a 0 2 48
+"""
+
+
+def aff_world() -> str:
+    rng = np.random.default_rng(4)
+    times = np.array([-0.5, 0.0, 0.7, 1.1, 2.0, 2.5])[:, None]
+    tcb = rng.uniform(-0.4, 0.4, (6, 3))
+    place = np.hstack([times, rng.uniform(-0.8, 0.8, (6, 3)), tcb])
+    spin = np.hstack([times, np.tile([0.1, 1.0, 0.3], (6, 1)), np.cumsum(rng.uniform(100, 400, (6, 1)), axis=0), tcb])
+    eye = np.hstack([times, np.array([0, 1, 7.0]) + rng.uniform(-0.5, 0.5, (6, 3)), tcb])
+    look = np.hstack([times, rng.normal(size=(6, 3)) * 0.1 + [1, 0.2, 0], rng.uniform(-12, -4, (6, 1)), tcb])
+    return (
+        WORLD
+        + f"k ball {{ transl {keys(place)} rot {keys(spin)} }}\nk camera {{ transl {keys(eye)} rot {keys(look)} }}"
+    )
+
+
+@pytest.mark.parametrize("time", [0.25, 0.9, 1.75])
+def test_aff_motion(gpu, tmp_path, time):
+    scene = load_scene(write(tmp_path, aff_world()))
+    seen = Seen(gpu, scene, choose_camera(scene), time)
+    check_positions(seen)
+    check_motion(seen)
+    check_normals(seen)
+    assert len(np.unique(seen.triangles.record[seen.hits.triangle[seen.hits.triangle >= 0]])) >= 4
+    assert np.linalg.norm(seen.result.motion, axis=-1).max() > 1.0, "something moves by more than a pixel"
+
+
+def swing(t: float):
+    return lambda x, y: np.stack([x + 0.2 * np.sin(t + y), y * (1 + 0.1 * t), 0.3 * np.sin(2 * x + 3 * t)], axis=-1)
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_obj_motion(gpu, tmp_path, smooth):
+    for i in range(5):
+        obj_files.write(tmp_path, obj_files.grid(swing(0.1 * i), 9, smooth=smooth), f"s{i}.obj")
+    scene = load_scene(tmp_path)
+    camera = still_camera(Camera(yfov=0.8), (0.5, 0.7, 3.5), looking_at((0.5, 0.7, 3.5), (0, 0, 0)))
+    for frame in (1, 3, 4):
+        seen = Seen(gpu, scene, camera, frame / 24)
+        check_positions(seen)
+        check_motion(seen)
+        if smooth:
+            check_normals(seen)
+        assert np.linalg.norm(seen.result.motion, axis=-1).max() > 0.3
+
+
+def test_an_object_whose_faces_change_is_another_object_and_the_rest_is_not(gpu, tmp_path):
+    left, right = "o left\nv -2 -1 0\nv 0 -1 0\nv 0 1 0\nv -2 1 0\n", "o right\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\n"
+    for i, faces in enumerate(("f 1 2 3 4\n", "f 1 2 3\nf 1 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n")):
+        obj_files.write(tmp_path, left + faces + right + "f 5 6 7 8\n", f"s{i}.obj")
+    scene = load_scene(tmp_path)
+    camera = still_camera(Camera(yfov=0.8), (0, 0, 3.0))
+
+    def changed(first: int) -> np.ndarray:
+        pair = draw_pair(
+            gpu, scene, camera, SIZE, (first / 24, (first + 1) / 24), reprojection="motion", extra=("ids",)
+        )
+        assert not np.any(pair.motion), "what has no shape one frame ago has no motion either"
+        return pair.current["ids"][..., 0] != pair.history["ids"][..., 0]
+
+    assert not changed(0).any(), "a fan is the two triangles it is drawn as"
+    half = SIZE[0] // 2
+    other = changed(1)
+    assert other[20:30, 20 : half - 1].all() and not other[:, half + 1 :].any()
+
+
+@pytest.mark.parametrize("kind", ["aff", "obj", "sequence"])
+def test_evaluate_from_the_command_line(tmp_path, kind):
+    from click.testing import CliRunner
+
+    if kind == "aff":
+        path = write(tmp_path, f"{aff_world()} x thing {{ {TRIANGLE} }}")
+    else:
+        for i in range(4):
+            obj_files.write(tmp_path, obj_files.grid(swing(0.1 * i)), f"s{i}.obj")
+        path = tmp_path / ("s0.obj" if kind == "obj" else "s*.obj")
+    out = tmp_path / "out"
+    options = ["--size", "64x36", "--frames", "0:3", "--reprojection", "motion", "--out", str(out)]
+    done = CliRunner().invoke(cli, ["evaluate", str(path), *options], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["pairs"] == 2 and summary["notes"]
+    assert summary["census"]["morphs_dynamic"] == (0 if kind == "obj" else 1)
+    assert summary["scene"]["sha256"] and summary["discard"]["frustum"]["mean_percent"] is not None

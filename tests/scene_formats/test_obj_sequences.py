@@ -1,0 +1,130 @@
+"""Numbered OBJ files: vertex animation, cuts of objects whose faces change, and how a sequence is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from obj_files import QUAD, grid, write
+
+from taubench_gl.animation import pose_normals, pose_vertices, sample
+from taubench_gl.effects.census import census
+from taubench_gl.errors import SceneError
+from taubench_gl.scene import load_scene
+
+TRIANGLE = "f 1 2 3\n"
+
+
+def wave(t: float):
+    return lambda x, y: np.stack([x, y, 0.3 * np.sin(2 * x + t)], axis=-1)
+
+
+def shown(scene, t: float) -> dict[str, np.ndarray]:
+    """World corner positions of every object that is seen at ``t``."""
+    state, out = sample(scene, t), {}
+    for n in scene.mesh_nodes.tolist():
+        if state.visible[n]:
+            (primitive,) = scene.meshes[scene.nodes.mesh[n]].primitives
+            assert scene.nodes.names[n] not in out, "one shape of an object at a time"
+            out[scene.nodes.names[n]] = pose_vertices(scene, state, n, primitive)[primitive.triangles]
+    return out
+
+
+@pytest.fixture
+def waves(tmp_path):
+    for i in range(6):
+        write(tmp_path, grid(wave(0.2 * i)) + "o rest\nv 9 9 9\nv 8 9 9\nv 9 8 9\nf -3 -2 -1\n", f"wave{i:03d}.obj")
+    return tmp_path
+
+
+@pytest.mark.parametrize("form", ["{}", "seq:{}", "{}/wave%03d.obj", "{}/wave*.obj", "seq:{}/wave*.obj@24", "{}@24"])
+def test_each_frame_has_the_vertices_and_normals_of_its_file(waves, form):
+    scene = load_scene(form.format(waves))
+    assert scene.name == "wave" and scene.duration == 5 / 24
+    assert len(scene.meshes) == 2 and not scene.meshes[1].primitives[0].targets, "what rests is a plain mesh"
+    n = scene.nodes.names.index("sheet")
+    primitive = scene.meshes[scene.nodes.mesh[n]].primitives[0]
+    for i in range(6):
+        still = load_scene(waves / f"wave{i:03d}.obj")
+        state, (expected, _) = sample(scene, i / 24), (m.primitives[0] for m in still.meshes)
+        assert np.count_nonzero(state.weights[n]) == (i > 0), "only one target is blended"
+        np.testing.assert_allclose(pose_vertices(scene, state, n, primitive), expected.positions, atol=2e-7)
+        np.testing.assert_allclose(pose_normals(scene, state, n, primitive), expected.normals, atol=2e-7)
+    found = census(scene, np.arange(6) / 24)
+    assert (found["morphs_dynamic"], found["dynamic_rigid_objects"]) == (1, 0)
+
+
+def test_the_rate_stands_behind_the_name(waves):
+    assert load_scene(f"{waves}@60").duration == pytest.approx(5 / 60)
+    assert load_scene(f"{waves}/wave*.obj@12.5").duration == pytest.approx(5 / 12.5)
+
+
+def test_changed_faces_are_a_cut_for_that_object_alone(tmp_path):
+    moved = "v 0 0 {0}\nv 1 0 {0}\nv 1 1 {0}\nv 0 1 {0}\n"
+    rest = "o rest\nv 9 9 9\nv 8 9 9\nv 9 8 9\nf -3 -2 -1\n"
+    for i in range(6):
+        grown = "f 1 2 3\n" if i < 3 else "f 1 2 3 4\n"
+        extra = "v 3 3 3\n" if i >= 3 else ""  # the other object's indices move too
+        write(tmp_path, "o quad\n" + moved.format(i) + extra + grown + rest, f"a{i}.obj")
+    scene = load_scene(tmp_path)
+    assert any("quad changes its faces: a cut for it [a3.obj]" in str(n) for n in scene.notes)
+    assert not any("rest" in str(n) for n in scene.notes) and len(scene.mesh_nodes) == 3
+    for i in range(6):
+        found = shown(scene, i / 24)
+        assert len(found["quad"]) == (1 if i < 3 else 2) and np.all(found["quad"][..., 2] == i)
+        assert len(found["rest"]) == 1
+
+
+def test_objects_that_come_and_go(tmp_path):
+    for i in range(5):
+        write(tmp_path, QUAD + "o always\n" + TRIANGLE + ("o now\nf 2 3 4\n" if i in (1, 2) else ""), f"a{i}.obj")
+    scene = load_scene(tmp_path)
+    assert ["now" in shown(scene, i / 24) for i in range(5)] == [False, True, True, False, False]
+    assert census(scene, np.arange(5) / 24)["dynamic_rigid_objects"] == 1
+
+
+def test_frames_that_repeat_share_a_target(tmp_path):
+    for i in range(8):
+        write(tmp_path, QUAD.replace("1 1 0", f"1 1 {i % 2}") + TRIANGLE, f"a{i}.obj")
+    assert len(load_scene(tmp_path).meshes[0].primitives[0].targets) == 1
+
+
+def test_files_are_in_order_of_their_numbers(tmp_path):
+    for i in (2, 10, 1):
+        write(tmp_path, QUAD.replace("1 1 0", f"1 1 {i}") + TRIANGLE, f"a{i}.obj")
+    scene = load_scene(tmp_path)
+    assert [shown(scene, i / 24)["a"][0, 2, 2] for i in range(3)] == [1, 2, 10]
+    assert any("gaps" in str(n) for n in scene.notes)
+
+
+def test_one_file_of_a_sequence_is_a_still(waves):
+    scene = load_scene(waves / "wave003.obj")
+    assert scene.duration == 0.0 and not scene.channels
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("seq:none", "neither a folder nor a pattern"),
+        ("seq:.", "no numbered .obj"),
+        ("none%04d.obj", "no numbered .obj"),
+        ("a*.obj@0", "cannot be meant"),
+    ],
+)
+def test_what_is_no_sequence(tmp_path, monkeypatch, text, what):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError, match=what):
+        load_scene(text)
+
+
+def test_several_sequences_in_one_folder(tmp_path):
+    for name in ("a0", "a1", "b0"):
+        write(tmp_path, QUAD + TRIANGLE, f"{name}.obj")
+    with pytest.raises(SceneError, match="several sequences"):
+        load_scene(tmp_path)
+    assert load_scene(tmp_path / "a%d.obj").duration == 1 / 24
+
+
+def test_a_bad_file_in_the_middle_is_named(waves):
+    write(waves, "v 0 0 zero", "wave002.obj")
+    with pytest.raises(SceneError, match=r"^wave002.obj:1: 'zero'"):
+        load_scene(waves)
