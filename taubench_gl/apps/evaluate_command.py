@@ -81,7 +81,8 @@ tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one fold
 def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], **options: Any) -> int:
     """Measure how much of each frame can be reused in the next, and print the paper's Tables 1 to 4.
 
-    SCENE is a glTF 2.0 file (.glb or .gltf), or exr:DIR, a folder of path-traced OpenEXR frames.  One scene that
+    SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or pattern of numbered OBJ files
+    ("name*.obj@30", quoted), or exr:DIR, a folder of path-traced OpenEXR frames.  One scene that
     fails does not stop the others; the exit code is then 2.
     """
     if save and out is None:

@@ -126,7 +126,7 @@ def _solve(total: float, squares: float, count: int, high: float, stats: MotionS
             return float(np.exp(np.minimum(shape + log_scale, math.log(high))).sum()) < total
 
         scale = _bisect(below, low, top + 1.0)
-        return np.exp(np.minimum(shape + scale, math.log(high)))
+        return np.minimum(np.exp(np.minimum(shape + scale, math.log(high))), high)  # exp(log(x)) may exceed x
 
     exponent = _bisect(lambda p: float(np.sum(values(p) ** 2)) < squares, 0.0, 2000.0)
     return _polish(values(exponent), total, squares, high)

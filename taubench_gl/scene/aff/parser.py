@@ -6,8 +6,6 @@ coordinates) and what is optional follow its sample parser.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +14,10 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.aff import surfaces
+from taubench_gl.scene.aff.content import AffFile, Fill, Motion
 from taubench_gl.scene.aff.surfaces import Collector, Surface
 from taubench_gl.scene.aff.tokens import Tokens, read_tokens
 from taubench_gl.scene.beside import find_beside
-from taubench_gl.scene.build import NodeList
-from taubench_gl.scene.model import Note
 
 Array = np.ndarray
 
@@ -29,47 +26,6 @@ MAX_INCLUDES = 20_000
 MAX_VERTICES = 50_000_000
 """Limits on files that include each other: nesting, number in all, and the vertices that come of it."""
 COUNT = 2**31 - 1
-
-
-@dataclass(frozen=True, slots=True)
-class Fill:
-    """A surface description: colours are linear coefficients, ``shine`` a Phong exponent."""
-
-    ambient: tuple[float, ...]
-    diffuse: tuple[float, ...]
-    specular: tuple[float, ...]
-    shine: float
-    transmittance: float
-    texture: Path | None = None
-
-
-@dataclass(slots=True)
-class Motion:
-    """One ``k`` statement.  Rows: transl and scale (t, xyz, tcb), rot (t, axis, degrees, tcb), visibility (t, on)."""
-
-    name: str
-    where: str
-    tracks: dict[str, Array] = field(default_factory=dict)
-
-
-@dataclass(slots=True)
-class AffFile:
-    """Everything the files say, before it becomes a Scene."""
-
-    nodes: NodeList = field(default_factory=NodeList)
-    drawn: dict[int, Collector] = field(default_factory=dict)  # by node
-    fills: dict[Fill, int] = field(default_factory=dict)
-    movers: dict[str, list[int]] = field(default_factory=dict)  # animation name -> nodes
-    motions: dict[str, Motion] = field(default_factory=dict)
-    lights: list[tuple[int, Array, Array]] = field(default_factory=list)  # parent, position, colour
-    camera: dict[str, Any] | None = None
-    window: tuple[float, float, int] | None = None  # start, end, frames
-    ambient: Array = field(default_factory=lambda: np.zeros(3))
-    notes: dict[Note, None] = field(default_factory=dict)
-    digest: Any = field(default_factory=sha256)
-
-    def note(self, message: str, where: str = "") -> None:
-        self.notes[Note(message, where)] = None
 
 
 TRACKS = {"transl": 7, "scale": 7, "rot": 8, "visibility": 2}
