@@ -10,10 +10,11 @@ layout(std430, binding = 0) readonly buffer Parameters { IndirectRecord P; };
 #include "common/voxels.glsl"
 layout(std430, binding = 2) readonly buffer Virtual { VirtualLight virtual_lights[]; };
 layout(std430, binding = 6) buffer Probes { vec4 probes[]; };
+layout(std430, binding = 7) buffer Visibility { uint visibility[]; }; // one bit per probe and virtual light
 
 // Virtual lights [x, y) of this dispatch.  Mesa's llvmpipe ends every loop of an invocation after 65,535 turns in all,
 // without a word; so the lights come in chunks that cannot reach that, and the sums go on where they stopped.
-uniform ivec2 chunk;
+uniform ivec2 chunk; // both ends multiples of 32, but the last
 
 void main() {
     int i = int(gl_GlobalInvocationID.x);
@@ -23,14 +24,27 @@ void main() {
     vec3 x = P.probe_origin.xyz + vec3(at) * P.probe_step.xyz;
     vec3 cube[6];
     for (int side = 0; side < 6; ++side) cube[side] = chunk.x == 0 ? vec3(0.0) : probes[6 * i + side].rgb;
+    int words = (P.counts.x + 31) / 32;
+    uint seen = 0u;
     for (int k = chunk.x; k < chunk.y; ++k) {
         VirtualLight v = virtual_lights[k];
-        vec3 d = v.position.xyz - x;
-        if (dot(v.normal.xyz, d) >= 0.0 || dot(v.flux.rgb, vec3(1.0)) <= 0.0) continue;
+        int word = i * words + k / 32;
+        uint bit = 1u << (k & 31);
+#if FIRST_BOUNCE
         // Aim above the patch: a ray that grazes a wall would run through the wall's own voxels before it gets there.
         // Where it cannot aim above its own voxel, it must not reach through that voxel either.
         float slack = v.normal.w > P.grid_origin.w ? 0.5 : 0.0;
-        if (!sees(x, v.position.xyz + v.normal.w * v.normal.xyz, vec2(0.5, slack))) continue;
+        if (v.position.w > 0.0 && dot(v.normal.xyz, v.position.xyz - x) < 0.0 &&
+            sees(x, v.position.xyz + v.normal.w * v.normal.xyz, vec2(0.5, slack))) seen |= bit;
+        if ((k & 31) == 31 || k + 1 == chunk.y) visibility[word] = seen;
+#else
+        if ((k & 31) == 0) seen = visibility[word];
+#endif
+        bool lights = (seen & bit) != 0u && dot(v.flux.rgb, vec3(1.0)) > 0.0;
+#if FIRST_BOUNCE
+        if ((k & 31) == 31) seen = 0u;
+#endif
+        if (!lights) continue;
         for (int side = 0; side < 6; ++side) {
             vec3 axis = vec3(0.0);
             axis[side >> 1] = (side & 1) == 0 ? 1.0 : -1.0;

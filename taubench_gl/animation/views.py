@@ -103,7 +103,8 @@ def choose_camera(scene: Scene, wanted: str | int | None = None) -> CameraTrack:
 
     ``wanted`` is a node's name, a camera's name, or an index into ``scene.camera_nodes`` (a number, also as text when
     nothing has that name); names are tried in this order and the first match in file order counts.  None: the
-    file's own choice (``Scene.default_camera``), else its first camera, or an ``OrbitCamera`` where there is none.  Raises SettingsError listing what there is.
+    file's own choice (``Scene.default_camera``), else its first camera, or an ``OrbitCamera`` where there is none.
+    Raises SettingsError listing what there is.
     """
     tracks = [FileCamera(scene, node) for node in scene.camera_nodes]
     if wanted is None:

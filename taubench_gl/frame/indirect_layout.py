@@ -60,6 +60,11 @@ def rsm_resolution(scene: Scene, lights: list[int], samples: int) -> int:
     return max(2, int(np.sqrt(samples / max(weight, 1))))
 
 
+def visibility_bytes(probes: int, virtual_lights: int) -> int:
+    """One bit per pair of a probe and a virtual light, in whole words per probe."""
+    return 4 * probes * -(-virtual_lights // 32)
+
+
 def indirect_bytes(
     scene: Scene, lights: list[int], box: tuple[Array, Array], size: tuple[int, int], settings: Settings, rung: str
 ) -> int:
@@ -71,5 +76,7 @@ def indirect_bytes(
     own = 2 * VIRTUAL.dtype.itemsize * sum(f.resolution**2 for f in faces) + width * height * texel
     record = indirect_layout(box, size, settings)
     if rung == "probes":
-        return own + 6 * 16 * int(np.prod(record["probe_counts"][:3])) + GRID**3 // 8
+        probes = int(np.prod(record["probe_counts"][:3]))
+        seen = visibility_bytes(probes, sum(f.resolution**2 for f in faces))
+        return own + 6 * 16 * probes + GRID**3 // 8 + seen
     return own + 16 * int(np.prod(record["size"][2:]))

@@ -190,7 +190,12 @@ class FramePlan:
             shaders |= self._geometry_shaders("gbuffer", on, CHANNEL_NAMES)
             shaders |= {"indirect/vpl.comp.glsl", "indirect/apply.comp.glsl"}
             shaders |= (
-                {"indirect/probes.comp.glsl", "indirect/bounce.comp.glsl", "indirect/voxelize.frag.glsl"}
+                {
+                    "indirect/probes.comp.glsl",
+                    _variant("indirect/probes.comp.glsl", "FIRST_BOUNCE"),
+                    "indirect/bounce.comp.glsl",
+                    "indirect/voxelize.frag.glsl",
+                }
                 if rung == "probes"
                 else {"indirect/gather.comp.glsl"}
             )

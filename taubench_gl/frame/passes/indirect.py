@@ -21,6 +21,7 @@ from taubench_gl.frame.indirect_layout import (
     VIRTUAL,
     indirect_layout,
     rsm_resolution,
+    visibility_bytes,
 )
 from taubench_gl.frame.lights import LIGHT
 from taubench_gl.frame.materials import MaterialKey, MaterialTable, wanted_slots
@@ -37,7 +38,7 @@ from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
-CHUNK = 60000 // (3 * GRID + 8)
+CHUNK = 60000 // (3 * GRID + 8) // 32 * 32
 """Virtual lights per dispatch: loop turns of one invocation stay below llvmpipe's silent limit of 65,535."""
 
 BOUNCES = {"rsm": 1, "probes": 4}
@@ -105,7 +106,10 @@ class IndirectPass:
         self._make_virtual = compute("indirect/vpl.comp.glsl", {}, preamble)
         self._apply = compute("indirect/apply.comp.glsl", {"PROBES": self._probes, **group}, preamble)
         if self._probes:
-            self._light_probes = compute("indirect/probes.comp.glsl", {}, preamble)
+            # What a probe sees is the same for every bounce: found once, remembered in bits.
+            self._light_probes = [
+                compute("indirect/probes.comp.glsl", {"FIRST_BOUNCE": first}, preamble) for first in (True, False)
+            ]
             self._bounce = compute("indirect/bounce.comp.glsl", {}, preamble)
             self._voxel_preamble = geometry_preamble() + "\n" + preamble
         else:
@@ -118,9 +122,10 @@ class IndirectPass:
             self._probe_count = int(np.prod(self._record["probe_counts"][:3]))
             self._probe_buffer = ctx.buffer(reserve=6 * 16 * self._probe_count)
             self._voxels = ctx.buffer(reserve=GRID**3 // 8)
+            self._visibility = ctx.buffer(reserve=visibility_bytes(self._probe_count, self.count))
             self._voxel_depth = ctx.depth_texture((2 * GRID, 2 * GRID))
             self._voxel_target = ctx.framebuffer(depth_attachment=self._voxel_depth)
-            self._owned = [self._probe_buffer, self._voxels, self._voxel_depth, self._voxel_target]
+            self._owned = [self._probe_buffer, self._voxels, self._visibility, self._voxel_depth, self._voxel_target]
         else:
             self._irradiance = ctx.texture(tuple(int(n) for n in self._record["size"][2:]), 4, dtype="f4")
             self._owned = [self._irradiance]
@@ -132,7 +137,7 @@ class IndirectPass:
         texel = 4 + sum(CHANNELS[n].components * int(CHANNELS[n].dtype[1]) for n in CHANNEL_NAMES)
         own = 2 * self._virtual[0].size + width * height * texel
         if self._probes:
-            return own + self._probe_buffer.size + self._voxels.size
+            return own + self._probe_buffer.size + self._voxels.size + self._visibility.size
         return own + 16 * self._irradiance.width * self._irradiance.height
 
     def run(
@@ -192,9 +197,11 @@ class IndirectPass:
             self._voxels.bind_to_storage_buffer(4)
             self._probe_buffer.bind_to_storage_buffer(6)
             source.bind_to_storage_buffer(2)
+            self._visibility.bind_to_storage_buffer(7)
+            program = self._light_probes[min(bounce, 1)]
             for first in range(0, self.count, CHUNK):
-                self._light_probes["chunk"] = first, min(first + CHUNK, self.count)
-                self._dispatch(self._light_probes, self._probe_count, 16)
+                program["chunk"] = first, min(first + CHUNK, self.count)
+                self._dispatch(program, self._probe_count, 16)
             if bounce + 1 < self._bounces:
                 self._gpu.ctx.copy_buffer(self._virtual[1], self._virtual[0])
                 self._virtual[1].bind_to_storage_buffer(2)
