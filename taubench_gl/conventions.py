@@ -39,7 +39,7 @@ class Reason(enum.IntFlag):
     """
 
     FIRST = 1 << 0  # no previous frame
-    CUT = 1 << 1  # the surface has no counterpart in the previous frame (changed topology, declared cut)
+    CUT = 1 << 1  # the caller declared that history has nothing to do with this frame
     INVALID = 1 << 2  # NaN or Inf in what is compared
     SKY = 1 << 3  # no surface at this pixel now
     HISTORY_SKY = 1 << 4  # no surface at the history sample
