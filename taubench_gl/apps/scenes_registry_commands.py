@@ -58,7 +58,7 @@ def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
     from taubench_gl.apps.screen import show_pairs
     from taubench_gl.datasets.registry import find_entry
 
-    entry = find_entry(_entries(registries), name)
+    name, entry = find_entry(_entries(registries), name)
     facts = msgspec.to_builtins(entry)
     if as_json:
         click.echo(json.dumps({"name": name, **facts}, indent=2))
@@ -96,7 +96,7 @@ def get(
     from taubench_gl.datasets.registry_store import Store
     from taubench_gl.errors import DatasetError
 
-    entry = find_entry(_entries(registries), name)
+    name, entry = find_entry(_entries(registries), name)
     click.echo(f"{entry.title}, by {entry.authors or 'unknown'}; licence: {entry.licence or 'not stated'}", err=True)
     if not accept_licence:
         if not sys.stdin.isatty():
@@ -119,7 +119,7 @@ def verify(name: str, registries: tuple[Path, ...], cache: Path | None) -> None:
     from taubench_gl.datasets.registry import find_entry
     from taubench_gl.datasets.registry_store import Store
 
-    record, scene = Store(name, find_entry(_entries(registries), name), cache).verify()
+    record, scene = Store(*find_entry(_entries(registries), name), cache).verify()
     click.echo(f"{record.file}: {record.bytes} bytes, sha256 {record.sha256}, as fetched")
     click.echo(scene)
 

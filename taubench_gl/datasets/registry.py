@@ -93,11 +93,18 @@ def parse_registry(text: str, where: str) -> dict[str, Entry]:
     return out
 
 
-def find_entry(entries: dict[str, Entry], name: str) -> Entry:
-    """The entry of that name.  Raises DatasetError with the names there are."""
-    if name not in entries:
+def known_name(entries: dict[str, Entry], name: str) -> str:
+    """The registry's own spelling of ``name``, which may be the paper's (BistroInterior).  Raises DatasetError."""
+    alike = [name] if name in entries else [known for known in entries if _letters(known) == _letters(name)]
+    if len(alike) != 1:
         raise DatasetError(f"no scene is called {name!r}", hint=f"known: {', '.join(sorted(entries))}")
-    return entries[name]
+    return alike[0]
+
+
+def find_entry(entries: dict[str, Entry], name: str) -> tuple[str, Entry]:
+    """The registry's own name and entry of the scene that is meant.  Raises DatasetError."""
+    known = known_name(entries, name)
+    return known, entries[known]
 
 
 def _check(entry: Entry, at: str) -> None:
@@ -114,3 +121,8 @@ def _check(entry: Entry, at: str) -> None:
     inside = entry.scene is None or not (Path(entry.scene).is_absolute() or ".." in Path(entry.scene).parts)
     if not inside:
         raise DatasetError("scene must lie inside the archive", where=at)
+
+
+def _letters(name: str) -> str:
+    """A name without case, dashes and dots: how the paper's spelling and ours are the same."""
+    return "".join(c for c in name.casefold() if c.isalnum())

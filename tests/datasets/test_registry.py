@@ -23,6 +23,14 @@ def test_every_scene_the_paper_names_is_there():
     assert {e.paper for e in entries.values() if e.paper} == rows
 
 
+def test_the_papers_spelling_will_do():
+    entries = load_registry()
+    assert find_entry(entries, "BistroInterior") == ("bistro-interior", entries["bistro-interior"])
+    assert find_entry(entries, "eternalvalleyVR")[0] == "eternal-valley-vr"
+    with pytest.raises(DatasetError, match="no scene is called 'Bistro'"):
+        find_entry(entries, "Bistro")
+
+
 def test_a_users_own_scenes(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('[hall]\ntitle = "Hall"\nformat = "gltf"\nfps = 30.0\nframes = [0, 90]\ncamera = "main"\n'
