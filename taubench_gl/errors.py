@@ -35,10 +35,6 @@ class GraphicsError(TaubenchError):
     """No usable OpenGL context, a shader that does not compile, or a limit of the device."""
 
 
-class GraphError(TaubenchError):
-    """A frame graph whose passes do not fit together.  Lists every fault at once."""
-
-
 class DatasetError(TaubenchError):
     """A scene of the registry is unknown, cannot be fetched, or is not what it was."""
 

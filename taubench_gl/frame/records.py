@@ -20,7 +20,7 @@ RECORD = Struct(
     Field("prev_x", "vec4", "row 0 of previous relative_from_object (relative to the previous camera)"),
     Field("prev_y", "vec4", "row 1"),
     Field("prev_z", "vec4", "row 2"),
-    Field("ids", "uvec4", "x: record + 1, y: material + 1, z: bounding group, w: unused"),
+    Field("ids", "uvec4", "x: record + 1, y: material + 1; zw: unused"),
 )
 
 

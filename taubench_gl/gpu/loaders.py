@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
-import os
 from typing import Any
 
 OSMESA_LIBRARIES = ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
@@ -86,8 +85,3 @@ def egl_function(name: str) -> int:
     get = library.eglGetProcAddress
     get.restype, get.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
     return get(name.encode()) or 0
-
-
-def software_only() -> bool:
-    """Whether the environment asks Mesa for software rendering."""
-    return os.environ.get("LIBGL_ALWAYS_SOFTWARE", "") not in ("", "0", "false")

@@ -17,7 +17,6 @@ import numpy as np
 from taubench_gl.gpu.context import Gpu
 
 WALL_CLOCK = "finish + monotonic clock"
-GPU_CLOCK = "GL timer query"
 _PROBE_SOURCE = """#version 450
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) buffer Sink { uint sink[]; };

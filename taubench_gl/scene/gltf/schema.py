@@ -299,7 +299,3 @@ class Meshopt(Struct, rename="camel"):
     mode: Literal["ATTRIBUTES", "TRIANGLES", "INDICES"]
     byte_offset: Index = 0
     filter: str = "NONE"
-
-
-class MeshoptFallback(Struct):
-    fallback: bool = False
