@@ -26,9 +26,11 @@ LAYERS: tuple[set[str], ...] = (
     {"evaluation"},
     {"evaluation_truth", "agreement"},
     {"api"},
-    {"reuse", "selftest", "datasets"},
+    {"reuse", "selftest", "datasets", "export", "batch"},
     {"study"},
-    {"apps", "demos"},
+    {"demos"},
+    {"viewer"},
+    {"apps"},
     {"__main__"},
 )
 """Rooms from the bottom to the top.  A room imports from rooms below it and from itself, never sideways or upwards;
@@ -37,7 +39,7 @@ leaf modules may use each other.  A new room takes its place here first."""
 NO_GL = {"scene", "animation", "effects", "metrics", "reference", "report", "run", *LEAF}
 """Rooms that work where there is no OpenGL at all."""
 
-MAY_IMPORT_MODERNGL = {"gpu", "frame"}
+MAY_IMPORT_MODERNGL = {"gpu", "frame", "reuse", "viewer"}
 
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}
 MAX_LINES = 450

@@ -82,7 +82,7 @@ ensure_packages() {
   if [ "$(cat "$stamp" 2>/dev/null)" = "$key" ]; then return 0; fi
   say "installing taubench-gl and what it needs into .venv (a minute or two, once)"
   local pip=("$py" -m pip --disable-pip-version-check install -qq --constraint "$root/constraints.txt")
-  "${pip[@]}" --editable "$root[draco,test]" || stop "pip could not install the package (see above)"
+  "${pip[@]}" --editable "$root[test]" || stop "pip could not install the package (see above)"
   # No wheels for every Python, and building it takes a compiler: without it, meshopt-compressed files cannot be read.
   "${pip[@]}" "meshoptimizer" >/dev/null 2>&1 \
     || say "note: meshoptimizer could not be installed (it needs a C++ compiler); scenes with EXT_meshopt_compression will not load"
@@ -95,6 +95,16 @@ ensure_gl() {
   # A second way beside EGL where the distribution still has it; Mesa 25.1 dropped it.
   apt_install libosmesa6 2>/dev/null || say "note: this distribution has no libosmesa6; carrying on with EGL alone"
   "$py" "$root/tools/gl_probe.py" >&2 || stop "OpenGL still cannot be opened (see above)"
+}
+
+# ensure_test_programs: a screen for the viewer and a browser for the reports.  Without them those tests skip by name.
+ensure_test_programs() {
+  local missing=()
+  command -v Xvfb >/dev/null || missing+=(xvfb)
+  command -v chromium >/dev/null || missing+=(chromium)
+  if [ ${#missing[@]} -eq 0 ]; then return 0; fi
+  say "installing for the tests: ${missing[*]}"
+  apt_install "${missing[@]}" || say "note: could not install ${missing[*]}; the tests that need them will be skipped"
 }
 
 ensure_venv
