@@ -14,6 +14,7 @@ import click
 from taubench_gl import __version__
 from taubench_gl.apps.agree_command import agree
 from taubench_gl.apps.compare_command import compare
+from taubench_gl.apps.completion_command import completion
 from taubench_gl.apps.convert_command import convert
 from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
@@ -48,7 +49,7 @@ def cli() -> None:
     """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
 
 
-for command in (doctor, inspect, evaluate, compare, agree, truth, convert, selftest, scenes, stress):
+for command in (doctor, inspect, evaluate, compare, agree, truth, convert, selftest, scenes, stress, completion):
     cli.add_command(command)
 
 

@@ -31,7 +31,13 @@ def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
     return load_registry(registries or named)
 
 
-@click.command("list")
+@click.command(
+    "list",
+    epilog="""\b
+Examples:
+  taubench-gl scenes list
+  taubench-gl scenes list --registry mine.toml --json""",
+)
 @registry_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def list_scenes(registries: tuple[Path, ...], as_json: bool) -> None:
@@ -47,7 +53,11 @@ def list_scenes(registries: tuple[Path, ...], as_json: bool) -> None:
         click.echo(f"{name:{width}}  {entry.format:12}  {entry.title}")
 
 
-@click.command()
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl scenes show eternal-valley-fps"""
+)
 @click.argument("name")
 @registry_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -110,7 +120,11 @@ def get(
     click.echo(f"taubench-gl evaluate '{scene}' {entry.options()}".rstrip(), err=True)
 
 
-@click.command()
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl scenes verify bart-museum"""
+)
 @click.argument("name")
 @registry_option
 @cache_option

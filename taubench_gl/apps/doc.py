@@ -1,0 +1,145 @@
+"""Writes docs/commands/ and docs/api.md from the program itself: ``python -m taubench_gl.apps.doc``."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.paths import PACKAGE
+
+DOCS = PACKAGE.parent / "docs"
+PROGRAM = "taubench-gl"
+WIDTH = 100
+
+MODULES: dict[str, tuple[str, ...]] = {
+    "taubench_gl": ("evaluate", "Settings", "Run", "load_run", "load_scene", "sample", "TaubenchError"),
+    "taubench_gl.evaluation": ("evaluate_scene", "Pair"),
+    "taubench_gl.metrics.reprojection": ("Reprojection", "reproject"),
+    "taubench_gl.metrics.masks": ("pair_masks", "PairMasks"),
+    "taubench_gl.metrics.activity": ("camera_activity",),
+    "taubench_gl.metrics.cuts": ("detect_cuts",),
+}
+"""What people call from Python, by module, in the order of the page."""
+
+API_HEAD = """# Python interface
+
+`import taubench_gl as tb` gives what the first section lists.  Errors a caller can cause are `TaubenchError`s with one
+line of text.  Importing never opens OpenGL; scenes, metrics, tables and stored runs work on machines that have none.
+
+This page is written by `python -m taubench_gl.apps.doc` from the docstrings.
+"""
+
+
+def commands(command: click.Command = cli, path: tuple[str, ...] = (PROGRAM,)) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(path, help text) of the program, its commands and theirs, groups before their members."""
+    context = click.Context(command, info_name=" ".join(path), terminal_width=WIDTH, max_content_width=WIDTH)
+    yield path, command.get_help(context)
+    if isinstance(command, click.Group):
+        for name in command.list_commands(context):
+            member = command.get_command(context, name)
+            if member is not None and not member.hidden:
+                yield from commands(member, (*path, name))
+
+
+def command_pages() -> dict[str, str]:
+    """File name -> Markdown: one page per top-level command, its subcommands on it, and an index."""
+    pages: dict[str, str] = {}
+    index = [f"# Commands of {PROGRAM}\n\nWritten by `python -m taubench_gl.apps.doc` from the `--help` texts.\n"]
+    for path, text in commands():
+        if len(path) == 1:
+            continue
+        name = f"{path[1]}.md"
+        if len(path) == 2:
+            first = next(line.strip() for line in text.splitlines()[1:] if line.strip())
+            index.append(f"- [{' '.join(path[1:])}]({name}): {first}")
+            pages[name] = f"# {' '.join(path)}\n"
+        else:
+            pages[name] += f"\n## {' '.join(path)}\n"
+        pages[name] += f"\n```text\n{text.strip()}\n```\n"
+    pages["README.md"] = "\n".join(index) + "\n"
+    return pages
+
+
+def api_page() -> str:
+    """docs/api.md: signatures and docstrings of MODULES."""
+    out = [API_HEAD]
+    for module, names in MODULES.items():
+        out.append(f"\n## {module}\n")
+        for name in names:
+            out += _entry(f"{module}.{name}", getattr(importlib.import_module(module), name), "###")
+            out += _members(name, getattr(importlib.import_module(module), name))
+    return "\n".join(out).rstrip() + "\n"
+
+
+def _entry(name: str, thing: object, level: str) -> list[str]:
+    text = inspect.getdoc(thing) or ""
+    signature = _signature(name.rsplit(".", 1)[-1], thing)
+    return [f"{level} {name}\n", f"```python\n{signature}\n```\n", f"{text}\n"]
+
+
+def _members(owner: str, thing: object) -> list[str]:
+    """Public methods of a class that say something of their own."""
+    if not inspect.isclass(thing) or issubclass(thing, Exception):
+        return []
+    out = []
+    for name, member in vars(thing).items():
+        if inspect.isfunction(member) and not name.startswith("_") and member.__doc__:
+            out += _entry(f"{owner}.{name}", member, "####")
+    return out
+
+
+def _signature(name: str, thing: object) -> str:
+    """As written in the source, on one line where it fits."""
+    try:
+        signature = inspect.signature(thing)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return name
+    parameters = list(_parameters(signature))
+    returns = "" if signature.return_annotation is inspect.Signature.empty else f" -> {signature.return_annotation}"
+    line = f"{name}({', '.join(parameters)}){returns}"
+    return line if len(line) <= WIDTH else f"{name}(\n{''.join(f'    {p},{chr(10)}' for p in parameters)}){returns}"
+
+
+def _parameters(signature: inspect.Signature) -> Iterator[str]:
+    """Each parameter, with the star before the first that is by keyword only.  ``self`` says nothing: left out."""
+    starred = False
+    for name, parameter in signature.parameters.items():
+        if name == "self":
+            continue
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY and not starred:
+            starred = True
+            yield "*"
+        stars = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
+        starred = starred or stars == "*"
+        text = stars + name
+        if parameter.annotation is not inspect.Parameter.empty:
+            text += f": {parameter.annotation}"
+        if parameter.default is not inspect.Parameter.empty:
+            text += f" = {parameter.default!r}"
+        yield text
+
+
+def pages() -> dict[Path, str]:
+    """Every page this module writes, by path."""
+    out = {DOCS / "commands" / name: text for name, text in command_pages().items()}
+    return out | {DOCS / "api.md": api_page()}
+
+
+def write() -> None:
+    """Write the pages; those of commands that are gone go too."""
+    every = pages()
+    folder = DOCS / "commands"
+    folder.mkdir(parents=True, exist_ok=True)
+    for stale in set(folder.glob("*.md")) - every.keys():
+        stale.unlink()
+    for path, text in every.items():
+        path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write()

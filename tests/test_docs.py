@@ -1,0 +1,59 @@
+"""The pages that the program writes about itself are those in docs/; links of the docs lead somewhere."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taubench_gl.apps import doc
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+
+
+def test_pages_are_current():
+    stale = [
+        str(path.relative_to(ROOT))
+        for path, text in doc.pages().items()
+        if not path.is_file() or path.read_text(encoding="utf-8") != text
+    ]
+    assert not stale, f"run 'python -m taubench_gl.apps.doc': {stale}"
+
+
+def test_no_page_is_of_a_command_that_is_gone():
+    assert set((ROOT / "docs" / "commands").glob("*.md")) == {p for p in doc.pages() if p.parent.name == "commands"}
+
+
+def test_every_command_has_examples():
+    bare = [" ".join(path) for path, text in doc.commands() if "Examples:" not in text and "Commands:" not in text]
+    assert not bare, f"give these an epilog with examples: {bare}"
+
+
+def test_every_public_name_is_documented():
+    for module, names in doc.MODULES.items():
+        for name in names:
+            thing = getattr(__import__(module, fromlist=[name]), name)
+            assert (thing.__doc__ or "").strip(), f"{module}.{name} has no docstring"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path):
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    missing = [
+        target
+        for target in re.findall(r"\]\(([^)#\s]+)", text)
+        if "://" not in target and not (page.parent / target).exists()
+    ]
+    assert not missing
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_scripts(shell: str):
+    command = [sys.executable, "-m", "taubench_gl", "completion", shell]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "_TAUBENCH_GL_COMPLETE" in done.stdout
