@@ -107,6 +107,16 @@ ensure_test_programs() {
   apt_install "${missing[@]}" || say "note: could not install ${missing[*]}; the tests that need them will be skipped"
 }
 
+# ensure_validator: the Khronos glTF validator, where npm can get it.  Without it its tests skip by name.
+ensure_validator() {
+  local folder=${GLTF_VALIDATOR:-$venv/gltf-validator}
+  if [ ! -d "$folder/node_modules/gltf-validator" ]; then
+    command -v npm >/dev/null && npm install --silent --no-audit --no-fund --prefix "$folder" \
+      gltf-validator@2.0.0-dev.3.10 >/dev/null 2>&1 </dev/null || return 0
+  fi
+  export GLTF_VALIDATOR=$folder
+}
+
 ensure_venv
 ensure_packages
 ensure_gl

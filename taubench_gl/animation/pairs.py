@@ -8,22 +8,29 @@ from taubench_gl.animation.state import View
 from taubench_gl.metrics.reprojection import Reprojection
 
 
-def reprojection(view: View, previous: View, width: int, height: int) -> Reprojection:
-    """Matrices of the pair (previous, view), float64, relative to the two cameras (SPEC section 3)."""
+def reprojection(view: View, previous: View, width: int, height: int, *, jitter: bool = True) -> Reprojection:
+    """Matrices of the pair (previous, view), float64, relative to the two cameras (SPEC section 3).
+
+    Sky rays are those of the current samples, jitter included.  ``jitter``: whether the two clip matrices have it too,
+    so that pixel i reprojects to where the previous frame's *samples* show it.  Without, motion is that of the surface
+    alone, and what stands still moves by exactly 0 whatever the jitter of either frame.
+    """
     clip_from_view = view.clip_from_view(width, height)
     perspective = view.camera.kind == "perspective"
     # The view ray of pixel (x, y) crosses the plane z = -1 (or, parallel, the far plane) at ndc * extent.
     half_x, half_y = 1.0 / clip_from_view[0, 0], 1.0 / clip_from_view[1, 1]
     step_x, step_y = 2.0 * half_x / width, 2.0 * half_y / height
     depth = 1.0 if perspective else view.camera.zfar
-    corner = np.array([-half_x + 0.5 * step_x, -half_y + 0.5 * step_y, -depth])
+    first_x, first_y = view.jitter_px
+    corner = np.array([-half_x + (0.5 + first_x) * step_x, -half_y + (0.5 + first_y) * step_y, -depth])
+    now, then = (view, previous) if jitter else (view.centered(), previous.centered())
     w = 0.0 if perspective else 1.0
     rotate = view.world_from_view
     return Reprojection(
         width=width,
         height=height,
-        clip_from_current=view.clip_from_relative(width, height),
-        prev_clip_from_prev=previous.clip_from_relative(width, height),
+        clip_from_current=now.clip_from_relative(width, height),
+        prev_clip_from_prev=then.clip_from_relative(width, height),
         prev_forward=-previous.world_from_view[:, 2],
         prev_near=previous.camera.znear,
         camera_delta=view.position - previous.position,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,14 +32,28 @@ class View:
     position: Array  # (3,) float64, world, metres
     world_from_view: Array  # (3, 3) float64 rotation
     camera: Camera
+    jitter_px: Array = field(default_factory=lambda: np.zeros(2))
+    """(2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px`` instead of at its centre i."""
 
     def clip_from_view(self, width: int, height: int) -> Array:
-        """(4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept, the viewport's aspect wins."""
+        """(4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept, the viewport's aspect wins.
+
+        Jitter moves the picture the other way: what lies at i + ``jitter_px`` is drawn at i.
+        """
         aspect = width / height
         c = self.camera
         if c.kind == "perspective":
-            return math3d.perspective_reversed(c.yfov, aspect, c.znear, c.zfar)
-        return math3d.orthographic_reversed(c.ymag * aspect, c.ymag, c.znear, c.zfar)
+            out = math3d.perspective_reversed(c.yfov, aspect, c.znear, c.zfar)
+        else:
+            out = math3d.orthographic_reversed(c.ymag * aspect, c.ymag, c.znear, c.zfar)
+        if np.any(self.jitter_px):  # a matrix without jitter keeps its bits
+            shift = 2.0 * np.asarray(self.jitter_px, dtype=np.float64) / (width, height)
+            out[:2] -= shift[:, None] * out[3]
+        return out
+
+    def centered(self) -> View:
+        """The same view without jitter."""
+        return replace(self, jitter_px=np.zeros(2)) if np.any(self.jitter_px) else self
 
     def clip_from_relative(self, width: int, height: int, origin: Array | None = None) -> Array:
         """clip <- world axes, relative to ``origin`` (default: this camera's position).  (4, 4) float64.

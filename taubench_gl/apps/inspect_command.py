@@ -30,9 +30,12 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], fps: floa
 
     Needs no OpenGL.
     """
+    from taubench_gl.apps.named_scenes import asked_for, resolve
     from taubench_gl.scene import load_scene
     from taubench_gl.settings import Settings
 
+    path, row = resolve(path)
+    fps = asked_for(row).get("fps", fps)
     facts = describe(load_scene(path, scene, animations or None), Settings(fps=fps))
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -25,10 +24,9 @@ cache_option = click.option(
 
 
 def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
-    from taubench_gl.datasets.registry import VARIABLE, load_registry
+    from taubench_gl.datasets.named import registry_entries
 
-    named = [Path(p) for p in os.environ.get(VARIABLE, "").split(os.pathsep) if p]
-    return load_registry(registries or named)
+    return registry_entries(registries)
 
 
 @click.command(
@@ -82,14 +80,18 @@ def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
     epilog="""\b
 Examples:
   taubench-gl scenes get bart-museum --from museum.zip
+  taubench-gl scenes get zero-day --from zeroday.zip --scene MEASURE_ONE.fbx
   taubench-gl scenes get my-scene --registry mine.toml --accept-licence
+  taubench-gl evaluate bart-museum
 \b
 An interrupted download goes on where it stopped.  The checksum of the first download is remembered; a later one that
-differs is refused.  Downloading needs the extra 'datasets'; --from needs nothing."""
+differs is refused.  Downloading needs the extra 'datasets'; --from needs nothing.  Afterwards the name stands for the
+scene wherever a path can, and brings its frame rate, frames, camera and units along; options override them."""
 )
 @click.argument("name")
 @click.option("--from", "source", type=click.Path(path_type=Path), metavar="FILE", help="Take this file.")
 @click.option("--url", help="Download from here instead of the registry's address.")
+@click.option("--scene", metavar="FILE", help="Which scene of the archive, where it holds several.")
 @click.option("--accept-licence", is_flag=True, help="Do not ask.")
 @registry_option
 @cache_option
@@ -97,6 +99,7 @@ def get(
     name: str,
     source: Path | None,
     url: str | None,
+    scene: str | None,
     accept_licence: bool,
     registries: tuple[Path, ...],
     cache: Path | None,
@@ -113,11 +116,18 @@ def get(
             raise DatasetError("the licence has not been accepted", hint="add --accept-licence if you accept it")
         click.confirm("Do you accept the licence?", abort=True, err=True)
     store = Store(name, entry, cache)
-    scene = store.take(source) if source is not None else store.get(url, _bar() if sys.stderr.isatty() else None)
-    click.echo(scene)
+    if source is not None:
+        path = store.take(source, scene)
+    else:
+        path = store.get(url, _bar() if sys.stderr.isatty() else None, scene)
+    click.echo(path)
+    # The name works where the registry and the cache are found again without being told.
     if entry.format in ("fbx", "blend"):
-        click.echo(f"convert it first: taubench-gl convert '{scene}'", err=True)
-    click.echo(f"taubench-gl evaluate '{scene}' {entry.options()}".rstrip(), err=True)
+        click.echo("the first evaluation converts it, with Blender as a Python module (see: convert --help)", err=True)
+    told = f"  (is: {entry.options()})" if entry.options() else ""
+    click.echo(f"Tables 1 to 4: taubench-gl evaluate {name}{told}", err=True)
+    if registries or cache is not None:
+        click.echo("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to what --registry and --cache were here", err=True)
 
 
 @click.command(

@@ -79,7 +79,7 @@ A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, metres
 world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
 of lists time, position, rotation.  A rate of 60 fps is what the presets' rows of Tables 2 and 3 hold at."""
 )
-@click.argument("scene", type=click.Path(path_type=Path), metavar="SCENE")
+@click.argument("scene", metavar="SCENE")
 @click.option("--camera", default=None, metavar="fps|vr|still|FILE",
               help="Camera statistics of the paper's EternalValley rows, none, or a recorded path (.csv, .json).  "
                    "[default: fps; with --sweep still]")  # fmt: skip
@@ -98,12 +98,16 @@ of lists time, position, rotation.  A rate of 60 fps is what the presets' rows o
 @click.option("--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: measured.")
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="OUT.glb|DIR")
 @gpu_options
-def stress(scene: Path, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:
-    """Give a glTF scene a camera of asked-for difficulty, or a recorded one, and write it as glTF again.
+def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:
+    """Give a scene a camera of asked-for difficulty, or a recorded one, and write it as glTF.
 
-    The steps per frame have exactly the mean, variance and largest value asked for; the seed chooses the way, inside
-    the scene's free space.  Everything else in the file is kept.  The output plays its new camera by default.
+    SCENE is whatever 'evaluate' takes, path-traced files aside.  The steps per frame have exactly the mean, variance
+    and largest value asked for; the seed chooses the way, inside what is free of the scene all the time.  Everything
+    else in a glTF file is kept; other formats are written as glTF.  The output plays its new camera by default.
     """
+    from taubench_gl.apps.named_scenes import resolve
+
+    scene = resolve(scene)[0]
     if sweep is not None:
         _sweep(scene, out, sweep, options)
         return
@@ -146,7 +150,7 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     return with_stats(spec, **asked)
 
 
-def _sweep(scene: Path, out: Path, sweep: tuple[str, float, float, int], options: dict[str, Any]) -> None:
+def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options: dict[str, Any]) -> None:
     from taubench_gl.datasets.sweep import Sweep, run_sweep
     from taubench_gl.settings import Settings
 
@@ -159,9 +163,10 @@ def _sweep(scene: Path, out: Path, sweep: tuple[str, float, float, int], options
     columns = tuple(name.strip() for name in options["columns"].split(",") if name.strip())
     settings = Settings(width, height, columns=columns, backend=options["backend"], device=options["device"])
     plan = Sweep(*sweep)
-    click.echo(f"{scene.name}: {plan.count} speeds, {base.frames - 1} pairs each", err=True)
+    name = Path(scene).name
+    click.echo(f"{name}: {plan.count} speeds, {base.frames - 1} pairs each", err=True)
     rows = run_sweep(scene, plan, base, settings, out,
-                     lambda done, of: click.echo(f"{scene.name}: {done}/{of}", err=True))  # fmt: skip
+                     lambda done, of: click.echo(f"{name}: {done}/{of}", err=True))  # fmt: skip
     measured = [name for name in columns if any(row[f"{name}_percent"] is not None for row in rows)]
     click.echo("  ".join([f"{plan.axis:>12}", *(f"{name:>9}" for name in measured)]))
     for row in rows:

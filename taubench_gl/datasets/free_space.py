@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -34,8 +35,19 @@ INSIDE = 0.5
 """Winding number above which a point lies inside a closed surface: in a wall or a statue, not in a room."""
 
 
+TIMES_PER_SECOND = 12.0
+MOST_TIMES = 73
+"""Moments at which moving things are looked at: 6 s at the rate above; longer animations are looked at less often."""
+
+MOVING_DENSITY, MOVING_SAMPLES = 4.0, 400_000
+"""Points on what moves: per voxel face of its area, and in all, at each place."""
+
+MOST_BETWEEN = 12
+"""Places between two moments at which a thing that moved far is put, so that it leaves no gaps."""
+
+
 class VoxelSpace:
-    """``FreeSpace`` of any scene, from its triangles at time 0.  Moving things are where they are at time 0.
+    """``FreeSpace`` of any scene: what none of its triangles fills at any time of its animation.
 
     The camera moves in a horizontal plane.  Where there is ground below its start it stays above ground; a thing that
     floats or stands alone is circled and looked at instead.
@@ -49,13 +61,13 @@ class VoxelSpace:
         self._low, self._high = np.quantile(points, 0.002, axis=0), np.quantile(points, 0.998, axis=0)
         self.center = 0.5 * (self._low + self._high)
         self.radius = max(0.5 * float(np.linalg.norm(self._high - self._low)), 1e-6)
-        self._build(points, 0.0, voxels)
+        self._build(points, 0.0, voxels, moving_triangles(scene, poser))
         self._around = False
         start = self._from_camera(scene, state) or self._from_ground(triangles)
         if start is None:
             # Nothing to stand on: walk around it, three radii out at most.
             self._around = True
-            self._build(points, 2.0 * self.radius, voxels)
+            self._build(points, 2.0 * self.radius, voxels, moving_triangles(scene, poser))
             at = self.center + self.radius * np.array([0.0, 0.25, 1.6])
             start = at, 0.0
         self._start = start
@@ -83,21 +95,30 @@ class VoxelSpace:
             inside &= self._grounded[x, y, z]
         return np.where(inside, room / PLENTY, -1.0)
 
-    def _build(self, points: Array, pad: float, voxels: int) -> None:
+    def _build(self, points: Array, pad: float, voxels: int, moving: Iterator[tuple[Array, Array]]) -> None:
         low, high = self._low - [pad, 0.5 * pad, pad], self._high + [pad, 0.5 * pad, pad]
         extent = np.maximum(high - low, 1e-3 * self.radius)
         self.size = max(float(np.prod(extent) / voxels) ** (1 / 3), float(extent.max()) / 1024)
         self._origin = low - 2 * self.size
         shape = np.ceil(extent / self.size).astype(int) + 4
-        cell = np.floor((points - self._origin) / self.size).astype(np.int64)
-        cell = cell[np.all((cell >= 0) & (cell < shape), axis=1)]
         filled = np.zeros(shape, dtype=bool)
-        filled[tuple(cell.T)] = True
-        self._grounded = np.logical_or.accumulate(filled, axis=1)
+        self._fill(filled, points)
+        self._grounded = np.logical_or.accumulate(filled, axis=1)  # what passes below is no ground
+        for before, after in moving:
+            way = float(np.linalg.norm(after - before, axis=-1).max(initial=0.0))
+            count = min(int(way / self.size) + 1, MOST_BETWEEN)
+            wanted = MOVING_DENSITY * float(areas(after).sum()) / self.size**2
+            for part in np.arange(1, count + 1) / count:
+                self._fill(filled, surface_points(before + part * (after - before), int(min(wanted, MOVING_SAMPLES))))
         self._room = np.zeros(shape, dtype=np.uint8)
         for _ in range(PLENTY):
             self._room += ~filled
             filled = _grown(filled)
+
+    def _fill(self, filled: Array, points: Array) -> None:
+        cell = np.floor((points - self._origin) / self.size).astype(np.int64)
+        cell = cell[np.all((cell >= 0) & (cell < np.array(filled.shape)), axis=1)]
+        filled[tuple(cell.T)] = True
 
     def _from_camera(self, scene: Scene, state: FrameState) -> tuple[Array, float] | None:
         camera = choose_camera(scene)
@@ -138,11 +159,49 @@ def world_triangles(scene: Scene, state: FrameState) -> Array:
     return triangles[np.all(np.isfinite(triangles), axis=(1, 2))]
 
 
+def moving_triangles(scene: Scene, poser: Poser) -> Iterator[tuple[Array, Array]]:
+    """What moves, appears or changes its shape between each two moments of the animation: its triangles at both.
+
+    Yields pairs of (T, 3, 3) float64, world metres; what is not there at the earlier moment is as at the later one.
+    """
+    before = poser.sample(0.0)
+    for t in _moments(scene)[1:].tolist():
+        after = poser.sample(t)
+        pairs = []
+        for node in scene.mesh_nodes[after.visible[scene.mesh_nodes]].tolist():
+            if not _changed(scene, node, before, after):
+                continue
+            now = _triangles(scene, after, node)
+            then = _triangles(scene, before, node) if before.visible[node] else now
+            pairs += zip(then, now, strict=True)
+        if pairs:
+            then, now = (np.concatenate(side) for side in zip(*pairs, strict=True))
+            finite = np.all(np.isfinite(then), axis=(1, 2)) & np.all(np.isfinite(now), axis=(1, 2))
+            yield then[finite], now[finite]
+        before = after
+
+
+def _moments(scene: Scene) -> Array:
+    """Seconds from 0 on: evenly over the animation, and at its keys where they are few, for there things turn round."""
+    count = min(int(scene.duration * TIMES_PER_SECOND) + 2, MOST_TIMES) if scene.channels else 1
+    times = np.linspace(0.0, scene.duration, count)
+    keys = np.unique(np.concatenate([times[:1], *(c.times for c in scene.channels)]))
+    return np.union1d(times, keys[keys >= 0.0]) if len(keys) <= MOST_TIMES else times
+
+
+def _changed(scene: Scene, node: int, before: FrameState, after: FrameState) -> bool:
+    skin = int(scene.nodes.skin[node])
+    moved = scene.skins[skin].joints if skin >= 0 else [node]
+    if not before.visible[node] or np.any(before.world[moved] != after.world[moved]):
+        return True
+    return node in after.weights and bool(np.any(before.weights[node] != after.weights[node]))
+
+
 def surface_points(triangles: Array, budget: int = SAMPLES) -> Array:
     """Points over triangles (T, 3, 3) by area, corners included.  -> (P, 3) float64, P > 0; none: a unit box's."""
     if not len(triangles):
         return np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]])
-    area = 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    area = areas(triangles)
     count = np.floor(area / max(float(area.sum()), 1e-300) * budget).astype(np.int64)
     which = np.repeat(np.arange(len(triangles)), count)
     u = np.random.default_rng(0).random((len(which), 2))
@@ -150,6 +209,11 @@ def surface_points(triangles: Array, budget: int = SAMPLES) -> Array:
     a, b, c = (triangles[which, k] for k in range(3))
     inside = a + u[:, :1] * (b - a) + u[:, 1:] * (c - a)
     return np.concatenate([triangles.reshape(-1, 3), inside])
+
+
+def areas(triangles: Array) -> Array:
+    """(T, 3, 3) -> (T,)."""
+    return 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
 
 
 def winding_number(triangles: Array, point: Array) -> float:

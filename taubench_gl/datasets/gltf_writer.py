@@ -13,7 +13,7 @@ from PIL import Image
 
 from taubench_gl.outputs import cannot_write
 
-_COMPONENT = {"f4": gl.FLOAT, "u2": gl.UNSIGNED_SHORT, "u1": gl.UNSIGNED_BYTE}
+_COMPONENT = {"f4": gl.FLOAT, "u4": gl.UNSIGNED_INT, "u2": gl.UNSIGNED_SHORT, "u1": gl.UNSIGNED_BYTE}
 _TYPE = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4, 16: gl.MAT4}
 
 
@@ -61,12 +61,16 @@ class Writer:
 
     def texture(self, pixels: np.ndarray) -> int:
         """(h, w, 3 or 4) uint8 as an embedded PNG, sampled with repeat and mipmaps."""
-        file = io.BytesIO()
-        Image.fromarray(pixels).save(file, "PNG", optimize=True)
-        self.gltf.images.append(gl.Image(mimeType="image/png", bufferView=self.view(file.getvalue())))
+        image = self.image(pixels)
         if not self.gltf.samplers:
             self.gltf.samplers.append(gl.Sampler(magFilter=gl.LINEAR, minFilter=gl.LINEAR_MIPMAP_LINEAR))
-        return self._append(self.gltf.textures, gl.Texture(source=len(self.gltf.images) - 1, sampler=0))
+        return self._append(self.gltf.textures, gl.Texture(source=image, sampler=0))
+
+    def image(self, pixels: np.ndarray) -> int:
+        """(h, w, 3 or 4) uint8 as an embedded PNG."""
+        file = io.BytesIO()
+        Image.fromarray(pixels).save(file, "PNG", optimize=True)
+        return self._append(self.gltf.images, gl.Image(mimeType="image/png", bufferView=self.view(file.getvalue())))
 
     def material(
         self,

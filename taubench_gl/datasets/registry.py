@@ -14,6 +14,7 @@ import tomllib
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -43,6 +44,12 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     camera: str | None = None
     paper: str | None = None
     note: str = ""
+
+    def settings(self) -> dict[str, Any]:
+        """What of ``Settings`` this scene calls for.  ``frames`` count at its own ``fps``."""
+        known = {"fps": self.fps, "frames": self.frames, "camera": self.camera}
+        out = {name: value for name, value in known.items() if value is not None}
+        return out | ({} if self.unit_scale == 1.0 else {"unit_scale": self.unit_scale})
 
     def options(self) -> str:
         """What ``taubench-gl evaluate`` needs to be told beside the scene's path."""

@@ -1,7 +1,8 @@
 """The cache of scenes: fetching, unpacking, and remembering what came the first time.
 
 ``<cache>/<name>/`` holds the file as it came, ``scene/`` with its contents, and ``record.json``: url, file, bytes,
-sha256.  A download goes on where it stopped; one that differs from the first is refused.
+sha256, and which of its scenes was asked for.  A download goes on where it stopped; one that differs from the first is
+refused.
 """
 
 from __future__ import annotations
@@ -11,25 +12,18 @@ import json
 import os
 import shutil
 import tarfile
-import time
 import zipfile
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from taubench_gl.datasets.download import Progress, fetch, forget
 from taubench_gl.datasets.registry import Entry
 from taubench_gl.errors import DatasetError
 
 CACHE_VARIABLE = "TAUBENCH_CACHE"
-CHUNK = 1 << 20
 MAX_UNPACKED = 200 * 2**30
 MAX_MEMBERS = 1_000_000
-TRIES = 4
-"""Attempts at one download, each going on where the last stopped."""
-TIMEOUT = (10.0, 30.0)
-"""Seconds to connect, and to wait for the next bytes."""
 SUFFIXES = {
     "gltf": (".glb", ".gltf"),
     "obj": (".obj",),
@@ -37,9 +31,6 @@ SUFFIXES = {
     "fbx": (".fbx",),
     "blend": (".blend",),
 }
-
-Progress = Callable[[int, int | None], None]
-"""Called with bytes so far and in all (None: unknown)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +41,7 @@ class Record:
     bytes: int
     sha256: str
     url: str | None
+    scene: str | None = None  # which one of the archive, where the user chose
 
 
 def cache_folder() -> Path:
@@ -78,8 +70,11 @@ class Store:
         except (OSError, ValueError, TypeError):
             raise DatasetError("is damaged", where=str(path), hint="delete it and get the scene again") from None
 
-    def get(self, url: str | None = None, progress: Progress | None = None) -> Path:
-        """Download and unpack; what is already there and whole is kept.  -> the scene.  Raises DatasetError."""
+    def get(self, url: str | None = None, progress: Progress | None = None, scene: str | None = None) -> Path:
+        """Download and unpack; what is already there and whole is kept.  -> the scene.  Raises DatasetError.
+
+        ``scene``: which file of the archive, where it holds several.
+        """
         url = url or self.entry.url
         if url is None:
             raise DatasetError(
@@ -91,10 +86,10 @@ class Store:
         target = self.folder / (PurePosixPath(unquote(urlsplit(url).path)).name or "download")
         if not (known and known.file == target.name and target.is_file() and sha256_of(target) == known.sha256):
             self._download(url, target, expected, progress)
-        return self._keep(target, url)
+        return self._keep(target, url, scene)
 
-    def take(self, source: Path) -> Path:
-        """Copy a file the user has and unpack it.  -> the scene.  Raises DatasetError."""
+    def take(self, source: Path, scene: str | None = None) -> Path:
+        """Copy a file the user has and unpack it.  -> the scene, as ``get``.  Raises DatasetError."""
         if not source.is_file():
             raise DatasetError("is not a file", where=str(source), hint="name the archive or the scene file itself")
         found = sha256_of(source)
@@ -107,7 +102,7 @@ class Store:
                 shutil.copyfile(source, target)
         except OSError as e:
             raise DatasetError(f"cannot be copied: {e.strerror}", where=str(source)) from None
-        return self._keep(target, None)
+        return self._keep(target, None, scene)
 
     def verify(self) -> tuple[Record, Path]:
         """Check the cached file against its record.  -> what is remembered, the scene.  Raises DatasetError."""
@@ -128,8 +123,8 @@ class Store:
 
     def scene(self) -> Path:
         """What to evaluate.  Raises DatasetError where it cannot be found."""
-        folder = self.folder / "scene"
-        wanted = self.entry.scene
+        folder, record = self.folder / "scene", self.record()
+        wanted = (record.scene if record is not None else None) or self.entry.scene
         if wanted is not None:
             direct = folder / wanted
             if direct.exists() or "*" in wanted or "%" in wanted:
@@ -137,18 +132,19 @@ class Store:
             found = sorted(folder.rglob(Path(wanted).name)) if folder.is_dir() else []
             if len(found) == 1:
                 return found[0]
-            raise DatasetError(f"holds no {wanted}", where=str(folder), hint="is it the right file?")
         if self.entry.format == "obj sequence":
             folders = sorted({p.parent for p in folder.rglob("*.obj")})
             if len(folders) == 1:
                 return folders[0]
             raise DatasetError(f"holds OBJ files in {len(folders)} folders, expected one", where=str(folder))
-        found = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES[self.entry.format])
-        if len(found) != 1:
-            raise DatasetError(
-                f"holds {len(found)} files of the format {self.entry.format}, expected one", where=str(folder)
-            )
-        return found[0]
+        there = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES[self.entry.format])
+        # A file that the user names is the one that is meant, whatever it is called.
+        if len(there) == 1 and (wanted is None or (record is not None and record.file == there[0].name)):
+            return there[0]
+        names = ", ".join(p.name for p in there[:8])
+        what = f"no {wanted}" if wanted else f"{len(there)} files of the format {self.entry.format}, expected one"
+        hint = f"choose with --scene from {names}" if there else "is it the right file?"
+        raise DatasetError(f"holds {what}", where=str(folder), hint=hint)
 
     # ------------------------------------------------------------------------------------------------------- fetching
     def _download(self, url: str, target: Path, expected: str | None, progress: Progress | None) -> None:
@@ -173,7 +169,7 @@ class Store:
                 downloader=lambda address, out, _: fetch(address, Path(out), part, progress),
             )
         except ValueError as e:  # pooch's way to say that the checksum differs
-            part.unlink(missing_ok=True)
+            forget(part)
             if "hash" not in str(e).lower():
                 raise
             raise DatasetError(
@@ -185,11 +181,13 @@ class Store:
         finally:
             if stale.exists():
                 stale.unlink() if target.exists() else stale.replace(target)
-        part.unlink(missing_ok=True)
+        forget(part)
 
-    def _keep(self, target: Path, url: str | None) -> Path:
-        record = Record(target.name, target.stat().st_size, sha256_of(target), url)
-        old = self.record()
+    def _keep(self, target: Path, url: str | None, chosen: str | None) -> Path:
+        old, checksum = self.record(), sha256_of(target)
+        if chosen is None and old is not None and old.sha256 == checksum:
+            chosen = old.scene
+        record = Record(target.name, target.stat().st_size, checksum, url, chosen)
         scene = self.folder / "scene"
         if old is None or old.sha256 != record.sha256 or not scene.is_dir():
             shutil.rmtree(scene, ignore_errors=True)
@@ -199,67 +197,6 @@ class Store:
             unpacked.replace(scene)
         (self.folder / "record.json").write_text(json.dumps(asdict(record), indent=2) + "\n", encoding="utf-8")
         return self.scene()
-
-
-def fetch(url: str, out: Path, part: Path, progress: Progress | None = None) -> None:
-    """Download ``url`` to ``out``, by way of ``part``, which a later call goes on with.  Raises DatasetError."""
-    import requests
-    import urllib3
-
-    host = urlsplit(url).hostname or url
-    trouble = ""
-    for attempt in range(TRIES):
-        have = part.stat().st_size if part.exists() else 0
-        try:
-            headers = {"Accept-Encoding": "identity"} | ({"Range": f"bytes={have}-"} if have else {})
-            with requests.get(url, headers=headers, stream=True, timeout=TIMEOUT) as response:
-                if response.status_code == 416 and _whole(response) == have:
-                    break
-                if response.status_code == 416 or (have and response.status_code == 200):
-                    part.unlink(missing_ok=True)  # the server cannot go on, or the file is another one now
-                    have = 0
-                    if response.status_code == 416:
-                        continue
-                if response.status_code not in (200, 206):
-                    raise DatasetError(f"the server answers {response.status_code} {response.reason}", where=url)
-                whole = _whole(response) if response.status_code == 206 else _length(response)
-                with part.open("ab") as file:
-                    # Whatever has come is written at once: iter_content drops the last piece when the line does.
-                    read = getattr(response.raw, "read1", response.raw.read)
-                    while chunk := read(CHUNK):
-                        file.write(chunk)
-                        have += len(chunk)
-                        if progress is not None:
-                            progress(have, whole)
-            if whole is None or have == whole:
-                break
-            trouble = f"cut off after {have} of {whole} bytes"
-        except (requests.exceptions.Timeout, urllib3.exceptions.ReadTimeoutError):
-            trouble = f"{host} does not answer"
-        except urllib3.exceptions.HTTPError:
-            trouble = f"cut off after {part.stat().st_size if part.exists() else 0} bytes"
-        except requests.exceptions.ConnectionError:
-            trouble = f"{host} cannot be reached"
-            if not part.exists():
-                raise DatasetError(trouble, where=url, hint="offline? give a file you have with --from FILE") from None
-        except requests.exceptions.RequestException as e:
-            raise DatasetError(f"cannot be fetched: {e}", where=url) from None
-        if attempt + 1 < TRIES:
-            time.sleep(0.2 * 2**attempt)
-    else:
-        raise DatasetError(f"the download failed {TRIES} times: {trouble}", where=url, hint="run it again to go on")
-    shutil.copyfile(part, out)
-
-
-def _length(response: Any) -> int | None:
-    text = response.headers.get("Content-Length", "")
-    return int(text) if text.isdigit() else None
-
-
-def _whole(response: Any) -> int | None:
-    """Size of the whole file from Content-Range."""
-    text = response.headers.get("Content-Range", "").rpartition("/")[2]
-    return int(text) if text.isdigit() else None
 
 
 def sha256_of(path: Path) -> str:

@@ -156,7 +156,7 @@ def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stag
     fps, tracks = recipe.camera.fps, []
     kinds = []
     for name, color in (("fire", (1.0, 0.45, 0.15)), ("frost", (0.35, 0.65, 1.0)), ("venom", (0.45, 1.0, 0.3))):
-        light = w.light(type="point", name=name, color=list(color), intensity=14.0, range=12.0)
+        light = w.light(type="point", name=name, color=list(color), intensity=160.0, range=12.0)
         kinds.append((w.mesh(name, w.primitive(sphere(0.14, 6, 9), _glow(w, name, color))), light))
     for i in range(recipe.shots):
         mesh, light = kinds[i % len(kinds)]
@@ -179,7 +179,7 @@ def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stag
 
 def add_flashes(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage) -> Tracks:
     """Muzzle flashes and impacts: lights that stand still for a few frames."""
-    light = w.light(type="point", name="flash", color=[1.0, 0.82, 0.55], intensity=30.0, range=16.0)
+    light = w.light(type="point", name="flash", color=[1.0, 0.82, 0.55], intensity=400.0, range=16.0)
     tracks = []
     for i in range(recipe.flashes):
         birth = int(rng.integers(1, stage.frames - 12))
@@ -194,7 +194,7 @@ def add_flashes(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _St
 def add_carried(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage, seconds: float) -> Tracks:
     """Will-o'-the-wisps that are there all the time and float about."""
     color = (0.9, 0.85, 0.6)
-    light = w.light(type="point", name="wisp", color=list(color), intensity=5.0, range=9.0)
+    light = w.light(type="point", name="wisp", color=list(color), intensity=40.0, range=9.0)
     mesh = w.mesh("wisp", w.primitive(sphere(0.1, 6, 9), _glow(w, "wisp", color)))
     tracks = []
     for i in range(recipe.carried):

@@ -1,9 +1,13 @@
-"""The dial: any glTF scene with another camera, and things in it set moving, written as glTF again."""
+"""The dial: any scene with another camera, and things in it set moving, written as glTF.
+
+A glTF file is added to and otherwise kept as it is; what other formats hold is written as glTF first.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +18,7 @@ from taubench_gl.animation.state import FrameState
 from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, generate
 from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.gltf_edit import GltfEditor
+from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.datasets.motion_stats import MotionStats, ordered_steps
 from taubench_gl.datasets.recorded import RecordedPath
 from taubench_gl.datasets.rig import add_rig
@@ -59,15 +64,14 @@ class Stressed:
 def stress(
     source: str | Path, out: str | Path, camera: CameraSpec | RecordedPath, moves: Moves | None = None, seed: int = 0
 ) -> Stressed:
-    """Write ``source`` (.glb, .gltf) with ``camera`` and ``moves`` to ``out`` (.glb, .gltf); all else is kept.
+    """Write ``source``, whatever ``load_scene`` reads, with ``camera`` and ``moves`` to ``out`` (.glb, .gltf).
 
     Raises SceneError, SettingsError, OutputError.
     """
-    source, moves = Path(source), moves or Moves()
-    if source.suffix.lower() not in (".glb", ".gltf"):
-        raise SettingsError(f"{source.name} is not a glTF file", hint="stress reads and writes .glb and .gltf")
-    scene = load_scene(source)
-    editor = GltfEditor(source)
+    if Path(out).suffix.lower() not in (".glb", ".gltf"):
+        raise SettingsError(f"{Path(out).name} does not end in .glb or .gltf", hint="stress writes glTF")
+    moves = moves or Moves()
+    scene, editor, lost = _opened(str(source))
     chosen = _scene_index(editor)
     lens = editor.camera(CAMERA_NAME, *_lens(scene))
     path = None
@@ -89,9 +93,25 @@ def stress(
     lights, objects, tracks = _moved(editor, scene, moves, frames, fps, seed)
     editor.animation("stress moves", tracks)
     moved = f", {lights} lights and {objects} objects set moving" if lights or objects else ""
-    editor.say(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}")
+    editor.say(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}")
     editor.save(out)
     return Stressed(Path(out), path, fps, (frames - 1) / fps, lights, objects)
+
+
+def _opened(source: str) -> tuple[Scene, GltfEditor, str]:
+    """The scene, as its glTF has it, that glTF, and what was lost on the way, in words."""
+    if source.startswith("exr:"):
+        raise SettingsError(f"{source} holds pictures, nothing that could be seen from elsewhere", hint="name a scene")
+    scene = load_scene(source)
+    if Path(source).suffix.lower() in (".glb", ".gltf"):
+        return scene, GltfEditor(source), ""
+    with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:
+        file = Path(folder) / f"{scene.name or 'scene'}.glb".replace("/", "_")
+        write_scene(scene, file)
+        editor = GltfEditor(file)
+        written = load_scene(file)
+    lost = len(scene.replacements)
+    return written, editor, f"; {lost} cuts of single objects are not kept: glTF cannot say them" if lost else ""
 
 
 def _lens(scene: Scene) -> tuple[float, float, float | None]:

@@ -21,6 +21,13 @@ FLOOR_END, FLOOR_SIDE = 140.0, 40.0
 """Where the valley's floor ends along x, and on either side of its middle."""
 
 CELL = 4.0
+
+ROUGHNESS = 1.0
+"""Root mean square slope of the ground's bumps."""
+
+TILE = 6.0
+"""Metres after which the ground's pattern repeats."""
+
 EYE_HEIGHT = 1.75
 
 _WAVES = np.random.default_rng(20).uniform([0.012, 0.012, 0.0], [0.055, 0.055, 2 * np.pi], (14, 3))
@@ -99,7 +106,7 @@ class ValleySpace:
 
 
 def terrain() -> Shape:
-    """The ground with colours by height and slope; texture coordinates repeat every 6 m."""
+    """The ground with colours by height and slope; texture coordinates repeat every ``TILE``."""
     rows, columns = int(2 * HALF_WIDTH / CELL), int(2 * HALF_LENGTH / CELL)
     lines = np.linspace(-HALF_WIDTH, HALF_WIDTH, rows + 1), np.linspace(-HALF_LENGTH, HALF_LENGTH, columns + 1)
     z, x = np.meshgrid(*lines, indexing="ij")
@@ -112,32 +119,37 @@ def terrain() -> Shape:
     dry = (0.5 + 0.5 * np.sin(x / 17.0 + np.cos(z / 13.0)))[..., None]
     grass = (1 - dry) * np.array([0.13, 0.24, 0.06]) + dry * np.array([0.30, 0.28, 0.10])
     snow = _smooth((y - 44.0) / 9.0)[..., None]
-    color = (1 - steep) * grass + steep * np.array([0.27, 0.24, 0.21])
+    color = (1 - steep) * grass + steep * np.array([0.19, 0.17, 0.15])
     path = np.exp(-(((z - middle(x) - 5 * np.sin(x / 21)) / 2.6) ** 2))[..., None] * (np.abs(x) < FLOOR_END)[..., None]
     color = (1 - 0.8 * path) * color + 0.8 * path * np.array([0.36, 0.28, 0.19])
-    color = (1 - snow) * color + snow * 0.75
+    color = (1 - snow) * color + snow * 0.5
     return {
         "POSITION": np.stack([x, y, z], axis=-1).reshape(-1, 3),
         "NORMAL": normal.reshape(-1, 3),
-        "TEXCOORD_0": np.stack([x, z], axis=-1).reshape(-1, 2) / 6.0,
+        "TEXCOORD_0": np.stack([x, z], axis=-1).reshape(-1, 2) / TILE,
         "COLOR_0": np.concatenate([color, np.ones_like(snow)], axis=-1).reshape(-1, 4),
         "indices": grid_indices(rows, columns),
     }
 
 
-def mottled(size: int = 128) -> tuple[Array, Array]:
-    """A seamless bumpy pattern as a colour factor and a normal map.  -> two (size, size, 3) uint8."""
+def mottled(size: int = 512) -> tuple[Array, Array]:
+    """A seamless bumpy pattern as a colour factor and a normal map.  -> two (size, size, 3) uint8.
+
+    Bumps of every size with slopes alike, as broken ground has them: whatever a pixel covers, its neighbour differs.
+    """
     rng = np.random.default_rng(22)
-    y, x = np.mgrid[0:size, 0:size] * (2 * np.pi / size)
-    bumps = sum(
-        np.sin(rng.integers(1, top) * x + rng.integers(-top, top) * y + rng.uniform(0, 6.3)) / top**0.5
-        for top in np.repeat([5, 11, 23], 9)
+    frequency = np.fft.fftfreq(size, 1.0 / size)
+    turns = np.hypot(frequency[:, None], frequency[None, :])
+    # Slope energy is the same in every octave where the amplitude falls with the square of the frequency.
+    falling = np.where((turns >= 2) & (turns <= size / 3), 1.0, 0.0) / np.maximum(turns, 1.0) ** 2
+    bumps, spots = (
+        np.fft.ifft2(np.fft.fft2(rng.normal(size=(size, size))) * f).real for f in (falling, np.sqrt(falling))
     )
-    bumps = (bumps - bumps.min()) / (bumps.max() - bumps.min())
-    color = np.repeat((150 + 105 * bumps)[..., None], 3, axis=-1)
     slope = [np.roll(bumps, -1, a) - np.roll(bumps, 1, a) for a in (1, 0)]
-    normal = np.stack([-2.2 * slope[0], 2.2 * slope[1], np.ones_like(bumps)], axis=-1)
+    steep = ROUGHNESS / np.sqrt(np.mean(slope[0] ** 2 + slope[1] ** 2))
+    normal = np.stack([-steep * slope[0], steep * slope[1], np.ones_like(bumps)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    color = np.repeat((150 + 50 * spots / spots.std()).clip(32, 255)[..., None], 3, axis=-1)
     return (color // 8 * 8).astype(np.uint8), np.round(normal * 127.5 + 127.5).astype(np.uint8)
 
 
@@ -248,11 +260,12 @@ def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, fl
             )
             if solid:
                 obstacles.append((x, z, solid * size + 0.4))
-    sun = w.light(type="directional", name="sun", color=[1.0, 0.9, 0.72], intensity=6.0)
+    sun = w.light(type="directional", name="sun", color=[1.0, 0.9, 0.72], intensity=26.0)
     # From the south (-z), 30 degrees high.
     w.node("sun", rotation=_product(quat_about("y", 196.0), quat_about("x", -30.0)).tolist(), extensions=sun)
-    sky = w.light(type="directional", name="sky", color=[0.55, 0.72, 1.0], intensity=0.7)
-    w.node("sky", rotation=quat_about("x", -90.0).tolist(), extensions=sky)
+    sky = w.light(type="directional", name="sky", color=[0.55, 0.72, 1.0], intensity=10.0)
+    # The bright part of the sky, from the north and 35 degrees high: what gives the shadowed half its relief.
+    w.node("sky", rotation=_product(quat_about("y", 25.0), quat_about("x", -35.0)).tolist(), extensions=sky)
     return np.array(obstacles)
 
 
@@ -262,7 +275,7 @@ def add_lanterns(w: Writer, rng: np.random.Generator, count: int, obstacles: Arr
     glow = w.material("lantern", (1.0, 0.8, 0.5), emissiveFactor=[1.0, 0.65, 0.3])
     stand = w.mesh("post", w.primitive(post(), metal))
     flame = w.mesh("lantern", w.primitive(moved(sphere(0.11, 6, 10), (0, 2.36, 0.62)), glow))
-    light = w.light(type="point", name="lantern", color=[1.0, 0.68, 0.36], intensity=9.0, range=14.0)
+    light = w.light(type="point", name="lantern", color=[1.0, 0.68, 0.36], intensity=90.0, range=14.0)
     taken = [tuple(o) for o in obstacles.tolist()]
     for i, (x, z) in enumerate(scatter(rng, count, taken, 3.0, on_floor)):
         turn = quat_about("y", float(rng.uniform(0, 360))).tolist()

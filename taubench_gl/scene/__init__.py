@@ -57,11 +57,12 @@ def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequ
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise SceneError(
-            f"no reader for files ending in {path.suffix!r}",
-            where=path.name,
-            hint=f"known: {', '.join(sorted(READERS))}",
-        )
+        hint = f"known: {', '.join(sorted(READERS))}"
+        if path.suffix.lower() in (".fbx", ".blend"):
+            hint += f"; make it glTF first: taubench-gl convert {path.name} {path.stem}.glb"
+        elif not path.suffix:
+            hint += "; names of scenes: taubench-gl scenes list"
+        raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
     return reader(path, scene, animation)
 
 

@@ -226,6 +226,8 @@ class Scene:
     scene_names: tuple[str, ...] = ()
     stand_in: str | None = None  # what the scene stands for, where it is not the thing itself
     default_camera: str | None = None  # name of the camera that the file itself asks for
+    # nodes that take the place of another surface when they become visible: nothing of theirs was anywhere before
+    replacements: frozenset[int] = frozenset()
 
     @property
     def duration(self) -> float:

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 pytest.importorskip("pooch")
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.datasets import registry_store
+from taubench_gl.datasets import download
 from taubench_gl.datasets.registry import Entry
 from taubench_gl.datasets.registry_store import Store, unpack
 from taubench_gl.errors import DatasetError
@@ -35,13 +35,19 @@ def zipped(files: dict[str, bytes]) -> bytes:
 
 
 class Server:
-    """``files`` by path; ``limits``: bytes of each next answer before the line drops; ``silent``: never answers."""
+    """``files`` by path; ``limits``: bytes of each next answer before the line drops; ``silent``: never answers.
+
+    ``tags``: headers that name the version of every file; ``knows_if_range``: another version is answered in full.
+    """
 
     def __init__(self) -> None:
         self.files: dict[str, bytes] = {}
         self.limits: list[int] = []
         self.ranges: list[str | None] = []
         self.status, self.takes_ranges, self.silent = 200, True, False
+        self.tags: dict[str, str] = {}
+        self.if_ranges: list[str | None] = []
+        self.knows_if_range = True
         self.end = threading.Event()
         outer = self
 
@@ -61,6 +67,7 @@ class Server:
 
     def answer(self, request: BaseHTTPRequestHandler) -> None:
         self.ranges.append(request.headers.get("Range"))
+        self.if_ranges.append(request.headers.get("If-Range"))
         if self.silent:
             self.end.wait()
             return
@@ -69,7 +76,8 @@ class Server:
             request.send_error(404 if data is None else self.status)
             return
         start = 0
-        if self.ranges[-1] and self.takes_ranges:
+        other = self.knows_if_range and self.if_ranges[-1] not in (None, *self.tags.values())
+        if self.ranges[-1] and self.takes_ranges and not other:
             start = int(self.ranges[-1].removeprefix("bytes=").rstrip("-"))
             if start >= len(data):
                 request.send_response(416)
@@ -81,6 +89,8 @@ class Server:
         else:
             request.send_response(200)
         request.send_header("Content-Length", str(len(data) - start))
+        for name, value in self.tags.items():
+            request.send_header(name, value)
         request.end_headers()
         body = data[start:]
         request.wfile.write(body[: self.limits.pop(0)] if self.limits else body)
@@ -88,7 +98,7 @@ class Server:
 
 @pytest.fixture
 def server(monkeypatch):
-    monkeypatch.setattr(registry_store.time, "sleep", lambda _: None)
+    monkeypatch.setattr(download.time, "sleep", lambda _: None)
     for name in ("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"):
         monkeypatch.delenv(name, raising=False)
     made = Server()
@@ -137,10 +147,55 @@ def test_a_download_that_is_cut_off_for_good_goes_on_next_time(server, tmp_path)
 
 
 def test_a_part_that_was_whole_already(server, tmp_path):
+    whole = server.files["/world.zip"]
     (tmp_path / "world").mkdir()
-    (tmp_path / "world" / "world.zip.part").write_bytes(server.files["/world.zip"])
+    (tmp_path / "world" / "world.zip.part").write_bytes(whole)
+    note = {"url": server.url("/world.zip"), "bytes": len(whole)}
+    (tmp_path / "world" / "world.zip.part.json").write_text(json.dumps(note))
     store(server, tmp_path).get()
-    assert len(server.ranges) == 1
+    assert server.ranges == [f"bytes={len(whole)}-"], "asked once, answered 416, and taken as it is"
+
+
+def test_a_part_nobody_knows_the_origin_of_is_not_gone_on_with(server, tmp_path):
+    (tmp_path / "world").mkdir()
+    (tmp_path / "world" / "world.zip.part").write_bytes(b"something else")
+    store(server, tmp_path).get()
+    assert server.ranges == [None]
+
+
+TAGS = [
+    ({"ETag": '"one"'}, {"ETag": '"two"'}, '"one"'),
+    ({"Last-Modified": "Mon, 01 Jan 2024 00:00:00 GMT"}, {"Last-Modified": "Tue, 02 Jan 2024 00:00:00 GMT"},
+     "Mon, 01 Jan 2024 00:00:00 GMT"),
+    ({"ETag": 'W/"one"'}, {"ETag": 'W/"two"'}, None),  # a weak tag promises no equal bytes: not for If-Range
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("knows_if_range", [True, False])
+@pytest.mark.parametrize(("first", "then", "asked"), TAGS)
+def test_a_file_that_changed_is_not_glued_to_the_half_of_the_old(server, tmp_path, first, then, asked, knows_if_range):
+    old = server.files["/world.zip"]
+    server.tags, server.limits, server.knows_if_range = first, [100] * 4, knows_if_range
+    with pytest.raises(DatasetError, match="run it again to go on"):
+        store(server, tmp_path).get()
+    part = tmp_path / "world" / "world.zip.part"
+    assert part.read_bytes() == old[:400] and server.if_ranges[1:] == [asked] * 3
+    new = zipped({"world/main.aff": AFF, "world/read me.txt": b"other" * 2000})
+    assert len(new) == len(old) and new != old
+    server.files["/world.zip"], server.tags, server.limits = new, then, []
+    place = store(server, tmp_path)
+    place.get()
+    assert (place.folder / "world.zip").read_bytes() == new and not list(tmp_path.rglob("*.part*"))
+
+
+def test_a_server_that_tells_no_version_is_still_caught_by_the_size(server, tmp_path):
+    server.limits = [100] * 4
+    with pytest.raises(DatasetError):
+        store(server, tmp_path).get()
+    server.files["/world.zip"] = zipped({"world/main.aff": AFF})
+    place = store(server, tmp_path)
+    place.get()
+    assert (place.folder / "world.zip").read_bytes() == server.files["/world.zip"]
 
 
 def test_a_changed_download_is_refused(server, tmp_path):
@@ -172,7 +227,7 @@ def test_a_server_that_refuses(server, tmp_path, status):
 
 def test_a_server_that_never_answers(server, tmp_path, monkeypatch):
     server.silent = True
-    monkeypatch.setattr(registry_store, "TIMEOUT", (0.2, 0.2))
+    monkeypatch.setattr(download, "TIMEOUT", (0.2, 0.2))
     with pytest.raises(DatasetError, match=r"127\.0\.0\.1 does not answer"):
         store(server, tmp_path).get()
 
@@ -220,18 +275,23 @@ def test_archives_stay_in_their_folder(tmp_path, name):
 
 
 def test_which_scene_of_an_archive(tmp_path):
-    def place(files: dict[str, bytes], **fields) -> Store:
+    def place(files: dict[str, bytes], take: str | None = None, **fields) -> Store:
         (tmp_path / "a.zip").write_bytes(zipped(files))
         made = Store("x", Entry(title="x", **fields), tmp_path / "cache")
-        made.take(tmp_path / "a.zip")
+        made.take(tmp_path / "a.zip", take)
         return made
 
     two = {"in/a.aff": AFF, "in/b.aff": AFF}
     assert place(two, format="aff", scene="b.aff").scene().name == "b.aff"
     with pytest.raises(DatasetError, match="holds 2 files of the format aff"):
         place(two, format="aff")
-    with pytest.raises(DatasetError, match=r"holds no c\.aff"):
+    with pytest.raises(DatasetError, match=r"holds no c\.aff \(choose with --scene from a\.aff, b\.aff\)"):
         place(two, format="aff", scene="c.aff")
+    chosen = place(two, format="aff", scene="c.aff", take="b.aff")
+    assert chosen.scene().name == "b.aff" and chosen.record().scene == "b.aff"
+    assert chosen.take(tmp_path / "a.zip").name == "b.aff", "what was chosen once is remembered"
+    (tmp_path / "other name.aff").write_bytes(AFF)
+    assert chosen.take(tmp_path / "other name.aff").name == "other name.aff"
     quad = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     frames = place({f"t/t{i}.obj": quad for i in range(3)}, format="obj sequence").scene()
     assert load_scene(frames).duration == pytest.approx(2 / 24)

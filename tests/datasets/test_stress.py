@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from PIL import Image as Picture
+from row_files import row_file
 from validator import errors
 
 from taubench_gl.animation import Poser, choose_camera
@@ -16,12 +20,14 @@ from taubench_gl.apps.cli import cli, main
 from taubench_gl.datasets.camera_path import CameraSpec, chase, generate
 from taubench_gl.datasets.free_space import VoxelSpace, winding_number, world_triangles
 from taubench_gl.datasets.gltf_edit import GltfEditor
+from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.motion_stats import MotionStats
+from taubench_gl.datasets.registry import Entry
 from taubench_gl.datasets.shapes import box
 from taubench_gl.datasets.stress import CAMERA_NAME, Moves, stress
 from taubench_gl.effects.census import census
-from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.errors import SceneError, SettingsError, TaubenchError
 from taubench_gl.metrics.activity import camera_activity, summarize
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
@@ -197,10 +203,111 @@ def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, capsys, options, comp
 
 
 def test_other_formats_and_unwritable_places_are_refused(tmp_path):
-    with pytest.raises(SettingsError, match="is not a glTF file"):
-        stress(Path("scene.obj"), tmp_path / "out.glb", SPEC)
+    with pytest.raises(SceneError, match=r"no reader for files ending in '\.abc'"):
+        stress(Path("scene.abc"), tmp_path / "out.glb", SPEC)
+    with pytest.raises(SceneError, match=r"; make it glTF first: taubench-gl convert scene\.fbx scene\.glb\)"):
+        stress("scene.fbx", tmp_path / "out.glb", SPEC)
+    with pytest.raises(SettingsError, match="exr:renders holds pictures"):
+        stress("exr:renders", tmp_path / "out.glb", SPEC)
     with pytest.raises(SettingsError, match=r"does not end in \.glb or \.gltf"):
         stress(DEMO, tmp_path / "out.fbx", CameraSpec(frames=3))
     (tmp_path / "file").write_text("")
     with pytest.raises(TaubenchError, match="cannot be written"):
         stress(DEMO, tmp_path / "file" / "out.glb", CameraSpec(frames=3))
+
+
+def test_the_camera_keeps_out_of_the_way_of_what_moves(tmp_path):
+    """A wall that sweeps over half of a court: free is what it never fills, at t = 0 all of the court is."""
+    w = Writer("CC0-1.0", "test")
+    grey = w.material("grey")
+    w.node("floor", mesh=w.mesh("floor", w.primitive(box((-12, -0.2, -6), (12, 0, 6)), grey)))
+    w.node("far wall", mesh=w.mesh("far wall", w.primitive(box((-12, 0, -6.2), (12, 4, -6)), grey)))
+    wall = w.node("wall", mesh=w.mesh("wall", w.primitive(box((-0.1, 0, -6), (0.1, 4, 6)), grey)),
+                  translation=[-11.5, 0, 0])  # fmt: skip
+    w.animation("sweep", (wall, "translation", [0.0, 1.0, 2.0], [[-11.5, 0, 0], [0, 0, 0], [-11.5, 0, 0]], "LINEAR"))
+    w.save(tmp_path / "court.glb")
+    scene = load_scene(tmp_path / "court.glb")
+    space = VoxelSpace(scene, voxels=100_000)
+    swept = np.stack([np.linspace(-11.0, 0.0, 400), np.full(400, 1.7), np.zeros(400)], axis=1)
+    assert np.all(space.clearance(swept) <= 0), "no gap is left between the moments at which the wall was looked at"
+    path = generate(CameraSpec(MotionStats(0.2, 0.01), MotionStats(2.0, 1.0), frames=241), space)
+    assert np.all(path.position[:, 0] > 0.1) and np.ptp(path.position[:, 0]) > 3.0
+    still = VoxelSpace(dataclasses.replace(scene, channels=()), voxels=100_000)
+    assert np.all(still.clearance(swept[50:]) > 0), "it is the movement that fills it"
+
+
+OTHERS = ("obj", "sequence", "aff")
+
+
+@pytest.fixture(params=OTHERS)
+def other(request, tmp_path):
+    """A scene of another format, and what ``load_scene`` is given for it."""
+    if request.param == "aff":
+        with zipfile.ZipFile(row_file(Entry(title="x", format="aff", scene="x.aff"), tmp_path)) as archive:
+            archive.extractall(tmp_path)
+        return str(tmp_path / "bart" / "x.aff")
+    with zipfile.ZipFile(row_file(Entry(title="x", format="obj sequence"), tmp_path)) as archive:
+        archive.extractall(tmp_path)
+    folder = tmp_path / "toasters"
+    return str(folder) if request.param == "sequence" else str(folder / "toasters000.obj")
+
+
+def test_other_formats_come_out_as_gltf(other, tmp_path):
+    """World vertices of everything drawn are where the source has them, at and between frames; the camera is new."""
+    done = stress(other, tmp_path / "out.glb", CameraSpec(MotionStats(0.01, 1e-5), MotionStats(2.0), frames=31), seed=1)
+    theirs, ours = load_scene(other), load_scene(tmp_path / "out.glb")
+    assert done.path is not None and choose_camera(ours).node_name == CAMERA_NAME
+    for t in np.linspace(0.0, theirs.duration, 9):
+        a, b = (world_triangles(s, Poser(s).sample(float(t))) for s in (theirs, ours))
+        assert a.shape == b.shape
+        np.testing.assert_allclose(b, a, atol=2e-6)
+    assert [m.base_color for m in ours.materials] == [pytest.approx(m.base_color) for m in theirs.materials]
+    theirs_lit, ours_lit = ([s.lights[i] for i in s.nodes.light[s.light_nodes]] for s in (theirs, ours))
+    assert [(x.kind, x.intensity) for x in ours_lit] == [(x.kind, pytest.approx(x.intensity)) for x in theirs_lit]
+    assert errors_or_none(tmp_path / "out.glb") == []
+
+
+def test_visibility_and_pictures_go_along(tmp_path):
+    """Objects that come and go do so at the same frames; a texture is the same picture; cuts are lost and said."""
+    Picture.new("RGB", (4, 2), (200, 30, 10)).save(tmp_path / "red.png")
+    (tmp_path / "m.mtl").write_text("newmtl red\nmap_Kd red.png\nKe 3 0 0\n")
+    quad = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl red\n"
+    for i, faces in enumerate(("1/1 2/2 3/3 4/4", "1/1 2/2 3/3 4/4", "1/1 2/2 3/3", "1/1 2/2 3/3")):
+        (tmp_path / f"s{i}.obj").write_text(f"{quad}o one\nf {faces}\n")
+    stress(str(tmp_path), tmp_path / "out.glb", CameraSpec(frames=5, fps=24.0))
+    theirs, ours = load_scene(tmp_path), load_scene(tmp_path / "out.glb")
+    assert len(theirs.replacements) == 1 and any("1 cuts of single objects" in str(n) for n in ours.notes)
+    for frame in range(4):
+        a, b = (world_triangles(s, Poser(s).sample(frame / 24)) for s in (theirs, ours))
+        b = b[np.ptp(b, axis=1).max(axis=-1) > 0]  # what is switched off has no size
+        np.testing.assert_allclose(b, a, atol=1e-7)
+    (material,) = ours.materials
+    assert material.emissive == pytest.approx((3, 0, 0))
+    pixels = ours.images[material.base_color_texture.image].decode()
+    np.testing.assert_array_equal(pixels, theirs.images[theirs.materials[0].base_color_texture.image].decode())
+    assert errors_or_none(tmp_path / "out.glb") == []
+
+
+def errors_or_none(path):
+    """The Khronos validator's errors; none where it is not installed (its own test says so by name)."""
+    try:
+        return errors(path)
+    except pytest.skip.Exception:
+        return []
+
+
+def test_what_is_not_written_is_one_line():
+    scene = load_scene(DEMO)
+    with pytest.raises(SceneError, match=r"demo\.glb: has .*, which are not written from this format"):
+        write_scene(scene, Path("never.glb"))
+    assert not Path("never.glb").exists()
+
+
+def test_a_sequence_from_the_command_line(tmp_path, gpu):
+    with zipfile.ZipFile(row_file(Entry(title="x", format="obj sequence"), tmp_path)) as archive:
+        archive.extractall(tmp_path)
+    source, out = f"{tmp_path}/toasters/toasters*.obj@30", tmp_path / "hard.glb"
+    done = CliRunner().invoke(cli, ["stress", source, "--camera", "still", "--seconds", "0.2", "--out", str(out)])
+    assert done.exit_code == 0, done.output
+    seen = CliRunner().invoke(cli, ["evaluate", str(out), "--size", "32x18", "--columns", "position"])
+    assert seen.exit_code == 0 and "stressed: a generated camera" in seen.output

@@ -5,8 +5,8 @@ every ``g`` where the file has no ``o``.  Polygons are fans; faces without norma
 
 In a sequence, frame i is file i and is shown at i / fps.  An object whose faces stay the same is one mesh with a morph
 target for each shape it takes and LINEAR weights, so that every frame has exactly the file's vertices and motion
-follows them.  Where its faces change, one mesh ends and another begins: a cut for that object alone, across which
-nothing follows it (its new surface is seen as standing still where it appears).
+follows them.  Where its faces change, one mesh ends and another begins, which is one of ``Scene.replacements``: a cut
+for that object alone, whose pixels have no counterpart in the frame before.
 """
 
 from __future__ import annotations
@@ -66,6 +66,7 @@ class _Track:
     which: list[int]  # per frame: 0 the base, k the k-th of ``others``
     others: list[tuple[Array, Array]]  # positions, normals
     seen: dict[bytes, int]
+    replaces: bool  # its object was there before, with other faces
 
     def add(self, shape: Shape) -> None:
         key = shape.v.tobytes() + shape.vn.tobytes()
@@ -100,7 +101,7 @@ class _Assembly:
                 else:
                     if track is not None:
                         self.library.note(f"{name or 'the object'} changes its faces: a cut for it", path.name)
-                    track = _Track(name, frame, frame, shape, [], [], {})
+                    track = _Track(name, frame, frame, shape, [], [], {}, replaces=track is not None)
                     track.seen[shape.v.tobytes() + shape.vn.tobytes()] = 0
                     track.add(shape)
                     self.tracks.append(track)
@@ -120,12 +121,14 @@ class _Assembly:
             self.library.note(f"{count} statements of {what} are not drawn", file.path.name)
 
     def scene(self, name: str, path: Path, animation: Sequence[str | int] | None) -> Scene:
-        nodes, meshes, channels = NodeList(), [], []
+        nodes, meshes, channels, replacements = NodeList(), [], [], []
         root = nodes.add(name)
         count = len(self.files)
         for track in self.tracks:
             node = nodes.add(track.name or name, root, mesh=len(meshes))
             meshes.append(self._mesh(track))
+            if track.replaces:
+                replacements.append(node)
             if track.others:
                 times = np.arange(track.first, track.last + 1) / self.fps
                 weights = np.zeros((len(times), len(track.others)))
@@ -154,6 +157,7 @@ class _Assembly:
             notes=tuple(self.library.notes),
             path=path,
             sha256=self.digest.hexdigest(),
+            replacements=frozenset(replacements),
         )
 
     def _visible(self, node: int, track: _Track) -> Channel:

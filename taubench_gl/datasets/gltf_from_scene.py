@@ -1,0 +1,225 @@
+"""A Scene as glTF: what the readers of text formats make of a file, for tools that read neither OBJ nor AFF.
+
+Vertex animation is written as morph targets.  Visibility is written as a scale of 0 or 1 of a node put above, which
+every viewer plays; a node's own scale stays its own.  Key times become float32: one that the rounding would put behind
+its frame is put before it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pygltflib as gl
+
+from taubench_gl.datasets.gltf_writer import Writer
+from taubench_gl.errors import SceneError
+from taubench_gl.scene.model import Camera, Channel, Light, Material, Primitive, Scene, Texture
+
+Array = np.ndarray
+
+_PATHS = ("translation", "rotation", "scale", "weights", "visible")
+
+
+def write_scene(scene: Scene, path: Path) -> None:
+    """Write what plays of ``scene`` as .glb.  Raises SceneError for a construct this does not write, OutputError."""
+    _refuse(scene)
+    w = Writer("", "taubench-gl", share=True)
+    w.gltf.scenes[0].name = scene.name
+    textures = _Textures(w, scene)
+    materials = [_material(w, m, textures) for m in scene.materials]
+    cameras = [_camera(w, c) for c in scene.cameras]
+    lights = [_light(w, light) for light in scene.lights]
+    meshes = [_mesh(w, mesh.name, mesh.primitives, mesh.weights, materials) for mesh in scene.meshes]
+    place = _nodes(w, scene, meshes, cameras, lights)
+    tracks = [_track(channel, place) for channel in scene.channels]
+    if tracks:
+        w.animation(" + ".join(scene.playing) or "animation", *tracks)
+    w.save(path)
+
+
+def _refuse(scene: Scene) -> None:
+    """What only glTF files have goes the way that keeps their file as it is."""
+    nodes, where = scene.nodes, str(scene.path or scene.name)
+    for there, what in (
+        (bool(scene.skins), "skins"),
+        (bool(nodes.instances), "instances"),
+        (bool(np.any(nodes.has_matrix)), "nodes with a matrix"),
+        (any(c.kind != "perspective" for c in scene.cameras), "a camera without perspective"),
+        (any(c.target != "node" or c.path not in _PATHS for c in scene.channels), "animated lenses or lights"),
+    ):
+        if there:
+            raise SceneError(f"has {what}, which are not written from this format", where=where)
+
+
+def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int], lights: list[dict]) -> dict:
+    """All nodes, with a node above each one whose visibility changes.  -> (node, 'visible' or '') -> index written."""
+    nodes = scene.nodes
+    switched = {c.index for c in scene.channels if c.path == "visible"} | set(np.flatnonzero(~nodes.visible).tolist())
+    place: dict[tuple[int, str], int] = {}
+    for node in _parents_first(nodes.parent):
+        parent = int(nodes.parent[node])
+        above = None if parent < 0 else place[parent, ""]
+        if node in switched:
+            shown = [float(nodes.visible[node])] * 3
+            above = place[node, "visible"] = w.node(f"{nodes.names[node]} visible", above, scale=shown)
+        more: dict[str, Any] = {}
+        if nodes.mesh[node] >= 0 and meshes[nodes.mesh[node]] is not None:
+            more["mesh"] = meshes[nodes.mesh[node]]
+        if nodes.camera[node] >= 0:
+            more["camera"] = cameras[nodes.camera[node]]
+        if nodes.light[node] >= 0:
+            more["extensions"] = lights[nodes.light[node]]
+        place[node, ""] = w.node(
+            nodes.names[node],
+            above,
+            translation=nodes.translation[node].tolist(),
+            rotation=(nodes.rotation[node] / np.linalg.norm(nodes.rotation[node])).tolist(),
+            scale=nodes.scale[node].tolist(),
+            **more,
+        )
+    return place
+
+
+def _parents_first(parent: Array) -> list[int]:
+    out: list[int] = []
+    left = list(range(len(parent)))
+    written = {-1}
+    while left:
+        ready = [node for node in left if int(parent[node]) in written]
+        out += ready
+        written |= set(ready)
+        left = [node for node in left if node not in written]
+    return out
+
+
+def _track(channel: Channel, place: dict[tuple[int, str], int]) -> tuple:
+    values = np.asarray(channel.values, dtype=np.float64)
+    times = _key_times(channel.times)
+    if channel.path == "visible":
+        shown = np.repeat(np.where(values > 0.5, 1.0, 0.0), 3, axis=1)
+        return place[channel.index, "visible"], "scale", times, shown, "STEP"
+    if channel.path == "rotation" and channel.interpolation != "CUBICSPLINE":
+        values = values / np.linalg.norm(values, axis=-1, keepdims=True)
+    return place[channel.index, ""], channel.path, times, values.reshape(-1, values.shape[-1]), channel.interpolation
+
+
+def _key_times(times: Array) -> Array:
+    """float32 keys at or just before their times, strictly increasing."""
+    out = np.asarray(times, dtype=np.float32)
+    out = np.where(out > times, np.nextafter(out, np.float32(0)), out).astype(np.float32)
+    for i in range(1, len(out)):
+        if out[i] <= out[i - 1]:
+            out[i] = np.nextafter(out[i - 1], np.float32(np.inf))
+    return out
+
+
+def _mesh(w: Writer, name: str, primitives: tuple[Primitive, ...], weights: Array, materials: list[int]) -> int | None:
+    drawn = [p for p in primitives if len(p.triangles)]
+    if not drawn:
+        return None
+    morphs = any(p.targets for p in drawn)
+    return w.mesh(name, *(_primitive(w, p, materials) for p in drawn), weights=list(weights) if morphs else None)
+
+
+def _primitive(w: Writer, p: Primitive, materials: list[int]) -> gl.Primitive:
+    attributes = gl.Attributes(POSITION=w.accessor(p.positions, "f4", gl.ARRAY_BUFFER, bounds=True))
+    if p.normals is not None:
+        attributes.NORMAL = w.accessor(_unit(p.normals), "f4", gl.ARRAY_BUFFER)
+    for i, uv in enumerate(p.texcoords):
+        if uv is not None:
+            setattr(attributes, f"TEXCOORD_{i}", w.accessor(uv, "f4", gl.ARRAY_BUFFER))
+    if p.colors is not None:
+        attributes.COLOR_0 = w.accessor(p.colors, "f4", gl.ARRAY_BUFFER)
+    out = gl.Primitive(
+        attributes=attributes,
+        indices=w.accessor(p.triangles.reshape(-1), "u4", gl.ELEMENT_ARRAY_BUFFER),
+        material=None if p.material < 0 else materials[p.material],
+        mode=gl.TRIANGLES,
+    )
+    for target in p.targets:
+        moved = np.zeros_like(p.positions) if target.positions is None else target.positions
+        entry = {"POSITION": w.accessor(moved, "f4", gl.ARRAY_BUFFER, bounds=True)}
+        if target.normals is not None and p.normals is not None:
+            entry["NORMAL"] = w.accessor(target.normals, "f4", gl.ARRAY_BUFFER)
+        out.targets.append(entry)
+    return out
+
+
+def _unit(normals: Array) -> Array:
+    """Unit in float64, so that a validator's tolerance holds in float32."""
+    normals = normals.astype(np.float64)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0, normals / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
+
+
+class _Textures:
+    """Images and textures written when a material first names them."""
+
+    def __init__(self, w: Writer, scene: Scene):
+        self._w, self._scene, self._images, self._written = w, scene, {}, {}
+
+    def info(self, texture: Texture) -> dict[str, Any]:
+        """``index``, ``texCoord`` and what else a textureInfo of ``texture`` needs."""
+        image, sampler = texture.image, texture.sampler
+        if image not in self._images:
+            self._images[image] = self._w.image(self._scene.images[image].decode())
+        key = (image, sampler)
+        if key not in self._written:
+            made = gl.Sampler(
+                magFilter=sampler.mag_filter, minFilter=sampler.min_filter, wrapS=sampler.wrap_s, wrapT=sampler.wrap_t
+            )
+            self._w.gltf.samplers.append(made)
+            self._w.gltf.textures.append(gl.Texture(source=self._images[image], sampler=len(self._w.gltf.samplers) - 1))
+            self._written[key] = len(self._w.gltf.textures) - 1
+        return {"index": self._written[key], "texCoord": texture.texcoord}
+
+
+def _material(w: Writer, m: Material, textures: _Textures) -> int:
+    surface = gl.PbrMetallicRoughness(
+        baseColorFactor=[float(c) for c in m.base_color], metallicFactor=m.metallic, roughnessFactor=m.roughness
+    )
+    if m.base_color_texture is not None:
+        surface.baseColorTexture = gl.TextureInfo(**textures.info(m.base_color_texture))
+    out = gl.Material(name=m.name, pbrMetallicRoughness=surface, alphaMode=m.alpha_mode, doubleSided=m.double_sided)
+    out.alphaCutoff = m.alpha_cutoff if m.alpha_mode == "MASK" else None
+    strength = max(1.0, *m.emissive)
+    out.emissiveFactor = [float(c) / strength for c in m.emissive]
+    if m.emissive_texture is not None:
+        out.emissiveTexture = gl.TextureInfo(**textures.info(m.emissive_texture))
+    if m.normal_texture is not None:
+        out.normalTexture = gl.NormalMaterialTexture(scale=m.normal_scale, **textures.info(m.normal_texture))
+    extensions: dict[str, Any] = {}
+    if strength > 1.0:
+        extensions["KHR_materials_emissive_strength"] = {"emissiveStrength": strength}
+    if m.specular != 1.0:
+        extensions["KHR_materials_specular"] = {"specularFactor": m.specular}
+    if m.unlit:
+        extensions["KHR_materials_unlit"] = {}
+    if extensions:
+        out.extensions = extensions
+        used = w.gltf.extensionsUsed
+        used += [name for name in extensions if name not in used]
+    w.gltf.materials.append(out)
+    return len(w.gltf.materials) - 1
+
+
+def _camera(w: Writer, c: Camera) -> int:
+    zfar = c.zfar if np.isfinite(c.zfar) else None
+    lens = gl.Perspective(yfov=c.yfov, znear=c.znear, zfar=zfar, aspectRatio=c.aspect)
+    w.gltf.cameras.append(gl.Camera(name=c.name, type="perspective", perspective=lens))
+    return len(w.gltf.cameras) - 1
+
+
+def _light(w: Writer, light: Light) -> dict:
+    told: dict[str, Any] = {"type": light.kind, "name": light.name, "intensity": float(light.intensity)}
+    # Colours of the extension stay within 0..1; what is brighter goes into the intensity.
+    peak = max(1.0, *light.color)
+    told["color"] = [float(c) / peak for c in light.color]
+    told["intensity"] *= peak
+    if np.isfinite(light.range):
+        told["range"] = light.range
+    if light.kind == "spot":
+        told["spot"] = {"innerConeAngle": light.inner_cone, "outerConeAngle": light.outer_cone}
+    return w.light(**told)

@@ -1,0 +1,124 @@
+"""Every row of the registry, from its name to its Table 1-4 row by two commands, on a small file of its own format."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from row_files import SECONDS, row_file
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.cycles.render import INTERPRETER, blender_python, blender_version
+from taubench_gl.datasets.named import find_named, scene_text
+from taubench_gl.datasets.registry import Entry, load_registry
+from taubench_gl.datasets.registry_store import Store
+from taubench_gl.errors import DatasetError
+from taubench_gl.report.tables import paper_numbers
+from taubench_gl.scene import load_scene
+
+ENTRIES = load_registry()
+ROWS = [pytest.param(name, marks=[pytest.mark.long] * (entry.format == "fbx")) for name, entry in ENTRIES.items()]
+PAPER = {scene["name"]: scene for scene in paper_numbers()["scenes"]}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """One file per format (and name, where the row asks for one); Blender writes FBX once for all rows."""
+    files: dict[tuple[str, str | None], Path] = {}
+
+    def make(entry: Entry) -> Path:
+        key = entry.format, entry.scene
+        if key not in files:
+            blender = blender_python() if entry.format == "fbx" else None
+            if blender is not None and blender_version(blender) is None:
+                pytest.skip(f"no bpy in {INTERPRETER} or this interpreter")
+            files[key] = row_file(entry, tmp_path_factory.mktemp("rows"), blender)
+        return files[key]
+
+    return make
+
+
+def run(*words: str):
+    return CliRunner().invoke(cli, words, catch_exceptions=False)
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_from_a_name_to_its_rows_in_the_tables(name, made, gpu, tmp_path, monkeypatch):
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    entry = ENTRIES[name]
+    got = run("scenes", "get", name, "--from", str(made(entry)), "--accept-licence")
+    assert got.exit_code == 0 and f"taubench-gl evaluate {name}" in got.output, got.output
+    done = run("evaluate", name, "--size", "64x36", "--indirect", "rsm", "--out", "out")
+    assert done.exit_code == 0, done.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    fps = entry.fps or 24.0
+    settings = summary["settings"]
+    assert settings["fps"] == fps and settings["unit_scale"] == entry.unit_scale
+    early = 1 if entry.format == "fbx" else 0  # Blender's take begins at frame 0, its animation at frame 1
+    assert summary["pairs"] == round(SECONDS * fps) + early
+    if entry.camera is not None:
+        assert entry.camera in summary["camera"]["source"]
+    # Table 1: what moves is one object, or one whose vertices move; Tables 2 and 3: the camera's metre (0 in an orbit).
+    census = summary["census"]
+    moved = "morphs_dynamic" if entry.format == "obj sequence" else "dynamic_rigid_objects"
+    assert census[moved] == 1 and census["static_point_lights"] == (0 if entry.format == "obj sequence" else 1)
+    if entry.format != "obj sequence":
+        travelled = summary["camera"]["position"]["mean"] * summary["pairs"]
+        whole = 1.2 if entry.format == "fbx" else 1.0
+        assert travelled == pytest.approx(whole * (summary["pairs"] - early) / (fps * SECONDS), rel=1e-3)
+    # Table 4: measured where there is light, else null with the reason.
+    for column, found in summary["discard"].items():
+        lit = entry.format != "obj sequence" or column in ("frustum", "position", "normal")
+        assert (found["mean_percent"] is not None) == lit and (lit or found["reason"]), column
+    assert summary["discard"]["position"]["mean_percent"] > 0.0
+    assert ("  " + entry.paper if entry.paper else "Toasters") in (tmp_path / "out" / "tables.txt").read_text()
+    assert entry.paper is None or entry.paper in PAPER
+
+
+def test_options_override_the_row(made, gpu, tmp_path, monkeypatch):
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    assert run("scenes", "get", "BART-Kitchen", "--from", str(made(ENTRIES["bart-kitchen"])), "--accept-licence")
+    words = ["evaluate", "scene:BartKitchen", "--size", "32x18", "--columns", "frustum", "--out", "out"]
+    assert run(*words, "--fps", "12", "--unit-scale", "2").exit_code == 0
+    settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
+    assert (settings["fps"], settings["unit_scale"], settings["first_frame"], settings["last_frame"]) == (12, 2, 0, 3)
+    assert "fps" in (shown := run("inspect", "bart-kitchen", "--json").output) and json.loads(shown)["fps"] == 40
+
+
+def test_a_users_own_row_brings_all_it_says(made, gpu, tmp_path, monkeypatch):
+    (tmp_path / "mine.toml").write_text(
+        '[my-hall]\ntitle = "Hall"\nformat = "gltf"\nfps = 30.0\nframes = [2, 6]\ncamera = "eye"\nunit_scale = 100.0\n'
+    )
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("TAUBENCH_SCENES", str(tmp_path / "mine.toml"))
+    monkeypatch.chdir(tmp_path)
+    run("scenes", "get", "my-hall", "--from", str(made(ENTRIES["eternal-valley-fps"])), "--accept-licence")
+    done = run("evaluate", "my-hall", "--size", "32x18", "--columns", "frustum,position", "--out", "out")
+    assert done.exit_code == 0, done.output
+    settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
+    assert (settings["fps"], settings["first_frame"], settings["last_frame"]) == (30, 2, 5)
+    assert settings["unit_scale"] == 100 and settings["thresholds"]["position"] == pytest.approx(100 * 32 / 255)
+
+
+def test_what_is_a_name_and_what_is_a_path(tmp_path, monkeypatch):
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    for text in ("toasters.glb", "./toasters", "exr:toasters", "nothing-of-ours", ""):
+        assert find_named(text) is None, text
+    assert find_named("Toasters").name == "toasters"
+    with pytest.raises(DatasetError, match=r"toasters is a known scene, but not here yet \(taubench-gl scenes get"):
+        scene_text(find_named("toasters"))
+    (tmp_path / "toasters").mkdir()
+    assert find_named("toasters") is None and find_named("scene:toasters").name == "toasters"
+    with pytest.raises(DatasetError, match="no scene is called 'toaster'"):
+        find_named("scene:toaster")
+
+
+def test_a_sequence_runs_at_the_rate_of_its_row(made, tmp_path):
+    store = Store("quick", Entry(title="x", format="obj sequence", fps=48.0), tmp_path)
+    store.take(made(ENTRIES["toasters"]))
+    assert load_scene(scene_text(store)).duration == pytest.approx(0.125)

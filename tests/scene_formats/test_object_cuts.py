@@ -1,0 +1,79 @@
+"""A surface that takes another's place has no history: its pixels are cut, everywhere, and no position discard."""
+
+from __future__ import annotations
+
+import numpy as np
+import obj_files
+import pytest
+from frame_tools import still_camera
+
+from taubench_gl.conventions import NO_HISTORY, Reason
+from taubench_gl.effects.decide import decide
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Camera
+from taubench_gl.settings import Settings
+
+FACES = ("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n", "f 1 2 3 4\nf 4 3 2 1\n")
+"""The left object's, frame by frame: others from frame 2 on."""
+
+SETTINGS = Settings(96, 54, fps=24.0, columns=("frustum", "position", "normal"))
+
+
+def sequence(folder, faces=FACES):
+    """Two squares side by side, of which the left one comes nearer by 0.5 m a frame."""
+    right = "o right\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nf 5 6 7 8\n"
+    for i, left in enumerate(faces):
+        corners = "".join(f"v {x} {y} {0.5 * i}\n" for x, y in ((-2, -1), (0, -1), (0, 1), (-2, 1)))
+        obj_files.write(folder, f"o left\n{corners}{left}{right}", f"s{i}.obj")
+    return load_scene(folder)
+
+
+def pairs_of(scene, **options):
+    seen = []
+
+    def keep(pair) -> None:
+        read = {n: pair.source.read(n) for n in pair.source.channels}
+        seen.append((pair.row, pair.mask(), read))
+
+    camera = still_camera(Camera(yfov=0.8), (0, 0, 6.0))
+    run = evaluate_scene(scene, SETTINGS, camera=camera, on_pair=keep, **options)
+    return run, seen
+
+
+@pytest.mark.parametrize("reprojection", ["camera", "motion"])
+def test_changed_faces_are_cut_in_their_pair_alone(gpu, tmp_path, reprojection, monkeypatch):
+    monkeypatch.setattr(f"{__name__}.SETTINGS", Settings(96, 54, columns=SETTINGS.columns, reprojection=reprojection))
+    scene = sequence(tmp_path)
+    assert len(scene.replacements) == 1
+    run, seen = pairs_of(scene)
+    assert run.summary["effects"]["cuts"]["on"]
+    assert any("changes its faces: a cut" in note for note in run.summary["notes"])
+    half = SETTINGS.width // 2
+    for row, mask, read in seen:
+        cut, ids = mask & Reason.CUT > 0, read["ids"]
+        left = (ids[..., 0] > 0) & (np.arange(SETTINGS.width) < half)
+        if row["frame"] == 2:
+            assert left.sum() > 500 and not np.any(mask[left] & ~np.uint32(Reason.CUT))
+            np.testing.assert_array_equal(cut, left)
+            assert row["cut"] == left.sum() and row["position"] < 60, "only what it uncovers is a position discard"
+        else:
+            # It moves by more than the threshold: a discard where surfaces count as still, none where it is followed.
+            assert row["cut"] == 0 and not cut.any() and not np.any(ids[..., 1] & np.uint32(NO_HISTORY))
+            assert (row["position"] > 500) == (reprojection == "camera")
+        classes = ("first", "cut", "invalid", "frustum", "comparable")
+        assert sum(row[name] for name in classes) == row["pixels"] == mask.size
+
+
+def test_frames_between_may_be_left_out(gpu, tmp_path, monkeypatch):
+    """At half the rate the change still falls into one pair, and into no other."""
+    monkeypatch.setattr(f"{__name__}.SETTINGS", Settings(96, 54, fps=12.0, columns=SETTINGS.columns))
+    run, _ = pairs_of(sequence(tmp_path, (*FACES[:2], *FACES[2:], FACES[-1])))
+    assert [row["cut"] > 0 for row in run.frames] == [True, False]
+
+
+def test_it_costs_nothing_where_nothing_is_replaced(gpu, tmp_path):
+    scene = sequence(tmp_path, FACES[:1] * 3)
+    assert not scene.replacements and not decide(scene, SETTINGS)["cuts"].on
+    run, seen = pairs_of(scene)
+    assert all("ids" not in read for _, _, read in seen) and all(row["cut"] == 0 for row in run.frames)
