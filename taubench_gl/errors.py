@@ -39,6 +39,10 @@ class DatasetError(TaubenchError):
     """A scene of the registry is unknown, cannot be fetched, or is not what it was."""
 
 
+class MethodError(TaubenchError):
+    """A reuse method is not what the contract asks for, does not compile, or failed while it ran."""
+
+
 class OutputError(TaubenchError):
     """A result cannot be written where it was asked for, or a stored run cannot be read."""
 

@@ -1,5 +1,5 @@
-// Material table and texture sampling with KHR_texture_transform and mirrored wrapping.
-layout(std430, binding = 1) readonly buffer Materials { MaterialRecord materials[]; };
+// The material of the group being drawn, and texture sampling with KHR_texture_transform and mirrored wrapping.
+layout(std140, binding = 1) uniform Material { MaterialRecord material; };
 
 #if TEXCOORDS
 in vec4 texcoord;
@@ -23,8 +23,7 @@ uniform sampler2D occlusion_map;
 #if TEXCOORDS
 float fold(float x) { return 1.0 - abs(mod(x, 2.0) - 1.0); }
 
-// Gradients are taken of the varying, before anything read from a buffer touches it (helper invocations read buffers as 0
-// on Mesa), and before folding (a mirrored seam must not look like a jump to the mip selection).
+// Gradients are taken of the varying, before folding: a mirrored seam must not look like a jump to the mip selection.
 vec4 sample_map(sampler2D map, MaterialRecord m, int slot) {
     vec4 row_x = m.uv_x[slot], row_y = m.uv_y[slot];
     vec4 ddx = dFdx(texcoord), ddy = dFdy(texcoord);

@@ -6,6 +6,13 @@
 
 const float HALF_FLOAT = 1.0 / 1024.0; // relative rounding of a half float, where it is cut off rather than rounded
 
+#ifndef SHADOW_RANDOM
+#define SHADOW_RANDOM 0
+#endif
+#if SHADOW_RANDOM
+vec2 shadow_random; // in [0, 1), set before every lookup
+#endif
+
 uniform sampler2D shadow_atlas;
 layout(std430, binding = 5) readonly buffer Faces { ShadowFace faces[]; };
 
@@ -28,7 +35,9 @@ float face_visibility(ShadowFace f, vec3 p, vec3 g) {
     float plane = dot(g, q);
     float texel_size = f.extent.y * (parallel ? 1.0 : z);
     float lit = 0.0;
-#if SHADOW_TAPS == 1
+#if SHADOW_RANDOM // one of the bilinear filter's four taps, with its weight as the probability
+    base += vec2(lessThan(shadow_random, w));
+#elif SHADOW_TAPS == 1
     base = floor(texel + 0.5);
 #endif
     for (int tap = 0; tap < SHADOW_TAPS; ++tap) {

@@ -1,10 +1,13 @@
 // Indirect radiance of every pixel from the irradiance around it: probes, or the small gathered image brought up to full
-// size between samples of the same plane and orientation (a pixel that has none gathers for itself).
+// size between samples of the same plane and orientation (a pixel that has none gathers for itself; with GATHER_EACH
+// every pixel does).  Only of the pixels shaded in this frame.
 //
 // Paper    section 3.2, f_ind.
 // Departs  The glossy lobe sees the irradiance of its mirror direction, not an image; diffuse light is what bounces on.
 #include "common/affine.glsl"
 #include "common/indirect.glsl"
+#include "common/shading_rate.glsl"
+#include "common/storage.glsl"
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
@@ -19,10 +22,11 @@ uniform sampler2D position;
 uniform sampler2D normal;
 uniform sampler2D base_color;
 uniform sampler2D material;
-layout(rgba32f, binding = 0) writeonly uniform image2D indirect_out;
+layout(RADIANCE_FORMAT, binding = 0) writeonly uniform image2D indirect_out;
 
 #if !PROBES
 vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
+#if !GATHER_EACH
     vec2 at = (vec2(pixel) - float(SCALE / 2)) / float(SCALE);
     ivec2 base = ivec2(floor(at));
     vec2 f = at - vec2(base);
@@ -43,6 +47,7 @@ vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
         total += weight;
     }
     if (total > 1e-3) return sum / total;
+#endif
     vec3 own = vec3(0.0);
     for (int k = 0; k < P.counts.x; ++k) own += vpl_irradiance(virtual_lights[k], p + P.scene_from_relative.xyz, n);
     return own;
@@ -50,7 +55,7 @@ vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
 #endif
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 pixel = shaded_pixel(ivec2(gl_GlobalInvocationID.xy), P.counts.y);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
     vec4 p = texelFetch(position, pixel, 0);
     vec4 m = texelFetch(material, pixel, 0);

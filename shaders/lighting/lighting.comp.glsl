@@ -2,12 +2,15 @@
 //
 // Paper    section 3.2, f_dir: the direct radiance whose change is thresholded.
 // Reads    position normal geometric_normal base_color material, light table, shadow atlas, per-tile light lists.
-// Writes   direct (diffuse + glossy), and each lobe on request.
+// Writes   direct (diffuse + glossy), and each lobe on request; only of the pixels shaded in this frame.
 // Twin     metrics.brdf (its albedo_table for the sky), metrics.lighting
 // Departs  The sky's own occlusion is not simulated: its light is that of an unoccluded point.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"
+#include "common/shading_rate.glsl"
+#include "common/sky.glsl"
+#include "common/storage.glsl"
 #if SHADOWS
 #include "common/shadow.glsl"
 #endif
@@ -26,30 +29,14 @@ uniform sampler2D normal;
 uniform sampler2D geometric_normal;
 uniform sampler2D base_color;
 uniform sampler2D material;
-#if SKY && GLOSSY
-uniform sampler2D albedo_table;
-#endif
-layout(rgba32f, binding = 0) writeonly uniform image2D direct_out;
+layout(RADIANCE_FORMAT, binding = 0) writeonly uniform image2D direct_out;
 #if SPLIT_LOBES
-layout(rgba32f, binding = 1) writeonly uniform image2D direct_diffuse_out;
-layout(rgba32f, binding = 2) writeonly uniform image2D direct_glossy_out;
-#endif
-
-#if SKY && GLOSSY
-// What the lobes send to the viewer of a uniform sky: glossy F0 x + F90 y, diffuse 1 - Fresnel with z for Schlick's term.
-vec3 lobe_albedos(float roughness, float n_v) {
-    vec2 at = clamp(vec2(n_v, roughness), 0.0, 1.0) * float(textureSize(albedo_table, 0).x - 1);
-    ivec2 base = min(ivec2(at), textureSize(albedo_table, 0) - 2);
-    vec2 f = at - vec2(base);
-    vec3 low = mix(texelFetch(albedo_table, base, 0).xyz, texelFetch(albedo_table, base + ivec2(1, 0), 0).xyz, f.x);
-    base.y += 1;
-    vec3 high = mix(texelFetch(albedo_table, base, 0).xyz, texelFetch(albedo_table, base + ivec2(1, 0), 0).xyz, f.x);
-    return mix(low, high, f.y);
-}
+layout(RADIANCE_FORMAT, binding = 1) writeonly uniform image2D direct_diffuse_out;
+layout(RADIANCE_FORMAT, binding = 2) writeonly uniform image2D direct_glossy_out;
 #endif
 
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 pixel = shaded_pixel(ivec2(gl_GlobalInvocationID.xy), P.phase);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
     vec4 p = texelFetch(position, pixel, 0);
     vec4 m = texelFetch(material, pixel, 0);
@@ -86,15 +73,10 @@ void main() {
             diffuse += lobes.diffuse * radiance;
             glossy += lobes.glossy * radiance;
         }
-#if SKY && !GLOSSY
-        diffuse += s.base_color * P.sky.rgb;
-#elif SKY
-        float n_v = max(dot(s.n, s.v), 1e-4);
-        vec3 albedo = lobe_albedos(m.y, n_v);
-        float dielectric = s.specular * (0.04 * albedo.x + albedo.y);
-        float taken = s.specular * (0.04 + 0.96 * albedo.z);
-        diffuse += (1.0 - s.metallic) * (1.0 - taken) * s.base_color * P.sky.rgb;
-        glossy += ((1.0 - s.metallic) * dielectric + s.metallic * (s.base_color * albedo.x + albedo.y)) * P.sky.rgb;
+#if SKY
+        Lobes sky = sky_light(s, m.y, P.sky.rgb);
+        diffuse += sky.diffuse;
+        glossy += sky.glossy;
 #endif
     }
     imageStore(direct_out, pixel, vec4(diffuse + glossy, 1.0));

@@ -36,6 +36,12 @@ interpreter that has it.  Interrupted and called again, it goes on with the firs
 @click.option("--samples", type=click.IntRange(1), default=64, show_default=True, help="Paths per pixel.")
 @click.option("--bounces", type=click.IntRange(0), default=12, show_default=True, help="Longest path.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise.")
+@click.option(
+    "--seed-per-frame/--one-seed",
+    default=True,
+    show_default=True,
+    help="Independent noise in every frame, or the same pattern in all.",
+)
 @click.option("--crisp", is_flag=True, help="Sample pixel centres only, as a rasterizer does.")
 @click.option("--culling", type=click.Choice(["gltf", "none"]), default="gltf", show_default=True, help="Back faces.")
 @click.option("--sky", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar="R G B", help="Uniform sky radiance.")
@@ -64,6 +70,7 @@ def render(scene_path: str, out: Path, size: tuple[int, int], **options: Any) ->
         samples=options["samples"],
         bounces=options["bounces"],
         seed=options["seed"],
+        seed_per_frame=options["seed_per_frame"],
         crisp=options["crisp"],
         cull_back_faces=options["culling"] == "gltf",
         sky=options["sky"],
@@ -112,7 +119,7 @@ Examples:
 @click.option("--camera-file", metavar="JSON", help="Camera sidecar.")
 @click.option("--scene-file", metavar="SCENE", help="glTF file whose camera took the pictures.")
 @click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
-@click.option("--mapping", metavar="NAME|FILE", help="Pass names; blender, mitsuba, falcor or TOML.")
+@click.option("--mapping", metavar="NAME|FILE", help="Pass names; blender, mitsuba, falcor, taubench or TOML.")
 @click.option("--layer", metavar="NAME", help="View layer.  [default: the one with most passes]")
 @click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
 def check(spec: str, **options: Any) -> int:

@@ -192,6 +192,8 @@ def configure(scene, job):
     cycles = scene.cycles
     cycles.device = "CPU"
     cycles.samples, cycles.seed = job["samples"], job["seed"]
+    # Else every frame has the noise of the last: reuse could not average it, a still picture would not show it.
+    cycles.use_animated_seed = job["seed_per_frame"]
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = job["bounces"]
     cycles.transparent_max_bounces = 64

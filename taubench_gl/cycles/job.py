@@ -26,6 +26,7 @@ class Quality:
     samples: int = 64
     bounces: int = 12
     seed: int = 0
+    seed_per_frame: bool = True  # independent noise in every frame; False: the same pattern in all
     crisp: bool = False  # sample pixel centres only, as a rasterizer does
     cull_back_faces: bool = True  # of single-sided materials, as glTF asks
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear
@@ -61,6 +62,7 @@ def make_job(
         "samples": quality.samples,
         "bounces": quality.bounces,
         "seed": quality.seed,
+        "seed_per_frame": quality.seed_per_frame,
         "crisp": quality.crisp,
         "cull_back_faces": quality.cull_back_faces,
         "sky": list(quality.sky),

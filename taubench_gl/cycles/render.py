@@ -185,7 +185,7 @@ def _write_provenance(
     version: str | None,
     notes: list[str],
 ) -> None:
-    kept = ("fps", "size", "samples", "bounces", "seed", "crisp", "cull_back_faces", "sky")
+    kept = ("fps", "size", "samples", "bounces", "seed", "seed_per_frame", "crisp", "cull_back_faces", "sky")
     path = out / PROVENANCE_FILE
     values = {
         "job": key,
@@ -214,8 +214,8 @@ def _note_seconds(out: Path, frame: int, seconds: float) -> None:
 def read_render(folder: Path, frames: Iterable[int]) -> dict[str, Any] | None:
     """How ``frames`` in ``folder`` were rendered, from the driver's provenance; None if another program wrote them.
 
-    Keys: samples, bounces, seed, crisp, blender, and ``seconds_per_frame`` (mean over those of ``frames`` whose time
-    is known; None if none is) with its ``clock``.
+    Keys: samples, bounces, seed, seed_per_frame, crisp, blender, and ``seconds_per_frame`` (mean over those of
+    ``frames`` whose time is known; None if none is) with its ``clock``.
     """
     values = _read_json(folder / PROVENANCE_FILE)
     settings = values.get("settings")
@@ -224,7 +224,7 @@ def read_render(folder: Path, frames: Iterable[int]) -> dict[str, Any] | None:
     known = values.get("frame_seconds") or {}
     seconds = [float(known[str(frame)]) for frame in frames if str(frame) in known]
     return {
-        **{name: settings.get(name) for name in ("samples", "bounces", "seed", "crisp")},
+        **{name: settings.get(name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp")},
         "blender": values.get("blender"),
         "seconds_per_frame": sum(seconds) / len(seconds) if seconds else None,
         "clock": f"{values.get('clock', CLOCK)}, {values.get('cores', '?')} cores",

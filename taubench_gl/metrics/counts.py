@@ -27,14 +27,15 @@ def counts_of(combos: Array) -> dict[str, int]:
 
     Bits that the masks never set stay 0; the caller knows which features were not measured.
     """
-    combos = np.asarray(combos, dtype=np.int64)
+    words = np.flatnonzero(combos)  # a few dozen of the 65536
+    combos = np.asarray(combos)[words].astype(np.int64)
     out = {"pixels": int(combos.sum())}
-    out |= {name: int(combos[words].sum()) for name, words in _CLASS_OF_WORD.items()}
+    out |= {name: int(combos[of_class[words]].sum()) for name, of_class in _CLASS_OF_WORD.items()}
     for bit in (Reason.SKY, Reason.HISTORY_SKY, Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING,
                 Reason.LIT, Reason.SHADOWED):  # fmt: skip
-        out[bit.name.lower()] = int(combos[(WORDS & bit) != 0].sum())
+        out[bit.name.lower()] = int(combos[(words & bit) != 0].sum())
     for feature, bit in FEATURE_BIT.items():
-        out[feature] = int(combos[(WORDS & bit) != 0].sum())
+        out[feature] = int(combos[(words & bit) != 0].sum())
     return out
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
 from taubench_gl.metrics.histogram import bin_of
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 
@@ -49,7 +49,8 @@ def pair_masks(
     """Reason bits of every pixel.
 
     ``current`` and ``history`` hold ``position`` (h, w, 4), ``normal`` (h, w, >=3), optionally ``direct``,
-    ``indirect``, ``color`` (h, w, >=3), and ``current`` the ``prev_position`` (h, w, >=3) for ``motion`` reprojection.
+    ``indirect``, ``color`` (h, w, >=3), and ``current`` the ``prev_position`` (h, w, >=3) for ``motion`` reprojection
+    and ``ids`` (h, w, 2) uint32 where surfaces may be marked NO_HISTORY.
     """
     names = ["normal"] + [n for n in RADIANCE_FEATURES if n in current and n in history]
     now = {n: np.asarray(current[n], dtype=np.float64)[..., :3] for n in names}
@@ -61,19 +62,24 @@ def pair_masks(
         invalid |= surface & ~np.isfinite(prev_position[..., :3]).all(axis=-1)
     moved = reproject(pair, now["position"], prev_position)
     not_finite = ~invalid & ~moved.behind & ~np.isfinite(moved.motion_px).all(axis=-1)
-    behind, outside = moved.behind & ~invalid, moved.outside & ~invalid & ~not_finite
-    alive = ~(invalid | not_finite | behind | outside)
+    cut = np.zeros_like(surface)
+    if "ids" in current:
+        cut = surface & ~invalid & ((np.asarray(current["ids"])[..., 1] & np.uint32(NO_HISTORY)) != 0)
+        not_finite &= ~cut
+    behind, outside = moved.behind & ~invalid & ~cut, moved.outside & ~invalid & ~not_finite & ~cut
+    alive = ~(invalid | not_finite | cut | behind | outside)
 
     before = {n: np.asarray(history[n], dtype=np.float64)[..., :3] for n in names}
     before["position"] = np.asarray(history["position"], dtype=np.float64)
     rows, columns = np.nonzero(alive)
-    sampler = _nearest if sampling == "nearest" else _bilinear
+    sampler = SAMPLERS[sampling]
     taken = sampler(before, moved.at_px[rows, columns], surface[rows, columns])
     finite = _finite(taken)
 
     mask = np.where(surface, 0, Reason.SKY).astype(np.uint32)
     mask[invalid] = Reason.INVALID
     mask[not_finite] = Reason.INVALID
+    mask[cut] |= np.uint32(Reason.CUT)
     mask[behind] |= np.uint32(Reason.BEHIND)
     mask[outside] |= np.uint32(Reason.OUTSIDE)
     mask[rows[~finite], columns[~finite]] |= np.uint32(Reason.INVALID)
@@ -172,3 +178,7 @@ def _bilinear(history: Mapping[str, Array], at_px: Array, surface: Array) -> dic
     unit = blended[:, None] & (length > 0)
     out["normal"] = np.where(unit, out["normal"] / np.where(length > 0, length, 1.0), out["normal"])
     return out
+
+
+SAMPLERS = {"nearest": _nearest, "bilinear": _bilinear}
+"""History at K places: (history, at_px (K, 2), surface (K,) bool) -> {name: (K, n)}."""

@@ -1,1 +1,25 @@
 """Temporal reuse methods: the contract, the shipped methods, what they are fed and how they are judged."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_LAZY = {
+    "Evaluation": "taubench_gl.reuse.evaluate",
+    "Fit": "taubench_gl.reuse.fit",
+    "InputKind": "taubench_gl.reuse.inputs_kind",
+    "MethodSpec": "taubench_gl.reuse.evaluate",
+    "evaluate_methods": "taubench_gl.reuse.evaluate",
+    "fit_setting": "taubench_gl.reuse.fit",
+    "parse_input": "taubench_gl.reuse.inputs_kind",
+}
+"""Resolved on first use: listing methods needs neither OpenGL nor image libraries."""
+
+__all__ = sorted(_LAZY)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_LAZY[name]), name)

@@ -66,7 +66,9 @@ class FrameInputs:
     index: int  # 0 for the first frame of the sequence: there is no history yet
     time: float  # seconds
     textures: Mapping[str, moderngl.Texture]
-    pair: Reprojection  # matrices from this frame to the last, float64; on frame 0 from itself to itself
+    # Matrices from this frame to the last, float64, jitter left out (the sky rays go through the samples); on frame 0
+    # from itself to itself.
+    pair: Reprojection
     view: View
     prev_view: View
     jitter_px: np.ndarray  # (2,) sub-pixel offset of this frame's samples, +x right, +y up

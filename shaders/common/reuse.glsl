@@ -1,0 +1,40 @@
+// What every reuse method finds in place besides its own inputs: colour spaces, neighbourhood boxes, taps, kernels.
+// Twin   metrics.reuse_color, metrics.reuse_history, metrics.reuse_svgf
+#include "common/numbers.glsl"
+
+const int NEAREST = 0, BILINEAR = 1, CATMULL_ROM = 2; // second argument of sample_<name>(at, filtering)
+
+// Rec. 709 luminance.
+float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
+
+// Malvar and Sullivan 2003, "YCoCg-R", the real-valued transform: Y in x, Co in y, Cg in z.
+vec3 ycocg_from_rgb(vec3 c) {
+    return vec3(0.25 * c.r + 0.5 * c.g + 0.25 * c.b, 0.5 * c.r - 0.5 * c.b, -0.25 * c.r + 0.5 * c.g - 0.25 * c.b);
+}
+vec3 rgb_from_ycocg(vec3 c) { return vec3(c.x + c.y - c.z, c.x + c.z, c.x - c.y - c.z); }
+
+// Towards the middle of the box until inside it (Pedersen 2016, "Temporal Reprojection Anti-Aliasing in INSIDE"): keeps
+// the direction of the difference, where a clamp bends it to the nearest face.
+vec3 clip_to_box(vec3 low, vec3 high, vec3 c) {
+    vec3 middle = 0.5 * (high + low), extent = 0.5 * (high - low) + 1.0e-7;
+    vec3 offset = c - middle;
+    vec3 reach = abs(offset) / extent;
+    float farthest = max(reach.x, max(reach.y, reach.z));
+    return farthest > 1.0 ? middle + offset / farthest : c;
+}
+
+// Keys 1981, a = -1/2 (Catmull-Rom): weights of the taps at -1, 0, 1, 2 for a point f in [0, 1) behind tap 0.
+vec4 catmull_rom_weights(float f) {
+    float f2 = f * f, f3 = f2 * f;
+    return vec4(-0.5 * f3 + f2 - 0.5 * f, 1.5 * f3 - 2.5 * f2 + 1.0, -1.5 * f3 + 2.0 * f2 + 0.5 * f, 0.5 * f3 - 0.5 * f2);
+}
+
+struct Tap { ivec2 at; float weight; };
+
+// Tap i = 0 .. 3 of the bilinear footprint of ``at``, weights adding up to 1.
+Tap bilinear_tap(vec2 at, int i) {
+    ivec2 offset = ivec2(i & 1, i >> 1);
+    vec2 f = at - floor(at);
+    vec2 w = mix(1.0 - f, f, vec2(offset));
+    return Tap(ivec2(floor(at)) + offset, w.x * w.y);
+}

@@ -1,0 +1,60 @@
+// What a method reuses: exposed linear radiance, from light and emission, or the sky's.  A pixel that was not shaded in
+// this frame takes the radiance of its nearest neighbour that was.
+//
+// Reads    position, direct indirect emission where there are.
+// Writes   radiance: rgb exposed, a 1 where shaded and 0 where filled; ACCUMULATE adds a share of rgb instead.
+// Twin     metrics.shading_rate.nearest_shaded, metrics.color (its exposure)
+#include "common/shading_rate.glsl"
+
+layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
+
+uniform ivec2 size;
+uniform vec3 sky;
+uniform float exposure;
+#if SHADING_RATE > 0
+uniform int phase;
+#endif
+uniform sampler2D position;
+#if HAS_DIRECT
+uniform sampler2D direct;
+#endif
+#if HAS_INDIRECT
+uniform sampler2D indirect;
+#endif
+#if HAS_EMISSION
+uniform sampler2D emission;
+#endif
+#if ACCUMULATE
+uniform float share; // negative: the first sample, which replaces what is there
+layout(rgba32f, binding = 0) uniform image2D radiance_out;
+#else
+layout(rgba32f, binding = 0) writeonly uniform image2D radiance_out;
+#endif
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(pixel, size))) return;
+#if SHADING_RATE > 0
+    ivec2 from = nearest_shaded(pixel, phase, size);
+#else
+    ivec2 from = pixel;
+#endif
+    vec3 radiance = vec3(0.0);
+#if HAS_DIRECT
+    radiance += texelFetch(direct, from, 0).rgb;
+#endif
+#if HAS_INDIRECT
+    radiance += texelFetch(indirect, from, 0).rgb;
+#endif
+#if HAS_EMISSION
+    radiance += texelFetch(emission, from, 0).rgb;
+#endif
+    if (!(texelFetch(position, from, 0).w > 0.0)) radiance = sky;
+    radiance *= exposure;
+#if ACCUMULATE
+    vec3 before = share < 0.0 ? vec3(0.0) : imageLoad(radiance_out, pixel).rgb;
+    imageStore(radiance_out, pixel, vec4(before + abs(share) * radiance, 1.0));
+#else
+    imageStore(radiance_out, pixel, vec4(radiance, from == pixel ? 1.0 : 0.0));
+#endif
+}

@@ -1,0 +1,184 @@
+"""``taubench-gl reuse``: temporal reuse methods, shipped and your own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from taubench_gl.apps.options import gpu_options
+from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
+
+if TYPE_CHECKING:
+    from taubench_gl.reuse.contract import Method
+
+FULL_HD = (1920, 1080)
+
+
+class SettingValue(click.ParamType):
+    """``alpha=0.2`` -> ("alpha", "0.2"); what the method allows is checked by the method."""
+
+    name = "NAME=V"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        name, equals, text = value.partition("=")
+        if not (equals and name.strip() and text.strip()):
+            self.fail(f"{value!r} is not a setting such as alpha=0.1", param, ctx)
+        return name.strip(), text.strip()
+
+
+def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    """Texts of the command line as the method's own types.  Raises MethodError."""
+    parsed = {n: method.settings[n].parse(text) if n in method.settings else text for n, text in given}
+    return method.values(parsed)
+
+
+@click.group()
+def reuse() -> None:
+    """Temporal reuse methods: those that come along and your own (docs/reuse.md)."""
+
+
+@reuse.command(
+    "list",
+    epilog="""\b
+Examples:
+  taubench-gl reuse list
+  taubench-gl reuse list --json""",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_methods(as_json: bool) -> None:
+    """The methods that have a name: shipped, and installed by other packages."""
+    from taubench_gl.errors import MethodError
+    from taubench_gl.reuse.loading import installed_methods, load_method, shipped_methods
+
+    rows = {}
+    for name in (*shipped_methods(), *installed_methods()):
+        try:
+            rows[name] = load_method(name).title
+        except MethodError as error:
+            rows[name] = f"unusable: {error}"
+    if as_json:
+        click.echo(json.dumps(rows, indent=2))
+        return
+    width = max(map(len, rows))
+    for name, title in rows.items():
+        click.echo(f"{name:{width}}  {title}")
+
+
+@reuse.command(
+    epilog="""\b
+Examples:
+  taubench-gl reuse show svgf
+  taubench-gl reuse show my-method --json"""
+)
+@click.argument("name", metavar="NAME|PATH")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def show(name: str, as_json: bool) -> None:
+    """Citation, inputs, settings, passes and memory of a method.  Needs no OpenGL."""
+    from taubench_gl.apps.screen import show_pairs
+    from taubench_gl.reuse.loading import load_method
+
+    method = load_method(name)
+    facts = describe(method)
+    if as_json:
+        click.echo(json.dumps(facts, indent=2))
+        return
+    show_pairs(
+        f"Method {method.name}: {method.title}",
+        {
+            "after": "; ".join(facts["cite"]) or None,
+            "reads": ", ".join(facts["reads"]),
+            "history": ", ".join(f"{n} ({f})" for n, f in facts["history"].items()) or "none declared",
+            "buffers": ", ".join(f"{n} ({f})" for n, f in facts["buffers"].items()) or "none",
+            "memory at 1920x1080": f"{facts['bytes_1080p'] / 1e6:.1f} MB of textures",
+            "from": facts["where"],
+        },
+    )
+    settings = {n: f"{_short(s['default'])}   {s['allowed']}: {s['doc']}" for n, s in facts["settings"].items()}
+    passes = {p["shader"]: f"x {p['repeat']}, writes {', '.join(p['writes'])}" for p in facts["passes"]}
+    for title, lines in (("Settings", settings), ("Passes", passes)):
+        if lines:
+            show_pairs(title, lines)
+
+
+def _short(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value).lower()
+
+
+def describe(method: Method) -> dict[str, Any]:
+    """What ``reuse show --json`` prints."""
+    return {
+        "name": method.name,
+        "title": method.title,
+        "cite": list(method.cite),
+        "reads": list(method.reads),
+        "history": {n: f.name for n, f in method.history.items()},
+        "buffers": {n: f.name for n, f in method.buffers.items()},
+        "settings": {
+            n: {"default": s.default, "min": s.minimum, "max": s.maximum, "choices": list(s.choices), "scale": s.scale,
+                "allowed": s.allowed, "doc": s.doc}
+            for n, s in method.settings.items()
+        },
+        "passes": [
+            {"shader": p.shader, "reads": list(p.reads), "writes": list(p.writes), "repeat": p.repeat}
+            for p in method.passes
+        ],
+        "keyframe": method.keyframe,
+        "bytes_1080p": method.bytes(FULL_HD),
+        "where": method.where,
+    }  # fmt: skip
+
+
+@reuse.command(
+    epilog="""\b
+Examples:
+  taubench-gl reuse new my-method
+  taubench-gl reuse check my-method
+  taubench-gl reuse new my-method --python"""
+)
+@click.argument("path", metavar="NAME|PATH", type=click.Path(path_type=Path))
+@click.option("--python", is_flag=True, help="Write a Python class (NAME.py) instead of a folder with GLSL.")
+def new(path: Path, python: bool) -> None:
+    """Write a working example to start from: a folder with method.toml and GLSL, or one Python file."""
+    from taubench_gl.reuse.check import write_example
+
+    files = write_example(path, python)
+    for file in files:
+        click.echo(f"written: {file}")
+    click.echo(f"try it: taubench-gl reuse check {files[0] if python else path}")
+
+
+@reuse.command(
+    epilog="""\b
+Examples:
+  taubench-gl reuse check my-method
+  taubench-gl reuse check my_method.py:Variant --set alpha=0.05"""
+)
+@click.argument("path", metavar="NAME|PATH")
+@click.option("--set", "given", type=SettingValue(), multiple=True, help="Another value of a setting; may be repeated.")
+@gpu_options
+def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: int | None) -> None:
+    """Validate a method, compile it, and run it over a small synthetic sequence."""
+    from taubench_gl.gpu.context import open_gpu
+    from taubench_gl.reuse.check import check_method
+    from taubench_gl.reuse.loading import load_method
+
+    method = load_method(path)
+    values = parsed_settings(method, given)
+    gpu = open_gpu(backend, device)
+    with gpu:
+        report = check_method(gpu, method, values)
+    what = "a Python class" if method.factory else f"{len(method.passes)} pass{'es' * (len(method.passes) != 1)}"
+    reused = "not told (alpha of the result is -1)" if report.reused is None else f"{100 * report.reused:.0f} %"
+    click.echo(f"{method.name}: {method.title}: valid, {what}, {method.bytes(FULL_HD) / 1e6:.1f} MB at 1920x1080")
+    click.echo(f"ran {report.frames} frames of {report.size[0]}x{report.size[1]}; every pixel finite")
+    click.echo(f"error against the noise-free frames {report.error:.4f} (no reuse {report.error_without_reuse:.4f})")
+    click.echo(f"weight of history, mean over pixels: {reused}")
+
+
+for command in (evaluate, fit):
+    reuse.add_command(command)

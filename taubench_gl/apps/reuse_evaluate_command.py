@@ -1,0 +1,261 @@
+"""``taubench-gl reuse evaluate`` and ``reuse fit``: methods side by side, and the settings that suit a scene."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from taubench_gl.apps.evaluate_command import out_folders
+from taubench_gl.apps.options import Frames, Size, Threshold, gpu_options, light_options, scene_options
+from taubench_gl.errors import TaubenchError
+from taubench_gl.settings import Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.reuse.evaluate import Evaluation
+    from taubench_gl.reuse.inputs_kind import InputKind
+
+EXIT_FAILED = 2
+FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
+METHODS_HELP = "Comma-separated: a shipped name, a folder, file.py or module:Class; settings as NAME@alpha=0.1."
+
+
+class List(click.ParamType):
+    """``a,b`` -> ("a", "b"), in the order given."""
+
+    name = "LIST"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        parts = tuple(part.strip() for part in value.split(",") if part.strip())
+        if not parts:
+            self.fail("the list is empty", param, ctx)
+        return parts
+
+
+def shared_options(command: Any) -> Any:
+    """What ``evaluate`` and ``fit`` have in common: frames, inputs, reference, light."""
+    default = Settings()
+    options = (
+        click.option(
+            "--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]"
+        ),
+        scene_options,
+        click.option("--fps", type=float, default=default.fps, show_default=True, help="Frames per second."),
+        click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]"),
+        click.option("--size", type=Size(), default="1280x720", show_default=True, help="Pixels."),
+        click.option(
+            "--input",
+            "kind",
+            default="full",
+            show_default=True,
+            metavar="KIND",
+            help="What is reused: full, or some of jittered, noisy, half, checkerboard, quarter joined by +; or "
+            "exr:DIR, path-traced frames whose camera SCENE has.",
+        ),
+        click.option("--noise-lights", type=int, default=1, show_default=True, help="noisy: lights drawn per pixel."),
+        click.option(
+            "--noise-bounces", type=int, default=4, show_default=True, help="noisy: virtual lights drawn per pixel."
+        ),
+        click.option("--seed", type=int, default=0, show_default=True, help="noisy: of the random numbers."),
+        click.option(
+            "--reference",
+            default="max",
+            show_default=True,
+            metavar="max|exr:DIR",
+            help="max: exact light, supersampled.  exr:DIR: path-traced frames of the same numbers.",
+        ),
+        click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
+        click.option("--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML."),
+        click.option("--cut", "cuts", type=int, multiple=True, help="Declare that this frame begins anew; repeatable."),
+        click.option(
+            "--threshold",
+            "thresholds",
+            type=Threshold(),
+            multiple=True,
+            help="a_B of the masks: color, position (metres), normal, direct, indirect; repeatable.  [default: 32/255]",
+        ),
+        click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre."),
+        _lighting,
+        click.option(
+            "--virtual-lights",
+            "indirect_samples",
+            type=int,
+            default=default.indirect_samples,
+            show_default=True,
+            help="Virtual lights that indirect light starts from; noisy light draws from them, its reference sums all.",
+        ),
+        gpu_options,
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _lighting(command: Any) -> Any:
+    """The options of light but for what is measured: here every column is."""
+    known = {id(p) for p in getattr(command, "__click_params__", ())}
+    command = light_options(command)
+    command.__click_params__ = [
+        p for p in command.__click_params__ if id(p) in known or p.name not in ("columns", "effects")
+    ]
+    return command
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,oracle --size 640x360
+  taubench-gl reuse evaluate scene.glb --methods accumulate,svgf --input noisy+jittered --out results
+  taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05,taa_clamp@alpha=0.2,./my_method
+  taubench-gl reuse evaluate scene.glb --methods svgf --input exr:one-sample --reference exr:many-samples
+
+\b
+DIR receives reuse.json, frames.csv, tables, plots, side_by_side.png (the worst frame) and a video.
+docs/reuse-evaluation.md defines every number."""
+)
+@click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
+@click.option("--methods", type=List(), required=True, help=METHODS_HELP)
+@click.option("--metrics", type=List(), default=",".join(FIT_METRICS), show_default=True, help="What is measured.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
+@click.option(
+    "--video", type=click.Choice(["mp4", "webm", "none"]), default="mp4", show_default=True, help="With --out."
+)
+@shared_options
+def evaluate(
+    scenes: tuple[str, ...],
+    methods: tuple[str, ...],
+    metrics: tuple[str, ...],
+    out: Path | None,
+    video: str,
+    **options: Any,
+) -> int:
+    """Run reuse methods over the same frames of SCENE and judge every picture against a reference.
+
+    A method that fails is told of in one line and harms no other; the exit code is then 2.
+    """
+    settings, request = split_options(options)
+    failed = False
+    for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
+        try:
+            done = _evaluate_one(scene, methods, settings, folder, video, request | {"metrics": metrics})
+        except TaubenchError as error:
+            if len(scenes) == 1:
+                raise
+            _say(f"error: {scene}: {error}")
+            failed = True
+            continue
+        for line in done.failed.values():
+            _say(f"error: {line}")
+        failed = failed or bool(done.failed)
+    return EXIT_FAILED if failed else 0
+
+
+def _evaluate_one(
+    scene: str,
+    methods: tuple[str, ...],
+    settings: Settings,
+    folder: Path | None,
+    video: str,
+    request: dict[str, Any],
+) -> Evaluation:
+    from taubench_gl.apps.screen import ProgressBar, show_tables
+    from taubench_gl.report.reuse_tables import reuse_tables
+    from taubench_gl.reuse.evaluate import evaluate_methods
+    from taubench_gl.reuse.evaluate_output import ReuseFolder
+
+    if folder is None:
+        with ProgressBar(Path(scene).name) as progress:
+            done = evaluate_methods(scene, methods, settings, progress=progress, **request)
+    else:
+        with ReuseFolder(folder, settings.fps, video) as results:
+            with ProgressBar(Path(scene).name) as progress:
+                done = evaluate_methods(
+                    scene, methods, settings, progress=progress, on_frame=results.on_frame, **request
+                )
+            results.finish(done)
+    if len(done.failed) < len(done.summary["methods"]):
+        show_tables(reuse_tables(done.summary))
+    if folder is not None:
+        click.echo(f"written to {folder}{os.sep}")
+    return done
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl reuse fit scene.glb --method taa_variance --setting gamma=0.5:4:8 --input noisy
+  taubench-gl reuse fit scene.glb --method svgf --setting alpha=0.05:0.5:6 --metric flip --refine 2 --out fit"""
+)
+@click.argument("path", metavar="SCENE")
+@click.option(
+    "--method", required=True, help="One method, as in 'reuse evaluate'; settings given with @ stay as given."
+)
+@click.option(
+    "--setting",
+    "ranges",
+    multiple=True,
+    required=True,
+    metavar="NAME[=lo:hi[:n]]",
+    help="A setting to search and its range; repeatable: the grid of all.  [default: its own range, 9 values]",
+)
+@click.option(
+    "--metric", type=click.Choice(FIT_METRICS), default="relmse", show_default=True, help="What is minimised."
+)
+@click.option("--refine", type=int, default=1, show_default=True, help="Finer grids around the best point.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write fit.json, curve.csv, tables, a plot."
+)
+@shared_options
+def fit(
+    path: str, method: str, ranges: tuple[str, ...], metric: str, refine: int, out: Path | None, **options: Any
+) -> None:
+    """Find the settings of a method, such as rejection thresholds, that leave the least error on SCENE.
+
+    PSNR, SSIM and tPSNR are maximised.  Says when the best value lies at the edge of its range.
+    """
+    from taubench_gl.apps.screen import ProgressBar, show_tables
+    from taubench_gl.report.reuse_tables import fit_table
+    from taubench_gl.reuse.evaluate_output import write_fit
+    from taubench_gl.reuse.fit import fit_setting
+
+    settings, request = split_options(options)
+    with ProgressBar(Path(path).name) as progress:
+        found = fit_setting(path, method, ranges, settings, metric=metric, refine=refine, progress=progress, **request)
+    show_tables([fit_table(found.summary)])
+    click.echo("best: " + ", ".join(f"{name}={value:g}" for name, value in found.best.items()))
+    if out is not None:
+        write_fit(out, found.summary)
+        click.echo(f"written to {out}{os.sep}")
+
+
+def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
+    """Options of ``shared_options`` as Settings and as what ``evaluate_methods`` takes besides."""
+    width, height = options.pop("size")
+    request = {name: options.pop(name) for name in ("reference", "reference_samples", "cuts", "mapping")}
+    request["input"] = _input(options)
+    settings = Settings(
+        width=width,
+        height=height,
+        frames=options.pop("frames") or (None, None),
+        animation=options.pop("animations") or None,
+        thresholds=dict(options.pop("thresholds")),
+        reprojection="motion",
+        **options,
+    )
+    return settings, request
+
+
+def _input(options: dict[str, Any]) -> InputKind:
+    from taubench_gl.reuse.inputs_kind import parse_input
+
+    lights, bounces = options.pop("noise_lights"), options.pop("noise_bounces")
+    return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=bounces, seed=options.pop("seed"))
+
+
+def _say(line: str) -> None:
+    click.echo(f"taubench-gl: {line}", file=sys.stderr)

@@ -1,0 +1,65 @@
+"""Which pixels a frame shades, and which stand in for the others: twin of shaders/common/shading_rate.glsl.
+
+Arrays have row 0 at the top; the patterns count rows from the bottom, as GL memory does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+RATES = ("full", "half", "checkerboard", "quarter")
+"""full: every pixel; half: every second row; checkerboard: every second pixel; quarter: one pixel of each 2x2 block."""
+
+_QUARTER_ORDER = (0, 3, 1, 2)
+"""Corners x + 2 y of the block, diagonals first, so that two frames already see both rows and both columns."""
+
+
+def phase(rate: str, frame: int) -> int:
+    """Which part of the picture frame ``frame`` shades: 0 or 1, for ``quarter`` a corner x + 2 y of the 2x2 block."""
+    if rate == "quarter":
+        return _QUARTER_ORDER[frame % 4]
+    return 0 if rate == "full" else frame % 2
+
+
+def invocations(rate: str, size: tuple[int, int]) -> tuple[int, int]:
+    """Columns and rows of invocations that cover the shaded pixels of a ``size`` (w, h), whatever the phase."""
+    w, h = size
+    columns = -(-w // 2) if rate in ("checkerboard", "quarter") else w
+    return columns, -(-h // 2) if rate in ("half", "quarter") else h
+
+
+def shaded(rate: str, size: tuple[int, int], frame: int) -> Array:
+    """(h, w) bool: pixels that frame ``frame`` shades."""
+    w, h = size
+    x, y = np.meshgrid(np.arange(w), np.arange(h - 1, -1, -1))
+    p = phase(rate, frame)
+    if rate == "half":
+        return y % 2 == p
+    if rate == "checkerboard":
+        return (x + y) % 2 == p
+    if rate == "quarter":
+        return (x % 2 == p % 2) & (y % 2 == p // 2)
+    return np.ones((h, w), dtype=bool)
+
+
+def nearest_shaded(rate: str, size: tuple[int, int], frame: int) -> Array:
+    """(h, w, 2) int: x and row (0 = top) of the pixel whose radiance each pixel takes; itself where shaded.
+
+    The nearest one; of two as near the left or lower one, at the border the one inside.
+    """
+    w, h = size
+    x, y = np.meshgrid(np.arange(w), np.arange(h - 1, -1, -1))
+    p = phase(rate, frame)
+
+    def beside(at: Array, odd: Array) -> Array:
+        return np.where(odd, np.where(at > 0, at - 1, at + 1), at)
+
+    if rate == "half":
+        y = beside(y, y % 2 != p)
+    elif rate == "checkerboard":
+        x = beside(x, (x + y) % 2 != p)
+    elif rate == "quarter":
+        x, y = beside(x, x % 2 != p % 2), beside(y, y % 2 != p // 2)
+    return np.stack([np.clip(x, 0, w - 1), h - 1 - np.clip(y, 0, h - 1)], axis=-1)

@@ -1,0 +1,88 @@
+"""Trying a method out on a small synthetic sequence: does it load, compile, run, and give numbers?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.errors import OutputError
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.outputs import cannot_write
+from taubench_gl.paths import PACKAGE
+from taubench_gl.reuse.arrays import read_result
+from taubench_gl.reuse.contract import Method, Value
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
+
+SIZE, FRAMES, CUT_AT, NOISE = (96, 54), 12, 8, 0.3
+_TEMPLATE = PACKAGE / "reuse" / "template"
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """What a trial run showed.  Errors are root mean squares of linear radiance against the noise-free frames."""
+
+    method: Method
+    frames: int
+    size: tuple[int, int]
+    error: float
+    error_without_reuse: float
+    reused: float | None  # mean weight of history, None where the method does not say
+
+
+def check_method(
+    gpu: Gpu, wanted: str | Path | type | Method, settings: Mapping[str, Value] | None = None
+) -> CheckReport:
+    """Run ``wanted`` over FRAMES frames of noise 0.3 with a cut in them.  Raises MethodError, one line."""
+    method = load_method(wanted)
+    with MethodRunner(gpu, method, SIZE, settings) as runner:
+        uploader = Uploader(gpu, SIZE)
+        try:
+            squares, plain, reused = [], [], []
+            for step in synthetic_steps(SIZE, FRAMES, noise=NOISE, cut_at=CUT_AT):
+                result = read_result(runner.step(uploader.frame(step)))
+                squares.append(np.mean((result[..., :3] - step.clean) ** 2, dtype=np.float64))
+                plain.append(np.mean((step.inputs["radiance"][..., :3] - step.clean) ** 2))
+                reused.append(result[..., 3])
+        finally:
+            uploader.release()
+    told = np.stack(reused)
+    return CheckReport(
+        method=method,
+        frames=FRAMES,
+        size=SIZE,
+        error=float(np.sqrt(np.mean(squares))),
+        error_without_reuse=float(np.sqrt(np.mean(plain))),
+        reused=None if (told < 0).all() else float(told[told >= 0].mean(dtype=np.float64)),
+    )
+
+
+def write_example(path: Path, python: bool = False) -> list[Path]:
+    """A working method at ``path``: a folder with method.toml and GLSL, or for ``python`` one file.
+
+    -> the files written.  Raises OutputError where something is there already, or cannot be written.
+    """
+    path = path.with_name(f"{path.name}.py") if python and path.suffix != ".py" else path
+    if path.exists():
+        raise OutputError("is there already", where=str(path), hint="choose another name")
+    templates = {"method.py": path} if python else {name: path / name for name in ("method.toml", "reuse.glsl")}
+    made: list[Path] = []
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not python:
+            path.mkdir()
+        for name, target in templates.items():
+            with open(target, "x", encoding="utf-8") as file:
+                made.append(target)
+                file.write((_TEMPLATE / name).read_text(encoding="utf-8"))
+    except OSError as error:
+        for target in made:
+            target.unlink(missing_ok=True)
+        if not python and path.is_dir() and not any(path.iterdir()):
+            path.rmdir()
+        raise cannot_write(path, error) from None
+    return made

@@ -1,0 +1,119 @@
+"""The folder of a reuse evaluation: reuse.json, frames.csv, tables, plots, pictures and a video."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.errors import SettingsError
+from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.report.render import FORMATS
+from taubench_gl.report.reuse_plots import plot_fit, plot_reuse
+from taubench_gl.report.reuse_tables import fit_table, reuse_tables
+from taubench_gl.report.tables import Table
+from taubench_gl.reuse.evaluate import Evaluation, JudgedFrame
+from taubench_gl.reuse.evaluate_records import ROW_COLUMNS
+from taubench_gl.reuse.pictures import CODECS, Video, save_picture, side_by_side
+
+VIDEOS = (*CODECS, "none")
+_TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "csv", "tables.tex": "latex"}
+
+
+class ReuseFolder:
+    """Collects an evaluation while it runs (``on_frame``) and writes the rest at the end (``finish``).
+
+    A video grows as frames come; ``side_by_side.png`` shows the frame with the largest mean error.  Used in a ``with``
+    block: what is left half-written by an error or an interrupt is taken away.
+    """
+
+    def __init__(self, out: str | Path, fps: float, video: str = "mp4"):
+        if video not in VIDEOS:
+            raise SettingsError(f"video is {video!r}", hint=f"choose from {', '.join(VIDEOS)}")
+        self.out = Path(out)
+        self._made = not self.out.exists()
+        make_folder(self.out)
+        self._video = None if video == "none" else Video(self.out / f"side_by_side.{video}", fps, video)
+        self._worst, self._worst_picture = -1.0, None
+        self._shape: tuple[int, ...] | None = None
+
+    def on_frame(self, judged: JudgedFrame) -> None:
+        """Look at one frame; give this to ``evaluate_methods``."""
+        if not judged.pictures:
+            return
+        if self._video is not None:
+            picture = side_by_side(judged)
+            self._shape = self._shape or picture.shape
+            if picture.shape == self._shape:  # a method that failed on the way leaves a narrower picture
+                self._video.add(picture)
+            else:
+                fitted = np.zeros(self._shape, dtype=np.uint8)
+                fitted[:, : picture.shape[1]] = picture
+                self._video.add(fitted)
+        error = float(np.mean([e.mean() for e in judged.errors.values()]))
+        if error > self._worst:
+            self._worst, self._worst_picture = error, side_by_side(judged, crop=True)
+
+    def finish(self, evaluation: Evaluation) -> list[Path]:
+        """Write everything.  Returns the files.  Raises OutputError."""
+        out, written = self.out, []
+        if self._video is not None:
+            written += [path for path in (self._video.close(),) if path is not None]
+        if self._worst_picture is not None:
+            written.append(save_picture(out / "side_by_side.png", self._worst_picture))
+        written += write_tables(out, reuse_tables(evaluation.summary))
+        written += plot_reuse(evaluation.summary, evaluation.rows, out)
+        write_atomically(out / "frames.csv", rows_csv(evaluation.rows, ROW_COLUMNS))
+        write_atomically(out / "reuse.json", as_json(evaluation.summary))
+        return [*written, out / "frames.csv", out / "reuse.json"]
+
+    def __enter__(self) -> ReuseFolder:
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        if self._video is not None:
+            self._video.__exit__(*error)
+        if error[0] is not None and self._made and not any(self.out.iterdir()):
+            self.out.rmdir()
+
+
+def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
+    """fit.json, curve.csv, tables and the curve's plot into ``out``.  Returns the files.  Raises OutputError."""
+    out = Path(out)
+    make_folder(out)
+    written = write_tables(out, [fit_table(fit)]) + plot_fit(fit, out / "curve.png")
+    names = list(fit["settings"])
+    rows = [p["settings"] | {fit["metric"]: p["value"], "failed": p["failed"]} for p in fit["points"]]
+    write_atomically(out / "curve.csv", rows_csv(rows, (*names, fit["metric"], "failed")))
+    write_atomically(out / "fit.json", as_json(fit))
+    return [*written, out / "curve.csv", out / "fit.json"]
+
+
+def make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(out, error) from None
+
+
+def write_tables(out: Path, tables: list[Table]) -> list[Path]:
+    for name, look in _TABLE_FILES.items():
+        write_atomically(out / name, FORMATS[look](tables))
+    return [out / name for name in _TABLE_FILES]
+
+
+def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
+    """CSV with all digits; None is an empty cell."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: "" if row[name] is None else row[name] for name in columns} for row in rows)
+    return text.getvalue()
+
+
+def as_json(value: dict[str, Any]) -> str:
+    return json.dumps(value, indent=2, allow_nan=False) + "\n"

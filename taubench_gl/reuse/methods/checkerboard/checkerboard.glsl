@@ -1,0 +1,31 @@
+// Pixels shaded this frame stay; the others come from history where it holds, else from their shaded neighbours.
+//
+// Paper    El Mansouri 2016 (history, clamp), Wihlidal 2017 (fallback: mean of the shaded neighbours).
+// Twin     metrics.reuse_color.shaded_neighbours
+// Departs  Sony's and others' id buffers decide validity in the originals; here the geometry mask does.
+void reuse(ivec2 p) {
+    vec4 own = fetch_radiance(p);
+    vec3 color = own.rgb;
+    float kept = 0.0;
+    if (own.a < 0.5) {
+        vec3 low = vec3(1.0e30), high = vec3(-1.0e30), sum = vec3(0.0);
+        float count = 0.0;
+        for (int i = 0; i < 4; ++i) {
+            vec4 c = fetch_radiance(p + ivec2[4](ivec2(1, 0), ivec2(-1, 0), ivec2(0, 1), ivec2(0, -1))[i]);
+            if (c.a < 0.5) continue;
+            low = min(low, c.rgb);
+            high = max(high, c.rgb);
+            sum += c.rgb;
+            count += 1.0;
+        }
+        if (count > 0.0) color = sum / count;
+        vec2 at = previous_px(p);
+        if (reusable(p) && inside(at)) {
+            color = max(sample_prev_resolved(at, filtering).rgb, 0.0);
+            if (clamping && count > 0.0) color = clamp(color, low - slack * (high - low), high + slack * (high - low));
+            kept = 1.0;
+        }
+    }
+    write_resolved(p, vec4(color, 1.0));
+    write_result(p, vec4(color, kept));
+}

@@ -1,0 +1,29 @@
+// A shading result is fetched from where the point was; a miss, or a block whose turn it is, is shaded anew.
+//
+// Paper    Nehab et al. 2007: hit if the cached depth is the reprojected depth; blocks of pixels are refreshed by turns.
+// Twin     metrics.reuse_history.cache_hit, refresh_due
+// Departs  The paper compares depth-buffer values; here planar depth in metres, relative to itself.
+bool cache_hit(float expected, float cached_depth) {
+    if (expected <= 0.0) return cached_depth <= 0.0; // sky is found again in sky alone
+    return abs(cached_depth - expected) <= depth_threshold * expected;
+}
+
+// Blocks take turns in an order that spreads neighbours: (5 x + 3 y) mod refresh.
+bool refresh_due(ivec2 p) {
+    ivec2 tile = p / block;
+    return (5 * tile.x + 3 * tile.y + frame.index) % refresh == 0;
+}
+
+void reuse(ivec2 p) {
+    vec3 shaded = fetch_radiance(p).rgb;
+    vec2 at = previous_px(p);
+    bool hit = false;
+    if (frame.has_history == 1u && inside(at) && !refresh_due(p)) {
+        bool sky = !(fetch_position(p).w > 0.0);
+        float expected = sky ? 0.0 : dot(frame.prev_forward.xyz, fetch_prev_position(p).xyz);
+        hit = cache_hit(expected, sample_history_position(at, filtering).w);
+    }
+    vec4 kept = hit ? sample_prev_cached(at, filtering) : vec4(shaded, 0.0);
+    write_cached(p, vec4(kept.rgb, hit ? kept.a + 1.0 : 0.0));
+    write_result(p, vec4(kept.rgb, hit ? 1.0 : 0.0));
+}

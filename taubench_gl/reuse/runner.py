@@ -1,0 +1,169 @@
+"""Running one reuse method over the frames of a sequence.
+
+    from taubench_gl.reuse.loading import load_method, shipped_methods
+    from taubench_gl.reuse.runner import MethodRunner
+
+    method = load_method("taa_clamp")            # a shipped name, an entry point, a folder, file.py or module:Class
+    method.reads                                 # names of INPUTS that FrameInputs.textures must hold
+    method.settings["alpha"]                     # Setting: kind, default, minimum, maximum, choices, scale, doc
+    runner = MethodRunner(gpu, method, (1920, 1080), {"alpha": 0.1})
+    texture = runner.step(frame)                 # rgba32f; rgb: linear radiance x exposure; valid until the next step
+    read_result(texture)                         # arrays.read_result: (h, w, 4), row 0 at the top
+
+The result's alpha is the weight of history in each pixel, 0 .. 1, or -1 where the method does not say.  Everything a
+method can do wrong raises MethodError, one line naming the method; a runner that raised may be released or reset, and
+no other runner is harmed.  Frames are given in order; frame 0, a cut and the first step after ``reset`` start anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from taubench_gl.errors import MethodError
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.memory import require_memory
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.reuse.contract import Method, Value
+from taubench_gl.reuse.frame import FrameInputs
+from taubench_gl.reuse.glsl_passes import GlslPasses
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.python_method import PythonSteps
+
+
+class MethodRunner:
+    """One method at one size.  ``timer``: its medians are under the method's name; read-back and upload of a Python
+    method are separate entries, ``NAME: read inputs`` and ``NAME: upload``.
+
+    ``check``: count non-finite pixels of every result (those whose radiance is finite) and raise MethodError; outside
+    the timed part, costs one 12-byte read-back.  Raises MethodError for wrong settings and shaders that do not compile.
+    """
+
+    def __init__(
+        self,
+        gpu: Gpu,
+        method: Method | str | type,
+        size: tuple[int, int],
+        settings: Mapping[str, Value] | None = None,
+        *,
+        timer: PassTimer | None = None,
+        check: bool = True,
+    ):
+        self.gpu, self.size = gpu, (int(size[0]), int(size[1]))
+        self.method = method if isinstance(method, Method) else load_method(method)
+        self.values = self.method.values(settings)
+        self.timer = timer or PassTimer(gpu, enabled=False)
+        self._check = _FiniteCheck(gpu, self.size) if check else None
+        self._steps = 0
+        self._backend = self._make_backend()
+
+    def _make_backend(self) -> GlslPasses | PythonSteps:
+        require_memory(self.gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
+        if self.method.factory is not None:
+            return PythonSteps(self.gpu, self.method, self.size, self.timer)
+        return GlslPasses(self.gpu, self.method, self.size)
+
+    @property
+    def bytes(self) -> int:
+        """GPU memory of history, buffers and result.  What a Python class keeps is its own and not counted."""
+        return self.method.bytes(self.size)
+
+    def step(self, frame: FrameInputs) -> moderngl.Texture:
+        """The method's picture of ``frame``: rgba32f, valid until the next step.  Raises MethodError."""
+        self._demand(frame)
+        has_history = self._steps > 0 and frame.index > 0 and not frame.cut
+        if not has_history:
+            self._backend.clear()
+        if self.method.factory is not None:
+            result = self._backend.run(frame, self.values, has_history)
+        else:
+            with self.timer.measure(self.method.name):
+                result = self._backend.run(frame, self.values, has_history)
+        self._steps += 1
+        if self._check is not None:
+            self._check.run(result, frame, self.method)
+        return result
+
+    def _demand(self, frame: FrameInputs) -> None:
+        missing = [name for name in self.method.reads if name not in frame.textures]
+        if missing:
+            raise MethodError(f"frame {frame.index} has no {', '.join(missing)}", where=self.method.label)
+        for name in self.method.reads:
+            if frame.textures[name].size != self.size:
+                width, height = frame.textures[name].size
+                raise MethodError(
+                    f"frame {frame.index}: {name} is {width}x{height}, this method runs at "
+                    f"{self.size[0]}x{self.size[1]}",
+                    where=self.method.label,
+                    hint="resize the runner first",
+                )
+
+    def configure(self, settings: Mapping[str, Value] | None = None) -> None:
+        """Other settings, defaults for those not named, and a fresh start; nothing is compiled again."""
+        self.values = self.method.values(settings)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all history: the next step is a first frame."""
+        self._steps = 0
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Another picture size, and a fresh start."""
+        self._backend.release()
+        self.size = (int(size[0]), int(size[1]))
+        if self._check is not None:
+            self._check.size = self.size
+        self._backend = self._make_backend()
+        self.reset()
+
+    def release(self) -> None:
+        self._backend.release()
+        if self._check is not None:
+            self._check.release()
+
+    def __enter__(self) -> MethodRunner:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.release()
+
+
+class _FiniteCheck:
+    """Counts pixels of a result that are NaN or infinite although the radiance they were given is not."""
+
+    def __init__(self, gpu: Gpu, size: tuple[int, int]):
+        self._gpu, self.size = gpu, size
+        self._group = (32, 1) if gpu.software else (8, 8)
+        self._shaders = ShaderCache(gpu.ctx)
+        self._program = self._shaders.compute(
+            "reuse/finite.comp.glsl", {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
+        )
+        self._found = gpu.ctx.buffer(reserve=12)
+
+    def run(self, result: moderngl.Texture, frame: FrameInputs, method: Method) -> None:
+        self._found.write(np.array([0, 0xFFFFFFFF, 0], dtype=np.uint32).tobytes())
+        self._found.bind_to_storage_buffer(0)
+        radiance = frame.textures.get("radiance", result)
+        for unit, (name, texture) in enumerate({"result": result, "radiance": radiance}.items()):
+            texture.use(unit)
+            self._program[name] = unit
+        self._program["judge_radiance"] = "radiance" in frame.textures
+        self._program.run(-(-self.size[0] // self._group[0]), -(-self.size[1] // self._group[1]))
+        self._gpu.ctx.memory_barrier()
+        count, first, _ = np.frombuffer(self._found.read(), dtype=np.uint32)
+        if count:
+            x, y = int(first) % self.size[0], int(first) // self.size[0]
+            row = self.size[1] - 1 - y
+            raise MethodError(
+                f"frame {frame.index}: {count} of {self.size[0] * self.size[1]} pixels are NaN or infinite "
+                f"(one at column {x}, row {row})",
+                where=method.label,
+                hint="look for divisions by zero and square roots of negative numbers",
+            )
+
+    def release(self) -> None:
+        self._found.release()
+        self._shaders.release()

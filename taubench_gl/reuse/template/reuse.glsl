@@ -1,0 +1,12 @@
+// Runs once per pixel p; p = (0, 0) is the bottom left pixel.
+void reuse(ivec2 p) {
+    vec3 color = fetch_radiance(p).rgb;
+    float history = 0.0; // how much of the result is history
+    if (reusable(p)) {   // there is history, and the geometry at p was visible in the last frame
+        vec2 at = previous_px(p); // where the surface was in the last picture, in pixels
+        color = mix(sample_prev_accumulated(at).rgb, color, alpha);
+        history = 1.0 - alpha;
+    }
+    write_accumulated(p, vec4(color, 1.0));
+    write_result(p, vec4(color, history));
+}

@@ -1,0 +1,66 @@
+"""Frames for reuse methods made in arrays, a player that runs a method over them, and methods written on the spot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.metrics.color import srgb_encode
+from taubench_gl.reuse.arrays import read_result
+from taubench_gl.reuse.frame import FrameInputs
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
+
+Array = np.ndarray
+
+
+def still_steps(size: tuple[int, int], radiances: Iterable[Array]) -> list[Step]:
+    """A still camera over the still synthetic world, whose radiance is given per frame: (h, w, 3 or 4)."""
+    radiances = list(radiances)
+    steps = list(synthetic_steps(size, 2, speed=0.0, noise=0.0))
+    out = []
+    for index, radiance in enumerate(radiances):
+        step = steps[min(index, 1)]
+        if radiance.shape[-1] == 3:
+            radiance = np.concatenate([radiance, np.ones((*radiance.shape[:2], 1))], axis=-1)
+        out.append(replace(step, index=index, inputs=step.inputs | {"radiance": radiance}))
+    return out
+
+
+def play(gpu: Gpu, method, steps: Iterable[Step], settings=None, exposure: float = 1.0, **changes) -> list[Array]:
+    """The result of every frame, (h, w, 4) float32.  ``changes``: fields of FrameInputs to set."""
+    steps = list(steps)
+    h, w = steps[0].clean.shape[:2]
+    uploader = Uploader(gpu, (w, h))
+    try:
+        with MethodRunner(gpu, method, (w, h), settings) as runner:
+            results = []
+            for step in steps:
+                frame = uploader.frame(step, exposure)
+                fields = {n: getattr(frame, n) for n in FrameInputs.__dataclass_fields__} | changes
+                results.append(read_result(runner.step(FrameInputs(**fields))))
+            return results
+    finally:
+        uploader.release()
+
+
+def display(rgb: Array) -> Array:
+    """As a screen shows it, 0 .. 1."""
+    return srgb_encode(np.clip(rgb[..., :3], 0.0, 1.0))
+
+
+def write_method(folder: Path, toml: str, **shaders: str) -> Path:
+    """``shaders``: file name without .glsl -> text."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "method.toml").write_text(toml, encoding="utf-8")
+    for name, text in shaders.items():
+        (folder / f"{name}.glsl").write_text(text, encoding="utf-8")
+    return folder
+
+
+PLAIN_TOML = 'reads = ["radiance"]\n[[pass]]\nshader = "a.glsl"\nwrites = ["result"]\n'
+PLAIN_GLSL = "void reuse(ivec2 p) { write_result(p, fetch_radiance(p).rgb); }\n"

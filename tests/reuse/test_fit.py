@@ -1,0 +1,187 @@
+"""Fits against errors known in closed form; ranges; what is said at the edge."""
+
+from __future__ import annotations
+
+import csv
+import json
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+from reuse_scenes import passing_box, settings, still
+
+from taubench_gl.errors import MethodError, SettingsError
+from taubench_gl.reuse.evaluate import MethodSpec
+from taubench_gl.reuse.evaluate_output import write_fit
+from taubench_gl.reuse.fit import MAX_POINTS, Range, fit_setting, parse_range
+from taubench_gl.reuse.loading import load_method
+
+
+class Gain:
+    """Radiance times ``gain`` plus ``lift``: perfect at 1 and 0."""
+
+    reads = ("radiance",)
+    settings = MappingProxyType({
+        "gain": {"default": 0.5, "min": 0.0, "max": 4.0, "doc": "factor"},
+        "lift": {"default": 0.0, "min": -1.0, "max": 1.0, "doc": "added"},
+        "whole": {"default": 3, "min": 1, "max": 9, "doc": "nothing"},
+        "kind": {"default": "a", "choices": ["a", "b"], "doc": "nothing"},
+        "open": {"default": 0.1, "doc": "without a range"},
+    })  # fmt: skip
+
+    def __init__(self, size, settings):
+        self.settings = settings
+
+    def step(self, frame):
+        if self.settings["gain"] > 3.5:
+            raise ValueError("too bright")
+        return frame["radiance"][..., :3] * self.settings["gain"] + self.settings["lift"]
+
+
+GAIN = MethodSpec("gain", Gain)
+
+
+def fit(ranges, method=GAIN, **more):
+    more = {"reference_samples": 1, "settings": settings(frames=(0, 3), width=16, height=12)} | more
+    return fit_setting(passing_box(), method, ranges, **more)
+
+
+def test_ranges_hold_their_ends():
+    assert Range("a", 0.1, 0.7, 3, "linear", False).values == pytest.approx((0.1, 0.4, 0.7))
+    log = Range("a", 0.01, 1.0, 5, "log", False).values
+    assert log[0] == 0.01 and log[-1] == 1.0
+    np.testing.assert_allclose(np.diff(np.log(log)), np.log(100.0) / 4)
+    assert Range("a", 1, 4, 9, "linear", True).values == (1, 2, 3, 4)
+
+
+def test_the_range_around_a_value_is_that_of_its_neighbours():
+    wide = Range("a", 0.0, 4.0, 5, "linear", False)
+    assert (wide.around(2.0).low, wide.around(2.0).high) == (1.0, 3.0)
+    assert (wide.around(0.0).low, wide.around(0.0).high) == (0.0, 1.0)
+
+
+def test_ranges_are_read():
+    method = load_method("taa_clamp")
+    full = parse_range("alpha", method)
+    assert (full.low, full.high, full.steps, full.scale) == (0.01, 1.0, 9, "log")
+    assert parse_range("alpha=0.1:0.5:4", method) == Range("alpha", 0.1, 0.5, 4, "log", False)
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "says"),
+    [
+        ("beta", MethodError, "no setting is named 'beta'"),
+        ("clamping", SettingsError, "is no number"),
+        ("alpha=0.5", SettingsError, "is no range"),
+        ("alpha=a:b", SettingsError, "is no range"),
+        ("alpha=0.5:0.1:4", SettingsError, "range of alpha is 0.5 to 0.1"),
+        ("alpha=0.1:0.5:1", SettingsError, "in 1"),
+        ("alpha=0.1:7", SettingsError, "7.0 is not a number from 0.01 to 1"),
+    ],
+)
+def test_ranges_that_cannot_be_meant(text, error, says):
+    with pytest.raises(error, match=says):
+        parse_range(text, load_method("taa_clamp"))
+
+
+def test_the_least_error_is_found_and_refined():
+    found = fit(["gain=0:3:6"], refine=3)
+    assert found.best["gain"] == pytest.approx(1.0, abs=0.05)
+    points = found.summary["points"]
+    radiance = {p["settings"]["gain"]: p["value"] for p in points}
+    # (g - 1)^2 times a constant of the scene.
+    scale = radiance[3.0] / 4.0
+    for gain, value in radiance.items():
+        assert value == pytest.approx(scale * (gain - 1.0) ** 2, rel=1e-3, abs=1e-9)
+    assert found.summary["default"] == {"settings": {"gain": 0.5}, "value": radiance[0.5]}
+    assert found.notes == []
+    values = [p["settings"]["gain"] for p in points]
+    assert values == sorted(values) and len(set(values)) == len(values)
+
+
+def test_two_settings_are_searched_together():
+    found = fit(["gain=0.5:1.5:3", "lift=-0.5:0.5:3"], refine=0)
+    assert found.best == {"gain": 1.0, "lift": 0.0}
+    assert len(found.summary["points"]) == 9  # the default is one of them
+
+
+def test_better_may_mean_higher_and_equal_is_best():
+    near = fit(["gain=0.4:0.9:3"], metric="psnr", refine=0)
+    assert near.summary["better"] == "higher" and near.best["gain"] == 0.9
+    finite = [p["value"] for p in near.summary["points"]]
+    assert near.summary["best"]["value"] == max(finite)
+    equal = fit(["gain=0.5:1.5:3"], metric="psnr", refine=0)
+    assert equal.best["gain"] == 1.0 and equal.summary["best"]["value"] is None
+    assert any("equal to the reference" in note for note in equal.notes)
+
+
+@pytest.mark.parametrize(("text", "edge"), [("gain=0.1:0.8:4", "high edge"), ("gain=1.2:3:4", "low edge")])
+def test_an_optimum_at_the_edge_is_said_to_be_there(text, edge):
+    found = fit([text], refine=1)
+    assert any(edge in note and "may lie beyond" in note for note in found.notes)
+
+
+def test_an_edge_that_cannot_be_passed_is_told_apart():
+    """Noise-free input is best left as it is: alpha 1, which is as large as it may be."""
+    found = fit(["alpha=0.1:1:3"], "taa_clamp", settings=settings(frames=(8, 14)), refine=0)
+    assert found.best["alpha"] == 1.0
+    assert any("high edge" in note and "no smaller or larger value is allowed" in note for note in found.notes)
+
+
+def test_a_still_noisy_scene_asks_for_a_long_memory():
+    chosen = settings(frames=(0, 12), width=24, height=18)
+    found = fit_setting(
+        still(), "accumulate@cap=1", ["cap=1:8:4"], chosen, input="noisy", reference_samples=1, refine=0
+    )
+    assert found.best["cap"] == 8 and any("may lie beyond" in note for note in found.notes)
+
+
+def test_a_setting_without_effect_is_called_so():
+    found = fit(["whole"], refine=2)
+    assert any("no effect" in note for note in found.notes)
+
+
+def test_a_point_that_fails_is_recorded_and_left_out(tmp_path):
+    found = fit(["gain=1:4:4"], refine=0)
+    failed = [p for p in found.summary["points"] if p["value"] is None]
+    assert [p["settings"]["gain"] for p in failed] == [4.0] and "too bright" in failed[0]["failed"]
+    files = write_fit(tmp_path / "fit", found.summary)
+    assert {f.name for f in files} == {f.name for f in (tmp_path / "fit").iterdir()}
+    assert json.loads((tmp_path / "fit" / "fit.json").read_text()) == found.summary
+    with open(tmp_path / "fit" / "curve.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["relmse"] == "" for row in rows] == [p["value"] is None for p in found.summary["points"]]
+    with pytest.raises(MethodError, match=r"no point of the grid has a value.*too bright"):
+        fit(["gain=3.6:4:2"], MethodSpec("gain", Gain, {"gain": 3.7}), refine=0)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "more", "says"),
+    [
+        ([], {}, "no setting to fit"),
+        (["gain", "gain"], {}, "named twice"),
+        (["gain=0:1:90", "lift=0:1:90"], {}, f"more than {MAX_POINTS} points"),
+        (["open"], {}, "has no range of its own"),
+        (["gain"], {"metric": "vmaf"}, "no metric is named"),
+        (["gain"], {"refine": -1}, "refine is -1"),
+    ],
+)
+def test_fits_that_cannot_be_meant(ranges, more, says):
+    with pytest.raises(SettingsError, match=says):
+        fit(ranges, **more)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_command_line(tmp_path, capsys):
+    from taubench_gl.apps import cli
+    from taubench_gl.paths import PACKAGE
+
+    demo = PACKAGE.parent / "assets" / "demo.glb"
+    with pytest.raises(SystemExit) as ended:
+        cli.main(
+            ["reuse", "fit", str(demo), "--method", "taa_clamp", "--setting", "alpha=0.2:1:2", "--size",
+             "32x18", "--frames", "0:2", "--indirect", "none", "--shadow-size", "64", "--reference-samples", "1",
+             "--refine", "0", "--out", str(tmp_path / "fit")]
+        )  # fmt: skip
+    out, _ = capsys.readouterr()
+    assert ended.value.code == 0 and "best: alpha=1" in out and (tmp_path / "fit" / "curve.png").is_file()

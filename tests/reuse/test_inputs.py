@@ -1,0 +1,281 @@
+"""What methods are given: every input against the channel it is made of, jitter and fill against their definition."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+
+import numpy as np
+import OpenEXR
+import pytest
+from reuse_scenes import SIZE, looking_around, passing_box, settings, still
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.jitter import grid_offsets, halton_jitter
+from taubench_gl.conventions import Reason
+from taubench_gl.errors import SettingsError, TruthError
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.metrics.shading_rate import RATES, nearest_shaded, shaded
+from taubench_gl.reuse.arrays import read_input
+from taubench_gl.reuse.frame import INPUTS
+from taubench_gl.reuse.inputs import RasterInputs
+from taubench_gl.reuse.inputs_files import FileInputs
+from taubench_gl.reuse.inputs_kind import InputKind, parse_input
+from taubench_gl.reuse.inputs_reference import FileReference, MaxReference
+from taubench_gl.reuse.synthetic import FAR_AWAY_PX
+
+ALL = tuple(INPUTS)
+
+
+@contextmanager
+def inputs_of(gpu, scene, kind="full", reads=ALL, **more):
+    chosen = settings(**more.pop("settings", {}))
+    made = RasterInputs(gpu, scene, choose_camera(scene), chosen, parse_input(kind, seed=3), reads, **more)
+    try:
+        yield made
+    finally:
+        made.release()
+        gpu.collect()
+
+
+def arrays(frame) -> dict[str, np.ndarray]:
+    return {name: read_input(texture, name).copy() for name, texture in frame.textures.items()}
+
+
+# --------------------------------------------------------------------------------------------------------------- kinds
+@pytest.mark.parametrize("text", ["full", "jittered", "noisy", "half", "noisy+quarter+jittered", "exr:some/folder"])
+def test_a_kind_is_read_as_it_is_written(text):
+    assert parse_input(text).text == text
+    assert parse_input(text).exact == (text == "full")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("sharp", "no input is named 'sharp'"),
+        ("", "no input is named ''"),
+        ("full+noisy", "contradicts itself"),
+        ("noisy+noisy", "contradicts itself"),
+        ("half+quarter", "two shading rates"),
+        ("exr:folder+noisy", "adds to files"),
+    ],
+)
+def test_a_kind_that_cannot_be_meant(text, says):
+    with pytest.raises(SettingsError, match=says):
+        parse_input(text)
+
+
+@pytest.mark.parametrize("numbers", [{"light_samples": 0}, {"indirect_samples": 5000}, {"seed": -1}, {"seed": 65536}])
+def test_numbers_that_cannot_be_meant(numbers):
+    with pytest.raises(SettingsError):
+        parse_input("noisy", **numbers)
+
+
+# -------------------------------------------------------------------------------------------------------------- inputs
+def test_every_input_is_its_channel(gpu):
+    scene = looking_around("slide")
+    with inputs_of(gpu, scene) as inputs:
+        inputs.advance(4)
+        before = arrays_of_source(inputs.source)
+        frame = inputs.advance(5)
+        got, now = arrays(frame), arrays_of_source(inputs.source)
+    assert set(got) == set(INPUTS)
+    for name in ("position", "normal", "prev_position", "base_color", "emission", "ids"):
+        np.testing.assert_array_equal(got[name], now[name])
+    for name in ("position", "normal", "ids"):
+        np.testing.assert_array_equal(got[f"history_{name}"], before[name])
+    assert (got["radiance"][..., 3] == 1).all()
+    surface = now["position"][..., 3] > 0
+    np.testing.assert_array_equal(got["radiance"][surface, :3], now["emission"][surface, :3])
+    assert frame.index == 1 and frame.time == pytest.approx(5 / 24) and not frame.cut
+    assert frame.pair.camera_delta == pytest.approx([-0.25, 0, 0])
+
+
+def arrays_of_source(source) -> dict[str, np.ndarray]:
+    return {name: source.read(name).copy() for name in source.channels}
+
+
+def test_only_what_is_read_is_drawn(gpu):
+    with inputs_of(gpu, still(), reads=("radiance", "position")) as inputs:
+        frame = inputs.advance(0)
+        assert inputs.truth is None and not {"ids", "prev_position"} & set(inputs.source.channels)
+        assert set(frame.textures) == {"radiance", "position"}
+        lean = inputs.bytes
+    with inputs_of(gpu, still()) as inputs:
+        assert inputs.bytes > lean
+
+
+def test_radiance_is_exposed_light_and_sky(gpu):
+    more = {"settings": {"exposure": 2.0, "sky": (0.1, 0.2, 0.3)}}
+    with inputs_of(gpu, still(), **more) as inputs:
+        got = arrays(inputs.advance(0))["radiance"][..., :3]
+        source = inputs.source
+        position, direct = source.read("position"), source.read("direct")[..., :3]
+    sky = position[..., 3] == 0
+    assert sky.any() and not sky.all()
+    np.testing.assert_array_equal(got[sky], np.broadcast_to(np.float32([0.2, 0.4, 0.6]), got[sky].shape))
+    np.testing.assert_array_equal(got[~sky], 2.0 * direct[~sky])
+
+
+@pytest.mark.parametrize("rate", RATES[1:])
+def test_what_is_not_shaded_is_filled(gpu, rate):
+    with inputs_of(gpu, still()) as whole, inputs_of(gpu, still(), rate) as part:
+        for frame in range(4):
+            full = arrays(whole.advance(frame))["radiance"][..., :3]
+            got = arrays(part.advance(frame))["radiance"]
+            done, at = shaded(rate, SIZE, frame), nearest_shaded(rate, SIZE, frame)
+            np.testing.assert_array_equal(got[..., 3] == 1, done)
+            np.testing.assert_array_equal(got[..., :3], full[at[..., 1], at[..., 0]])
+
+
+def test_jittered_samples_lie_where_they_say(gpu):
+    scene = still()
+    with inputs_of(gpu, scene, "jittered") as inputs:
+        for number in range(3):
+            frame = inputs.advance(number)
+            np.testing.assert_array_equal(frame.jitter_px, halton_jitter(number))
+            position = arrays(frame)["position"].astype(np.float64)
+            clip = np.concatenate([position[..., :3], np.ones_like(position[..., :1])], axis=-1)
+            clip = clip @ frame.view.centered().clip_from_relative(*SIZE).T
+            at = (clip[..., :2] / np.where(clip[..., 3:] > 0, clip[..., 3:], 1.0) + 1.0) * 0.5 * SIZE - 0.5
+            x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1] - 1, -1, -1))
+            surface = position[..., 3] > 0
+            off = at - np.stack([x, y], axis=-1) - frame.jitter_px
+            assert np.abs(off[surface]).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["full", "jittered", "noisy+jittered"])
+def test_a_still_picture_does_not_move(gpu, kind):
+    with inputs_of(gpu, still(), kind) as inputs:
+        first = arrays(inputs.advance(0))
+        assert (first["mask"] & np.uint32(Reason.FIRST)).all() and (first["truth_mask"] & np.uint32(Reason.FIRST)).all()
+        for number in range(1, 4):
+            got = arrays(inputs.advance(number))
+            assert not got["motion"].any()
+            assert not (got["mask"] & np.uint32(Reason.OUTSIDE | Reason.BEHIND)).any()
+            assert not (got["truth_mask"] & ~np.uint32(Reason.SKY | Reason.HISTORY_SKY)).any()
+
+
+def test_the_mask_knows_geometry_and_the_truth_knows_light(gpu):
+    with inputs_of(gpu, passing_box(), "noisy") as inputs:
+        for number in range(11, 14):
+            got = arrays(inputs.advance(number))
+    light = np.uint32(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR | Reason.LIT | Reason.SHADOWED)
+    assert not (got["mask"] & light).any()
+    assert (got["mask"] & np.uint32(Reason.DISOCCLUDED)).any() and (got["truth_mask"] & np.uint32(Reason.COLOR)).any()
+    np.testing.assert_array_equal(got["mask"], got["truth_mask"] & ~light)
+
+
+def test_what_was_behind_the_camera_moved_far(gpu):
+    with inputs_of(gpu, turned_round(), settings={"fps": 1.0}) as inputs:
+        inputs.advance(0)
+        got = arrays(inputs.advance(1))
+    behind = (got["mask"] & np.uint32(Reason.BEHIND)) != 0
+    assert behind[..., 0].mean() > 0.9 and (np.abs(got["motion"][behind[..., 0]]) == FAR_AWAY_PX).all()
+
+
+def turned_round():
+    from taubench_gl.selftest.scenes import SceneBuilder, box, turn_y
+
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box((5.0, 5.0, 5.0), inside=True)))
+    b.light(intensity=5.0)
+    camera = b.camera(yfov=np.radians(50.0), znear=0.1)
+    b.animate(camera, "rotation", [0.0, 0.5, 1.0], [turn_y(0.0), turn_y(90.0), turn_y(180.0)])
+    return b.build()
+
+
+def test_a_declared_cut_is_in_the_masks(gpu):
+    with inputs_of(gpu, still(), cuts=(2,)) as inputs:
+        for number in range(4):
+            frame = inputs.advance(number)
+            got = arrays(frame)
+            assert frame.cut == (number == 2)
+            assert ((got["mask"] & np.uint32(Reason.CUT)) != 0).all() == (number == 2)
+
+
+def test_noise_has_its_own_numbers_each_frame_and_seed(gpu):
+    with inputs_of(gpu, still(), "noisy") as inputs:
+        a, b = (arrays(inputs.advance(n))["radiance"] for n in range(2))
+    with inputs_of(gpu, still(), "noisy") as inputs:
+        again = arrays(inputs.advance(0))["radiance"]
+    np.testing.assert_array_equal(a, again)
+    assert np.mean(np.any(a != b, axis=-1)) > 0.3
+
+
+def test_too_small_a_picture_has_no_rate(gpu):
+    with pytest.raises(SettingsError, match="2x2"), inputs_of(gpu, still(), "half", settings={"height": 1}):
+        pass
+
+
+# ----------------------------------------------------------------------------------------------------------- reference
+def test_the_best_reference_is_the_mean_of_its_samples(gpu):
+    scene, kind, chosen = looking_around("slide"), InputKind(), settings()
+    reference = MaxReference(gpu, scene, choose_camera(scene), chosen, kind, 4)
+    pictures = []
+    for offset in grid_offsets(4):
+        with inputs_of(gpu, scene, "jittered", reads=("radiance",), jitter=lambda _, o=offset: o) as inputs:
+            pictures.append(arrays(inputs.advance(3))["radiance"][..., :3])
+    got = reference.picture(3)
+    np.testing.assert_allclose(got, np.mean(pictures, axis=0), atol=1e-6)
+    assert np.abs(pictures[0] - pictures[3]).max() > 0.05
+    np.testing.assert_array_equal(reference.picture(3), got)
+    reference.release()
+
+
+# --------------------------------------------------------------------------------------------------------------- files
+@pytest.fixture(scope="module")
+def exr_folder(session_gpu, tmp_path_factory):
+    """Four frames of a sliding camera as Blender would write them: Combined, Position, Normal, Depth."""
+    folder = tmp_path_factory.mktemp("exr")
+    scene = looking_around("slide")
+    with session_gpu as gpu:
+        source = RasterSource(gpu, scene, choose_camera(scene), settings(columns=("position", "normal", "color")))
+        for number in range(4):
+            view = source.advance(number)
+            p, n, light = (source.read(c).astype(np.float32) for c in ("position", "normal", "emission"))
+            sky = p[..., 3:] == 0
+            world = np.where(sky, 0, p[..., :3] + view.position)
+            channels = {}
+            for name, values, letters in (
+                ("Position", np.stack([world[..., 0], -world[..., 2], world[..., 1]], -1), "XYZ"),
+                ("Normal", np.stack([n[..., 0], -n[..., 2], n[..., 1]], -1), "XYZ"),
+                ("Depth", np.where(sky, 1e10, p[..., 3:]), "Z"),
+                ("Combined", light[..., :3], "RGB"),
+            ):
+                for k, letter in enumerate(letters):
+                    channels[f"ViewLayer.{name}.{letter}"] = np.ascontiguousarray(values[..., k], np.float32)
+            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+            OpenEXR.File(header, channels).write(str(folder / f"frame_{number:04d}.exr"))
+        source.release()
+    return folder
+
+
+def test_files_give_what_was_rendered(gpu, exr_folder):
+    scene, spec = looking_around("slide"), f"exr:{exr_folder}"
+    files = FileInputs(gpu, scene, choose_camera(scene), settings(exposure=0.5), InputKind(files=spec), ALL, truth=spec)
+    missing = ("base_color", "ids", "emission", "prev_position", "history_ids")  # drawn: the files do not hold them
+    reads = ("radiance", "position", "normal", "motion", "mask", *missing)
+    with inputs_of(gpu, scene, reads=reads, settings={"exposure": 0.5}) as drawn:
+        assert list(files.frames((1, None))) == [1, 2, 3]
+        for number in range(3):
+            frame = files.advance(number)
+            got, expected = arrays(frame), arrays(drawn.advance(number))
+            for name in reads:
+                close = {"atol": 2e-3 if name == "motion" else 2e-5}
+                few = 3 if name == "normal" else None  # its fourth component is unused
+                np.testing.assert_allclose(got[name][..., :few], expected[name][..., :few], **close)
+    assert "truth_mask" in frame.textures
+    assert "rasterized, for the files do not hold it" in files.describe()["notes"][0]
+    bare = FileInputs(gpu, None, None, settings(), InputKind(files=spec), ALL)
+    assert set(missing).isdisjoint(bare.advance(0).textures)
+    bare.release()
+    reference = FileReference(spec, files.size, range(1, 4), settings(exposure=0.5))
+    np.testing.assert_array_equal(reference.picture(2), got["radiance"][..., :3])
+    files.release()
+
+
+def test_files_that_do_not_fit_say_so(exr_folder):
+    with pytest.raises(TruthError, match="is 64x48 pixels, the input 32x24"):
+        FileReference(f"exr:{exr_folder}", (32, 24), range(2), settings())
+    with pytest.raises(TruthError, match="lacks frame 4"):
+        FileReference(f"exr:{exr_folder}", SIZE, range(2, 6), settings())

@@ -1,0 +1,256 @@
+"""Random light: the numbers bit for bit, the estimate against its twin, its mean against exact light."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.metrics import shading_rate
+from taubench_gl.metrics.brdf import evaluate_brdf
+from taubench_gl.metrics.lighting import incident
+from taubench_gl.metrics.random_numbers import pcg4d, random4
+from taubench_gl.metrics.stochastic import choose, estimate_direct, estimate_indirect, light_choice
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.settings import Settings
+
+SIZE = (48, 32)
+COLUMNS = ("frustum", "position", "normal", "direct", "indirect")
+LIGHTS = (
+    ((1.5, 2.0, 0.5), (1.0, 0.8, 0.6), 30.0),
+    ((-1.5, 1.5, 1.0), (0.4, 0.6, 1.0), 12.0),
+    ((0.0, 2.5, -1.0), (1.0, 1.0, 1.0), 2.0),
+    ((0.0, 2.0, 0.0), (1.0, 1.0, 1.0), 0.0),  # off
+)
+
+
+def lit_scene():
+    b = SceneBuilder()
+    grey = b.material(base_color=(0.7, 0.5, 0.4, 1.0), metallic=0.0, roughness=0.6)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=grey)), rotation=turn_x(-90.0))
+    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), material=grey)), translation=(0.0, 0.5, -0.4))
+    for place, color, intensity in LIGHTS:
+        b.light(translation=place, color=color, intensity=intensity)
+    b.camera(translation=(0.0, 2.0, 4.0), rotation=turn_x(-22.0), yfov=np.radians(50.0), znear=0.1)
+    return b.build()
+
+
+def source_of(gpu, **shading):
+    settings = Settings(
+        width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="rsm", indirect_samples=96, shadow_size=128,
+        light_error=0.0, shadow_lights=shading.pop("shadow_lights", 8), sky=shading.pop("sky", (0.0, 0.0, 0.0)),
+    )  # fmt: skip
+    scene = lit_scene()
+    return RasterSource(gpu, scene, choose_camera(scene), settings, shading=Shading(**shading))
+
+
+@pytest.fixture
+def opened(gpu):
+    made = []
+
+    def make(**shading):
+        made.append(source_of(gpu, **shading))
+        return made[-1]
+
+    yield make
+    for source in made:
+        source.release()
+    gpu.collect()
+
+
+def light(source, frame=0):
+    """direct and indirect (h, w, 3) float64 of one frame."""
+    source.advance(frame)
+    return [source.read(name)[..., :3].astype(np.float64) for name in ("direct", "indirect")]
+
+
+def test_pcg4d_is_the_published_hash():
+    def scalar(v):
+        x, y, z, w = ((c * 1664525 + 1013904223) & 0xFFFFFFFF for c in v)
+        for turn in range(2):
+            x = (x + y * w) & 0xFFFFFFFF
+            y = (y + z * x) & 0xFFFFFFFF
+            z = (z + x * y) & 0xFFFFFFFF
+            w = (w + y * z) & 0xFFFFFFFF
+            if turn == 0:
+                x, y, z, w = x ^ x >> 16, y ^ y >> 16, z ^ z >> 16, w ^ w >> 16
+        return x, y, z, w
+
+    keys = [(0, 0, 0, 0), (1, 2, 3, 4), (1919, 1079, 99, 0xFFFF8003)]
+    got = pcg4d(np.array(keys, dtype=np.uint32))
+    assert [tuple(int(c) for c in row) for row in got] == [scalar(k) for k in keys]
+
+
+def test_numbers_are_uniform_and_uncorrelated():
+    u = np.stack([random4((128, 128), frame, 7, 3) for frame in range(4)])
+    assert u.min() >= 0.0 and u.max() < 1.0
+    n = u[..., 0].size
+    for k in range(4):
+        counts, _ = np.histogram(u[..., k], bins=32, range=(0, 1))
+        assert ((counts - n / 32) ** 2 / (n / 32)).sum() < 31 + 5 * np.sqrt(62)  # chi square, 5 sigma
+    for a, b in ((u[0, ..., 0], u[1, ..., 0]), (u[0, :, :-1, 0], u[0, :, 1:, 0]), (u[0, ..., 0], u[0, ..., 1])):
+        assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 5 / np.sqrt(a.size)
+
+
+def test_lights_are_chosen_as_often_as_they_should():
+    choice = light_choice(np.array([3.0, 0.0, 1.0, 0.0]))
+    np.testing.assert_allclose(choice[:, 1], [0.5 * 0.75 + 0.25, 0, 0.5 * 0.25 + 0.25, 0], atol=1e-7)
+    u = random4((256, 256), 0, 0, 0)[..., 0].ravel()
+    share = np.bincount(choose(u, choice), minlength=4) / u.size
+    np.testing.assert_allclose(share, choice[:, 1], atol=5 * 0.5 / 256)
+    assert share[1] == share[3] == 0
+    assert not light_choice(np.zeros(3)).any() and light_choice(np.zeros(0)).shape == (0, 2)
+
+
+def per_light_direct(source):
+    """What each light alone gives, no shadows, (N, h, w, 3) float64."""
+    view = source.renderer.drawn.view
+    channel = {n: source.read(n).astype(np.float64) for n in ("position", "normal", "geometric_normal", "material")}
+    base = source.read("base_color").astype(np.float64)[..., :3]
+    p, n = channel["position"], channel["normal"][..., :3]
+    surface = p[..., 3] > 0
+    points = p[..., :3] + view.position
+    to_eye = -p[..., :3] / np.maximum(np.linalg.norm(p[..., :3], axis=-1, keepdims=True), 1e-9)
+    scene, out = source.renderer.scene, []
+    for (place, _, _), lamp in zip(LIGHTS, scene.lights, strict=True):
+        to_light, radiance = incident(lamp, np.array(place), np.array([0.0, 0.0, -1.0]), points)
+        lobes = evaluate_brdf(base, channel["material"][..., 0], channel["material"][..., 1], n, to_eye, to_light)
+        facing = np.sum(channel["geometric_normal"][..., :3] * to_light, axis=-1) > 0
+        out.append(np.where((surface & facing)[..., None], (lobes[0] + lobes[1]) * radiance, 0.0))
+    return np.array(out)
+
+
+def test_direct_estimate_is_its_twin(opened):
+    source = opened(light_samples=3, indirect_samples=1, seed=11, shadow_lights=0)
+    source.advance(5)
+    got = source.read("direct")[..., :3].astype(np.float64)
+    choice = light_choice(np.array([max(c) * i for _, c, i in LIGHTS]))
+    expected = estimate_direct(per_light_direct(source), choice, SIZE, 5, 11, 3)
+    off = np.abs(got - expected).max(axis=-1) > 1e-3 * np.maximum(expected.max(axis=-1), 1e-3)
+    assert off.mean() < 2e-3  # a highlight's edge, or facing within rounding
+    assert expected.max() > 0.5
+
+
+def test_indirect_estimate_is_its_twin(opened):
+    source = opened(light_samples=1, indirect_samples=5, seed=2)
+    _, got = light(source, 3)
+    view = source.renderer.drawn.view
+    lamps = source.light.virtual_lights()
+    position = source.read("position").astype(np.float64)
+    normal, material = (source.read(n).astype(np.float64) for n in ("normal", "material"))
+    base = source.read("base_color").astype(np.float64)[..., :3]
+    x = position[..., :3] + source.light._indirect.scene_from_relative.astype(np.float64)
+    d = lamps["position"][:, None, None, :3].astype(np.float64) - x
+    d2 = np.sum(d**2, axis=-1)
+    to = d / np.sqrt(np.maximum(d2, 1e-30))[..., None]
+    cosines = np.maximum(np.sum(normal[..., :3] * to, axis=-1), 0.0)
+    cosines *= np.maximum(-np.sum(lamps["normal"][:, None, None, :3] * to, axis=-1), 0.0)
+    weight = cosines / (np.pi * d2 + lamps["position"][:, None, None, 3])
+    irradiance = lamps["flux"][:, None, None, :3].astype(np.float64) * weight[..., None]
+    fresnel = 0.04 * material[..., 3:4]
+    albedo = (
+        (1 - material[..., :1]) * (1 - fresnel) * base + (1 - material[..., :1]) * fresnel + material[..., :1] * base
+    )
+    surface = (position[..., 3] > 0)[..., None]
+    expected = np.where(surface, estimate_indirect(irradiance, SIZE, 3, 2, 5) * albedo / np.pi, 0.0)
+    np.testing.assert_allclose(got, expected, atol=2e-4 * expected.max())
+    assert view is not None and expected.max() > 1e-3
+
+
+def test_mean_of_many_frames_is_exact_light(opened):
+    """Lights, shadows, indirect and sky: within 5 standard errors at all but a few of the pixels, and the error falls
+    as 1/sqrt(n)."""
+    sky = (0.3, 0.4, 0.5)
+    exact = light(opened(gather_each=True, sky=sky))
+    noisy = opened(light_samples=1, indirect_samples=32, seed=1, sky=sky)  # one alone has too heavy a tail for 5 sigma
+    counts, totals, squares, error = (9, 144), [0.0, 0.0], [0.0, 0.0], {}
+    for frame in range(max(counts)):
+        for k, value in enumerate(light(noisy, frame)):
+            totals[k] = totals[k] + value
+            squares[k] = squares[k] + value**2
+        if frame + 1 in counts:
+            error[frame + 1] = [np.sqrt(np.mean((t / (frame + 1) - e) ** 2)) for t, e in zip(totals, exact)]
+    n = max(counts)
+    for k in range(2):
+        mean = totals[k] / n
+        spread = np.sqrt(np.maximum(squares[k] / n - mean**2, 0.0) / (n - 1))
+        beyond = np.abs(mean - exact[k]) > 5 * spread + 1e-4 * exact[k].max()
+        assert beyond.mean() < 0.01, f"{100 * beyond.mean():.2f} % beyond 5 standard errors"
+        assert abs((mean - exact[k]).mean()) < 4 * np.sqrt(np.mean(spread**2) / mean.size) + 1e-4 * exact[k].mean()
+        fell = error[counts[0]][k] / error[counts[1]][k]
+        assert 3.0 < fell < 5.3, f"error fell by {fell:.2f}, expected sqrt(16) = 4"
+
+
+def test_a_seed_is_a_picture(opened):
+    first, again, other = (light(opened(light_samples=1, indirect_samples=1, seed=s), 2)[0] for s in (4, 4, 5))
+    np.testing.assert_array_equal(first, again)
+    assert np.mean(first != other) > 0.2
+
+
+@pytest.mark.parametrize("rate", shading_rate.RATES)
+@pytest.mark.parametrize("kind", ["exact", "random"])
+def test_rates_shade_their_pixels_and_no_others(opened, rate, kind):
+    samples = {"light_samples": 1, "indirect_samples": 2} if kind == "random" else {}
+    whole, part = opened(**samples), opened(rate=rate, **samples)
+    for frame in range(5):
+        for full, some in zip(light(whole, frame), light(part, frame)):
+            done = shading_rate.shaded(rate, SIZE, frame)
+            np.testing.assert_array_equal(some[done], full[done])
+    union = np.any([shading_rate.shaded(rate, SIZE, f) for f in range(4)], axis=0)
+    assert union.all()
+
+
+@pytest.mark.parametrize("size", [(48, 32), (7, 5), (2, 2), (3, 2)])
+@pytest.mark.parametrize("rate", shading_rate.RATES)
+def test_the_stand_in_is_a_nearest_shaded_pixel(rate, size):
+    w, h = size
+    for frame in range(4):
+        done = shading_rate.shaded(rate, size, frame)
+        at = shading_rate.nearest_shaded(rate, size, frame)
+        assert done[at[..., 1], at[..., 0]].all()
+        rows, columns = np.nonzero(done)
+        y, x = np.indices((h, w))
+        distance = np.hypot(at[..., 0] - x, at[..., 1] - y)
+        best = np.hypot(columns - x[..., None], rows - y[..., None]).min(axis=-1)
+        np.testing.assert_allclose(distance, best)
+
+
+@pytest.mark.parametrize("filtering", ["bilinear", "hard"])
+def test_every_kind_of_light_and_culled_lists_have_the_same_mean(gpu, filtering):
+    """Spots, a sun, and more lights than are asked one by one: the mean within 4 standard errors of exact light."""
+    b = SceneBuilder()
+    grey = b.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=0.8)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=grey)), rotation=turn_x(-90.0))
+    b.node(mesh=b.mesh(box((0.5, 0.5, 0.5), material=grey)), translation=(0.0, 0.5, 0.0))
+    b.light(kind="directional", intensity=1.5, rotation=turn_x(-60.0))
+    for k in range(18):
+        angle = 2.0 * np.pi * k / 18
+        place = (2.5 * np.cos(angle), 1.2, 2.5 * np.sin(angle))
+        kind = {"kind": "spot", "outer_cone": 0.9, "rotation": turn_x(-90.0)} if k % 2 else {"range": 6.0}
+        b.light(translation=place, intensity=2.0 + k, color=(1.0, 0.5 + 0.02 * k, 0.5), **kind)
+    b.camera(translation=(0.0, 2.5, 5.0), rotation=turn_x(-25.0), yfov=np.radians(50.0), znear=0.1)
+    scene = b.build()
+    settings = Settings(
+        width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="none", shadow_size=64, light_error=0.0,
+        shadow_filter=filtering,
+    )  # fmt: skip
+    exact = RasterSource(gpu, scene, choose_camera(scene), settings)
+    noisy = RasterSource(
+        gpu, scene, choose_camera(scene), settings, shading=Shading(light_samples=4, indirect_samples=1, seed=9)
+    )
+    exact.advance(0)
+    assert exact.light.lighting.tile_counts() is not None
+    expected = exact.read("direct")[..., :3].astype(np.float64)
+    frames = []
+    for frame in range(64):
+        noisy.advance(frame)
+        frames.append(noisy.read("direct")[..., :3].astype(np.float64))
+    means = np.array([f.mean(axis=(0, 1)) for f in frames])
+    error = means.std(axis=0, ddof=1) / np.sqrt(len(frames))
+    assert (np.abs(means.mean(axis=0) - expected.mean(axis=(0, 1))) < 4 * error).all()
+    assert (error < 0.02 * expected.mean(axis=(0, 1))).all()  # or the test could not fail
+    for source in (exact, noisy):
+        source.release()
+    gpu.collect()

@@ -1,0 +1,145 @@
+"""docs/reuse.md is enough: its examples run as they stand, and its tables name what there is.  And the commands."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from reuse_tools import play
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.conventions import Reason
+from taubench_gl.errors import OutputError
+from taubench_gl.reuse.check import check_method, write_example
+from taubench_gl.reuse.contract import FORMATS
+from taubench_gl.reuse.frame import INPUTS
+from taubench_gl.reuse.loading import load_method, shipped_methods
+from taubench_gl.reuse.preamble import FRAME, build_source
+from taubench_gl.reuse.synthetic import synthetic_steps
+from taubench_gl.reuse.toml_method import _KEYS, _PASS_KEYS
+
+GUIDE = (Path(__file__).resolve().parents[2] / "docs" / "reuse.md").read_text(encoding="utf-8")
+FILES = dict(re.findall(r"File `([\w./]+)`:\n\n```\w+\n(.*?)```", GUIDE, re.DOTALL))
+
+
+@pytest.fixture
+def guide_method(tmp_path):
+    """The folder of the guide, written from the guide alone."""
+    assert set(FILES) == {"ema/method.toml", "ema/ema.glsl"}
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path / "ema"
+
+
+def test_the_shortest_useful_method_is_under_thirty_lines(guide_method):
+    assert sum(len((guide_method / name).read_text().splitlines()) for name in ("method.toml", "ema.glsl")) < 30
+
+
+def test_the_guides_method_accumulates_and_rejects(gpu, guide_method):
+    """Useful: less noise than none; no ghost where the ball has uncovered the floor."""
+    report = check_method(gpu, guide_method)
+    assert report.error < 0.8 * report.error_without_reuse and 0.3 < report.reused < 0.9
+    steps = list(synthetic_steps((128, 72), 8, speed=2.0, noise=0.0))
+    fresh = (steps[-1].inputs["mask"] & Reason.DISOCCLUDED) > 0
+    result = play(gpu, guide_method, steps)[-1]
+    assert fresh.sum() > 50
+    np.testing.assert_allclose(result[fresh][:, :3], steps[-1].clean[fresh], atol=1e-5)
+
+
+def test_the_guides_python_method_runs(gpu, tmp_path):
+    (text,) = re.findall(r"```python\n(import numpy.*?)```", GUIDE, re.DOTALL)
+    (tmp_path / "accumulate.py").write_text(text)
+    report = check_method(gpu, tmp_path / "accumulate.py")
+    assert report.method.name == "accumulate" and report.reused is None and report.frames > 2
+
+
+def test_the_guide_names_everything_there_is():
+    for name in (*INPUTS, *FORMATS, *shipped_methods(), *_KEYS, *_PASS_KEYS):
+        assert re.search(rf"`[^`]*\b{name}\b[^`]*`", GUIDE), name
+    for field in FRAME.fields:
+        assert f"frame.{field.name}" in GUIDE, field.name
+
+
+def test_the_guide_names_no_function_that_is_not_there(gpu):
+    """Every function of its table is defined in what a shader is given."""
+    section = GUIDE.split("## Functions in GLSL")[1].split("`frame` holds")[0]
+    method = load_method("svgf")
+    text = build_source(method, method.passes[0], (8, 8)).text
+    text += "".join(
+        build_source(load_method(n), load_method(n).passes[0], (8, 8)).text for n in ("oracle", "checkerboard")
+    )
+    names = set(re.findall(r"`(?:\w+ )?(\w+)\(", section)) | {"ycocg_from_rgb", "rgb_from_ycocg"}
+    for name in names:
+        pattern = re.escape(name).replace("_X", "_radiance") if not name.startswith("write_") else "write_"
+        assert re.search(rf"\b\w+ {pattern}\w*\(", text), name
+    assert len(names) > 14
+
+
+@pytest.mark.parametrize("python", [False, True])
+def test_new_writes_what_check_accepts(gpu, tmp_path, monkeypatch, python):
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner()
+    made = run.invoke(cli, ["reuse", "new", "mine", *(["--python"] if python else [])], catch_exceptions=False)
+    path = "mine.py" if python else "mine"
+    assert made.exit_code == 0 and f"reuse check {path}" in made.output and Path(path).exists()
+    checked = run.invoke(cli, ["reuse", "check", path, "--set", "alpha=0.2"], catch_exceptions=False)
+    assert checked.exit_code == 0 and "every pixel finite" in checked.output
+    report = check_method(gpu, path)
+    assert report.error < report.error_without_reuse and report.reused > 0.3
+    again = run.invoke(cli, ["reuse", "new", "mine", *(["--python"] if python else [])])
+    assert again.exit_code != 0 and "is there already" in str(again.exception)
+    assert check_method(gpu, path).error == report.error, "what was there is as it was"
+
+
+def test_the_two_examples_are_the_same_method(gpu, tmp_path):
+    """With motion of whole pixels nearest and bilinear history are the same, and so are GLSL and Python."""
+    write_example(tmp_path / "a")
+    write_example(tmp_path / "b", python=True)
+    steps = list(synthetic_steps((48, 27), 6, speed=0.0, noise=0.3))
+    for one, other in zip(play(gpu, tmp_path / "a", steps), play(gpu, tmp_path / "b.py", steps)):
+        np.testing.assert_allclose(one, other, atol=1e-6)
+
+
+def test_new_leaves_nothing_half_written(tmp_path):
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_example(tmp_path / "file" / "mine")
+    assert (tmp_path / "file").read_text() == "x" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_list_and_show(monkeypatch, tmp_path):
+    monkeypatch.setenv("TAUBENCH_BACKEND", "osmesa")  # neither opens a context
+    run = CliRunner()
+    listed = json.loads(run.invoke(cli, ["reuse", "list", "--json"], catch_exceptions=False).output)
+    assert set(shipped_methods()) <= set(listed)
+    text = run.invoke(cli, ["reuse", "list"], catch_exceptions=False).output
+    assert all(name in text for name in shipped_methods())
+    for name in shipped_methods():
+        facts = json.loads(run.invoke(cli, ["reuse", "show", name, "--json"], catch_exceptions=False).output)
+        raw = tomllib.loads((load_method(name).folder / "method.toml").read_text())
+        assert (
+            facts["cite"] and facts["reads"] == raw["reads"] and set(facts["settings"]) == set(raw.get("settings", {}))
+        )
+        assert facts["bytes_1080p"] >= 1920 * 1080 * 16
+    shown = run.invoke(cli, ["reuse", "show", "taa_variance"], catch_exceptions=False).output
+    assert all(part in shown for part in ("Salvi 2016", "gamma", "99.5 MB", "variance.glsl", "a number from 0 to 8"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["show", "taa_clmp"], "did you mean 'taa_clamp'"),
+        (["check", "none", "--set", "alpha=1"], "no setting is named 'alpha' (it has no settings)"),
+        (["check", "taa_clamp", "--set", "alpha=high"], "'high' is not a number from 0.01 to 1"),
+        (["check", "no/such/folder"], "no method, folder or file 'no/such/folder'"),
+    ],
+)
+def test_wrong_input_is_one_line(arguments, complaint):
+    result = CliRunner().invoke(cli, ["reuse", *arguments])
+    assert result.exit_code != 0 and complaint in str(result.exception) and "\n" not in str(result.exception)
