@@ -1,0 +1,121 @@
+"""``taubench-gl view``: the interactive viewer.  Everything that needs its libraries is imported when it runs."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import click
+
+from taubench_gl.apps.options import Frames, Size, Threshold, light_options, scene_options
+from taubench_gl.errors import SettingsError
+from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
+
+LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}
+MORE_WIDTH, MORE_HEIGHT = 300, 64
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl view scene.glb
+  taubench-gl view scene.glb --size 960x540 --reprojection motion --light
+  taubench-gl view results
+  taubench-gl view exr:renders --camera-file renders/camera.json
+  taubench-gl view scene.glb --truth exr:renders --scene-file scene.glb
+  taubench-gl view scene.glb --script steps.txt
+\b
+Press ? in the window for the keys; docs/viewer.md lists them, and the commands of scripts."""
+)
+@click.argument("source", metavar="SCENE")
+@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
+@scene_options
+@click.option("--fps", type=float, default=24.0, show_default=True, help="Frames per second.")
+@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
+@click.option("--size", type=Size(), default="640x360", show_default=True, help="Pixels of the picture.")
+@click.option(
+    "--reprojection",
+    type=click.Choice(REPROJECTIONS),
+    default=REPROJECTIONS[0],
+    show_default=True,
+    help="See evaluate.",
+)
+@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of history.")
+@click.option("--threshold", "thresholds", type=Threshold(), multiple=True, help="To start with; may be repeated.")
+@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
+@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
+@click.option("--textures", type=click.Choice(TEXTURES), default=TEXTURES[0], show_default=True, help="See evaluate.")
+@light_options
+@click.option("--light/--no-light", default=None, help="Start with light simulated.  [default: where a GPU does it]")
+@click.option("--truth", metavar="exr:DIR", help="Path-traced frames to compare with (split, difference).")
+@click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]")
+@click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures.")
+@click.option("--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML.")
+@click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]")
+@click.option(
+    "--script", type=click.Path(path_type=Path), metavar="FILE", help="Drive the viewer by a file of commands."
+)
+@click.option("--window", type=Size(), help="Window, in screen points.  [default: as last time, or to fit the picture]")
+@click.option("--shots", type=click.Path(path_type=Path, file_okay=False), default=".", metavar="DIR",
+              help="Where screenshots and clips go.  [default: here]")  # fmt: skip
+@click.option("--bench", type=click.IntRange(min=1), metavar="N", help="Play N frames, print frames/s, and quit.")
+def view(source: str, script: Path | None, bench: int | None, **options: Any) -> None:
+    """Look at a scene, path-traced files or a finished run: masks, thresholds and pixels, live.
+
+    SCENE is what evaluate takes: a file, a registry's name, or exr:DIR.  A folder that evaluate wrote opens its scene
+    with its settings, at the most discarded pair.  Needs a display, and pip install taubench-gl[viewer].
+    """
+    missing = [pip for module, pip in LIBRARIES.items() if importlib.util.find_spec(module) is None]
+    if missing:
+        raise SettingsError(f"the viewer needs {' and '.join(missing)}", hint="run: pip install 'taubench-gl[viewer]'")
+    from taubench_gl.viewer.session import Session, run_session
+
+    run_session(
+        Session(
+            asked=_asked(source, options),
+            light=options["light"],
+            window=options["window"],
+            shots=options["shots"],
+            script=script,
+            bench=bench,
+            # A script starts from the same state on every machine, and leaves nothing behind.
+            folder=None if script is not None or bench is not None else Path(click.get_app_dir("taubench-gl")),
+            say=click.echo,
+        )
+    )
+
+
+def _asked(source: str, options: dict[str, Any]) -> Any:
+    from taubench_gl.evaluation_truth import TruthOptions
+    from taubench_gl.viewer.opening import Asked
+
+    width, height = options["size"]
+    names = ("camera", "scene", "fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "columns",
+             "effects", "sky", "exposure", "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "light_error",
+             "indirect")  # fmt: skip
+    settings = Settings(
+        width=width,
+        height=height,
+        frames=options["frames"] or (None, None),
+        animation=options["animations"] or None,
+        thresholds=dict(options["thresholds"]),
+        **{name: options[name] for name in names if name in options},
+    )
+    truth = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
+    return Asked(source, settings, options["truth"], TruthOptions(**truth), _given(options), _resolve)
+
+
+def _given(options: dict[str, Any]) -> frozenset[str]:
+    """Options that the user gave, as opposed to defaults."""
+    context = click.get_current_context()
+    source = click.core.ParameterSource
+    given = (n for n in options if context.get_parameter_source(n) not in (None, source.DEFAULT, source.DEFAULT_MAP))
+    return frozenset(given)
+
+
+def _resolve(text: str) -> tuple[str, dict[str, Any]]:
+    from taubench_gl.apps.named_scenes import asked_for, resolve
+
+    path, row = resolve(text)
+    return path, asked_for(row)

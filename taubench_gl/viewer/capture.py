@@ -1,0 +1,79 @@
+"""Pictures and clips on disk."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.errors import OutputError
+from taubench_gl.outputs import cannot_write
+
+Array = np.ndarray
+NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
+
+
+def save_png(path: Path, picture: Array) -> None:
+    """(h, w, 3) uint8 as PNG, whole or not at all.  Raises OutputError."""
+    import imageio.v3 as iio
+
+    data = io.BytesIO()
+    iio.imwrite(data, np.ascontiguousarray(picture), extension=".png")
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_bytes(data.getvalue())
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise cannot_write(path, error) from None
+
+
+def free_name(folder: Path, stem: str, suffix: str) -> Path:
+    """``stem-1.png``, ``stem-2.png``, ...: the first that is not there yet."""
+    number = 1
+    while (folder / f"{stem}-{number}{suffix}").exists():
+        number += 1
+    return folder / f"{stem}-{number}{suffix}"
+
+
+class Clip:
+    """An mp4 that grows by a picture at a time, at constant rate.  Odd sizes lose their last row or column (yuv420)."""
+
+    def __init__(self, path: Path, size: tuple[int, int], fps: float):
+        try:
+            import imageio_ffmpeg
+        except ImportError:
+            raise OutputError(NO_VIDEO) from None
+        self.path, self.pictures = path, 0
+        self._partial = path.with_name(f".{path.stem}.partial{path.suffix}")
+        self._even = (size[0] // 2 * 2, size[1] // 2 * 2)
+        if min(self._even) < 2:
+            raise OutputError("the picture is too small for a clip")
+        try:
+            self._partial.touch()
+        except OSError as error:
+            raise cannot_write(path, error) from None
+        self._writer: Any = imageio_ffmpeg.write_frames(
+            str(self._partial), self._even, fps=fps, macro_block_size=1, quality=8, ffmpeg_log_level="error"
+        )
+        self._writer.send(None)
+
+    def add(self, picture: Array) -> None:
+        """(h, w, 3) uint8."""
+        width, height = self._even
+        try:
+            self._writer.send(np.ascontiguousarray(picture[:height, :width]))
+        except (OSError, RuntimeError) as error:
+            raise OutputError(f"the clip broke off: {str(error).splitlines()[0]}", where=str(self.path)) from None
+        self.pictures += 1
+
+    def close(self) -> None:
+        """Finish the file; without a picture there is none."""
+        self._writer.close()
+        if self.pictures:
+            os.replace(self._partial, self.path)
+        else:
+            self._partial.unlink(missing_ok=True)

@@ -1,0 +1,105 @@
+"""Mouse and keyboard: what the panels do not want moves cameras, the split line and the probe."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from imgui_bundle import imgui
+
+from taubench_gl.viewer.keys import KEYS, MOVEMENT, chord
+
+if TYPE_CHECKING:
+    from taubench_gl.viewer.app import Viewer
+
+SPLIT_REACH = 8.0
+"""Window points on either side of the split line in which it can be grabbed."""
+_EDIT = ("BACKSPACE", "ENTER", "LEFT_ARROW", "RIGHT_ARROW", "TAB", "ESCAPE")
+
+
+class Input:
+    """Takes events in window points, y down."""
+
+    def __init__(self, viewer: Viewer):
+        self._viewer = viewer
+        self.mouse = (-1.0, -1.0)
+        self.held: set[str] = set()
+        self._drag: str | None = None
+
+    def resize(self, width: int, height: int) -> None:
+        """The window's new size; 0 x 0 while it is minimised."""
+        self._viewer.window_size = (max(width, 0), max(height, 0))
+
+    def mouse_move(self, x: float, y: float) -> None:
+        viewer, s = self._viewer, self._viewer.state
+        dx, dy = x - self.mouse[0], y - self.mouse[1]
+        self.mouse = (x, y)
+        imgui.get_io().add_mouse_pos_event(x, y)
+        pixel = viewer.layout.pixel(x, y, viewer.engine.feed.size)
+        if self._drag == "split":
+            left, _, width, _ = viewer.layout.picture
+            s.split = min(max((x - left) / max(width, 1), 0.0), 1.0)
+        elif self._drag == "camera" and s.camera == "fly":
+            viewer.engine.user.look(dx, dy)
+        elif self._drag == "camera" and s.camera == "orbit":
+            viewer.engine.user.turn_about(dx, dy)
+        if not s.probe_pinned:
+            s.probe = pixel
+
+    def mouse_button(self, button: int, pressed: bool) -> None:
+        """``button``: 0 left, 1 right, 2 middle."""
+        imgui.get_io().add_mouse_button_event(button, pressed)
+        self._drag = None
+        if pressed and self._on_picture():
+            self._drag = "split" if self._on_split() else "camera"
+
+    def scroll(self, dx: float, dy: float) -> None:
+        imgui.get_io().add_mouse_wheel_event(dx, dy)
+        if self._on_picture() and self._viewer.state.camera == "orbit":
+            self._viewer.engine.user.zoom(dy)
+
+    def char(self, code: int) -> None:
+        imgui.get_io().add_input_character(code)
+
+    def key(self, name: str, pressed: bool, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> None:
+        """``name`` as GLFW names keys, without KEY_.  A repeated press counts as another."""
+        self._tell_imgui(name, pressed, ctrl, shift)
+        if not pressed:
+            self.held.discard(name)
+            return
+        self.held.add(name)
+        if imgui.get_io().want_text_input:
+            return
+        name = {"KP_ENTER": "ENTER", "KP_SUBTRACT": "MINUS", "KP_ADD": "EQUAL"}.get(name, name)
+        action = KEYS.get(chord(name, ctrl=ctrl, alt=alt, shift=shift))
+        if action is not None:
+            self._viewer.act(action)
+
+    def lose_focus(self) -> None:
+        """No key is held by a window that nobody types into."""
+        self.held.clear()
+        self._drag = None
+
+    def hold(self, seconds: float) -> None:
+        """Move the camera by the keys that are held."""
+        s, keys = self._viewer.state, self.held & MOVEMENT
+        if not keys or s.camera == "file" or imgui.get_io().want_text_input:
+            return
+        fast = {"SHIFT"} if self.held & {"LEFT_SHIFT", "RIGHT_SHIFT", "SHIFT"} else set()
+        self._viewer.engine.user.hold(keys | fast, min(seconds, 0.1), s.camera)
+
+    def _on_picture(self) -> bool:
+        viewer = self._viewer
+        return viewer.layout.pixel(*self.mouse, viewer.engine.feed.size) is not None and not viewer.state.help
+
+    def _on_split(self) -> bool:
+        s = self._viewer.state
+        left, _, width, _ = self._viewer.layout.picture
+        return s.comparison == "split" and abs(self.mouse[0] - left - s.split * width) <= SPLIT_REACH
+
+    def _tell_imgui(self, name: str, pressed: bool, ctrl: bool, shift: bool) -> None:
+        io = imgui.get_io()
+        io.add_key_event(imgui.Key.mod_ctrl, ctrl)
+        io.add_key_event(imgui.Key.mod_shift, shift)
+        other = {"LEFT": "left_arrow", "RIGHT": "right_arrow"}.get(name, name.lower())
+        if other.upper() in _EDIT and hasattr(imgui.Key, other):
+            io.add_key_event(getattr(imgui.Key, other), pressed)

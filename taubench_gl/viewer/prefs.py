@@ -1,0 +1,70 @@
+"""What the viewer remembers between runs: window size and how things are shown.  Never the scene, never a result."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.errors import OutputError, TaubenchError
+from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.viewer.state import OVERLAYS, SECTIONS, ViewerState
+from taubench_gl.viewer.variables import assign, values
+
+FILE = "viewer.json"
+_KEPT = ("opacity", "overlays", "arrows", "frusta", "panels", "speed", "gain")
+
+
+@dataclass(slots=True)
+class Prefs:
+    window: tuple[int, int] | None = None
+    values: dict[str, Any] | None = None
+
+
+def load(folder: Path) -> tuple[Prefs, str]:
+    """What was kept, and a note where the file could not be used (it is then as if there were none)."""
+    path = folder / FILE
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        window = data.get("window")
+        if window is not None:
+            window = (int(window[0]), int(window[1]))
+            if not (200 <= window[0] <= 16384 and 150 <= window[1] <= 16384):
+                raise ValueError("window size")
+        values = data.get("values", {})
+        if not isinstance(values, dict):
+            raise ValueError("values")
+    except FileNotFoundError:
+        return Prefs(), ""
+    except (OSError, ValueError, TypeError, AttributeError, IndexError, KeyError):
+        return Prefs(), f"{FILE} could not be read and is ignored"
+    return Prefs(window, values), ""
+
+
+def apply(prefs: Prefs, state: ViewerState) -> None:
+    """Set what was kept; names and values that are no more are passed over."""
+    for name, value in (prefs.values or {}).items():
+        if name in _kept():
+            try:
+                assign(state, name, str(value))
+            except TaubenchError:  # of another version
+                continue
+
+
+def save(folder: Path, state: ViewerState, window: tuple[int, int] | None) -> str:
+    """Keep the state's way of showing; a note where that did not work."""
+    now = values(state)
+    text = json.dumps({"window": window, "values": {n: now[n] for n in _kept()}}, indent=1) + "\n"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_atomically(folder / FILE, text)
+    except OutputError as error:
+        return str(error)
+    except OSError as error:
+        return str(cannot_write(folder, error))
+    return ""
+
+
+def _kept() -> list[str]:
+    return [*_KEPT, *(f"show.{n}" for n in OVERLAYS), *(f"section.{n}" for n in SECTIONS)]

@@ -1,0 +1,268 @@
+"""Scripts that drive the viewer through the same handlers as a window's callbacks: for tests and for repeatable demos.
+
+One command a line, ``#`` starts a comment.  The whole script is checked before its first line runs.
+"""
+
+from __future__ import annotations
+
+import operator
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.viewer import variables
+from taubench_gl.viewer.actions import ACTIONS
+from taubench_gl.viewer.app import Viewer
+from taubench_gl.viewer.keys import split_chord
+
+COMMANDS: dict[str, tuple[int, int, str]] = {
+    "frame": (1, 1, "frame N: go to a frame"),
+    "key": (1, 1, "key CHORD: press and release, as in key SPACE or key SHIFT+N"),
+    "hold": (2, 2, "hold KEY N: hold a key for N frames"),
+    "action": (1, 9, "action NAME: do what a key would"),
+    "set": (2, 2, "set NAME VALUE"),
+    "mouse": (2, 2, "mouse X Y: move to a place of the window; mouse @WIDGET F: along a control, F from 0 to 1"),
+    "press": (0, 1, "press [BUTTON]: a mouse button down (0 left, 1 right)"),
+    "release": (0, 1, "release [BUTTON]"),
+    "click": (0, 2, "click [X Y]: press and release, also click @WIDGET F"),
+    "drag": (2, 2, "drag X Y: press here, move there, release"),
+    "scroll": (1, 1, "scroll N: the wheel"),
+    "resize": (2, 2, "resize W H: the window"),
+    "minimise": (0, 0, "minimise: the window has no area until it is resized"),
+    "drop": (1, 1, "drop PATH: a file onto the window"),
+    "wait": (1, 1, "wait N: N frames, 1/fps seconds each"),
+    "screenshot": (1, 2, "screenshot FILE [window]: PNG of the picture, or of the window"),
+    "expect": (3, 4, "expect NAME OP VALUE [TOLERANCE]: OP is one of == != < <= > >="),
+    "print": (1, 1, "print NAME"),
+    "bench": (1, 1, "bench N: median frames a second over N frames played"),
+    "quit": (0, 0, "quit"),
+}
+"""Name -> least and most arguments, and how it is written."""
+
+OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
+    "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    where: str  # file:line
+    command: str
+    arguments: tuple[str, ...]
+
+
+def parse(path: Path) -> list[Line]:
+    """The lines of a script.  Raises SettingsError ``file:line`` for what is no command."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        what = getattr(error, "strerror", None) or "is not text"
+        raise SettingsError(f"script cannot be read: {what}", where=str(path)) from None
+    lines = []
+    for number, raw in enumerate(text.splitlines(), start=1):
+        where = f"{path}:{number}"
+        try:
+            words = shlex.split(raw, comments=True)
+        except ValueError as error:
+            raise SettingsError(str(error), where=where) from None
+        if not words:
+            continue
+        command, arguments = words[0], tuple(words[1:])
+        if command not in COMMANDS:
+            raise SettingsError(
+                f"there is no command {command!r}", where=where, hint=f"choose from {', '.join(COMMANDS)}"
+            )
+        least, most, usage = COMMANDS[command]
+        if not least <= len(arguments) <= most:
+            raise SettingsError(f"{command} with {len(arguments)} arguments", where=where, hint=f"write {usage}")
+        lines.append(Line(where, command, arguments))
+    return lines
+
+
+class ScriptRunner:
+    """``present`` shows a frame in the window, ``resize`` asks for a size and gives the one there is."""
+
+    def __init__(
+        self,
+        viewer: Viewer,
+        present: Callable[[], None],
+        resize: Callable[[int, int], tuple[int, int]],
+        say: Callable[[str], None] = print,
+    ):
+        self._viewer, self._present, self._resize, self._say = viewer, present, resize, say
+        self._bench: float | None = None
+
+    def run(self, lines: list[Line]) -> None:
+        """Until the end or ``quit``.  Raises SettingsError at ``file:line`` for what cannot be done or is not so."""
+        self._frame()
+        for line in lines:
+            if self._viewer.done:
+                return
+            try:
+                getattr(self, f"do_{line.command}")(*line.arguments)
+                self._frame()
+            except SettingsError as error:
+                raise SettingsError(error.what, where=line.where, hint=error.hint) from None
+
+    def _frame(self, seconds: float = 0.0) -> None:
+        self._viewer.tick(seconds)
+        self._present()
+
+    # -- commands
+
+    def do_key(self, text: str) -> None:
+        key, modifiers = _chord(text)
+        held = {m.lower(): True for m in modifiers}
+        self._viewer.input.key(key, True, **held)
+        self._viewer.input.key(key, False, **held)
+
+    def do_hold(self, text: str, count: str) -> None:
+        key, modifiers = _chord(text)
+        pressed = [*(["LEFT_SHIFT"] if "SHIFT" in modifiers else []), key]
+        for name in pressed:
+            self._viewer.input.key(name, True, shift="SHIFT" in modifiers)
+        for _ in range(_whole(count)):
+            self._frame(1.0 / self._viewer.state.fps)
+        for name in pressed:
+            self._viewer.input.key(name, False)
+
+    def do_action(self, *words: str) -> None:
+        name = " ".join(words)
+        if name not in ACTIONS:
+            raise SettingsError(f"there is no action {name!r}", hint=f"choose from {', '.join(ACTIONS)}")
+        self._viewer.act(name)
+
+    def do_set(self, name: str, value: str) -> None:
+        variables.assign(self._viewer.state, name, value)
+
+    def do_mouse(self, x: str, y: str) -> None:
+        self._viewer.input.mouse_move(*self._place(x, y))
+
+    def do_press(self, button: str = "0") -> None:
+        self._viewer.input.mouse_button(_whole(button), True)
+
+    def do_release(self, button: str = "0") -> None:
+        self._viewer.input.mouse_button(_whole(button), False)
+
+    def do_click(self, *place: str) -> None:
+        if place:
+            self.do_mouse(*(place if len(place) == 2 else (*place, "0.5")))
+            self._frame()
+        self.do_press()
+        self._frame()
+        self.do_release()
+        self._frame()
+
+    def do_drag(self, x: str, y: str) -> None:
+        start, end = self._viewer.input.mouse, self._place(x, y)
+        self.do_press()
+        self._frame()
+        for i in range(1, 5):
+            self._viewer.input.mouse_move(*(a + (b - a) * i / 4 for a, b in zip(start, end)))
+            self._frame()
+        self.do_release()
+
+    def do_scroll(self, steps: str) -> None:
+        self._viewer.input.scroll(0.0, _number(steps))
+
+    def do_resize(self, width: str, height: str) -> None:
+        self._viewer.input.resize(*self._resize(_whole(width), _whole(height)))
+
+    def do_minimise(self) -> None:
+        self._viewer.input.resize(0, 0)
+
+    def do_drop(self, path: str) -> None:
+        self._viewer.drop([path])
+
+    def do_wait(self, count: str) -> None:
+        for _ in range(_whole(count)):
+            self._frame(1.0 / self._viewer.state.fps)
+
+    def do_screenshot(self, path: str, what: str = "picture") -> None:
+        if what not in ("picture", "window"):
+            raise SettingsError(f"a screenshot of {what!r}", hint="choose from picture, window")
+        if not self._viewer.screenshot(Path(path), window=what == "window"):
+            raise OutputError(self._viewer.state.message)
+
+    def do_expect(self, name: str, sign: str, text: str, tolerance: str = "0") -> None:
+        if sign not in OPERATORS:
+            raise SettingsError(f"there is no comparison {sign!r}", hint=f"choose from {' '.join(OPERATORS)}")
+        found = self._read(name)
+        if isinstance(found, str) or found is None:
+            got: Any = "none" if found is None else found
+            good = OPERATORS[sign](got, text) if sign in ("==", "!=") else False
+        elif sign == "==" and _number(tolerance):
+            got, good = found, abs(found - _number(text)) <= _number(tolerance)
+        else:
+            got, good = found, OPERATORS[sign](found, _number(text))
+        if not good:
+            raise SettingsError(f"expected {name} {sign} {text}, it is {got}")
+
+    def do_print(self, name: str) -> None:
+        self._say(f"{name} {self._read(name)}")
+
+    def do_bench(self, count: str) -> None:
+        self._bench = self._viewer.bench(max(_whole(count), 1), self._present)
+        self._say(f"{self._bench:.1f} frames/s, median of {count}")
+
+    def do_quit(self) -> None:
+        self._viewer.done = True
+
+    def do_frame(self, number: str) -> None:
+        self.do_set("frame", number)
+
+    # -- reading
+
+    def _read(self, name: str) -> Any:
+        viewer, group, member = self._viewer, *name.partition(".")[::2]
+        known = variables.values(viewer.state)
+        percentages = viewer.engine.percentages()
+        if group == "overlay" and member in percentages:
+            return percentages[member]
+        if group == "count" and member in viewer.engine.counts:
+            return viewer.engine.counts[member]
+        found = viewer.probe()
+        known |= {"bench": self._bench, "window.width": viewer.window_size[0], "window.height": viewer.window_size[1],
+                  "picture.width": viewer.engine.feed.size[0], "picture.height": viewer.engine.feed.size[1],
+                  "scene": viewer.engine.feed.name, "probe.reason": None if found is None else found.reason,
+                  "pairs.drawn": viewer.engine.drawn.pairs, "pictures.drawn": viewer.engine.drawn.pictures}  # fmt: skip
+        if name not in known:
+            more = ["overlay.NAME", "count.NAME"]
+            raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")
+        return known[name]
+
+    def _place(self, x: str, y: str) -> tuple[float, float]:
+        if not x.startswith("@"):
+            return _number(x), _number(y)
+        if x[1:] not in self._viewer.panels.widgets:
+            shown = ", ".join(self._viewer.panels.widgets) or "none"
+            raise SettingsError(f"no control {x[1:]!r} is in the window", hint=f"there are {shown}")
+        self._viewer.panels.reveal = x[1:]
+        self._frame()
+        self._frame()  # scrolling shows a frame later
+        left, top, width, height = self._viewer.panels.widgets[x[1:]]
+        return left + _number(y) * width, top + height / 2
+
+
+def _chord(text: str) -> tuple[str, set[str]]:
+    try:
+        return split_chord(text)
+    except ValueError as error:
+        raise SettingsError(str(error)) from None
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SettingsError(f"{text!r} is not a number") from None
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise SettingsError(f"{text!r} is not a whole number") from None

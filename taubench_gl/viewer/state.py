@@ -1,0 +1,130 @@
+"""What the viewer shows, as plain values: no window, no OpenGL.  Actions change it, the engine draws it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
+from taubench_gl.report.palette import name_of
+
+CAMERAS = ("file", "fly", "orbit")
+COMPARISONS = ("off", "split", "difference")
+SECTIONS = ("playback", "camera", "picture", "masks", "thresholds", "probe", "effects", "time")
+SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
+
+OVERLAYS: dict[str, Reason] = {
+    name_of(reason).replace(" ", "_"): reason
+    for reason in (
+        FRUSTUM, Reason.POSITION, Reason.NORMAL, Reason.DIRECT, Reason.INDIRECT, Reason.COLOR, Reason.DISOCCLUDED,
+        Reason.OCCLUDING, Reason.LIT, Reason.SHADOWED, Reason.BEHIND, Reason.OUTSIDE, Reason.SKY, Reason.HISTORY_SKY,
+        Reason.INVALID, Reason.FIRST, Reason.CUT,
+    )
+}  # fmt: skip
+"""Mask overlays by name, in the order of the legend and of the keys."""
+
+
+@dataclass(slots=True)
+class ViewerState:
+    """Everything a person can set.  ``first`` and ``last``: the frames there are."""
+
+    first: int = 0
+    last: int = 0
+    fps: float = 24.0
+    frame: int = 0
+    playing: bool = False
+    speed: float = 1.0
+    loop: tuple[int, int] | None = None  # first and last frame of the loop; None: all
+    camera: str = "file"
+    freeze_current: bool = False
+    freeze_previous: bool = False
+    frusta: bool = True  # outlines of frozen cameras
+    channels: tuple[str, ...] = ("shape",)  # names of ``pictures.PICTURES`` that can be shown
+    channel: str = "shape"
+    auto_range: bool = True
+    low: float = 0.0
+    high: float = 1.0
+    overlays: bool = True  # all of them together
+    shown: dict[str, bool] = field(
+        default_factory=lambda: {n: n in ("frustum", "position", "normal") for n in OVERLAYS}
+    )
+    opacity: float = 0.7
+    thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
+    default_thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
+    feature: str = "position"  # whose threshold the keys change
+    comparison: str = "off"
+    split: float = 0.5  # of the picture's width
+    gain: float = 4.0  # of the difference view
+    arrows: bool = False
+    effects: tuple[str, ...] = ()  # that can be switched
+    effect: str = ""  # the one the keys switch
+    switched_off: frozenset[str] = frozenset()
+    panels: bool = True
+    sections: dict[str, bool] = field(default_factory=lambda: {n: n != "time" for n in SECTIONS})  # timing costs time
+    help: bool = False
+    probe: tuple[int, int] | None = None  # pixel (x, row from the top)
+    probe_pinned: bool = False
+    size: tuple[int, int] = (1, 1)  # of the picture
+    message: str = ""
+    requests: list[str] = field(default_factory=list)  # what only the application can do: screenshot, quit, ...
+    clock: float = 0.0  # seconds owed to the next frame while playing
+
+    @property
+    def range(self) -> tuple[int, int]:
+        """First and last frame that playing visits."""
+        return self.loop if self.loop is not None else (self.first, self.last)
+
+    def go_to(self, frame: int) -> None:
+        """Show ``frame``, or the nearest there is."""
+        self.frame = min(max(int(frame), self.first), self.last)
+
+    def step(self, frames: int) -> None:
+        self.playing = False
+        self.go_to(self.frame + frames)
+
+    def advance(self, seconds: float) -> None:
+        """Let ``seconds`` pass.  At most one frame per call: every pair is shown, a slow machine plays slower."""
+        if not self.playing:
+            self.clock = 0.0
+            return
+        self.clock += seconds * self.fps * self.speed
+        if self.clock < 1.0:
+            return
+        self.clock = min(self.clock - 1.0, 1.0)
+        low, high = self.range
+        self.frame = self.frame + 1 if low <= self.frame < high else low
+
+    def set_loop(self, low: int | None = None, high: int | None = None) -> None:
+        """Move one end of the loop; the other gives way."""
+        a, b = self.range
+        a, b = (min(max(v, self.first), self.last) for v in (a if low is None else low, b if high is None else high))
+        if a > b:
+            a, b = (a, a) if low is not None else (b, b)
+        self.loop = None if (a, b) == (self.first, self.last) else (a, b)
+
+    def set_threshold(self, feature: str, value: float) -> None:
+        self.thresholds[feature] = min(max(float(value), 0.0), MAX_THRESHOLD)
+
+    def scale_threshold(self, factor: float) -> None:
+        """Multiply the selected threshold; 0 starts again from the smallest."""
+        value = self.thresholds[self.feature]
+        self.set_threshold(self.feature, max(value * factor, MIN_THRESHOLD if factor > 1 else 0.0))
+        self.message = f"{self.feature} threshold {self.thresholds[self.feature]:.4g}"
+
+    def set_range(self, low: float, high: float) -> None:
+        """A manual range; the two ends never meet."""
+        if math.isfinite(low) and math.isfinite(high):
+            self.auto_range = False
+            self.low, self.high = float(low), max(float(high), float(low) + 1e-6 * max(1.0, abs(low)))
+
+    def switch(self, effect: str) -> None:
+        self.switched_off = self.switched_off ^ {effect}
+
+    def active_overlays(self) -> tuple[str, ...]:
+        return tuple(n for n, on in self.shown.items() if on) if self.overlays else ()
+
+
+def following(items: tuple[str, ...], item: str, step: int = 1) -> str:
+    """The item ``step`` places on, round the end; the first where ``item`` is not among them."""
+    return items[(items.index(item) + step) % len(items)] if item in items else items[0]

@@ -1,0 +1,186 @@
+"""The window: glfw callbacks become the viewer's events; its context becomes a Gpu."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+
+import glfw
+import moderngl
+
+from taubench_gl.errors import GraphicsError
+from taubench_gl.gpu.context import Gpu, adopt_context
+from taubench_gl.viewer.app import Viewer
+
+LEAST_SIZE = (320, 200)
+MARGIN = 40  # points of the screen that a new window leaves free
+TITLE = "taubench-gl"
+
+
+class Window:
+    """Opens a window with an OpenGL 4.5 core context, current in this thread.  GraphicsError without a display."""
+
+    def __init__(self, size: tuple[int, int], *, vsync: bool = True):
+        self._errors: list[str] = []
+        glfw.set_error_callback(lambda code, text: self._errors.append(text.decode(errors="replace")))
+        if not glfw.init():
+            raise GraphicsError(f"no window can be opened: {self._why('there is no display')}", hint=_NO_DISPLAY)
+        for hint, value in (
+            (glfw.CONTEXT_VERSION_MAJOR, 4), (glfw.CONTEXT_VERSION_MINOR, 5),
+            (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE), (glfw.OPENGL_FORWARD_COMPAT, True), (glfw.SAMPLES, 0),
+            (glfw.DEPTH_BITS, 0),
+        ):  # fmt: skip
+            glfw.window_hint(hint, value)
+        self.handle = glfw.create_window(*_fitting(size), TITLE, None, None)
+        if not self.handle:
+            glfw.terminate()
+            raise GraphicsError(f"no window can be opened: {self._why('no OpenGL 4.5')}", hint=_NO_DISPLAY)
+        glfw.make_context_current(self.handle)
+        glfw.swap_interval(1 if vsync else 0)
+        glfw.set_window_size_limits(self.handle, *LEAST_SIZE, glfw.DONT_CARE, glfw.DONT_CARE)
+        try:
+            keep = _WindowContext(self.handle)
+            self.gpu: Gpu = adopt_context(moderngl.create_context(context=keep), "window", _address, keep)
+        except Exception as error:  # drivers and loaders raise anything; all of it means "not here"
+            self.close()
+            raise GraphicsError(
+                f"the window's OpenGL cannot be used: {error}", hint="see 'taubench-gl doctor'"
+            ) from None
+
+    def _why(self, otherwise: str) -> str:
+        return self._errors[-1] if self._errors else otherwise
+
+    def attach(self, viewer: Viewer) -> None:
+        """Send this window's events to ``viewer``."""
+        takes, handle = viewer.input, self.handle
+        takes.resize(*glfw.get_window_size(handle))
+        glfw.set_window_size_callback(handle, lambda _, w, h: takes.resize(w, h))
+        glfw.set_window_iconify_callback(
+            handle, lambda _, gone: takes.resize(*((0, 0) if gone else glfw.get_window_size(handle)))
+        )
+        glfw.set_window_focus_callback(handle, lambda _, has: None if has else takes.lose_focus())
+        glfw.set_cursor_pos_callback(handle, lambda _, x, y: takes.mouse_move(x, y))
+        glfw.set_mouse_button_callback(handle, lambda _, b, action, mods: takes.mouse_button(b, action == glfw.PRESS))
+        glfw.set_scroll_callback(handle, lambda _, dx, dy: takes.scroll(dx, dy))
+        glfw.set_char_callback(handle, lambda _, code: takes.char(code))
+        glfw.set_drop_callback(handle, lambda _, paths: viewer.drop(list(paths)))
+        glfw.set_key_callback(handle, lambda _, key, code, action, mods: _key(viewer, key, action, mods))
+
+    def run(self, viewer: Viewer) -> None:
+        """Until the window is closed.  Sleeps while there is nothing to do."""
+        last = time.perf_counter()
+        while not (viewer.done or glfw.window_should_close(self.handle)):
+            busy = viewer.state.playing or viewer.input.held
+            glfw.poll_events() if busy else glfw.wait_events_timeout(0.25)
+            now = time.perf_counter()
+            viewer.tick(min(now - last, 0.25))
+            last = now
+            self.present(viewer)
+
+    def step(self, viewer: Viewer) -> None:
+        """Take in the events there are, then show a frame."""
+        glfw.poll_events()
+        self.present(viewer)
+
+    def resize(self, width: int, height: int) -> tuple[int, int]:
+        """Ask for another size, and wait for the window system to give it; the size there is.  An icon opens again."""
+        glfw.restore_window(self.handle)
+        glfw.set_window_size(self.handle, width, height)
+        for _ in range(50):
+            glfw.wait_events_timeout(0.02)
+            if glfw.get_window_size(self.handle) == (width, height):
+                break
+        return glfw.get_window_size(self.handle)
+
+    def present(self, viewer: Viewer) -> None:
+        """Draw and show one frame."""
+        if min(viewer.window_size) <= 0:
+            return
+        glfw.set_window_title(self.handle, f"{viewer.engine.feed.name} - {TITLE}")
+        framebuffer = self.gpu.ctx.detect_framebuffer(0)
+        framebuffer.viewport = (0, 0, *glfw.get_framebuffer_size(self.handle))
+        viewer.draw(_Screen(framebuffer, glfw.get_framebuffer_size(self.handle)))
+        glfw.swap_buffers(self.handle)
+
+    def close(self) -> None:
+        glfw.destroy_window(self.handle)
+        glfw.terminate()
+
+
+_NO_DISPLAY = "run it on a desktop, or under xvfb-run; 'evaluate' needs no display"
+
+
+class _Screen:
+    """The window's own framebuffer, whose size moderngl cannot know."""
+
+    def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int]):
+        self._framebuffer, self.size = framebuffer, size
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._framebuffer, name)
+
+    @property
+    def scissor(self) -> object:
+        return self._framebuffer.scissor
+
+    @scissor.setter
+    def scissor(self, value: tuple[int, int, int, int] | None) -> None:
+        self._framebuffer.scissor = value
+
+
+def _fitting(size: tuple[int, int]) -> tuple[int, int]:
+    """``size``, or less where the screen is smaller."""
+    monitor = glfw.get_primary_monitor()
+    if not monitor:
+        return size
+    _, _, width, height = glfw.get_monitor_workarea(monitor)
+    fits = (
+        size[0] if width <= 0 else min(size[0], width - MARGIN),
+        size[1] if height <= 0 else min(size[1], height - MARGIN),
+    )
+    return max(fits[0], LEAST_SIZE[0]), max(fits[1], LEAST_SIZE[1])
+
+
+class _WindowContext:
+    """The window's context as moderngl takes it, whichever window system made it."""
+
+    def __init__(self, handle: object):
+        self._handle = handle
+
+    def load_opengl_function(self, name: str) -> int:
+        """Address of a GL function, 0 if there is none (moderngl calls this)."""
+        return _address(name)
+
+    load = load_opengl_function
+
+    def __enter__(self) -> _WindowContext:
+        glfw.make_context_current(self._handle)
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        pass
+
+    def release(self) -> None:
+        pass
+
+
+def _address(name: str) -> int:
+    return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
+
+
+_NAMES = {
+    value: name.removeprefix("KEY_")
+    for name, value in vars(glfw).items()
+    if name.startswith("KEY_") and isinstance(value, int) and name not in ("KEY_LAST", "KEY_UNKNOWN")
+}
+
+
+def _key(viewer: Viewer, key: int, action: int, mods: int) -> None:
+    if key in _NAMES:
+        viewer.input.key(
+            _NAMES[key],
+            action != glfw.RELEASE,
+            ctrl=bool(mods & glfw.MOD_CONTROL),
+            alt=bool(mods & glfw.MOD_ALT),
+            shift=bool(mods & glfw.MOD_SHIFT),
+        )

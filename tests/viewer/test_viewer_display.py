@@ -1,0 +1,132 @@
+"""The display shader against its float64 twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl.channels import CHANNELS
+from taubench_gl.conventions import Reason
+from taubench_gl.frame.targets import write_channel
+from taubench_gl.metrics.display import KINDS, color_scale, id_color, masked, picture_of
+from taubench_gl.report.palette import color_of
+from taubench_gl.report.pictures import mask_overlay
+from taubench_gl.viewer.display import Content, Display
+from taubench_gl.viewer.pictures import PICTURES
+from taubench_gl.viewer.state import OVERLAYS
+
+SIZE = (37, 21)
+SHOWN = ("frustum", "position", "normal", "lit")
+ONE = 1.01 / 255
+
+
+@pytest.fixture
+def made(gpu):
+    """made(channel, values) -> texture; made.display."""
+
+    class Made:
+        def __init__(self):
+            self.display, self.items = Display(gpu, SIZE), []
+
+        def __call__(self, channel: str, values: np.ndarray):
+            info = CHANNELS[channel]
+            texture = gpu.ctx.texture(SIZE, info.components, dtype=info.dtype)
+            if info.dtype == "u4":
+                full = np.ascontiguousarray(values[::-1], dtype=np.uint32)
+                texture.write(full.tobytes())
+            else:
+                write_channel(texture, channel, values)
+            self.items.append(texture)
+            return texture
+
+    made = Made()
+    yield made
+    made.display.release()
+    for item in made.items:
+        item.release()
+
+
+def inputs(rng):
+    h, w = SIZE[1], SIZE[0]
+    position = rng.normal(size=(h, w, 4)).astype(np.float32)
+    position[..., 3] = np.where(rng.random((h, w)) < 0.2, 0.0, np.abs(position[..., 3]) + 0.1)
+    mask = rng.integers(0, 1 << 16, (h, w), dtype=np.uint32)
+    return position, mask
+
+
+@pytest.mark.parametrize("name", [n for n, p in PICTURES.items() if p.kind != "motion_error"])
+def test_pictures_are_their_twin_s(made, name):
+    rng = np.random.default_rng(3)
+    position, mask = inputs(rng)
+    picture = PICTURES[name]
+    if picture.channel == "position":
+        values = position
+    elif picture.channel == "ids":
+        values = rng.integers(0, 2**32, (SIZE[1], SIZE[0], 2), dtype=np.uint32)
+        values[:4] = 0
+    else:
+        n = CHANNELS[picture.channel].components
+        values = rng.normal(size=(SIZE[1], SIZE[0], n)).astype(np.float32)
+        if CHANNELS[picture.channel].dtype == "f2":
+            values = values.astype(np.float16).astype(np.float32)
+        values[2, 3, :3] = np.nan
+        values[4, 5, 0] = np.inf
+    shown = values.copy()
+    if picture.channel == "motion":
+        values = np.nan_to_num(values, posinf=1.0)
+        shown = values * np.float32([1, -1])  # the twin takes +y up
+    made.display.draw(
+        Content(picture.kind, made(picture.channel, values), made("position", position), made("mask", mask[..., None]),
+                low=-0.5, high=1.5)
+    )  # fmt: skip
+    expected = picture_of(picture.kind, shown, -0.5, 1.5, position=position)
+    assert np.abs(made.display.read() / 255.0 - expected).max() <= ONE
+    assert np.ptp(expected) > 0.3
+
+
+@pytest.mark.parametrize("opacity", [0.0, 0.4, 1.0])
+def test_masks_are_their_twin_s(made, opacity):
+    rng = np.random.default_rng(4)
+    position, mask = inputs(rng)
+    color = rng.random((SIZE[1], SIZE[0], 4)).astype(np.float32)
+    made.display.draw(
+        Content("encoded", made("color", color), made("position", position), made("mask", mask[..., None]),
+                shown=SHOWN, opacity=opacity)
+    )  # fmt: skip
+    colors = np.array([color_of(OVERLAYS[n]) for n in SHOWN]) / 255.0
+    expected = masked(color[..., :3], mask, np.array([int(OVERLAYS[n]) for n in SHOWN]), colors, opacity)
+    assert np.abs(made.display.read() / 255.0 - expected).max() <= ONE
+
+
+def test_stripes_are_those_of_the_report():
+    rng = np.random.default_rng(5)
+    mask = rng.integers(0, 1 << 16, (21, 37), dtype=np.uint32)
+    reasons = (Reason.POSITION, Reason.NORMAL, Reason.LIT)
+    colors = np.array([color_of(r) for r in reasons]) / 255.0
+    ours = masked(np.zeros((21, 37, 3)), mask, np.array([int(r) for r in reasons]), colors, 1.0)
+    theirs = mask_overlay(mask, None, reasons)
+    discarded = (mask & np.uint32(int(reasons[0] | reasons[1] | reasons[2]))) != 0
+    nearest = np.abs(ours[discarded][:, None] - colors).sum(-1).argmin(1)
+    theirs = np.abs(theirs[discarded][:, None] / 255.0 - (0.22 * 0.45 + 0.78 * colors)).sum(-1).argmin(1)
+    assert (nearest == theirs).all()
+
+
+def test_split_and_difference(made):
+    position, mask = inputs(np.random.default_rng(6))
+    a, b = (np.full((SIZE[1], SIZE[0], 4), v, dtype=np.float32) for v in (0.25, 0.5))
+    content = Content("encoded", made("color", a), made("position", position), made("mask", mask[..., None]),
+                      comparison="split", other=made("color", b), split=0.5, gain=2.0)  # fmt: skip
+    made.display.draw(content)
+    picture = made.display.read()
+    assert (picture[:, :16] == 64).all() and (picture[:, 21:] == 128).all()
+    content.comparison = "difference"
+    made.display.draw(content)
+    assert (np.abs(made.display.read().astype(int) - 128) <= 1).all()
+
+
+def test_known_colors():
+    assert KINDS[0] == "encoded"
+    assert np.allclose(color_scale(np.array([-1.0, 0.0]))[0], color_scale(np.array([0.0]))[0])
+    lightness = color_scale(np.linspace(0, 1, 50)) @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(lightness) > 0).all(), "the scale must also read in grey"
+    assert (id_color(np.array([0], dtype=np.uint32)) == 0).all()

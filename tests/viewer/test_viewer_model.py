@@ -1,0 +1,195 @@
+"""The model without window or OpenGL: actions, keys, variables, layout, prefs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taubench_gl.errors import SettingsError
+from taubench_gl.viewer import prefs, variables
+from taubench_gl.viewer.actions import ACTIONS
+from taubench_gl.viewer.keys import KEYS, MOVEMENT, help_lines, key_words, markdown, split_chord
+from taubench_gl.viewer.layout import arrange
+from taubench_gl.viewer.state import OVERLAYS, ViewerState
+
+DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
+
+
+def state(**more) -> ViewerState:
+    return ViewerState(first=2, last=9, frame=2, effects=("shadows", "color"), effect="shadows", size=(64, 36), **more)
+
+
+def test_every_action_has_a_key_and_every_key_an_action():
+    assert set(KEYS.values()) == set(ACTIONS)
+
+
+def test_held_keys_do_nothing_else():
+    assert not MOVEMENT & set(KEYS)
+    assert not {f"SHIFT+{k}" for k in MOVEMENT} & set(KEYS)
+
+
+def test_help_names_every_action_once():
+    assert sorted(doc for lines in help_lines().values() for _, doc in lines) == sorted(a.doc for a in ACTIONS.values())
+
+
+def test_the_manual_has_this_keyboard():
+    assert markdown() in DOC.read_text(encoding="utf-8"), (
+        "docs/viewer.md: put in what taubench_gl.viewer.keys.markdown() gives"
+    )
+
+
+def test_the_manual_has_every_script_command():
+    pytest.importorskip("imgui_bundle")
+    from taubench_gl.viewer.script import COMMANDS
+
+    text = DOC.read_text(encoding="utf-8")
+    assert not [usage for _, _, usage in COMMANDS.values() if usage not in text]
+
+
+@pytest.mark.parametrize(("chord", "words"), [("SHIFT+SLASH", "?"), ("SHIFT+N", "Shift+N"), ("PAGE_UP", "Page Up")])
+def test_key_words(chord, words):
+    assert key_words(chord) == words
+
+
+def test_chords_are_split():
+    assert split_chord("shift+page_up") == ("PAGE_UP", {"SHIFT"})
+    assert split_chord("?") == ("SLASH", {"SHIFT"})
+    with pytest.raises(ValueError, match="HYPER"):
+        split_chord("HYPER+X")
+
+
+@pytest.mark.parametrize("name", sorted(ACTIONS))
+def test_every_action_runs_and_twice_leaves_a_valid_state(name):
+    s = state()
+    for _ in range(40):
+        ACTIONS[name].run(s)
+    assert s.first <= s.frame <= s.last and 0 <= s.opacity <= 1 and 0 <= s.split <= 1 and s.low < s.high
+    assert s.loop is None or s.first <= s.loop[0] <= s.loop[1] <= s.last
+    assert s.probe is None or (0 <= s.probe[0] < 64 and 0 <= s.probe[1] < 36)
+    assert all(np.isfinite(v) and v >= 0 for v in s.thresholds.values())
+
+
+def test_playing_shows_every_frame_and_loops():
+    s = state(playing=True)
+    s.set_loop(3, 5)
+    seen = []
+    for _ in range(6):
+        s.advance(1 / 24)
+        seen.append(s.frame)
+    assert seen == [3, 4, 5, 3, 4, 5]
+
+
+def test_a_slow_machine_skips_no_frame():
+    s = state(playing=True)
+    frames = []
+    for _ in range(4):
+        s.advance(1.0)
+        frames.append(s.frame)
+    assert frames == [3, 4, 5, 6]
+
+
+def test_half_speed_takes_twice_as_long():
+    s = state(playing=True, speed=0.5)
+    for _ in range(8):
+        s.advance(1 / 24)
+    assert s.frame == 6
+
+
+def test_loop_ends_give_way_to_each_other():
+    s = state()
+    s.set_loop(low=7)
+    s.set_loop(high=4)
+    assert s.range == (4, 4)
+    s.set_loop(2, 9)
+    assert s.loop is None
+
+
+def test_every_variable_can_be_set_and_read_back():
+    s = state(channels=("shape", "normal"))
+    texts = {"camera": "fly", "channel": "normal", "comparison": "split", "feature": "color", "effect": "color"}
+    for name in variables.names(s):
+        if name.startswith(("loop", "range")):
+            continue
+        number = name.startswith("threshold.") or name in ("speed", "opacity", "split", "gain")
+        text = texts.get(name, "5" if name == "frame" else "0.5" if number else "off")
+        variables.assign(s, name, text)
+        found = variables.values(s)[name]
+        assert str(found) == text or float(found) == {"off": 0, "5": 5, "0.5": 0.5}[text], name
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("opacity", "much"),
+        ("frame", "nan"),
+        ("camera", "mine"),
+        ("show.position", "2"),
+        ("nothing", "1"),
+        ("show.x", "1"),
+    ],
+)
+def test_wrong_values_are_refused(name, text):
+    s = state()
+    before = variables.values(s)
+    with pytest.raises(SettingsError):
+        variables.assign(s, name, text)
+    assert variables.values(s) == before
+
+
+@pytest.mark.parametrize("panels", [True, False])
+@pytest.mark.parametrize("window", [(940, 424), (480, 300), (300, 1000), (2000, 200), (320, 200), (1, 1)])
+@pytest.mark.parametrize("size", [(640, 360), (16, 1000), (1000, 16)])
+def test_panels_never_cover_the_picture(window, size, panels):
+    layout = arrange(window, size, panels)
+    x, y, w, h = layout.picture
+    assert x >= 0 and y >= 0 and x + w <= window[0] and y + h <= window[1]
+    for panel in (layout.side, layout.bar):
+        if panel is not None:
+            px, py, pw, ph = panel
+            assert px >= x + w or py >= y + h or px + pw <= x or py + ph <= y
+    assert abs(w * size[1] - h * size[0]) <= max(size) or min(w, h) == 1  # the picture's aspect, to the pixel
+
+
+def test_picture_pixels_under_the_mouse():
+    layout = arrange((640, 360), (64, 36), panels=False)
+    assert layout.pixel(0, 0, (64, 36)) == (0, 0)
+    assert layout.pixel(639.9, 359.9, (64, 36)) == (63, 35)
+    assert layout.pixel(15, 15, (64, 36)) == (1, 1)
+    assert layout.pixel(640, 10, (64, 36)) is None
+    assert arrange((0, 0), (64, 36), panels=True).pixel(0, 0, (64, 36)) is None
+
+
+def test_prefs_come_back(tmp_path):
+    s = state(opacity=0.25, speed=0.5)
+    s.shown["lit"], s.sections["probe"] = True, False
+    assert prefs.save(tmp_path / "new", s, (800, 600)) == ""
+    kept, note = prefs.load(tmp_path / "new")
+    other = state()
+    prefs.apply(kept, other)
+    assert (kept.window, note) == ((800, 600), "")
+    assert (other.opacity, other.speed, other.shown, other.sections) == (0.25, 0.5, s.shown, s.sections)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"window": "big"}', '{"window": [1]}', '{"values": 3}', "\x00"])
+def test_broken_prefs_are_ignored_with_a_note(tmp_path, text):
+    (tmp_path / prefs.FILE).write_text(text)
+    kept, note = prefs.load(tmp_path)
+    assert kept == prefs.Prefs() and prefs.FILE in note
+
+
+def test_prefs_of_another_version_are_passed_over(tmp_path):
+    (tmp_path / prefs.FILE).write_text('{"values": {"opacity": "many", "frame": 7, "gone": 1, "show.sky": 1}}')
+    s = state()
+    prefs.apply(prefs.load(tmp_path)[0], s)
+    assert s.opacity == 0.7 and s.frame == 2 and s.shown["sky"]
+
+
+def test_prefs_that_cannot_be_kept_say_so(tmp_path):
+    (tmp_path / "file").write_text("")
+    assert "cannot be written" in prefs.save(tmp_path / "file", state(), None)
+
+
+def test_overlays_are_the_palette_s():
+    assert {"frustum", "position", "normal", "disoccluded", "lit", "history_sky"} <= set(OVERLAYS)

@@ -1,0 +1,211 @@
+"""Scripts: mouse, keys and panels through the real handlers, drawn without a window; files that come and go."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+from viewer_tools import DEMO, pixels
+
+from taubench_gl.errors import SettingsError
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "complaint"),
+    [
+        ("frame 1\nfrobnicate 3", 2, "no command 'frobnicate'"),
+        ("# ok\n\nframe", 3, "write frame N"),
+        ("frame 1 2", 1, "2 arguments"),
+        ("set opacity 'half", 1, "quotation"),
+        ("frame x", 1, "frame cannot be 'x'"),
+        ("set nothing 1", 1, "there is no 'nothing'"),
+        ("key HYPER+X", 1, "is not a key"),
+        ("hold HYPER+X 2", 1, "is not a key"),
+        ("action dance", 1, "no action 'dance'"),
+        ("mouse a b", 1, "'a' is not a number"),
+        ("click @nowhere", 1, "no control 'nowhere'"),
+        ("wait some", 1, "whole number"),
+        ("expect frame ~ 3", 1, "no comparison '~'"),
+        ("expect nothing == 3", 1, "there is no 'nothing'"),
+        ("frame 3\nexpect frame == 4", 2, "expected frame == 4, it is 3"),
+        ("expect camera > 4", 1, "it is file"),
+    ],
+)  # fmt: skip
+def test_faults_name_their_line(drive, text, line, complaint):
+    with pytest.raises(SettingsError) as error:
+        drive().run(text)
+    assert error.value.where.endswith(f"script.txt:{line}") and complaint in str(error.value)
+
+
+def test_a_script_that_is_not_there(tmp_path):
+    pytest.importorskip("imgui_bundle")
+    from taubench_gl.viewer.script import parse
+
+    with pytest.raises(SettingsError, match="cannot be read"):
+        parse(tmp_path / "none.txt")
+    (tmp_path / "bytes").write_bytes(b"\xff\xfe\xfd")
+    with pytest.raises(SettingsError, match="is not text"):
+        parse(tmp_path / "bytes")
+
+
+def test_panels_work_by_mouse(drive):
+    driven = drive()
+    driven.run("frame 8\nset threshold.normal 0.01")
+    many = driven.engine.counts["normal"]
+    driven.run("click @threshold.normal 0.9\nexpect threshold.normal > 0.5\nexpect feature == normal")
+    assert driven.engine.counts["normal"] < many
+    driven.run("expect show.normal == 1\nclick @show.normal\nexpect show.normal == 0")
+    driven.run("click @opacity 0.1\nexpect opacity < 0.2")
+    driven.run("mouse @frame 0.5\ndrag 390 468\nexpect frame > 30")
+    driven.run("click @button.play\nexpect playing == 1\nwait 2\nclick @button.play\nexpect playing == 0")
+    driven.run("click @section.masks\nexpect section.masks == 0\nclick @camera.orbit\nexpect camera == orbit")
+
+
+def test_switching_an_effect_by_mouse_and_by_key(drive):
+    from taubench_gl.settings import Settings
+
+    driven = drive(settings=Settings(width=48, height=27, indirect="none"), light=False)
+    driven.run(
+        "expect effect.direct == 0\nset effect direct\nkey ENTER\nexpect effect.direct == 1\nexpect overlay.direct >= 0"
+    )
+    driven.run("click @effect.direct\nexpect effect.direct == 0")
+
+
+def test_mouse_on_the_picture(drive):
+    driven = drive()
+    x, y, width, height = driven.viewer.layout.picture
+    driven.run(f"mouse {x + width * 0.5} {y + height * 0.5}\nexpect probe.x == 48\nexpect probe.y == 27")
+    driven.run(f"key P\nmouse {x + 2} {y + 2}\nexpect probe.x == 48\nkey CTRL+LEFT\nexpect probe.x == 47")
+    driven.run("key P\nmouse 690 5\nexpect probe.x == -1")
+    before = driven.engine.user.view().world_from_view
+    driven.run(f"key F\nmouse {x + 60} {y + 60}\ndrag {x + 90} {y + 60}")
+    forward = -driven.engine.user.view().world_from_view[:, 2]
+    assert forward @ before[:, 0] > 0.05, "dragging to the right looks to the right"
+    place = driven.engine.user.position.copy()
+    driven.run(f"key O\nmouse {x + 60} {y + 60}\nscroll 3")
+    assert np.linalg.norm(driven.engine.user.position - place) > 0.1
+    driven.run("mouse 690 5\nscroll 3")
+
+
+def test_the_split_line_is_dragged(drive):
+    driven = drive()
+    x, y, width, _ = driven.viewer.layout.picture
+    driven.run(f"set comparison split\nmouse {x + width * 0.5} {y + 30}\ndrag {x + width * 0.75} {y + 30}")
+    assert driven.state.split == pytest.approx(0.75, abs=0.01)
+
+
+def test_keys_while_help_is_shown(drive, tmp_path):
+    driven = drive()
+    driven.run(f"screenshot {tmp_path / 'a.png'} window\nkey ?\nscreenshot {tmp_path / 'b.png'} window\nkey ESCAPE")
+    driven.run("expect help == 0\nkey TAB\nexpect panels == 0")
+    a, b = pixels(tmp_path / "a.png"), pixels(tmp_path / "b.png")
+    assert a.shape == b.shape == (500, 700, 3) and (a != b).mean() > 0.2
+
+
+def test_the_window_shows_the_picture_beside_the_panels(drive, tmp_path):
+    driven = drive(window=(96 * 4 + 300, 54 * 4 + 64))
+    driven.run(f"frame 5\nscreenshot {tmp_path / 'w.png'} window")
+    window, picture = pixels(tmp_path / "w.png"), driven.engine.image()
+    x, y, width, height = driven.viewer.layout.picture
+    assert (width, height) == (384, 216)
+    assert (window[y : y + height : 4, x : x + width : 4] == picture).all()
+    side = window[:, -300:]
+    assert side.mean() < 70 and side.max() > 180, "dark panels, light text"
+
+
+def test_sizes_come_and_go(drive):
+    driven = drive()
+    driven.run("minimise\nwait 2\nresize 320 200\nwait 1\nresize 1200 700\nwait 1\nexpect window.width == 1200")
+    driven.viewer.gpu.check("resizing")
+
+
+def test_dropping_files(drive, tmp_path):
+    driven = drive()
+    (tmp_path / "bad.glb").write_bytes(b"glTF nonsense")
+    (tmp_path / "text.txt").write_text("hello")
+    for bad in ("bad.glb", "text.txt", "none.glb"):
+        driven.run(f"frame 4\ndrop {tmp_path / bad}\nexpect frame == 4\nexpect scene == demo")
+        assert bad in driven.state.message
+    driven.run(f"set opacity 0.3\nset frame 9\ndrop {DEMO}\nexpect opacity == 0.3 0.001")
+    driven.viewer.drop([])
+
+
+def test_a_scene_that_is_lost_stays_on_the_screen(drive, tmp_path):
+    scene = tmp_path / "here.glb"
+    shutil.copy(DEMO, scene)
+    driven = drive(scene)
+    scene.unlink()
+    driven.run("frame 3\nkey F5\nexpect frame == 3\nkey RIGHT\nexpect frame == 4")
+    driven.run("key F5\nexpect overlay.position >= 0")
+    assert "here.glb" in driven.state.message
+    shutil.copy(DEMO, scene)
+    driven.run("key F5")
+    assert driven.state.message == "read again from disk"
+
+
+def test_truth_files_that_vanish_while_looking(drive, tmp_path):
+    from viewer_tools import ROOT
+
+    from taubench_gl.evaluation_truth import TruthOptions
+    from taubench_gl.settings import Settings
+
+    renders = tmp_path / "renders"
+    shutil.copytree(ROOT / "tests" / "cycles" / "references" / "rigid", renders)
+    options = TruthOptions(camera_file=renders / "camera.json")
+    driven = drive(f"exr:{renders}", Settings(), options=options)
+    for file in renders.glob("*.exr"):
+        file.unlink()
+    driven.run("frame 20\nwait 1\nframe 21\nwait 1")
+    assert ".exr" in driven.state.message
+
+
+def test_screenshots_by_key_and_where_they_cannot_go(drive, tmp_path):
+    driven = drive()
+    driven.run("frame 7\nkey F12\nkey F12\nkey SHIFT+F12")
+    names = sorted(p.name for p in tmp_path.glob("*.png"))
+    assert names == ["demo-00007-1.png", "demo-00007-2.png", "demo-00007-window-1.png"]
+    assert (pixels(tmp_path / names[0]) == driven.engine.image()).all()
+    assert not driven.viewer.screenshot(tmp_path / "none" / "x.png")
+    assert "cannot be written" in driven.state.message
+
+
+def test_clips(drive, tmp_path):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    driven = drive()
+    driven.run("frame 3\nset overlays off\nkey F9\nkey RIGHT\nkey RIGHT\nwait 3\nkey F9")
+    (clip,) = tmp_path.glob("*.mp4")
+    reader = imageio_ffmpeg.read_frames(str(clip))
+    meta = next(reader)
+    frames = [np.frombuffer(f, np.uint8).reshape(54, 96, 3) for f in reader]
+    assert meta["size"] == (96, 54) and len(frames) == 3
+    assert np.abs(frames[-1].astype(float) - driven.engine.image()).mean() < 6
+    assert not list(tmp_path.glob(".*partial*"))
+
+
+def test_clips_without_the_library_say_what_to_install(drive, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    driven = drive()
+    driven.run("key F9")
+    assert "imageio-ffmpeg" in driven.state.message
+
+
+def test_prefs_are_kept_and_used(drive, tmp_path):
+    first = drive(folder=tmp_path / "prefs")
+    first.run("set opacity 0.4\nset show.sky on\nset section.camera off\nresize 777 555")
+    first.viewer.close()
+    first.viewer.close = lambda: None
+    second = drive(folder=tmp_path / "prefs", window=(777, 555))
+    assert second.state.opacity == 0.4 and second.state.shown["sky"] and not second.state.sections["camera"]
+    (tmp_path / "prefs" / "viewer.json").write_text("{nonsense")
+    third = drive(folder=tmp_path / "prefs")
+    assert "ignored" in third.state.message
+
+
+def test_the_benchmark_draws_every_frame(drive):
+    driven = drive()
+    before = driven.engine.drawn.pairs
+    driven.run("bench 5\nexpect bench > 0")
+    assert driven.engine.drawn.pairs >= before + 8 and "frames/s" in driven.said[-1]

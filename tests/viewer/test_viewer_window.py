@@ -1,0 +1,127 @@
+"""The command in a real window on a display of its own, and its refusals."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+from viewer_tools import DEMO, QUIET, pixels
+
+from taubench_gl.apps import view_command
+from taubench_gl.evaluation import evaluate_scene
+
+VIEW = [sys.executable, "-m", "taubench_gl", "view"]
+ARGUMENTS = ["--size", "96x54", "--columns", "frustum,position,normal"]
+
+
+def view(environment, *arguments):
+    done = subprocess.run([*VIEW, *map(str, arguments)], capture_output=True, text=True, timeout=300, env=environment)
+    assert "Traceback" not in done.stderr + done.stdout
+    return done
+
+
+def test_driven_in_a_window(display, gpu, tmp_path):
+    row = evaluate_scene(DEMO, replace(QUIET, frames=(5, 7))).frames[0]
+    (tmp_path / "bad.glb").write_bytes(b"nonsense")
+    script = tmp_path / "steps.txt"
+    script.write_text(f"""
+        frame 5
+        key RIGHT
+        expect frame == 6
+        expect count.position == {row["position"]}
+        expect count.normal == {row["normal"]}
+        expect count.frustum == {row["frustum"]}
+        set opacity 1
+        set show.normal off
+        set show.frustum off
+        screenshot {tmp_path / "a.png"}
+        click @threshold.position 0.99
+        expect threshold.position > 1
+        expect count.position < {row["position"]}
+        screenshot {tmp_path / "window.png"} window
+        mouse 200 200
+        expect probe.x >= 0
+        key SPACE
+        wait 2
+        key SPACE
+        expect frame == 8
+        resize 640 400
+        expect window.width == 640
+        minimise
+        wait 2
+        resize 800 500
+        expect window.height == 500
+        drop {tmp_path / "bad.glb"}
+        expect scene == demo
+        drop {DEMO}
+        expect scene == demo
+        key F
+        hold W 2
+        key X
+        key C
+        hold S 2
+        key F9
+        key F9
+        bench 3
+        expect bench > 0
+        quit
+    """)
+    done = view(display, DEMO, *ARGUMENTS, "--script", script, "--window", "700x500", "--shots", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "frames/s" in done.stdout
+    picture, window = pixels(tmp_path / "a.png"), pixels(tmp_path / "window.png")
+    blue = (picture == (0x00, 0x72, 0xB2)).all(axis=-1)
+    assert picture.shape == (54, 96, 3) and blue.sum() == row["position"]
+    assert window.shape == (500, 700, 3) and window[:, 400:].mean() < 70
+
+
+def test_a_wrong_expectation_is_exit_code_2(display, tmp_path):
+    script = tmp_path / "steps.txt"
+    script.write_text("frame 3\nexpect frame == 4\n")
+    done = view(display, DEMO, *ARGUMENTS, "--script", script)
+    assert (done.returncode, done.stderr) == (2, f"taubench-gl: error: {script}:2: expected frame == 4, it is 3\n")
+
+
+def test_a_scene_that_is_not_there(display, tmp_path):
+    done = view(display, tmp_path / "none.glb")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "none.glb" in done.stderr
+
+
+def test_benchmark(display):
+    done = view(display, DEMO, *ARGUMENTS, "--bench", "3")
+    assert done.returncode == 0 and "frames/s at 96x54, median of 3" in done.stdout
+
+
+def test_no_display(tmp_path):
+    pytest.importorskip("glfw", reason="the viewer extra is not installed")
+    if sys.platform != "linux":
+        pytest.skip("other systems always have a display")
+    environment = {n: v for n, v in os.environ.items() if n not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = view(environment, DEMO)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "no window can be opened" in done.stderr
+
+
+def test_without_the_extra(monkeypatch, capsys):
+    from taubench_gl.apps import cli
+
+    monkeypatch.setattr(
+        view_command, "LIBRARIES", {"glfw_that_is_not_there": "glfw", "imgui_not_there": "imgui-bundle"}
+    )
+    with pytest.raises(SystemExit) as exit_:
+        cli.main(["view", str(DEMO)])
+    err = capsys.readouterr().err
+    assert exit_.value.code == 2 and err.count("\n") == 1
+    assert "glfw and imgui-bundle" in err and "pip install 'taubench-gl[viewer]'" in err
+
+
+def test_nothing_else_imports_the_libraries():
+    code = (
+        "import sys, taubench_gl, taubench_gl.api, taubench_gl.apps.cli, taubench_gl.evaluation; "
+        "from taubench_gl.viewer import state, actions, keys, engine; "
+        "assert not {'glfw', 'imgui_bundle'} & set(sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
