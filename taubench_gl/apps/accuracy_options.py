@@ -1,0 +1,90 @@
+"""Options that trade accuracy for time, and presets of them that ``cost`` writes and ``evaluate`` takes up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from taubench_gl.settings import STORAGES, SUMMATIONS, Settings
+
+
+def accuracy_options(command: Any) -> Any:
+    """``--storage``, ``--samples-per-pixel``, ``--pairs``, ``--summation`` and ``--histogram-bits``."""
+    default = Settings()
+    for option in reversed(
+        (
+            click.option(
+                "--storage",
+                type=click.Choice(STORAGES),
+                default=default.storage,
+                show_default=True,
+                help="Of channels between passes: 32 or 16 bits a component.",
+            ),
+            click.option(
+                "--samples-per-pixel",
+                type=int,
+                metavar="N",
+                default=default.samples_per_pixel,
+                show_default=True,
+                help="Places within a pixel at which both frames of a pair are drawn and judged.",
+            ),
+            click.option(
+                "--pairs",
+                metavar="all|every:K|strata:H",
+                default=default.pairs,
+                show_default=True,
+                help="Pairs looked at: every K-th, or two from each of H stretches; with confidence intervals.",
+            ),
+            click.option(
+                "--summation",
+                type=click.Choice(SUMMATIONS),
+                default=default.summation,
+                show_default=True,
+                help="Of pixel counts over pairs: exact, or in float32.",
+            ),
+            click.option(
+                "--histogram-bits",
+                type=int,
+                metavar="B",
+                default=default.histogram_bits,
+                show_default=True,
+                help="2^B bins per octave of the discard-versus-threshold curves.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def preset_option(command: Any) -> Any:
+    """``--preset``."""
+    return click.option(
+        "--preset",
+        type=click.Path(path_type=Path, dir_okay=False),
+        metavar="FILE",
+        help="Settings that 'taubench-gl cost --within' chose; options given beside it win.",
+    )(command)
+
+
+def with_preset(options: dict[str, Any], preset: Path | None) -> dict[str, Any]:
+    """``options`` of the running command with those of ``preset`` where the user gave none.  Raises SettingsError."""
+    if preset is None:
+        return options
+    from taubench_gl.study.preset import load_preset
+
+    values = load_preset(preset)
+    context = click.get_current_context()
+    default = (click.core.ParameterSource.DEFAULT, click.core.ParameterSource.DEFAULT_MAP, None)
+    size = (values.pop("width", Settings().width), values.pop("height", Settings().height))
+    thresholds = values.pop("thresholds", {})
+    out = dict(options)
+    if context.get_parameter_source("size") in default:
+        out["size"] = size
+    given = dict(options["thresholds"])
+    out["thresholds"] = tuple((dict(thresholds) | given).items())
+    for name, value in values.items():
+        if context.get_parameter_source(name) in default:
+            out[name] = value
+    return out

@@ -1,0 +1,144 @@
+"""``taubench-gl cost``: what accuracy costs in time, and which settings to use."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from taubench_gl.apps.accuracy_options import accuracy_options
+from taubench_gl.apps.evaluate_command import out_folders
+from taubench_gl.apps.options import Frames, Size, Threshold, Words, gpu_options, light_options, scene_options
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.errors import TaubenchError
+from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
+
+if TYPE_CHECKING:
+    from taubench_gl.study.cost import Step
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl cost scene.glb --out study --size 480x270
+  taubench-gl cost scene.glb --out study --within 0.5 --for direct,position
+  taubench-gl cost scene.glb --out study --budget-ms 20
+  taubench-gl cost scene.glb --out study --knobs shadow_size,shadow_filter,pairs
+  taubench-gl cost scene.glb --out study --reference exr:rungs     # rungs/spp_1, rungs/spp_16, ...
+  taubench-gl evaluate scene.glb --preset study/preset.toml
+\b
+DIR holds study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html to point at, with --within or
+--budget-ms preset.toml, and records.jsonl: killed and called again, a study goes on where it stopped."""
+)
+@click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the study.")
+@click.option("--knobs", metavar="LIST", help="Dials to turn, comma-separated, see --list-knobs.  [default: all]")
+@click.option(
+    "--reference",
+    metavar="best|exr:DIR",
+    default="best",
+    show_default=True,
+    help="What errors are measured against: every dial at its best, or path-traced renders, whose sample counts then "
+    "stand on the plot.",
+)
+@click.option("--within", type=float, metavar="POINTS", help="Choose the cheapest settings with errors up to this.")
+@click.option("--budget-ms", type=float, metavar="T", help="Choose the most exact settings up to T ms a frame.")
+@click.option(
+    "--for", "wished", type=Words(*COLUMNS, verb="choose for"), help="Columns the choice is for.  [default: all]"
+)
+@click.option("--repeats", type=int, default=5, show_default=True, help="Visits of every setting, taken in turn.")
+@click.option("--fresh", is_flag=True, help="Forget what an earlier study measured in DIR.")
+@click.option("--list-knobs", is_flag=True, is_eager=True, expose_value=False, callback=lambda c, p, v: _list(c, v),
+              help="Print the dials and end.")  # fmt: skip
+@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
+@scene_options
+@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
+@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
+@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
+@click.option("--reprojection", type=click.Choice(REPROJECTIONS), default=REPROJECTIONS[0], show_default=True)
+@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of history.")
+@click.option("--threshold", "thresholds", type=Threshold(), multiple=True, help="a_B; may be repeated.")
+@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
+@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
+@click.option("--textures", type=click.Choice(TEXTURES), default=TEXTURES[0], show_default=True)
+@light_options
+@accuracy_options
+@gpu_options
+def cost(scenes: tuple[str, ...], out: Path, knobs: str | None, **options: Any) -> int:
+    """Measure error and time of every setting that trades one for the other, and say which to use.
+
+    The options below describe the base; each dial is turned away from it, one at a time and in declared combinations.
+    Errors are in points, percent of w x h, against the reference.  Times are taken in turn, A B C A B C, after a
+    warm-up; what is within the spread is called no difference.  Several scenes get one folder each inside DIR.
+    """
+    wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "fresh")}
+    wishes["choose_for"] = options.pop("wished") or None
+    wishes["knobs"] = None if knobs is None else [name.strip() for name in knobs.split(",") if name.strip()]
+    width, height = options.pop("size")
+    settings = Settings(
+        width=width,
+        height=height,
+        frames=options.pop("frames") or (None, None),
+        animation=options.pop("animations") or None,
+        thresholds=dict(options.pop("thresholds")),
+        **options,
+    )
+    failed = 0
+    for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
+        try:
+            _one(scene, settings, folder, wishes)
+        except TaubenchError as error:
+            if len(scenes) == 1:
+                raise
+            click.echo(f"taubench-gl: error: {error}", err=True)
+            failed += 1
+    return 2 if failed else 0
+
+
+def _one(scene: str, settings: Settings, folder: Path, wishes: dict[str, Any]) -> None:
+    from taubench_gl.report.study_tables import study_text
+    from taubench_gl.study.cost import cost as run_study
+
+    try:
+        study = run_study(scene, settings, out=folder, progress=_Said(Path(scene).name), **wishes)
+    except KeyboardInterrupt:
+        click.echo(f"taubench-gl: interrupted; what is measured is in {folder}, the same command goes on", err=True)
+        raise click.exceptions.Exit(130) from None
+    study.save()
+    click.echo(study_text(study.as_json()), nl=False)
+    click.echo(f"written to {folder}{os.sep}")
+
+
+def _list(context: click.Context, wanted: bool) -> None:
+    if not wanted or context.resilient_parsing:
+        return
+    from taubench_gl.study.knobs import KNOBS
+
+    for knob in KNOBS.values():
+        values = ", ".join(map(str, knob.values))
+        click.echo(f"{knob.name}: {values}{'' if knob.kind == 'accuracy' else '  (another question)'}\n    {knob.doc}")
+    context.exit()
+
+
+class _Said:
+    """Progress on standard error: one line that is written over on a terminal, about twenty lines elsewhere."""
+
+    STEPS = 20
+
+    def __init__(self, name: str):
+        self._name, self._said = name, -1
+
+    def __call__(self, step: Step) -> None:
+        line = f"{self._name}: {step.done}/{step.total}, {step.what}"
+        if sys.stderr.isatty():
+            click.echo(f"\r\033[K{line}", nl=False, err=True)
+            if step.done >= step.total:
+                click.echo("", err=True)
+            return
+        part = step.done * self.STEPS // max(step.total, 1)
+        if part != self._said:
+            self._said = part
+            click.echo(line, err=True)

@@ -1,0 +1,134 @@
+"""Fronts of a cost study as pictures: error against time, one picture per column and one of all.  No screen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.report.palette import hex_of
+from taubench_gl.report.plots import _figure, _save
+
+Study = Mapping[str, Any]
+
+MARKERS = {"base": "s", "best": "*", "one": "o", "combined": "^", "rung": "D"}
+NAMES = {"base": "as asked", "best": "all at their best", "one": "one dial turned", "combined": "several dials",
+         "rung": "path-traced"}  # fmt: skip
+
+
+def plot_fronts(study: Study, folder: Path) -> list[Path]:
+    """``front_COLUMN`` for every measured column and ``fronts``, all in one, as PNG and SVG.  Raises OutputError."""
+    written = []
+    for column in study["columns"]:
+        figure, axes = _figure(8.6, 5.2)
+        _draw(axes, study, column, full=True)
+        axes.set_title(_title(study, f"What accuracy costs, {column} column"), fontsize=10)
+        written += _save(figure, folder / f"front_{column}")
+    if study["columns"]:
+        written += _all(study, folder / "fronts")
+    return written
+
+
+def _all(study: Study, path: Path) -> list[Path]:
+    import math
+
+    columns = study["columns"]
+    rows = math.ceil(len(columns) / 2)
+    figure, _ = _figure(11.0, 3.6 * rows)
+    figure.clear()
+    grid = figure.subplots(rows, min(2, len(columns)), squeeze=False)
+    flat = [axes for row in grid for axes in row]
+    for axes, column in zip(flat, columns):
+        _style(axes)
+        _draw(axes, study, column, full=False)
+        axes.set_title(column, fontsize=10)
+    handles, labels = flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
+    for axes in flat[len(columns) :]:
+        axes.set_axis_off()
+    figure.suptitle(_title(study, "What accuracy costs"), fontsize=11)
+    return _save(figure, path)
+
+
+def _style(axes: Any) -> None:
+    axes.grid(True, alpha=0.25)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def _draw(axes: Any, study: Study, column: str, full: bool) -> None:
+    """Points with their spread, the front as steps: between two points only the cheaper one can be had."""
+    points = [
+        p for p in study["points"] if p["role"] != "question" and p["ms"] and p["columns"][column]["error"] is not None
+    ]
+    color = hex_of(column)
+    for role, marker in MARKERS.items():
+        shown = [p for p in points if p["role"] == role]
+        if not shown:
+            continue
+        x = [p["ms"]["median"] for p in shown]
+        y = [p["columns"][column]["error"] for p in shown]
+        spread = [p["ms"]["spread"] or 0.0 for p in shown]
+        look = {"fmt": marker, "ms": 10 if role == "best" else 6, "mec": "black", "mew": 0.6, "ecolor": "#888888"}
+        axes.errorbar(
+            x,
+            y,
+            xerr=spread,
+            color=color,
+            alpha=0.85,
+            elinewidth=0.9,
+            label=NAMES[role],
+            zorder=3 if role in ("base", "best") else 2,
+            **look,
+        )
+    by_name = {p["name"]: p for p in points}
+    front = [by_name[name] for name in study["fronts"][column]]
+    x = [p["ms"]["median"] for p in front]
+    y = [p["columns"][column]["error"] for p in front]
+    axes.step(x, y, where="post", color="black", linewidth=1.4, label="front", zorder=0)
+    linear = _linear_below(points, column)
+    axes.set(xscale="log", yscale="symlog", xlabel="ms per frame (log)", ylabel="error, points (straight near 0)")
+    axes.set_yscale("symlog", linthresh=linear)
+    axes.set_ylim(-0.12 * linear, 2.0 * max([linear, *(p["columns"][column]["error"] for p in points)]))
+    floor = study["reference"]["floor"][column]["points"]
+    if floor:
+        axes.axhline(floor, color="#555555", linewidth=0.9, linestyle="--", label="noise floor of the reference")
+    if full:
+        _label(axes, front, column)
+        axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    _readable_ticks(axes)
+
+
+def _label(axes: Any, front: list[Any], column: str) -> None:
+    for i, p in enumerate(front):
+        at = (p["ms"]["median"], p["columns"][column]["error"])
+        offset = (6, 6) if i % 2 == 0 else (6, 16)
+        axes.annotate(p["label"], at, textcoords="offset points", xytext=offset, fontsize=7)
+
+
+def _linear_below(points: list[Any], column: str) -> float:
+    """Where the error axis turns linear, so that 0 has a place: the smallest error that is not 0, within reason."""
+    errors = [p["columns"][column]["error"] for p in points]
+    positive = [e for e in errors if e > 1e-9]
+    return max(min(positive, default=1e-3), 1e-3)
+
+
+def _readable_ticks(axes: Any) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_xlim()
+    subs = (1.0, 2.0, 5.0) if high / low < 300 else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(base=10, subs=subs))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+
+
+def _title(study: Study, what: str) -> str:
+    width, height = study["size"]
+    name = str(study["scene"]["name"]).replace("$", r"\$")
+    renderer = str(study["machine"]["renderer"]).split("(")[0].strip()
+    return (
+        f"{what}: {name}, {width}x{height}, {study['pairs']} pairs at {study['fps']:g} fps\n"
+        f"reference: {study['reference']['name']}; {renderer}; clock: {study['clock']}"
+    )

@@ -1,0 +1,286 @@
+"""A cost study as tables: text, Markdown and CSV.  Takes study.json's values (schema ``taubench-gl/cost/1``)."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+Study = Mapping[str, Any]
+
+NONE = "–"
+FEATURES = {
+    "position_mm": ("position", "mm"),
+    "normal_deg": ("normal", "°"),
+    "motion_px": ("motion", "px"),
+    "direct_percent": ("direct", "%"),
+    "indirect_percent": ("indirect", "%"),
+    "color_levels": ("color", "levels"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """A heading, column heads (the first is that of the row labels), rows of text, notes below."""
+
+    title: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+
+def heading(study: Study) -> list[str]:
+    """What every figure is printed with: scene, size, rate, pairs, reference, machine, clock."""
+    width, height = study["size"]
+    machine, reference = study["machine"], study["reference"]
+    told = (
+        f"{study['scene']['name']}: {width}x{height}, {study['fps']:g} fps, {study['pairs']} pairs, {study['camera']}"
+    )
+    lines = [f"What accuracy costs: {told}"]
+    if reference["kind"] == "best":
+        best = next(p for p in study["points"] if p["name"] == reference["name"])
+        dials = ", ".join(f"{name} {value}" for name, value in best["choice"].items())
+        lines.append(f"reference: every dial at its best ({dials})")
+    else:
+        lines.append(f"reference: {reference['name']} ({reference['path']})")
+    floors = {c: reference["floor"][c] for c in study["columns"]}
+    known = [f"{c} {f['points']:.3g}" for c, f in floors.items() if f["points"] is not None]
+    unknown = sorted({f["reason"] for f in floors.values() if f["points"] is None})
+    lines.append(f"its noise floor, points: {', '.join(known) or 'unknown'}{''.join('; ' + u for u in unknown)}")
+    cpu = f"{machine['processor']}, {machine['cores']} cores"
+    lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {cpu}")
+    lines.append(f"clock: frames by {study['clock']}; passes by {study['pass_clock']}")
+    return lines
+
+
+def ms_text(point: Mapping[str, Any]) -> str:
+    """``18.2 ± 0.4``, with as many digits as say something."""
+    ms = point["ms"]
+    if ms is None:
+        return NONE
+    spread = "" if ms["spread"] is None else f" ± {ms['spread']:.2g}"
+    return f"{_three(ms['median'])}{spread}"
+
+
+def ratio_text(point: Mapping[str, Any]) -> str:
+    """Time against the base's, in words where it is no difference."""
+    told = point["against_base"]
+    if told is None:
+        return NONE
+    if point["role"] == "base":
+        return "1x"
+    return f"{told['ratio']:.3g}x" if told["different"] else "no difference"
+
+
+def error_text(entry: Mapping[str, Any]) -> str:
+    """Points; of a sampled run with the half width of its interval."""
+    if entry["points"] is None:
+        return NONE
+    value = abs(entry["points"])
+    text = "0" if value < 5e-10 else "<0.001" if value < 5e-4 else f"{value:.3f}"
+    half = entry["half_width"]
+    return text if half is None else f"{text} (±{half:.2f})"
+
+
+def grids(study: Study) -> list[Grid]:
+    """All tables of the study, in reading order."""
+    points = {p["name"]: p for p in study["points"]}
+    out = [_front(study, points, column) for column in study["columns"]]
+    asked = [p for p in study["points"] if p["role"] != "question"]
+    out.append(_errors(study, asked))
+    out.append(_features(asked))
+    out += [grid for grid in (_curves(study), _questions(study)) if grid is not None]
+    out.append(_passes(asked))
+    return out
+
+
+def _front(study: Study, points: Mapping[str, Any], column: str) -> Grid:
+    rows = []
+    for name in study["fronts"][column]:
+        p = points[name]
+        rows.append((p["label"], error_text(p["columns"][column]), ms_text(p), ratio_text(p)))
+    count = sum(p["role"] != "question" and p["columns"][column]["points"] is not None for p in study["points"])
+    percent = study["reference"]["percent"][column]
+    title = f"Front of the {column} column: reference {percent:.3f} %, {count} settings measured"
+    return Grid(title, ("setting", "error, points", "ms/frame", "against the base"), tuple(rows))
+
+
+def _errors(study: Study, points: Sequence[Mapping[str, Any]]) -> Grid:
+    rows = []
+    for p in points:
+        errors = [error_text(p["columns"][c]) for c in study["columns"]]
+        size = NONE if p["bytes"] is None else f"{p['bytes'] / 1e6:.1f}"
+        rows.append((p["label"], *errors, ms_text(p), ratio_text(p), size))
+    notes = (
+        "error: |mean - the reference's mean|, percent of w·h; (±): half width of the 95 % interval of a sampled run",
+        f"no difference: {study['rule']}",
+    )
+    return Grid("All settings", ("setting", *study["columns"], "ms/frame", "time", "MB"), tuple(rows), notes)
+
+
+def _features(points: Sequence[Mapping[str, Any]]) -> Grid:
+    there = [f for f in FEATURES if any(f in p["features"] for p in points)]
+    rows = []
+    for p in points:
+        if not p["features"]:
+            continue
+        cells = [f"{_three(e['median'])} / {_three(e['p95'])}" if (e := p["features"].get(f)) else NONE for f in there]
+        rows.append((p["label"], *cells))
+    heads = tuple(f"{FEATURES[f][0]}, {FEATURES[f][1]}" for f in there)
+    note = "at pixel centres, of the pixels where both see the same surface; samples and pairs do not change them"
+    return Grid("Per-pixel errors, median / 95th percentile", ("setting", *heads), tuple(rows), (note,))
+
+
+def _curves(study: Study) -> Grid | None:
+    chosen = [p for p in study["points"] if p["curve"] and (p["role"] == "base" or "histogram_bits" in p["choice"])]
+    if len(chosen) < 2:
+        return None
+    features = [f for f in study["columns"] if any(f in p["curve"] for p in chosen)]
+    rows = [(p["label"], *(_three(p["curve"][f]) if f in p["curve"] else NONE for f in features)) for p in chosen]
+    note = (
+        "largest error of a threshold read off the curve, percent of comparable pixels, against the reference's curve"
+    )
+    return Grid("Curves: bins of the histogram", ("setting", *features), tuple(rows), (note,))
+
+
+def _questions(study: Study) -> Grid | None:
+    asked = [p for p in study["points"] if p["role"] == "question"]
+    if not asked:
+        return None
+    base = next(p for p in study["points"] if p["role"] == "base")
+    rows = []
+    for p in (base, *asked):
+        cells = [NONE if (v := p["columns"][c]["percent"]) is None else f"{v:.3f}" for c in study["columns"]]
+        rows.append((p["label"], *cells, ms_text(p), ratio_text(p)))
+    note = "these do not approximate the columns above, they define others: percent as measured, not an error"
+    heads = ("setting", *(f"{c}, %" for c in study["columns"]), "ms/frame", "time")
+    return Grid("Other questions", heads, tuple(rows), (note,))
+
+
+def _passes(points: Sequence[Mapping[str, Any]]) -> Grid:
+    names = list(dict.fromkeys(n for p in points for n in p["passes"]))
+    rows = [(p["label"], *(_three(p["passes"].get(n, 0.0)) for n in names)) for p in points if p["passes"]]
+    return Grid("Milliseconds of a drawn frame by pass, median of the visits", ("setting", *names), tuple(rows))
+
+
+def spoken(study: Study) -> list[str]:
+    """Recommendations, the check of the chosen one, sanity: what there is to say in words."""
+    lines = ["Recommendations:", *(f"  {r['words']}" for r in study["recommendations"])]
+    if study["chosen"] is not None:
+        lines.append(f"chosen: {study['chosen']['words']}")
+    check = study["check"]
+    if check is not None:
+        errors = ", ".join(f"{c} {e:.3g}" for c, e in check["errors"].items())
+        kept = "kept" if check["errors_kept"] else "NOT KEPT"
+        lines.append(f"run again: {errors} points, {check['promised_points']:.3g} promised: {kept}")
+        if check["budget_ms"] is not None:
+            time = "kept" if check["time_kept"] else "NOT KEPT"
+            pace = f"{_three(check['ms']['median'])} ms/frame, the base {check['drift']:.3g}x its time in the study"
+            lines.append(f"run again: {pace}; {check['budget_ms']:g} ms allowed: {time}")
+    faults = [s for s in study["sanity"] if not s["holds"]]
+    held = len(study["sanity"]) - len(faults)
+    lines.append(f"more exact dials give smaller errors, within noise: {held} of {len(study['sanity'])} series")
+    lines += [f"  not {s['knob']} for {s['column']}: {s['words']}" for s in faults]
+    if study["skipped"]:
+        lines.append("not measured, as it changes nothing here or cannot be had:")
+        lines += [f"  {name}: {reason}" for name, reason in study["skipped"].items()]
+    return lines
+
+
+def study_text(study: Study, width: int = 150) -> str:
+    """Plain text without colour."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    sink = io.StringIO()
+    console = Console(file=sink, width=width, color_system=None, force_terminal=False, force_jupyter=False)
+    for line in heading(study):
+        console.print(Text(line))
+    for grid in grids(study):
+        table = Table(title=Text("\n" + grid.title), title_justify="left", box=box.SIMPLE_HEAD)
+        for i, head in enumerate(grid.heads):
+            table.add_column(Text(head), justify="right" if i else "left", overflow="fold")
+        for row in grid.rows:
+            table.add_row(*map(Text, row))
+        console.print(table)
+        for note in grid.notes:
+            console.print(Text(f"  {note}"))
+    console.print(Text("\n" + "\n".join(spoken(study))))
+    return "\n".join(line.rstrip() for line in sink.getvalue().splitlines()) + "\n"
+
+
+def study_markdown(study: Study) -> str:
+    """GitHub-flavoured Markdown."""
+
+    def cell(text: str) -> str:
+        return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")
+
+    parts = ["  \n".join(map(cell, heading(study)))]
+    for grid in grids(study):
+        rows = [grid.heads, ("---", *["---:"] * (len(grid.heads) - 1)), *grid.rows]
+        lines = ["| " + " | ".join(row if i == 1 else map(cell, row)) + " |" for i, row in enumerate(rows)]
+        parts.append("\n".join([f"**{cell(grid.title)}**", "", *lines, *(f"\n{cell(n)}" for n in grid.notes)]))
+    parts.append("\n".join(f"- {cell(line.strip())}" for line in spoken(study)))
+    return "\n\n".join(parts) + "\n"
+
+
+def study_csv(study: Study) -> str:
+    """One line per setting and column, all digits: what a spreadsheet or a script wants."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    head = ("setting", "label", "role", "column", "percent", "points", "half_width", "pair_points", "error", "on_front")
+    writer.writerow((*head, "ms_median", "ms_spread", "ms_samples", "clock", "bytes", "reason"))
+    for p in study["points"]:
+        ms = p["ms"] or {"median": "", "spread": "", "samples": ""}
+        for column, e in p["columns"].items():
+            front = int(p["name"] in study["fronts"].get(column, ()))
+            values = [e["percent"], e["points"], e["half_width"], e["pair_points"], e["error"]]
+            cells = ["" if v is None else v for v in (*values, front, ms["median"], ms["spread"], ms["samples"])]
+            tail = (p["clock"], "" if p["bytes"] is None else p["bytes"], e["reason"] or "")
+            writer.writerow((p["name"], p["label"], p["role"], column, *cells, *tail))
+    return out.getvalue()
+
+
+class StudyView:
+    """A study to look at: ``print`` it, or let a notebook show it."""
+
+    def __init__(self, study: Study):
+        self.study = study
+
+    def __str__(self) -> str:
+        return study_text(self.study)
+
+    __repr__ = __str__
+
+    def _repr_html_(self) -> str:
+        return grids_html(self.study)
+
+
+def grids_html(study: Study) -> str:
+    """Heading, tables and words as an HTML fragment without scripts or styles."""
+    parts = ["<p>" + "<br>".join(html.escape(line) for line in heading(study)) + "</p>"]
+    for grid in grids(study):
+        heads = "".join(f"<th scope='col'>{html.escape(h)}</th>" for h in grid.heads)
+        rows = "".join(
+            f"<tr><th scope='row'>{html.escape(row[0])}</th>"
+            + "".join(f"<td>{html.escape(c)}</td>" for c in row[1:])
+            + "</tr>"
+            for row in grid.rows
+        )
+        notes = "".join(f"<p><small>{html.escape(n)}</small></p>" for n in grid.notes)
+        caption = f"<caption>{html.escape(grid.title)}</caption>"
+        parts.append(f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{notes}")
+    parts.append("<p>" + "<br>".join(html.escape(line) for line in spoken(study)) + "</p>")
+    return "\n".join(parts)
+
+
+def _three(value: float) -> str:
+    """Three significant digits, never in exponents a reader must decode."""
+    if value == 0:
+        return "0"
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"

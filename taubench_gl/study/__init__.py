@@ -1,0 +1,30 @@
+"""What accuracy costs in time: settings turned one by one, their errors and times side by side, and which to use.
+
+>>> from taubench_gl.study import cost
+>>> study = cost("scene.glb", width=480, height=270, out="study", within=0.5)  # doctest: +SKIP
+>>> study.table()  # doctest: +SKIP
+
+Knobs (what may be turned) > plan (which settings) > errors and sessions (what is measured) > store (what is kept) >
+analysis and result (what it says).
+"""
+
+from taubench_gl.study.analysis import Point, choose, pareto_front
+from taubench_gl.study.cost import cost
+from taubench_gl.study.knobs import KNOBS, Knob
+from taubench_gl.study.plan import Setting, make_plan
+from taubench_gl.study.preset import load_preset, save_preset
+from taubench_gl.study.result import CostStudy
+
+__all__ = [
+    "KNOBS",
+    "CostStudy",
+    "Knob",
+    "Point",
+    "Setting",
+    "choose",
+    "cost",
+    "load_preset",
+    "make_plan",
+    "pareto_front",
+    "save_preset",
+]

@@ -1,0 +1,78 @@
+"""Presets: the settings a study recommends, as a TOML file that ``evaluate --preset`` takes up."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.errors import SettingsError
+from taubench_gl.outputs import write_atomically
+from taubench_gl.settings import Settings
+
+PRESET_SCHEMA = "taubench-gl/preset/1"
+_NOT_IN_PRESETS = ("backend", "device", "frames", "camera", "scene", "animation")
+"""Of the machine and the scene, not of accuracy."""
+
+
+def save_preset(path: Path, settings: Settings, promise: Mapping[str, Any]) -> None:
+    """Write every field that differs from the defaults, the size always, and what was measured.  Raises OutputError."""
+    default = Settings()
+    lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]"]
+    for field in dataclasses.fields(Settings):
+        value = getattr(settings, field.name)
+        if field.name in _NOT_IN_PRESETS:
+            continue
+        if field.name in ("width", "height") or value != getattr(default, field.name):
+            lines.append(f"{field.name} = {_toml(value)}")
+    lines += ["", "[promise]  # measured, not read back", *(f"{k} = {_toml(v)}" for k, v in promise.items())]
+    write_atomically(path, "\n".join(lines) + "\n")
+
+
+def load_preset(path: str | Path) -> dict[str, Any]:
+    """Fields of ``Settings`` by name, checked.  Raises SettingsError for a file that is none, or a value it refuses."""
+    path = Path(path)
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SettingsError(f"cannot be read: {error.strerror}", where=str(path)) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError(f"is not TOML: {error}", where=str(path)) from None
+    if values.get("schema") != PRESET_SCHEMA:
+        hint = "'taubench-gl cost --within' writes presets"
+        raise SettingsError(
+            f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}", where=str(path), hint=hint
+        )
+    settings = values.get("settings", {})
+    if not isinstance(settings, dict):
+        raise SettingsError("settings is no table", where=str(path))
+    known = {f.name for f in dataclasses.fields(Settings)} - set(_NOT_IN_PRESETS)
+    for name in settings:
+        if name not in known:
+            raise SettingsError(
+                f"no setting is named {name!r}", where=str(path), hint=f"choose from {', '.join(sorted(known))}"
+            )
+    settings = {name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()}
+    try:
+        Settings(**settings)
+    except (TypeError, ValueError) as error:
+        raise SettingsError(f"has a value of the wrong type: {error}", where=str(path)) from None
+    except SettingsError as error:
+        raise SettingsError(error.what, where=str(path), hint=error.hint) from None
+    return settings
+
+
+def _toml(value: Any) -> str:
+    """Strings, numbers, lists and one level of tables, as TOML 1.0 writes them."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)  # JSON strings are TOML basic strings
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(str(k))} = {_toml(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return repr(value) if value is not None else '""'

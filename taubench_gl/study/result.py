@@ -1,0 +1,330 @@
+"""The finished study: points out of records, and what is said, drawn and written of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.metrics.histogram import discarded_above, edges
+from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.study.analysis import (
+    Choice,
+    ColumnError,
+    Point,
+    Sanity,
+    choose,
+    measured_columns,
+    pareto_front,
+    rises,
+)
+from taubench_gl.study.clock import RULE, Time, slower_by, time_of
+from taubench_gl.study.knobs import KNOBS
+from taubench_gl.study.plan import BASE, BEST, Plan
+from taubench_gl.study.preset import save_preset
+from taubench_gl.study.rungs import Ladder
+
+COST_SCHEMA = "taubench-gl/cost/1"
+STUDY_FILE, PRESET_FILE = "study.json", "preset.toml"
+
+
+@dataclass(slots=True)
+class CostStudy:
+    """What ``cost`` returns.  ``points`` in plan order, path-traced rungs last."""
+
+    about: dict[str, Any]
+    points: list[Point]
+    sanity: list[Sanity]
+    plan: Plan
+    choices: list[Choice] = field(default_factory=list)
+    chosen: Choice | None = None  # what ``within`` and ``budget_ms`` asked for
+    checked: dict[str, Any] | None = None
+    out: Path | None = None
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns that the base has an error for."""
+        return measured_columns(self.points)
+
+    def point(self, name: str) -> Point:
+        return next(p for p in self.points if p.name == name)
+
+    def front(self, column: str) -> list[Point]:
+        """The Pareto front of ``column``, fastest first."""
+        return pareto_front(self.points, column)
+
+    def with_choices(self, within: float | None, budget_ms: float | None, columns: Sequence[str] | None) -> CostStudy:
+        """Recommendations of every column on its own, and of the wish, if there is one."""
+        wished = tuple(columns or self.columns)
+        one_each = 0.5 if within is None and budget_ms is None else within
+        self.choices = [choose(self.points, (c,), within=one_each, budget_ms=budget_ms) for c in self.columns]
+        if within is not None or budget_ms is not None:
+            self.chosen = choose(self.points, wished, within=within, budget_ms=budget_ms)
+        return self
+
+    def with_check(self, again: Callable[[str], Mapping[str, Any]]) -> CostStudy:
+        """Run the chosen setting again and hold what comes out against what was promised."""
+        if self.chosen is None or self.chosen.point is None:
+            return self
+        point, told = self.chosen.point, again(self.chosen.point.name)
+        reference = self.about["reference"]["percent"]
+        errors = {c: abs(told["percent"][c] - reference[c]) for c in self.chosen.columns}
+        time = time_of(told["frame_ms"])
+        # Both were timed in turn: by how much the base took longer than in the study, the machine is slower now.
+        drift = time_of(told["base_ms"]).median / self.point(BASE).time.median
+        promised = self.chosen.within
+        if promised is None:
+            promised = max(point.error(c) for c in self.chosen.columns)
+        budget = self.chosen.budget_ms
+        self.checked = {
+            "setting": point.name,
+            "errors": errors,
+            "promised_points": promised,
+            "errors_kept": all(e <= promised + 1e-9 for e in errors.values()),
+            "ms": asdict(time),
+            "drift": drift,
+            "budget_ms": budget,
+            "time_kept": None if budget is None else (time.median - (time.spread or 0.0)) / drift <= budget,
+        }
+        return self
+
+    def as_json(self) -> dict[str, Any]:
+        """study.json: everything the tables and figures are made of (schema ``taubench-gl/cost/1``)."""
+        return {
+            "schema": COST_SCHEMA,
+            **self.about,
+            "rule": RULE,
+            "columns": self.columns,
+            "points": [_point_json(p) | {"against_base": self._against_base(p)} for p in self.points],
+            "fronts": {c: [p.name for p in self.front(c)] for c in self.columns},
+            "recommendations": [_choice_json(c) for c in self.choices],
+            "chosen": None if self.chosen is None else _choice_json(self.chosen),
+            "check": self.checked,
+            "sanity": [asdict(s) for s in self.sanity],
+        }
+
+    def _against_base(self, point: Point) -> dict[str, Any] | None:
+        """Time over the base's, and whether the two are different by the rule; None for what has no time."""
+        base = self.point(BASE)
+        if point.time is None or base.time is None:
+            return None
+        return {"ratio": point.time.median / base.time.median, "different": slower_by(point.time, base.time) != 0}
+
+    def table(self) -> Any:
+        """Fronts and all settings to look at: printable, and HTML in a notebook."""
+        from taubench_gl.report.study_tables import StudyView
+
+        return StudyView(self.as_json())
+
+    def save(self, out: str | Path | None = None) -> list[Path]:
+        """Write study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html and, where something was chosen,
+        preset.toml.  Returns the files.  Raises OutputError."""
+        from taubench_gl.report.study_html import study_html
+        from taubench_gl.report.study_plots import plot_fronts
+        from taubench_gl.report.study_tables import study_csv, study_markdown, study_text
+
+        folder = Path(out or self.out)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise cannot_write(folder, error) from None
+        values = self.as_json()
+        texts = {
+            STUDY_FILE: json.dumps(values, indent=1, allow_nan=False, ensure_ascii=False) + "\n",
+            "study.txt": study_text(values),
+            "study.md": study_markdown(values),
+            "study.csv": study_csv(values),
+            "study.html": study_html(values),
+        }
+        written = []
+        for name, text in texts.items():
+            write_atomically(folder / name, text)
+            written.append(folder / name)
+        written += plot_fronts(values, folder)
+        preset = folder / PRESET_FILE
+        if self.chosen is not None and self.chosen.point is not None:
+            save_preset(preset, self.plan.named(self.chosen.point.name).settings, self._promise())
+            written.append(preset)
+        else:
+            preset.unlink(missing_ok=True)  # one of an earlier wish would be taken for this one's
+        return written
+
+    def _promise(self) -> dict[str, Any]:
+        point = self.chosen.point
+        return {
+            "scene": self.about["scene"]["name"],
+            "setting": point.label,
+            "reference": self.about["reference"]["name"],
+            "columns": list(self.chosen.columns),
+            "error_points": {c: float(point.error(c)) for c in self.chosen.columns},
+            "within_points": "" if self.chosen.within is None else float(self.chosen.within),
+            "ms_per_frame": float(point.time.median),
+            "budget_ms": "" if self.chosen.budget_ms is None else float(self.chosen.budget_ms),
+            "clock": point.clock,
+            "renderer": self.about["machine"]["renderer"],
+        }
+
+
+def assemble(
+    about: Mapping[str, Any], plan: Plan, ladder: Ladder | None, records: Sequence[Mapping[str, Any]], repeats: int
+) -> CostStudy:
+    """Points out of records.  ``records``: lines of kind ``error`` and ``time``; the first ``repeats`` times count."""
+    errors = {r["setting"]: r for r in records if r["kind"] == "error"}
+    times: dict[str, list[Mapping[str, Any]]] = {}
+    for record in records:
+        if record["kind"] == "time" and len(times.setdefault(record["setting"], [])) < repeats:
+            times[record["setting"]].append(record)
+    reference_name = BEST if ladder is None else ladder.reference.name
+    reference = errors[reference_name]
+    floor = reference.get("floor") or {}
+    points = [_point(s, errors[s.name], times.get(s.name, []), reference, about["clock"]) for s in plan.settings]
+    for rung in () if ladder is None else ladder.rungs:
+        columns = _columns(errors[rung.name], reference, same_pairs=True)
+        time = time_of(rung.frame_ms, in_turn=False) if rung.frame_ms else None
+        label = f"path-traced, {rung.samples} spp"
+        features = errors[rung.name].get("features") or {}
+        points.append(
+            Point(rung.name, label, "rung", {"spp": rung.samples}, columns, time, rung.clock, False, features)
+        )
+    told = dict(about)
+    told["reference"] = {
+        **about["reference"],
+        "percent": {c: reference["columns"][c]["percent"] for c in COLUMNS},
+        "floor": {c: _floor(c, ladder, floor) for c in COLUMNS},
+    }
+    return CostStudy(told, points, _sanities(plan, ladder, errors, reference), plan)
+
+
+def _floor(column: str, ladder: Ladder | None, floor: Mapping[str, float | None]) -> dict[str, Any]:
+    """Points by which the reference itself would change if it were made again."""
+    if ladder is None:
+        return {"points": 0.0, "reason": "nothing in it is random: the same settings give the same counts"}
+    if floor.get(column) is not None:
+        return {"points": floor[column], "reason": "discards between two renders of a frame that differ in their seed"}
+    if ladder.second is None:
+        return {"points": None, "reason": "not known: no second render with as many samples and another seed"}
+    return {"points": None, "reason": "not measured: geometry has no noise"}
+
+
+def _point(
+    setting: Any, record: Mapping[str, Any], visits: Sequence[Mapping[str, Any]], reference: Any, clock: str
+) -> Point:
+    names = sorted({name for v in visits for name in v["passes"]})
+    passes = {n: float(np.median([v["passes"].get(n, 0.0) for v in visits])) for n in names}
+    return Point(
+        setting.name,
+        setting.label,
+        setting.role,
+        setting.choice,
+        _columns(record, reference, same_pairs=setting.role != "question"),
+        time_of([v["frame_ms"] for v in visits]) if visits else None,
+        clock,
+        usable=not setting.twin,
+        features=record.get("features") or {},
+        curve=_curve_error(record, reference),
+        passes=passes,
+        bytes=record.get("bytes"),
+    )
+
+
+def _columns(record: Mapping[str, Any], reference: Mapping[str, Any], same_pairs: bool) -> dict[str, ColumnError]:
+    out = {}
+    for column in COLUMNS:
+        here, there = record["columns"][column], reference["columns"][column]
+        if here["percent"] is None or there["percent"] is None:
+            why = here.get("reason") or f"the reference lacks it: {there.get('reason')}"
+            out[column] = ColumnError(here["percent"], reason=why)
+            continue
+        common = here["pairs"].keys() & there["pairs"].keys() if same_pairs else ()
+        apart = [abs(here["pairs"][f] - there["pairs"][f]) for f in common]
+        out[column] = ColumnError(
+            here["percent"],
+            here["percent"] - there["percent"],
+            here.get("half_width"),
+            float(np.mean(apart)) if apart else None,
+        )
+    return out
+
+
+def _curve_error(record: Mapping[str, Any], reference: Mapping[str, Any]) -> dict[str, float]:
+    """Per feature the largest error, in points, of a threshold read off the curve (linear between its edges).
+
+    Against the reference's own finer curve; empty where that is not finer.
+    """
+    out = {}
+    for feature in FEATURES:
+        here, there = (r["curves"].get(feature) for r in (record, reference))
+        if here is None or there is None or len(here["counts"]) >= len(there["counts"]):
+            continue
+        (x, y), (fine_x, fine_y) = _curve(here), _curve(there)
+        out[feature] = float(np.abs(np.interp(fine_x, x, y) - fine_y).max())
+    return out
+
+
+def _curve(curve: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Edges and percent of comparable pixels at or above each."""
+    bits = int(np.log2((len(curve["counts"]) - 2) / (len(edges(0)) - 1)))
+    share = 100.0 / max(curve["comparable"], 1)
+    return edges(bits), share * discarded_above(np.asarray(curve["counts"]))
+
+
+def _sanities(plan: Plan, ladder: Ladder | None, errors: Mapping[str, Any], reference: Any) -> list[Sanity]:
+    """Per dial and column that it may change: does the error fall from coarse to exact?"""
+    out = []
+    for name in plan.knobs:
+        knob = KNOBS[name]
+        if knob.kind == "question" or name == "pairs":  # a sample's error is chance: its interval is tested, not it
+            continue
+        base = knob.current(plan.named(BASE).settings)
+        single = {v: f"{name}={v}" for v in knob.values if f"{name}={v}" in errors}
+        values = {v: BASE if v == base else single.get(v) for v in knob.values}
+        chain = [(v, errors[n]) for v, n in values.items() if n is not None]
+        if name == "storage":
+            chain = chain[:2]  # double asks what float's arithmetic does, not for a better picture
+        if len(chain) > 1:
+            out += [_sanity(name, c, chain, reference) for c in knob.columns if _there(chain, reference, c)]
+    if ladder is not None and len(ladder.rungs) > 1:
+        chain = [(r.samples, errors[r.name]) for r in ladder.rungs]
+        out += [_sanity("spp", c, chain, reference) for c in COLUMNS if _there(chain, reference, c)]
+    return out
+
+
+def _there(chain: Sequence[tuple[Any, Any]], reference: Any, column: str) -> bool:
+    return all(r["columns"][column]["percent"] is not None for r in (*(r for _, r in chain), reference))
+
+
+def _sanity(knob: str, column: str, chain: Sequence[tuple[Any, Any]], reference: Any) -> Sanity:
+    truth = reference["columns"][column]
+    errors = tuple((v, abs(r["columns"][column]["percent"] - truth["percent"])) for v, r in chain)
+    faults = []
+    for (coarse, a), (fine, b) in pairwise(chain):
+        rise, error = rises(a["columns"][column]["pairs"], b["columns"][column]["pairs"], truth["pairs"])
+        if rise > max(2.0 * error, 1e-9):
+            faults.append(f"{fine} is {rise:.2g} ± {error:.2g} points per pair further off than {coarse}")
+    return Sanity(knob, column, errors, not faults, "; ".join(faults))
+
+
+def _point_json(p: Point) -> dict[str, Any]:
+    columns = {c: asdict(e) | {"error": e.error} for c, e in p.columns.items()}
+    ms = None if p.time is None else asdict(p.time)
+    return {
+        "name": p.name, "label": p.label, "role": p.role, "choice": dict(p.choice), "columns": columns, "ms": ms,
+        "clock": p.clock, "usable": p.usable, "features": dict(p.features), "curve": dict(p.curve),
+        "passes": dict(p.passes), "bytes": p.bytes,
+    }  # fmt: skip
+
+
+def _choice_json(c: Choice) -> dict[str, Any]:
+    return {
+        "columns": list(c.columns), "within": c.within, "budget_ms": c.budget_ms, "words": c.words,
+        "setting": None if c.point is None else c.point.name, "next": None if c.next is None else c.next.name,
+    }  # fmt: skip
+
+
+__all__ = ["COST_SCHEMA", "CostStudy", "Time", "assemble"]

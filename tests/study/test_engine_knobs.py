@@ -1,0 +1,170 @@
+"""The knobs the engine got for the study: each against a law or a second way to the same number."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import taubench_gl as tb
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.jitter import grid_offsets
+from taubench_gl.conventions import histogram_bins
+from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import evaluate_scene, frame_schedule, sampled_pairs
+from taubench_gl.evaluation_truth import evaluate_truth
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.metrics.histogram import bin_of, edges
+from taubench_gl.metrics.summation import total
+from taubench_gl.run import COUNT_COLUMNS
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+GEOMETRY = Settings(width=48, height=28, frames=(20, 29), columns=("frustum", "position", "normal"))
+LIT = Settings(width=32, height=18, frames=(20, 22), indirect="none")
+
+
+@pytest.fixture(scope="module")
+def full(demo):
+    return evaluate_scene(demo, GEOMETRY)
+
+
+@pytest.mark.parametrize("pairs", ["every:3", "strata:2"])
+def test_sampled_pairs_are_the_full_runs_pairs(demo, full, pairs):
+    run = evaluate_scene(demo, dataclasses.replace(GEOMETRY, pairs=pairs))
+    whole = {row["frame"]: row for row in full.frames}
+    assert 0 < len(run.frames) < len(full.frames)
+    for row in run.frames:
+        assert {c: row[c] for c in COUNT_COLUMNS} == {c: whole[row["frame"]][c] for c in COUNT_COLUMNS}
+        assert row["angle_deg"] == whole[row["frame"]]["angle_deg"]
+    assert run.summary["camera"]["angle"] == full.summary["camera"]["angle"]  # that of all frames
+    told = run.summary["sampling"]
+    assert (told["drawn"], told["total"]) == (len(run.frames), len(full.frames))
+    for column in ("position", "normal"):
+        apart = run.summary["discard"][column]["mean_percent"] - full.summary["discard"][column]["mean_percent"]
+        assert abs(apart) <= told["columns"][column]["half_width_points"]
+
+
+def test_every_sampled_pair_has_its_history_drawn():
+    frames = range(100, 150)
+    for pairs in ("all", "every:7", "strata:5"):
+        sample = sampled_pairs(frames, Settings(pairs=pairs))
+        schedule = frame_schedule(frames, sample)
+        assert [f for f, judged in schedule if judged] == [frames[p + 1] for p in sample.positions]
+        for i, (frame, judged) in enumerate(schedule):
+            assert not judged or schedule[i - 1][0] == frame - 1
+        assert len({f for f, _ in schedule}) == len(schedule)
+
+
+def test_samples_per_pixel_add_up_to_jittered_runs(demo):
+    """Four samples are four runs whose camera is shifted by a fixed part of a pixel."""
+
+    class Shifted:
+        def __init__(self, track, offset):
+            self.track, self.offset, self.name = track, offset, track.name
+
+        def describe(self):
+            return self.track.describe()
+
+        def view_at(self, state):
+            return dataclasses.replace(self.track.view_at(state), jitter_px=self.offset)
+
+    scene = load_scene(demo)
+    short = dataclasses.replace(GEOMETRY, frames=(20, 23))
+    many = evaluate_scene(scene, dataclasses.replace(short, samples_per_pixel=4))
+    single = [evaluate_scene(scene, short, camera=Shifted(choose_camera(scene), offset)) for offset in grid_offsets(4)]
+    for i, row in enumerate(many.frames):
+        for column in COUNT_COLUMNS:
+            if row[column] is not None:
+                assert row[column] == sum(run.frames[i][column] for run in single), column
+    assert many.frames[0]["pixels"] == 4 * 48 * 28
+    assert len({run.frames[0]["position"] for run in single}) > 1, "the four places must not all say the same"
+
+
+def test_half_storage_rounds_what_float_storage_holds(demo, gpu):
+    scene = load_scene(demo)
+    held = {}
+    for storage in ("float", "half"):
+        settings = dataclasses.replace(LIT, storage=storage)
+        source = RasterSource(gpu, scene, choose_camera(scene), settings)
+        source.advance(20)
+        held[storage] = {name: source.read(name) for name in ("position", "normal")}
+        bits = {name: t.dtype for name, t in source.current.items()}
+        assert {bits[n] for n in ("position", "normal", "direct", "color")} == {"f2" if storage == "half" else "f4"}
+        sizes = source.renderer.history.bytes
+        held[storage]["bytes"] = sizes
+        source.release()
+    for name in ("position", "normal"):
+        full, half = held["float"][name], held["half"][name]
+        assert half.dtype == np.float16
+        # One step of a half float: rounded or cut off, as the driver likes.
+        step = np.spacing(np.abs(full).astype(np.float16)).astype(np.float64)
+        assert np.all(np.abs(full - half.astype(np.float64)) <= step)
+        assert np.any(full != half)
+    assert held["half"]["bytes"] < held["float"]["bytes"]
+
+
+@pytest.mark.parametrize("bits", [0, 1, 6])
+def test_coarse_bins_are_sums_of_fine_bins(demo, full, bits):
+    run = evaluate_scene(demo, dataclasses.replace(GEOMETRY, histogram_bits=bits))
+    for feature in ("position", "normal"):
+        one, other = (r.summary["curves"][feature] for r in (run, full))
+        coarse, fine = sorted((one, other), key=lambda c: len(c["counts"]))
+        group = (len(fine["counts"]) - 2) // (len(coarse["counts"]) - 2)
+        inner = np.array(fine["counts"][1:-1]).reshape(-1, group).sum(axis=1)
+        assert [fine["counts"][0], *inner.tolist(), fine["counts"][-1]] == coarse["counts"]
+        assert sum(fine["counts"]) == fine["comparable"]
+    assert run.summary["discard"] == full.summary["discard"], "the table does not use the histogram"
+
+
+@pytest.mark.parametrize("bits", [0, 2, 8])
+def test_bins_and_edges_agree(bits):
+    lower = edges(bits)
+    assert len(lower) == histogram_bins(bits) - 1
+    assert np.array_equal(bin_of(lower, bits), np.arange(1, len(lower) + 1))
+    below = np.nextafter(lower.astype(np.float32), np.float32(0))
+    assert np.array_equal(bin_of(below, bits), np.arange(len(lower)))
+
+
+def test_plain_float32_sums_lose_counts_and_the_others_do_not():
+    rng = np.random.default_rng(3)
+    counts = rng.integers(0, 2_000_000, size=4000) + 1  # a run of 4000 pairs of 1080p
+    exact = int(sum(int(c) for c in counts))
+    plain, compensated, integer = (
+        abs(total(counts, how) - exact) / exact for how in ("plain", "compensated", "integer")
+    )
+    assert integer == 0.0
+    assert compensated <= 2.0**-24
+    assert plain > 2.0**-24 > compensated
+    stuck = np.full(2000, 1)
+    assert total(np.append([1 << 24], stuck), "plain") == 1 << 24, "a float32 counter stops at 2^24"
+    assert total(np.append([1 << 24], stuck), "compensated") == (1 << 24) + 2000
+    assert total(np.array([], dtype=int), "plain") == total(np.array([], dtype=int), "compensated") == 0.0
+
+
+@pytest.mark.parametrize("how", ["plain", "compensated"])
+def test_a_short_run_sums_alike(demo, full, how):
+    run = evaluate_scene(demo, dataclasses.replace(GEOMETRY, summation=how))
+    for column in ("frustum", "position", "normal"):
+        there = full.summary["discard"][column]["mean_percent"]
+        assert run.summary["discard"][column]["mean_percent"] == pytest.approx(there, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"pairs": "every:0"}, {"pairs": "some"}, {"pairs": "strata:"}, {"storage": "double"}, {"summation": "kahan"},
+        {"samples_per_pixel": 0}, {"samples_per_pixel": 65}, {"histogram_bits": 9},
+    ],
+)  # fmt: skip
+def test_values_that_cannot_be_meant_are_refused(wrong):
+    with pytest.raises(SettingsError):
+        Settings(**wrong)
+
+
+def test_path_traced_files_have_no_such_knobs(tmp_path):
+    for wrong in ({"pairs": "every:2"}, {"samples_per_pixel": 4}):
+        with pytest.raises(SettingsError, match="rendered scenes"):
+            evaluate_truth(f"exr:{tmp_path}", Settings(**wrong))
+    assert tb.Settings().pairs == "all"

@@ -1,0 +1,125 @@
+"""Sampled pairs: the estimator against textbook formulas, and its intervals against full runs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.metrics.counts import percent
+from taubench_gl.metrics.pair_sample import PairSample, draw_sample, estimate
+from taubench_gl.metrics.student import student_cdf, student_quantile
+from taubench_gl.settings import Settings
+
+RESAMPLINGS = 200
+
+
+@pytest.mark.parametrize("freedom", [0.7, 1.0, 2.5, 7.0, 30.0, 1000.0])
+@pytest.mark.parametrize("p", [0.003, 0.2, 0.5, 0.9, 0.975, 0.9995])
+def test_student_agrees_with_scipy(freedom, p):
+    assert student_quantile(p, freedom) == pytest.approx(stats.t.ppf(p, freedom), rel=1e-9, abs=1e-12)
+    assert student_cdf(1.3, freedom) == pytest.approx(stats.t.cdf(1.3, freedom), rel=1e-12)
+
+
+def test_student_refuses_what_is_no_probability():
+    with pytest.raises(ValueError):
+        student_quantile(1.0, 5.0)
+
+
+def test_a_random_sample_has_the_textbook_interval():
+    values = np.array([3.0, 7.0, 4.0, 6.0])
+    found = estimate(PairSample(20, ((20, (1, 5, 9, 17)),)), values)
+    half = stats.t.ppf(0.975, 3) * values.std(ddof=1) / 2 * math.sqrt(1 - 4 / 20)
+    assert found.mean == 5.0
+    assert found.half_width == pytest.approx(half, rel=1e-12)
+
+
+def test_strata_weigh_by_their_size():
+    sample = PairSample(10, ((8, (0, 4)), (2, (8, 9))))
+    found = estimate(sample, np.array([1.0, 3.0, 10.0, 20.0]))
+    assert found.mean == pytest.approx(0.8 * 2.0 + 0.2 * 15.0)
+    # The second stretch is known whole: only the first one's two pairs leave anything to chance, with one degree.
+    assert found.half_width == pytest.approx(stats.t.ppf(0.975, 1) * 0.8 * math.sqrt((1 - 2 / 8) * 2.0 / 2))
+
+
+def test_all_pairs_leave_nothing_to_chance():
+    values = np.arange(7.0)
+    assert estimate(draw_sample(7, "all"), values).half_width == 0.0
+    assert estimate(draw_sample(7, "strata", 7), values).half_width == 0.0
+
+
+def test_one_pair_says_nothing_of_the_spread():
+    assert estimate(draw_sample(5, "every", 5), np.array([2.0])).half_width is None
+
+
+@pytest.mark.parametrize("total", [1, 2, 3, 10, 47])
+@pytest.mark.parametrize(
+    ("scheme", "number"), [("every", 1), ("every", 4), ("every", 100), ("strata", 3), ("strata", 60)]
+)
+def test_samples_lie_in_the_sequence_and_repeat(total, scheme, number):
+    sample = draw_sample(total, scheme, number)
+    assert len(set(sample.positions)) == len(sample.positions) > 0
+    assert set(sample.positions) <= set(range(total))
+    assert sum(size for size, _ in sample.strata) == sample.total == total
+    assert draw_sample(total, scheme, number) == sample
+
+
+def coverage(values: np.ndarray, scheme: str, numbers: range) -> float:
+    """Share of RESAMPLINGS random draws whose interval holds the mean of all pairs; ``numbers`` to draw from."""
+    rng = np.random.default_rng(7)
+    hits = 0
+    for _ in range(RESAMPLINGS):
+        sample = draw_sample(len(values), scheme, int(rng.choice(numbers)), rng)
+        found = estimate(sample, values[list(sample.positions)])
+        hits += abs(found.mean - values.mean()) <= found.half_width + 1e-12
+    return hits / RESAMPLINGS
+
+
+def populations() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(11)
+    walk = np.cumsum(rng.normal(size=400))
+    return {
+        "independent": rng.gamma(2.0, 3.0, size=300),
+        "drifting": walk - walk.min(),
+        "trend": np.linspace(0.0, 20.0, 250) + rng.normal(size=250),
+    }
+
+
+SCHEMES = [("strata", range(6, 7)), ("strata", range(8, 9)), ("strata", range(20, 21)), ("every", range(3, 13))]
+"""Every k-th pair of one k allows k samples and no more, so its resamplings draw k too."""
+
+
+@pytest.mark.parametrize("name", ["independent", "drifting", "trend"])
+@pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
+def test_intervals_cover_made_populations(name, scheme, numbers):
+    assert coverage(populations()[name], scheme, numbers) >= 0.9
+
+
+def test_intervals_that_are_too_narrow_would_be_found():
+    values = populations()["independent"]
+    rng = np.random.default_rng(7)
+    hits = 0
+    for _ in range(RESAMPLINGS):
+        sample = draw_sample(len(values), "strata", 8, rng)
+        found = estimate(sample, values[list(sample.positions)])
+        hits += abs(found.mean - values.mean()) <= 0.5 * found.half_width
+    assert hits / RESAMPLINGS < 0.9
+
+
+@pytest.fixture(scope="module")
+def full_run(data):
+    """A real animation, every pair: CesiumMan's two seconds at 60 fps."""
+    path = data / "khronos" / "CesiumMan" / "CesiumMan.glb"
+    columns = ("frustum", "position", "normal")
+    return evaluate_scene(path, Settings(width=64, height=36, fps=60.0, columns=columns))
+
+
+@pytest.mark.parametrize("column", ["position", "normal"])
+@pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
+def test_intervals_cover_the_full_run(full_run, column, scheme, numbers):
+    values = np.array([percent(row, column) for row in full_run.frames])
+    assert len(values) > 100 and values.std() > 0
+    assert coverage(values, scheme, numbers) >= 0.9
