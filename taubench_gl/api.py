@@ -14,7 +14,9 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import Pair, evaluate_scene
 from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth, is_sequence
 from taubench_gl.report import save_mask_picture, write_report
-from taubench_gl.run import Progress, Run
+from taubench_gl.report.frame_store import PictureKeeper
+from taubench_gl.report.html import REPORT_FILE, ReportRun, write_html_report
+from taubench_gl.run import FRAMES_FILE, Progress, Run
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -32,6 +34,7 @@ def evaluate(
     save: Collection[str] = (),
     progress: Callable[[Progress], None] | None = None,
     truth: TruthOptions | None = None,
+    report: bool = False,
     **overrides: Any,
 ) -> Run:
     """Evaluate the frame pairs of ``scene`` (a Scene, the path of a scene file, or ``exr:DIR``) and return the Run.
@@ -39,7 +42,8 @@ def evaluate(
     ``overrides`` are fields of ``Settings``, such as ``width=640, height=360, reprojection="motion"``.  ``out`` is the
     folder that receives summary.json, frames.csv, tables, plots and a picture of the most discarded frame's mask.
     ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  ``truth`` holds what
-    path-traced files need to be told.  Raises TaubenchError.
+    path-traced files need to be told.  ``report`` adds report.html, one self-contained page, and the folder
+    ``pictures`` it was made from.  Raises TaubenchError.
 
     >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
     """
@@ -52,14 +56,16 @@ def evaluate(
         raise SettingsError(f"cannot save {', '.join(sorted(unknown))}", hint=f"choose from {', '.join(SAVES)}")
     run_on: Callable[..., Run] = partial(evaluate_truth, options=truth) if is_sequence(scene) else evaluate_scene
     if out is None:
-        if save:
+        if save or report:
             raise SettingsError("nowhere to save to", hint="give out, a folder")
         return run_on(scene, settings, progress=progress)
-    saver = _Saver(Path(out), frozenset(save))
+    saver = _Saver(Path(out), frozenset(save), PictureKeeper(Path(out)) if report else None)
     extra = SAVED_CHANNELS if "channels" in save else ()
     run = run_on(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
     saver.finish(run)
     write_report(run.summary, run.frames, Path(out))
+    if report:
+        write_html_report([ReportRun(run.summary, run.frames, run.out)], Path(out) / REPORT_FILE)
     return run
 
 
@@ -72,8 +78,8 @@ def _replace(settings: Settings, overrides: dict[str, Any]) -> Settings:
 class _Saver:
     """Keeps the most discarded pair seen so far and writes what ``save`` asks for."""
 
-    def __init__(self, out: Path, save: frozenset[str]):
-        self._out, self._save = out, save
+    def __init__(self, out: Path, save: frozenset[str], keeper: PictureKeeper | None = None):
+        self._out, self._save, self._keeper = out, save, keeper
         self._worst: tuple[int, int, np.ndarray, np.ndarray] | None = None
         self._measured: set[str] = set()
 
@@ -82,6 +88,9 @@ class _Saver:
         discarded = sum(pair.row[name] or 0 for name in ("frustum", *FEATURE_BIT))
         if self._worst is None or discarded > self._worst[0]:
             self._worst = (discarded, pair.frame, pair.mask(), shaded(pair))
+        if self._keeper is not None:
+            pictures = shaded(pair), shaded(pair, previous=True)
+            self._keeper.add(pair.frame, discarded, *pictures, pair.mask(), pair.motion())
         try:
             if "masks" in self._save:
                 self._save_masks(pair)
@@ -112,19 +121,25 @@ class _Saver:
         return (*_GEOMETRY_REASONS, *(f for f in features if f is not Reason.DIRECT), *light)
 
     def finish(self, run: Run) -> None:
-        """Write the picture of the most discarded pair."""
+        """Write the picture of the most discarded pair, and close the report's pictures."""
         if self._worst is None or run.out is None:
             return
+        if self._keeper is not None:
+            self._keeper.finish(run.out / FRAMES_FILE)
         _, frame, mask, base = self._worst
         title = f"{run.summary['scene']['name']}: most discarded pair, frames {frame - 1} and {frame}"
         save_mask_picture(run.out / "mask.png", mask, base, self._reasons(), title)
 
 
-def shaded(pair: Pair) -> np.ndarray:
-    """A picture to lay masks over, (h, w, 3) in [0, 1]: the frame's colour where it was simulated, else a headlight."""
+def shaded(pair: Pair, *, previous: bool = False) -> np.ndarray:
+    """A picture to lay masks over, (h, w, 3) in [0, 1]: the frame's colour where it was simulated, else a headlight.
+
+    ``previous``: of the pair's earlier frame.
+    """
     if "color" in pair.source.channels:
-        return pair.source.read("color")[..., :3]
-    position, normal = pair.source.read("position"), pair.source.read("normal")[..., :3]
+        return pair.source.read("color", previous=previous)[..., :3]
+    position = pair.source.read("position", previous=previous)
+    normal = pair.source.read("normal", previous=previous)[..., :3]
     ray = position[..., :3]
     length = np.linalg.norm(ray, axis=-1)
     facing = np.abs(np.sum(normal * ray, axis=-1)) / np.where(length > 0, length, 1.0)

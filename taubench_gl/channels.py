@@ -63,7 +63,8 @@ CHANNELS: dict[str, ChannelInfo] = {
             ("Emission.R", "Emission.G", "Emission.B", None),
         ),
         ChannelInfo(
-            "ids", 2, "u4", "1", "x: draw record + 1 (0 = no surface), y: material + 1", ("InstanceId", "MaterialId")
+            "ids", 2, "u4", "1",
+            "x: draw record + 1 (0 = no surface), y: material + 1 (highest bit: cut)", ("InstanceId", "MaterialId"),
         ),
         *(
             ChannelInfo(
@@ -85,3 +86,9 @@ CHANNELS: dict[str, ChannelInfo] = {
         ChannelInfo("mask", 1, "u4", "bits", "reason bits (conventions.Reason)", ("Mask",), attachment=False),
     )
 }  # fmt: skip
+
+
+def stored_dtype(name: str, storage: str = "float") -> str:
+    """Texture type of a channel: the channel table's, or with ``storage`` "half" 16-bit floats for 32-bit ones."""
+    dtype = CHANNELS[name].dtype
+    return "f2" if storage == "half" and dtype == "f4" else dtype

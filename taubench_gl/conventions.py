@@ -39,7 +39,7 @@ class Reason(enum.IntFlag):
     """
 
     FIRST = 1 << 0  # no previous frame
-    CUT = 1 << 1  # the caller declared that history has nothing to do with this frame
+    CUT = 1 << 1  # history has nothing to do with this frame (the caller says so) or surface (the scene does)
     INVALID = 1 << 2  # NaN or Inf in what is compared
     SKY = 1 << 3  # no surface at this pixel now
     HISTORY_SKY = 1 << 4  # no surface at the history sample
@@ -55,6 +55,9 @@ class Reason(enum.IntFlag):
     LIT = 1 << 14  # direct radiance rose past its threshold
     SHADOWED = 1 << 15  # direct radiance fell past its threshold
 
+
+NO_HISTORY = 1 << 31
+"""Bit of the ``ids`` channel's second component: the surface took another's place in this frame, its pixels are CUT."""
 
 FRUSTUM = Reason.BEHIND | Reason.OUTSIDE
 NOT_COMPARABLE = Reason.FIRST | Reason.CUT | Reason.INVALID | FRUSTUM
@@ -74,3 +77,8 @@ HISTOGRAM_MIN_EXPONENT = -20  # 2^-20 is about 1e-6
 HISTOGRAM_MAX_EXPONENT = 12  # 2^12 = 4096
 HISTOGRAM_BINS = ((HISTOGRAM_MAX_EXPONENT - HISTOGRAM_MIN_EXPONENT) << HISTOGRAM_MANTISSA_BITS) + 2
 """Bin 0: below 2^-20 (zero included).  Last bin: 2^12 and above.  Between: eight equal bins per octave."""
+
+
+def histogram_bins(mantissa_bits: int = HISTOGRAM_MANTISSA_BITS) -> int:
+    """Bins of a histogram with 2^``mantissa_bits`` equal bins per octave, the two open ends included."""
+    return ((HISTOGRAM_MAX_EXPONENT - HISTOGRAM_MIN_EXPONENT) << mantissa_bits) + 2

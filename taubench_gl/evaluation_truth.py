@@ -75,6 +75,9 @@ def evaluate_truth(
     with the pass that would give it as the reason.  Raises TaubenchError for everything a user can cause.
     """
     settings, options = settings or Settings(), options or TruthOptions()
+    for what, value, only in (("pairs", settings.pairs, "all"), ("samples per pixel", settings.samples_per_pixel, 1)):
+        if value != only:
+            raise SettingsError(f"{what} {value} is for rendered scenes", where=str(spec), hint=f"leave it at {only}")
     sequence = TruthSequence.open(spec, mapping=options.mapping, layer=options.layer)
     camera, fps = choose_truth_camera(options, settings)
     settings = replace(settings, width=sequence.size[0], height=sequence.size[1], fps=fps)
@@ -145,7 +148,7 @@ def _run(
                 lobes.release()
             source.release()
             gpu.collect()
-        summary["timing"] = {"clock": timer.clock, "unit": "ms", "passes": timer.median_ms()}
+        summary["timing"] = timer.summary()
         summary["provenance"] = provenance(gpu, timer.clock)
     cuts = set(summary["camera"]["cuts"])
     for row in rows:

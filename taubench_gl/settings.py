@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,6 +20,10 @@ EFFECTS = ("auto", "all")
 TONE_MAPS = ("linear", "reinhard", "aces")
 INDIRECT = ("auto", "none", "rsm", "probes")
 SHADOW_FILTERS = ("hard", "bilinear")
+STORAGES = ("float", "half")
+SUMMATIONS = ("integer", "compensated", "plain")
+PAIR_SAMPLES = ("all", "every:K", "strata:H")
+_PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
 MAX_SIZE = 16384
 
 
@@ -55,6 +60,11 @@ class Settings:
     indirect_samples: int = 1024  # virtual lights, all lights together
     probes: int = 768  # irradiance probes, about
     light_error: float = 1e-3  # radiance that light culling may leave out of a tile
+    storage: str = "float"  # of channels between passes: float | half (32 or 16 bits a component)
+    samples_per_pixel: int = 1  # sub-pixel places at which both frames of a pair are drawn and judged
+    pairs: str = "all"  # pairs looked at: all | every:K | strata:H (two drawn from each of H stretches)
+    summation: str = "integer"  # of pixel counts over pairs: integer (exact) | compensated | plain (float32)
+    histogram_bits: int = 3  # 2^bits bins per octave of the discard-versus-threshold curves
     backend: str = "auto"
     device: int | None = None
 
@@ -76,6 +86,8 @@ class Settings:
             ("tone map", self.tone_map, TONE_MAPS),
             ("indirect rung", self.indirect, INDIRECT),
             ("shadow filter", self.shadow_filter, SHADOW_FILTERS),
+            ("storage", self.storage, STORAGES),
+            ("summation", self.summation, SUMMATIONS),
         ):
             if value not in allowed:
                 raise SettingsError(f"{option} is {value!r}", hint=f"choose from {', '.join(allowed)}")
@@ -95,6 +107,12 @@ class Settings:
             raise SettingsError(f"shadow lights is {self.shadow_lights}", hint="give 0 or more")
         if not (math.isfinite(self.light_error) and self.light_error >= 0):
             raise SettingsError(f"light error is {self.light_error}", hint="give a radiance of at least 0")
+        if not 1 <= self.samples_per_pixel <= 64:
+            raise SettingsError(f"samples per pixel is {self.samples_per_pixel}", hint="give 1 to 64")
+        if not 0 <= self.histogram_bits <= 8:
+            raise SettingsError(f"histogram bits is {self.histogram_bits}", hint="give 0 to 8")
+        if _PAIR_SAMPLE.fullmatch(self.pairs) is None:
+            raise SettingsError(f"pairs is {self.pairs!r}", hint=f"choose from {', '.join(PAIR_SAMPLES)}")
         for name, value in self.thresholds.items():
             if name not in FEATURES:
                 raise SettingsError(f"no feature is named {name!r}", hint=f"choose from {', '.join(FEATURES)}")
@@ -105,6 +123,12 @@ class Settings:
         """a_B of ``feature`` as the masks use it: position in metres times ``unit_scale``."""
         value = float(self.thresholds.get(feature, DEFAULT_THRESHOLD))
         return value * self.unit_scale if feature == "position" else value
+
+    @property
+    def pair_scheme(self) -> tuple[str, int]:
+        """``pairs`` as (all | every | strata, number)."""
+        scheme, _, number = self.pairs.partition(":")
+        return scheme, int(number or 1)
 
     def frame_count(self, duration: float) -> int:
         """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration fps (1 + 2^-23) + 1e-6).
@@ -144,4 +168,9 @@ class Settings:
             "indirect_samples": self.indirect_samples,
             "probes": self.probes,
             "light_error": self.light_error,
+            "storage": self.storage,
+            "samples_per_pixel": self.samples_per_pixel,
+            "pairs": self.pairs,
+            "summation": self.summation,
+            "histogram_bits": self.histogram_bits,
         }

@@ -1,6 +1,7 @@
 // Colour of a pixel: direct + indirect + emission (or the sky's radiance), exposed, tone-mapped, sRGB-encoded.
 // Writes   color in [0, 1].   Twin   metrics.color
 #include "common/numbers.glsl"
+#include "common/storage.glsl"
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
@@ -16,7 +17,7 @@ uniform sampler2D indirect;
 #if HAS_EMISSION
 uniform sampler2D emission;
 #endif
-layout(rgba32f, binding = 0) writeonly uniform image2D color_out;
+layout(RADIANCE_FORMAT, binding = 0) writeonly uniform image2D color_out;
 
 float srgb(float x) { return x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055; }
 

@@ -6,7 +6,7 @@
 #include "common/affine.glsl"
 #include "common/material.glsl"
 
-layout(std430, binding = 2) readonly buffer Frame { FrameRecord F; };
+layout(std140, binding = 2) uniform Frame { FrameRecord F; };
 
 in vec3 pos_rel;
 in vec3 normal_ws;
@@ -34,7 +34,7 @@ vec3 shading_normal(MaterialRecord m) {
 }
 
 void main() {
-    MaterialRecord m = materials[ids.y];
+    MaterialRecord m = material;
 #if ALPHA_TEST || OUTPUT_BASE_COLOR
     vec4 base = m.base_color;
 #if BASE_COLOR_MAP
@@ -87,6 +87,6 @@ void main() {
     out_emission = vec4(emission, 1.0);
 #endif
 #if OUTPUT_IDS
-    out_ids = ids.xy;
+    out_ids = uvec2(ids.x, ids.y | ids.z);
 #endif
 }

@@ -1,17 +1,27 @@
 // Geometry pass, vertices: object space to camera-relative world axes, now and one frame ago.
 //
-// Reads    DrawRecord of this draw (fixed pool: matrices; posed pool: already posed, the record's matrix is the identity).
+// Reads    DrawRecord of this draw as attributes that advance once per instance (posed pool: already posed, only its ids).
 // Twin     animation.pose.pose_vertices
 #include "common/affine.glsl"
 
-layout(std430, binding = 0) readonly buffer Records { DrawRecord records[]; };
-layout(std430, binding = 2) readonly buffer Frame { FrameRecord F; };
+layout(std140, binding = 2) uniform Frame { FrameRecord F; };
 
 in vec3 in_position;
 in vec3 in_normal;
-in uint in_record;
-#if POSED && PREV_POSITION
+in uvec4 record_ids;
+#if POSED
+#if PREV_POSITION
 in vec3 in_prev_position;
+#endif
+#else
+in vec4 record_x;
+in vec4 record_y;
+in vec4 record_z;
+#if PREV_POSITION
+in vec4 record_prev_x;
+in vec4 record_prev_y;
+in vec4 record_prev_z;
+#endif
 #endif
 #if TANGENTS
 in vec4 in_tangent;
@@ -41,8 +51,7 @@ out vec4 vertex_color;
 #endif
 
 void main() {
-    DrawRecord r = records[in_record];
-    ids = r.ids;
+    ids = record_ids;
 #if POSED
     pos_rel = in_position;
     normal_ws = in_normal;
@@ -53,14 +62,14 @@ void main() {
     tangent_ws = in_tangent;
 #endif
 #else
-    Affine relative_from_object = Affine(r.x, r.y, r.z);
+    Affine relative_from_object = Affine(record_x, record_y, record_z);
     pos_rel = transform_point(relative_from_object, in_position);
     normal_ws = safe_normalize(transform_normal(relative_from_object, in_normal));
 #if PREV_POSITION
-    prev_pos_rel = transform_point(Affine(r.prev_x, r.prev_y, r.prev_z), in_position);
+    prev_pos_rel = transform_point(Affine(record_prev_x, record_prev_y, record_prev_z), in_position);
 #endif
 #if TANGENTS
-    float mirror = dot(r.x.xyz, cross(r.y.xyz, r.z.xyz)) < 0.0 ? -1.0 : 1.0;
+    float mirror = dot(record_x.xyz, cross(record_y.xyz, record_z.xyz)) < 0.0 ? -1.0 : 1.0;
     tangent_ws = vec4(safe_normalize(transform_vector(relative_from_object, in_tangent.xyz)), in_tangent.w * mirror);
 #endif
 #endif

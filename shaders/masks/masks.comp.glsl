@@ -1,7 +1,7 @@
 // Reprojection (Eq. 3) and feature masks (f_B, section 3.2) of one frame pair, counted as they are made.
 //
 // Reads    current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
-//          and, where defined, prev_position, direct, indirect, color.
+//          and, where defined, prev_position, ids, direct, indirect, color.
 // Writes   mask (reason bits), motion (previous - current, pixels, +y up).
 // Counts   combos[mask] (16 reason bits: every count is a sum of these), histogram of each feature's distance.
 // Twin     metrics.masks.pair_masks
@@ -13,7 +13,8 @@
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { Reprojection P; };
+// A uniform block, not a storage buffer: Mesa's llvmpipe loads the latter lane by lane, and half the pass went into that.
+layout(std140, binding = 0) uniform Parameters { Reprojection P; };
 layout(std430, binding = 1) coherent buffer Combos { uint combos[]; };
 layout(std430, binding = 2) coherent buffer Histograms { uint histograms[]; };
 
@@ -23,6 +24,9 @@ uniform sampler2D history_position;
 uniform sampler2D history_normal;
 #if MOTION
 uniform sampler2D prev_position;
+#endif
+#if CUTS
+uniform usampler2D ids;
 #endif
 #if HAS_DIRECT
 uniform sampler2D direct;
@@ -213,6 +217,10 @@ uint judge(ivec2 pixel, out vec2 motion) {
     uint mask = surface ? 0u : SKY;
     if (P.declared != 0u) return mask | P.declared;
     if (non_finite(now)) return INVALID;
+#if CUTS
+    // A surface that took another's place has no counterpart, wherever its points would have been.
+    if (surface && (texelFetch(ids, pixel, 0).y & NO_HISTORY) != 0u) return mask | CUT;
+#endif
 
     vec4 p, q; // now, relative to the current camera; then, relative to the previous one
     if (surface) {
@@ -245,16 +253,26 @@ uint judge(ivec2 pixel, out vec2 motion) {
     return mask | compare(now, q.xyz, before);
 }
 
+// An invocation judges PIXELS_EACH pixels, a group's width apart, and counts runs of equal words with one atomic.
 void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(pixel, P.size.xy))) return;
-    vec2 motion;
-    uint mask = judge(pixel, motion);
-    atomicAdd(combos[mask], 1u);
+    ivec2 pixel = ivec2(gl_WorkGroupID.x * GROUP_X * PIXELS_EACH + gl_LocalInvocationID.x, gl_GlobalInvocationID.y);
+    uint word = 0u, run = 0u;
+    for (int i = 0; i < PIXELS_EACH; ++i, pixel.x += GROUP_X) {
+        if (any(greaterThanEqual(pixel, P.size.xy))) break;
+        vec2 motion;
+        uint mask = judge(pixel, motion);
+        if (mask != word && run > 0u) {
+            atomicAdd(combos[word], run);
+            run = 0u;
+        }
+        word = mask;
+        ++run;
 #if WRITE_MASK
-    imageStore(mask_out, pixel, uvec4(mask));
+        imageStore(mask_out, pixel, uvec4(mask));
 #endif
 #if WRITE_MOTION
-    imageStore(motion_out, pixel, vec4(motion, 0.0, 0.0));
+        imageStore(motion_out, pixel, vec4(motion, 0.0, 0.0));
 #endif
+    }
+    if (run > 0u) atomicAdd(combos[word], run);
 }

@@ -9,7 +9,7 @@ in vec4 vertex_color;
 
 void main() {
 #if ALPHA_TEST
-    MaterialRecord m = materials[ids.y];
+    MaterialRecord m = material;
     float alpha = m.base_color.a;
 #if BASE_COLOR_MAP
     alpha *= sample_map(base_color_map, m, SLOT_BASE_COLOR).a;

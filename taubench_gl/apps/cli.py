@@ -13,16 +13,22 @@ import click
 
 from taubench_gl import __version__
 from taubench_gl.apps.agree_command import agree
+from taubench_gl.apps.batch_command import batch
 from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.completion_command import completion
 from taubench_gl.apps.convert_command import convert
+from taubench_gl.apps.cost_command import cost
 from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
+from taubench_gl.apps.export_command import export
 from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.apps.report_command import report
+from taubench_gl.apps.reuse_command import reuse
 from taubench_gl.apps.scenes_command import scenes
 from taubench_gl.apps.selftest_command import selftest
 from taubench_gl.apps.stress_command import stress
 from taubench_gl.apps.truth_command import truth
+from taubench_gl.apps.view_command import view
 from taubench_gl.errors import TaubenchError
 
 EXIT_ERROR = 2
@@ -36,6 +42,7 @@ Examples:
   taubench-gl doctor
   taubench-gl inspect scene.glb
   taubench-gl evaluate scene.glb --out results
+  taubench-gl view results
   taubench-gl compare results other-results
   taubench-gl selftest
   taubench-gl scenes make eternal-valley-fps valley.glb
@@ -49,7 +56,25 @@ def cli() -> None:
     """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
 
 
-for command in (doctor, inspect, evaluate, compare, agree, truth, convert, selftest, scenes, stress, completion):
+for command in (
+    doctor,
+    inspect,
+    evaluate,
+    view,
+    batch,
+    export,
+    compare,
+    report,
+    agree,
+    cost,
+    truth,
+    convert,
+    selftest,
+    scenes,
+    reuse,
+    stress,
+    completion,
+):
     cli.add_command(command)
 
 

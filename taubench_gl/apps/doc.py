@@ -37,7 +37,11 @@ This page is written by `python -m taubench_gl.apps.doc` from the docstrings.
 
 def commands(command: click.Command = cli, path: tuple[str, ...] = (PROGRAM,)) -> Iterator[tuple[tuple[str, ...], str]]:
     """(path, help text) of the program, its commands and theirs, groups before their members."""
-    context = click.Context(command, info_name=" ".join(path), terminal_width=WIDTH, max_content_width=WIDTH)
+    # As the program has it: click keeps the option that the first context made.
+    names = cli.context_settings["help_option_names"]
+    context = click.Context(
+        command, info_name=" ".join(path), terminal_width=WIDTH, max_content_width=WIDTH, help_option_names=names
+    )
     yield path, command.get_help(context)
     if isinstance(command, click.Group):
         for name in command.list_commands(context):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 import traceback
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from taubench_gl.apps.accuracy_options import accuracy_options, preset_option, with_preset
 from taubench_gl.apps.options import (
     Frames,
     Size,
@@ -35,9 +37,12 @@ SAVE = ("masks", "channels")
 Examples:
   taubench-gl evaluate scene.glb
   taubench-gl evaluate scene.glb --out results --save masks
+  taubench-gl evaluate scene.glb --out results --report
   taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
   taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
   taubench-gl evaluate scene.glb --columns frustum,position,direct --sky 0.2,0.3,0.5 --exposure 0.5
+  taubench-gl evaluate scene.glb --preset study/preset.toml
+  taubench-gl evaluate bart-museum --size 960x540
   taubench-gl evaluate exr:renders --camera-file renders/camera.json --lobe glossy
 \b
 With --out, DIR holds summary.json and frames.csv (one row per finished pair, also after an interrupt),
@@ -75,28 +80,34 @@ tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one fold
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
 @click.option("--save", type=Words(*SAVE), default="", help="Also write masks, channels (comma-separated) per pair.")
+@click.option("--report", is_flag=True, help="Also write report.html, one page to look at, and its pictures.")
+@preset_option
 @light_options
+@accuracy_options
 @truth_options
 @gpu_options
-def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], **options: Any) -> int:
+def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, **options: Any) -> int:
     """Measure how much of each frame can be reused in the next, and print the paper's Tables 1 to 4.
 
     SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or pattern of numbered OBJ files
-    ("name*.obj@30", quoted), or exr:DIR, a folder of path-traced OpenEXR frames.  One scene that
-    fails does not stop the others; the exit code is then 2.
+    ("name*.obj@30", quoted), exr:DIR, a folder of path-traced OpenEXR frames, or the name of a scene that 'scenes get'
+    brought (also as scene:NAME), with its rate, frames, camera and units.  One scene that fails does not stop the
+    others; the exit code is then 2.
     """
     if save and out is None:
         raise click.UsageError("--save needs --out DIR to write to")
+    if report and out is None:
+        raise click.UsageError("--report needs --out DIR to write to")
     truth = {
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
-    settings = _settings(options)
+    settings = _settings(with_preset(options, options.pop("preset")))
     folders = out_folders(scenes, out)
     runs: list[Run] = []
     failed = 0
     for scene, folder in zip(scenes, folders, strict=True):
         try:
-            runs.append(_evaluate_one(scene, settings, folder, save, truth))
+            runs.append(_evaluate_one(scene, settings, folder, save, truth, report))
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -157,13 +168,16 @@ def _settings(options: dict[str, Any]) -> Settings:
 
 
 def _evaluate_one(
-    scene: str, settings: Settings, folder: Path | None, save: tuple[str, ...], truth: dict[str, Any]
+    scene: str, settings: Settings, folder: Path | None, save: tuple[str, ...], truth: dict[str, Any], report: bool
 ) -> Run:
     from taubench_gl.api import evaluate as evaluate_scene
+    from taubench_gl.apps.named_scenes import asked_for, resolve
     from taubench_gl.apps.screen import ProgressBar
     from taubench_gl.reference.sequence import is_sequence
 
     more: dict[str, Any] = {}
+    scene, row = resolve(scene)
+    settings = dataclasses.replace(settings, **asked_for(row))
     if is_sequence(scene):
         from taubench_gl.evaluation_truth import TruthOptions
 
@@ -172,7 +186,7 @@ def _evaluate_one(
         given = next(name for name, value in truth.items() if value).replace("_", "-").removesuffix("s")
         raise SettingsError(f"--{given} is for path-traced files", where=scene, hint="name them exr:DIR")
     with ProgressBar(Path(scene).name) as progress:
-        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, **more)
+        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, report=report, **more)
 
 
 def _show(runs: list[Run]) -> None:

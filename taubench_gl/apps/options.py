@@ -211,7 +211,7 @@ def truth_options(command: Any) -> Any:
             click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
             click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures."),
             click.option(
-                "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML."
+                "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML."
             ),
             click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
             click.option("--second-seed", metavar="exr:DIR", help="exr: same frames, other seed, for the noise floor."),

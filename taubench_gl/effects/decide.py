@@ -43,6 +43,27 @@ def force(effects: dict[str, Effect], names: Iterable[str], why: str = "forced o
     return out
 
 
+RESTS_ON = {
+    "direct": ("shadows", "light_culling", "glossy", "sky", "point_lights", "spot_lights", "directional_lights"),
+    "shadows": ("indirect",),
+}
+"""What has nothing to work on without the effect named first."""
+
+SWITCHABLE = ("normal_maps", "direct", "glossy", "shadows", "indirect", "color", "emission")
+"""Effects that a person may switch off and on while looking at a scene."""
+
+
+def switch_off(effects: dict[str, Effect], names: Iterable[str]) -> dict[str, Effect]:
+    """``effects`` without ``names`` and without what rests on them."""
+    out, waiting = dict(effects), [(name, "switched off") for name in names if name in effects]
+    while waiting:
+        name, why = waiting.pop()
+        if out[name].on:
+            out[name] = Effect(False, why)
+        waiting += [(below, f"{name} is switched off") for below in RESTS_ON.get(name, ())]
+    return out
+
+
 FORCEABLE = {
     "normal_maps",
     "previous_pose",
@@ -95,7 +116,13 @@ def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
         "alpha_mask": Effect(bool(masked + blended), alpha),
         "normal_maps": Effect(bool(mapped) and seen, maps if seen or not mapped else f"{maps}, no column asks"),
         "previous_pose": _previous_pose(scene, settings),
+        "cuts": _cuts(scene),
     }
+
+
+def _cuts(scene: Scene) -> Effect:
+    count = len(scene.replacements)
+    return Effect(count > 0, _count(count, "surface takes another's place", "surfaces take others' places"))
 
 
 def _previous_pose(scene: Scene, settings: Settings) -> Effect:

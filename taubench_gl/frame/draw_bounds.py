@@ -47,6 +47,12 @@ class DrawBounds:
             centers[i], radii[i] = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low)
         return centers, radii
 
+    def of_fixed(self, world: Array) -> tuple[Array, Array]:
+        """As ``at``, for fixed draws alone: those of posed draws are infinitely large."""
+        centers, radii = _moved(world, self._centers, self._radii)
+        centers[self._posed], radii[self._posed] = 0.0, np.inf
+        return centers, radii
+
     def _morph_length(self, state: FrameState, i: int) -> float:
         weights = state.weights.get(self._draws[i].node)
         reach = self._reach[i]
@@ -68,6 +74,23 @@ class DrawBounds:
             own = matrix.tobytes() if skin < 0 else skins[skin]
             out.append(own + (b"" if weights is None else np.asarray(weights).tobytes()))
         return out
+
+
+def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Array) -> Array:
+    """Which spheres may reach into the view volume, (D,) bool; those that are not finite always.
+
+    ``centers`` (D, 3), ``radii`` (D,) and ``clip_from_relative`` (4, 4) relative to the camera; ``offsets`` (D,): how
+    far the origins of the draws are from it.  The slack covers what float32 makes of vertices on the GPU: its rounding
+    grows with the largest of the terms that are added up.
+    """
+    x, y, z, w = clip_from_relative
+    planes = np.stack([w + x, w - x, w + y, w - y, w - z, z])  # reversed Z in [0, 1]
+    steepness = np.linalg.norm(planes[:, :3], axis=1)
+    slack = 1e-4 * (np.linalg.norm(centers, axis=1) + radii) + 1e-5 * offsets
+    depth = centers @ planes[:, :3].T + planes[:, 3]
+    with np.errstate(invalid="ignore"):
+        reach = (radii + slack)[:, None] * steepness + 1e-4 * np.abs(planes[:, 3])
+        return ~(depth < -reach).any(axis=1)
 
 
 def bounding_sphere_of(points: Array) -> tuple[Array, float]:

@@ -20,7 +20,7 @@ INDIRECT = Struct(
     Field("probe_step", "vec4", "xyz: distance between probes along each axis, metres"),
     Field("probe_counts", "ivec4", "xyz: probes along each axis"),
     Field("size", "ivec4", "xy: pixels, zw: pixels of the small irradiance image"),
-    Field("counts", "ivec4", "x: virtual lights"),
+    Field("counts", "ivec4", "x: virtual lights, y: phase of the shading rate"),
 )
 VIRTUAL = Struct(
     "VirtualLight",

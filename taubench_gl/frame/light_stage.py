@@ -14,8 +14,10 @@ from taubench_gl.frame.passes.faces import Casters
 from taubench_gl.frame.passes.indirect import IndirectPass
 from taubench_gl.frame.passes.lighting import ColorPass, LightingPass
 from taubench_gl.frame.passes.shadows import ShadowPass
+from taubench_gl.frame.passes.stochastic import StochasticPass
 from taubench_gl.frame.plan import bound_times, significant_lights
 from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.shading import Shading
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.settings import Settings
 
@@ -26,7 +28,16 @@ BOUND_MARGIN = 1.05
 class LightStage:
     """Lights the frames of one Renderer.  Made only when some radiance column is on."""
 
-    def __init__(self, renderer: Renderer, settings: Settings, effects: dict[str, Effect], timer: PassTimer):
+    def __init__(
+        self,
+        renderer: Renderer,
+        settings: Settings,
+        effects: dict[str, Effect],
+        timer: PassTimer,
+        shading: Shading | None = None,
+    ):
+        """``shading``: how to depart from exact light at every pixel; unless ``exact`` there is no colour then."""
+        self._shading = shading = shading or Shading()
         gpu, scene = renderer.gpu, renderer.scene
         self._renderer, self._timer = renderer, timer
         self.table = LightTable(scene)
@@ -54,9 +65,9 @@ class LightStage:
         split = "direct_diffuse" in renderer.history.current.textures
         on = frozenset(name for name, effect in effects.items() if effect.on)
         self.lighting = None
-        if effects["direct"].on:
+        if effects["direct"].on and not shading.stochastic:
             self.lighting = LightingPass(
-                gpu, renderer.shaders, renderer.size, len(self.table), settings, on, split=split
+                gpu, renderer.shaders, renderer.size, len(self.table), settings, on, split=split, rate=shading.rate
             )
         self._indirect = None
         if effects["indirect"].on:
@@ -72,14 +83,28 @@ class LightStage:
                 renderer.size,
                 rung,
                 renderer.colored,
+                rate=shading.rate,
+                gather_each=shading.gather_each,
+            )
+        self._stochastic = None
+        if effects["direct"].on and shading.stochastic:
+            self._stochastic = StochasticPass(
+                gpu,
+                renderer.shaders,
+                renderer.size,
+                len(self.table),
+                settings,
+                on,
+                shading,
+                indirect=self._indirect is not None,
             )
         self._color = None
-        if effects["color"].on:
+        if effects["color"].on and shading.exact:
             inputs = tuple(n for n in ("direct", "indirect", "emission") if effects[n].on)
             self._color = ColorPass(gpu, renderer.shaders, renderer.size, settings, inputs)
 
-    def run(self) -> None:
-        """Light the renderer's current frame."""
+    def run(self, frame: int = 0) -> None:
+        """Light the renderer's current frame.  ``frame``: its number, for shading that differs from frame to frame."""
         drawn = self._renderer.drawn
         state, view, placement = drawn.state, drawn.view, drawn.placement
         textures = self._renderer.history.current.textures
@@ -93,11 +118,18 @@ class LightStage:
                 self._shadow.run(state, view, rows, buffers, materials, self._casters, placement)
         if self.lighting is not None:
             with self._timer.measure("direct"):
-                self.lighting.run(view, rows, textures, self._shadow)
+                self.lighting.run(view, rows, textures, self._shadow, frame)
         if self._indirect is not None:
             with self._timer.measure("indirect"):
                 buffers, materials = self._renderer.buffers, self._renderer.materials
-                self._indirect.run(state, view, rows, buffers, materials, self._casters, textures)
+                exact = self._stochastic is None
+                self._indirect.run(state, view, rows, buffers, materials, self._casters, textures, frame, write=exact)
+        if self._stochastic is not None:
+            with self._timer.measure("stochastic"):
+                virtual = (None, 0, np.zeros(3))
+                if self._indirect is not None:
+                    virtual = self._indirect.virtual_buffer, self._indirect.count, self._indirect.scene_from_relative
+                self._stochastic.run(frame, view, rows, textures, self._shadow, *virtual)
         if self._color is not None:
             with self._timer.measure("color"):
                 self._color.run(textures)
@@ -114,7 +146,8 @@ class LightStage:
     @property
     def bytes(self) -> int:
         """GPU memory of shadow maps and light lists, bytes."""
-        return sum(part.bytes for part in (self.lighting, self._shadow, self._indirect) if part is not None)
+        parts = (self.lighting, self._shadow, self._indirect, self._stochastic)
+        return sum(part.bytes for part in parts if part is not None)
 
     def virtual_lights(self) -> Array | None:
         """The virtual lights of this frame (``passes.indirect.VIRTUAL`` records); None without indirect light."""
@@ -127,6 +160,6 @@ class LightStage:
         return []
 
     def release(self) -> None:
-        for part in (self.lighting, self._shadow, self._indirect, self._color):
+        for part in (self.lighting, self._shadow, self._indirect, self._stochastic, self._color):
             if part is not None:
                 part.release()

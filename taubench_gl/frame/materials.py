@@ -35,6 +35,13 @@ MATERIAL = Struct(
     Field("uv_x", "vec4", "per slot, xyz: first row of uv_transform; w: texture-coordinate set", len(SLOTS)),
     Field("uv_y", "vec4", "per slot, xyz: second row; w: wrap mode bits, 1 mirrored s, 2 mirrored t", len(SLOTS)),
 )
+_BINDING = 1
+STRIDE = 256
+"""Bytes from material to material: no driver asks for a larger alignment of uniform buffer offsets.
+
+One at a time in a uniform block: llvmpipe loads what lies in a storage buffer lane by lane, which took most of a pass
+with eight channels.
+"""
 
 
 class MaterialTable:
@@ -57,7 +64,9 @@ class MaterialTable:
         rows = MATERIAL.zeros(len(self._materials))
         for row, material in zip(rows, self._materials, strict=True):
             _fill(row, material)
-        self.buffer = gpu.ctx.buffer(rows.tobytes())
+        spread = np.zeros((len(rows), STRIDE), dtype=np.uint8)
+        spread[:, : rows.itemsize] = rows.view(np.uint8).reshape(len(rows), -1)
+        self._buffer = gpu.ctx.buffer(spread.tobytes())
         self._textures: dict[tuple[int, bool], moderngl.Texture] = {}
         self._samplers: dict[tuple, moderngl.Sampler] = {}
         self._upload(scene, set(used))
@@ -94,7 +103,8 @@ class MaterialTable:
         return self._materials[index + 1]
 
     def bind(self, material: int, program: moderngl.Program, only: tuple[str, ...] = SLOTS) -> None:
-        """Bind the textures of scene material ``material`` (-1: default) to the units their slots have."""
+        """Bind scene material ``material`` (-1: default): its parameters, its textures to the units of their slots."""
+        self._buffer.bind_to_uniform_block(_BINDING, offset=(material + 1) * STRIDE, size=MATERIAL.dtype.itemsize)
         record = self._materials[material + 1]
         for slot in self.keys[material + 1].slots:
             if slot not in only:
@@ -127,7 +137,7 @@ class MaterialTable:
         return sum(t.width * t.height * 4 * 4 // 3 for t in self._textures.values())
 
     def release(self) -> None:
-        self.buffer.release()
+        self._buffer.release()
         for item in (*self._textures.values(), *self._samplers.values()):
             item.release()
 

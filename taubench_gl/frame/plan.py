@@ -13,7 +13,7 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, bounding_box, choose_camera
 from taubench_gl.animation.pose import is_skinned
-from taubench_gl.channels import CHANNELS
+from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import Effect, decide, indirect_rung
 from taubench_gl.frame.indirect_layout import CHANNEL_NAMES, indirect_bytes
 from taubench_gl.frame.material_slots import SRGB_SLOTS, tests_alpha, texture_of, wanted_slots
@@ -55,6 +55,8 @@ def frame_channels(effects: Mapping[str, Effect], extra: tuple[str, ...] = ()) -
     wanted = {"position", "normal", *light_channels(effects, extra), *extra}
     if effects["previous_pose"].on:
         wanted.add("prev_position")
+    if effects["cuts"].on:
+        wanted.add("ids")
     return tuple(name for name in CHANNELS if name in wanted)
 
 
@@ -144,7 +146,7 @@ class FramePlan:
             on.discard("indirect")
         channels = frame_channels({name: replace(effect, on=name in on) for name, effect in effects.items()})
         passes, shaders = ["gbuffer", "masks"], {"masks/masks.comp.glsl"}
-        memory = {name: 2 * CHANNELS[name].bytes * self._pixels for name in channels} | {"depth": 4 * self._pixels}
+        memory = {name: 2 * self._channel_bytes(name) for name in channels} | {"depth": 4 * self._pixels}
         memory |= self._images(on, channels)
         shaders |= self._geometry_shaders("gbuffer", on, channels)
         posed = [(node, p) for node, p in self._drawn if self._is_posed(node, p, on)]
@@ -157,6 +159,11 @@ class FramePlan:
                 memory["previous vertices"] = 12 * sum(_vertices(p) for _, p in posed)
         self._light(on, channels, passes, shaders, memory)
         return Needs(tuple(passes), frozenset(shaders), memory)
+
+    def _channel_bytes(self, name: str) -> int:
+        """Of one frame: every sample within a pixel is stored."""
+        per_pixel = CHANNELS[name].components * int(stored_dtype(name, self.settings.storage)[1])
+        return per_pixel * self._pixels * self.settings.samples_per_pixel
 
     @property
     def _pixels(self) -> int:

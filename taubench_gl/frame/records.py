@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.animation import FrameState, View
+from taubench_gl.conventions import NO_HISTORY
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.gpu.layout import Field, Struct
 
@@ -20,7 +21,7 @@ RECORD = Struct(
     Field("prev_x", "vec4", "row 0 of previous relative_from_object (relative to the previous camera)"),
     Field("prev_y", "vec4", "row 1"),
     Field("prev_z", "vec4", "row 2"),
-    Field("ids", "uvec4", "x: record + 1, y: material + 1; zw: unused"),
+    Field("ids", "uvec4", "x: record + 1, y: material + 1; z: NO_HISTORY or 0; w: unused"),
 )
 
 
@@ -37,13 +38,15 @@ class Placement:
 class RecordTable:
     """Turns FrameStates into rows.  Vectorised over draws: a scene of thousands of objects costs a millisecond."""
 
-    def __init__(self, draws: tuple[Draw, ...]):
+    def __init__(self, draws: tuple[Draw, ...], replacements: frozenset[int] = frozenset()):
+        """``replacements``: ``Scene.replacements``."""
         self._node = np.array([d.node for d in draws], dtype=np.int64)
         self._posed = np.array([d.posed for d in draws], dtype=bool)
         self._local = {i: d.local for i, d in enumerate(draws) if d.local is not None}
         self.rows = RECORD.zeros(len(draws))
         self.rows["ids"][:, 0] = np.arange(len(draws)) + 1
         self.rows["ids"][:, 1] = [d.material + 1 for d in draws]
+        self._replaces = np.isin(self._node, sorted(replacements))
 
     def place(self, state: FrameState, view: View, mirrored_posed: Array) -> Placement:
         """``mirrored_posed`` (D,) bool: mirror of the skin or node of posed draws, whose own matrix is the identity."""
@@ -55,6 +58,11 @@ class RecordTable:
         relative[:, :3, 3] -= view.position  # float64: what is left is small enough for float32
         relative[self._posed] = np.eye(4)
         return Placement(world, relative, state.visible[self._node], np.where(self._posed, mirrored_posed, mirrored))
+
+    def mark_cuts(self, now: FrameState, earlier: FrameState) -> None:
+        """Mark the draws that take another surface's place between ``earlier`` and ``now``."""
+        came = self._replaces & now.visible[self._node] & ~earlier.visible[self._node]
+        self.rows["ids"][:, 2] = np.where(came, NO_HISTORY, 0)
 
     def update(self, now: Placement, previous: Placement) -> Array:
         """Fill in the matrices; the rows (D,) ready for upload."""

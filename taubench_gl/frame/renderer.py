@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.draw_bounds import DrawBounds, in_view
 from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.passes.deform import DeformPass
@@ -44,6 +45,7 @@ class Renderer:
         *,
         culling: str = "gltf",
         textures: str = "mipmapped",
+        storage: str = "float",
         normal_maps: bool = True,
         shaders: ShaderCache | None = None,
         timer: PassTimer | None = None,
@@ -60,8 +62,9 @@ class Renderer:
         geometry = build_geometry(scene)
         self.draws = geometry.draws
         self.colored = _colored(scene)
-        self._table = RecordTable(geometry.draws)
+        self._table = RecordTable(geometry.draws, scene.replacements)
         self.buffers = SceneBuffers(gpu, geometry, previous=self._previous)
+        self._bounds = DrawBounds(scene, geometry.draws)
         self._posed = np.array([d.posed for d in geometry.draws], dtype=bool)
         self._deform = None
         if self._posed.any():
@@ -71,19 +74,45 @@ class Renderer:
             gpu, scene, drawn, used, normal_maps=normal_maps, mipmaps=textures == "mipmapped"
         )
         self._gbuffer = GBufferPass(gpu, self.shaders, drawn, self.colored)
-        self.history = History(gpu, size, self.channels)
+        self.history = History(gpu, size, self.channels, storage)
         self.drawn: Drawn | None = None
+        self._views: dict[float, tuple[FrameState, View]] = {}
 
     def view(self, time: float) -> tuple[FrameState, View]:
-        """The pose and the camera at ``time`` seconds."""
-        state = self.poser.sample(time)
-        return state, self.camera.view_at(state)
+        """The pose and the camera at ``time`` seconds.
 
-    def draw(self, time: float, previous_time: float) -> Targets:
-        """Draw the frame at ``time``; what was current becomes history.  Returns the current targets."""
+        A pure function of (scene, camera, time).  The last two values are kept by their time, because a frame's
+        previous pose is most often the last frame's: nothing here depends on what was asked, or drawn, before.
+        """
+        if time not in self._views:
+            state = self.poser.sample(time)
+            while len(self._views) > 1:
+                del self._views[next(iter(self._views))]
+            state.world.flags.writeable = state.visible.flags.writeable = False
+            self._views[time] = state, self.camera.view_at(state)
+        return self._views[time]
+
+    def draw(
+        self,
+        time: float,
+        previous_time: float,
+        jitter_px: np.ndarray | None = None,
+        views: tuple[View, View] | None = None,
+    ) -> Targets:
+        """Draw the frame at ``time``; what was current becomes history.  Returns the current targets.
+
+        ``jitter_px`` (2,): sub-pixel offset of the samples, as ``View.jitter_px``; None: pixel centres.  ``views``:
+        current and previous view in the place of the camera's.
+        """
         with self.timer.measure("pose"):
             state, view = self.view(time)
+            if jitter_px is not None:
+                view = replace(view, jitter_px=np.asarray(jitter_px, dtype=np.float64))
             before, before_view = self.view(previous_time) if self._previous else (state, view)
+            if views is not None:
+                view, before_view = views
+            if self.scene.replacements:
+                self._table.mark_cuts(state, before if self._previous else self.view(previous_time)[0])
         self.history.advance()
         mirrored = np.zeros(len(self._posed), dtype=bool)
         if self._deform is not None:
@@ -92,13 +121,19 @@ class Renderer:
         with self.timer.measure("records"):
             now = self._table.place(state, view, mirrored)
             then = self._table.place(before, before_view, mirrored) if self._previous else now
-            if len(self._posed):
-                self.buffers.records.write(self._table.update(now, then).tobytes())
             self.buffers.arrange(now, self.materials, culling=self._culling)
+            self.buffers.show(self._seen(view, now))
+            self.buffers.write_records(self._table.update(now, then))
         with self.timer.measure("gbuffer"):
             self._gbuffer.run(view, self.history.current, self.buffers, self.materials)
         self.drawn = Drawn(state, view, now)
         return self.history.current
+
+    def _seen(self, view: View, placement: Placement) -> np.ndarray:
+        """Draws that may be in the picture, (D,) bool.  Posed ones always: a pose is dear to bound."""
+        centers, radii = self._bounds.of_fixed(placement.world)
+        extent = np.linalg.norm(placement.relative[:, :3, 3], axis=1)
+        return in_view(view.clip_from_relative(*self.size), centers - view.position, radii, extent)
 
     def read(self, name: str, *, previous: bool = False) -> np.ndarray:
         """A channel of the current (or previous) frame: (h, w, components), row 0 at the top."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 
 import moderngl
@@ -40,7 +41,10 @@ class Group:
 
 
 class SceneBuffers:
-    """Pools, the record table and draw commands.  ``arrange`` regroups only when visibility or handedness changes."""
+    """Pools, the record table and draw commands.
+
+    ``arrange`` regroups, only when visibility or handedness changes; ``show`` then chooses what the camera may see.
+    """
 
     def __init__(self, gpu: Gpu, geometry: Geometry, *, previous: bool):
         self._gpu, self._draws = gpu, geometry.draws
@@ -49,11 +53,14 @@ class SceneBuffers:
         if previous and len(geometry.posed.positions):
             self.pools[True]["prev_positions"] = ctx.buffer(reserve=max(geometry.posed.positions.nbytes, 4))
         self.records = ctx.buffer(reserve=max(len(self._draws), 1) * RECORD.dtype.itemsize, dynamic=True)
-        self._order = ctx.buffer(reserve=max(len(self._draws), 1) * 4, dynamic=True)
         self._commands = ctx.buffer(reserve=max(len(self._draws), 1) * COMMAND.itemsize, dynamic=True)
-        self._vaos: dict[tuple[bool, int], moderngl.VertexArray] = {}
+        self.order = np.zeros(0, dtype=np.int64)  # visible draws as the commands count them
+        self._written = np.zeros((0, RECORD.dtype.itemsize // 4), dtype=np.uint32)
+        self._vaos: dict[tuple[bool, int, int], moderngl.VertexArray] = {}
         self._arranged: tuple[bytes, bytes] | None = None
         self.groups: list[Group] = []
+        self.seen_groups: list[Group] = []
+        self.shown: Array | None = None  # (commands,) bool: which the camera may see
         self._table = np.array(
             [(d.index_count, 1, d.first_index, d.base_vertex, 0) for d in self._draws], dtype=COMMAND
         ).reshape(-1)
@@ -95,15 +102,42 @@ class SceneBuffers:
             keep.append(position)
             owner[position] = len(self.groups) - 1
         self._group_of = _fill_forward(owner)
-        self._visible = np.array(visible, dtype=np.int64)
-        if visible:
-            self._order.write(np.array(visible, dtype=np.uint32).tobytes())
-            self._commands.write(commands[keep].tobytes())
+        self.order = np.array(visible, dtype=np.int64)
+        self._command_of = np.cumsum(np.isin(np.arange(len(visible)), keep)) - 1
+        self._whole = commands[keep]
+        self.shown = None
+
+    def show(self, seen: Array) -> None:
+        """Make the commands and ``seen_groups`` draw only what is in ``seen`` (D,) bool, in the same order as ever."""
+        shown = np.zeros(len(self._whole), dtype=bool)
+        shown[self._command_of[seen[self.order]]] = True
+        if self.shown is not None and np.array_equal(shown, self.shown):
+            return
+        self.shown = shown
+        commands = self._whole.copy()
+        commands["instances"][~shown] = 0
+        self.seen_groups = [g for g in self.groups if shown[g.first : g.first + g.count].any()]
+        if len(commands):
+            self._commands.write(commands.tobytes())
+
+    def write_records(self, rows: Array) -> None:
+        """Upload the RECORD rows (D,) of visible draws, in ``order``; of them only the range that is not there yet.
+
+        Under a moving camera that is all of them (their matrices are relative to it), 112 bytes a draw.
+        """
+        words = rows[self.order].view(np.uint32).reshape(len(self.order), RECORD.dtype.itemsize // 4)
+        stale = np.arange(len(words))
+        if words.shape == self._written.shape:
+            stale = np.flatnonzero((words != self._written).any(axis=1))
+        if len(stale):
+            first, stop = int(stale[0]), int(stale[-1]) + 1
+            self.records.write(words[first:stop].tobytes(), offset=first * RECORD.dtype.itemsize)
+            self._written = words
 
     def subset(self, seen: Array) -> tuple[Array, list[tuple[Group, int, int]]]:
         """Commands of those visible draws that are in ``seen`` (K,), and (group, first, count) runs within them."""
-        positions = np.flatnonzero(np.isin(self._visible, seen))
-        commands = self._table[self._visible[positions]]
+        positions = np.flatnonzero(np.isin(self.order, seen))
+        commands = self._table[self.order[positions]]
         commands["base_instance"] = positions
         owner = self._group_of[positions]
         runs = []
@@ -118,21 +152,33 @@ class SceneBuffers:
 
     def draw(self, group: Group, program: moderngl.Program) -> None:
         """Issue the commands of one group with ``program`` (its state must be set)."""
-        self.draw_commands(group, program, self._commands, group.first, group.count)
+        self.draw_commands(group, program, self._commands, group.first, group.count, self.records)
 
     def draw_commands(
-        self, group: Group, program: moderngl.Program, commands: moderngl.Buffer, first: int, count: int
+        self,
+        group: Group,
+        program: moderngl.Program,
+        commands: moderngl.Buffer,
+        first: int,
+        count: int,
+        records: moderngl.Buffer,
     ) -> None:
-        """Issue ``count`` commands of a buffer made by ``subset``, all of them of ``group``."""
-        key = (group.posed, program.glo)
+        """Issue ``count`` commands of a buffer made by ``subset``, all of them of ``group``.
+
+        ``records``: RECORD rows of the draws in ``order``.
+        """
+        key = (group.posed, program.glo, records.glo)
         if key not in self._vaos:
-            self._vaos[key] = self._vertex_array(self.pools[group.posed], program)
+            self._vaos[key] = self._vertex_array(self.pools[group.posed], program, records)
         self._vaos[key].render_indirect(commands, moderngl.TRIANGLES, count, first)
 
-    def _vertex_array(self, pool: dict[str, moderngl.Buffer], program: moderngl.Program) -> moderngl.VertexArray:
+    def _vertex_array(
+        self, pool: dict[str, moderngl.Buffer], program: moderngl.Program, records: moderngl.Buffer
+    ) -> moderngl.VertexArray:
         content = [(pool[array], form, name) for name, array, form in _ATTRIBUTES if name in program]
-        if "in_record" in program:  # a posed draw that writes no ids needs nothing of its record
-            content.append((self._order, "1u/i", "in_record"))
+        form, names = record_attributes(program)
+        if names:  # a posed draw that writes no ids needs nothing of its record
+            content.append((records, form, *names))
         return self._gpu.ctx.vertex_array(program, content, index_buffer=pool["indices"], index_element_size=4)
 
     @property
@@ -146,8 +192,19 @@ class SceneBuffers:
         for pool in self.pools.values():
             for buffer in pool.values():
                 buffer.release()
-        for buffer in (self.records, self._order, self._commands):
+        for buffer in (self.records, self._commands):
             buffer.release()
+
+
+def record_attributes(names: Container[str]) -> tuple[str, list[str]]:
+    """Layout of RECORD rows as per-instance attributes ``record_<field>``: those in ``names``, the rest skipped.
+
+    llvmpipe fetches an instance's attributes once, what lies in a storage buffer once per vertex and lane.
+    """
+    used = [f"record_{field.name}" for field in RECORD.fields if f"record_{field.name}" in names]
+    kinds = {"vec4": "4f", "uvec4": "4u"}
+    parts = [kinds[field.type] if f"record_{field.name}" in used else "16x" for field in RECORD.fields]
+    return " ".join(parts) + " /i", used
 
 
 def _fill_forward(owner: Array) -> Array:

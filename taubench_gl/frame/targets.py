@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from taubench_gl.channels import CHANNELS
+from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import require_memory
@@ -19,7 +19,9 @@ _BYTES = {"f4": 4, "f2": 2, "u4": 4, "f1": 1}
 class Targets:
     """Attachments of one frame: ``textures[name]`` and a framebuffer with a float depth buffer."""
 
-    def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str], depth: moderngl.Texture):
+    def __init__(
+        self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str], depth: moderngl.Texture, storage: str = "float"
+    ):
         limit = min(gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], gpu.ctx.info["GL_MAX_FRAMEBUFFER_WIDTH"])
         if max(size) > limit:
             raise GraphicsError(f"{size[0]}x{size[1]} is more than this device's {limit} pixels", hint="lower --size")
@@ -27,7 +29,7 @@ class Targets:
         self.textures: dict[str, moderngl.Texture] = {}
         for name in self.channels:
             info = CHANNELS[name]
-            texture = gpu.ctx.texture(size, info.components, dtype=info.dtype)
+            texture = gpu.ctx.texture(size, info.components, dtype=stored_dtype(name, storage))
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self.textures[name] = texture
         drawn = [texture for name, texture in self.textures.items() if CHANNELS[name].attachment]
@@ -47,13 +49,13 @@ class Targets:
 class History:
     """This frame's targets and the last frame's, swapped by ``advance``."""
 
-    def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str]):
+    def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str], storage: str = "float"):
         self.bytes = 4 * size[0] * size[1] + 2 * sum(
-            size[0] * size[1] * CHANNELS[n].components * _BYTES[CHANNELS[n].dtype] for n in channels
+            size[0] * size[1] * CHANNELS[n].components * _BYTES[stored_dtype(n, storage)] for n in channels
         )
         require_memory(gpu, self.bytes, f"a picture of {size[0]}x{size[1]} pixels", "lower --size")
         self.depth = gpu.depth_texture(size)
-        self._frames = [Targets(gpu, size, channels, self.depth) for _ in range(2)]
+        self._frames = [Targets(gpu, size, channels, self.depth, storage) for _ in range(2)]
 
     @property
     def current(self) -> Targets:
@@ -77,7 +79,7 @@ def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
     """A channel as (h, w, components), row 0 at the top: the one flip of the package; motion turns +y down here."""
     info = CHANNELS[name]
     width, height = texture.size
-    out = np.empty((height, width, info.components), dtype=_NUMPY[info.dtype])
+    out = np.empty((height, width, info.components), dtype=_NUMPY[texture.dtype])
     texture.read_into(out)
     out = out[::-1]
     if name == "motion":
@@ -90,7 +92,7 @@ def write_channel(texture: moderngl.Texture, name: str, values: np.ndarray) -> N
     """The inverse of ``read_channel`` for float channels: (h, w, <= components), row 0 at the top."""
     info = CHANNELS[name]
     width, height = texture.size
-    full = np.zeros((height, width, info.components), dtype=_NUMPY[info.dtype])
+    full = np.zeros((height, width, info.components), dtype=_NUMPY[texture.dtype])
     full[..., : values.shape[-1]] = values[::-1]
     if name == "motion":
         full[..., 1] *= -1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -88,6 +89,10 @@ class FittedCamera:
                 f"frame {number} has no position pass to estimate a camera from",
                 hint="give --camera-file or --scene-file",
             )
+        if frame.relative:
+            raise TruthError(
+                f"frame {number} has positions relative to a camera that is not known", hint="give --camera-file"
+            )
         depth = frame.depth if frame.depth_kind == "planar" else None
         fit = fit_camera(frame.position, frame.sky, depth, where=f"frame {number}")
         self._worst, self._last = max(self._worst, fit.median_px), fit.describe()
@@ -100,6 +105,14 @@ def view_of(pose: CameraPose) -> View:
     return View(pose.position, pose.world_from_view, camera)
 
 
+def in_world(frame: TruthFrame, view: View) -> TruthFrame:
+    """The frame with world positions (rounded to float32 there), where they are relative to ``view``; else itself."""
+    if not frame.relative or frame.position is None:
+        return frame
+    position = (frame.position.astype(np.float64) + view.position).astype(np.float32)
+    return replace(frame, position=position, prev_position=None, relative=False)
+
+
 def mismatch_px(view: View, frame: TruthFrame) -> float:
     """Median distance between each pixel's centre and where ``view`` projects its position.  inf: nothing in front."""
     width, height = frame.size
@@ -108,7 +121,7 @@ def mismatch_px(view: View, frame: TruthFrame) -> float:
         return 0.0
     thin = slice(None, None, max(1, len(rows) // CHECK_POINTS))
     rows, columns = rows[thin], columns[thin]
-    relative = frame.position[rows, columns].astype(np.float64) - view.position
+    relative = frame.position[rows, columns].astype(np.float64) - (0.0 if frame.relative else view.position)
     clip = np.column_stack([relative, np.ones(len(relative))]) @ view.clip_from_relative(width, height).T
     front = clip[:, 3] > 0
     if np.mean(front) < 0.5:

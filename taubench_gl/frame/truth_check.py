@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.errors import TruthError
-from taubench_gl.frame.truth_cameras import MATCH_PX, FittedCamera, TruthCamera, mismatch_px
+from taubench_gl.frame.truth_cameras import MATCH_PX, FittedCamera, TruthCamera, in_world, mismatch_px
 from taubench_gl.reference.passes import TruthFrame
 from taubench_gl.reference.sequence import TruthSequence
 
@@ -41,6 +41,13 @@ def check_sequence(sequence: TruthSequence, camera: TruthCamera | None, frames: 
     """Look at the first two of ``frames``.  ``camera``: None if only the files themselves are there."""
     first = sequence.read(frames[0])
     findings = [_passes(sequence)]
+    if first.relative:
+        if camera is None:
+            return [
+                *findings,
+                Finding("camera", "", "not checked: positions are relative to a camera that is not given"),
+            ]
+        first = in_world(first, camera.view(frames[0], first))
     if first.position is None:
         return [*findings, Finding("camera", "", "not checked: there is no position pass")]
     camera_finding, camera = check_camera(first, frames[0], camera)
@@ -49,6 +56,7 @@ def check_sequence(sequence: TruthSequence, camera: TruthCamera | None, frames: 
         why = "the camera is wrong" if camera_finding.fault else "there is no motion pass or no second frame"
         return [*findings, Finding("motion", "", f"not checked: {why}")]
     second = sequence.read(frames[1])
+    second = in_world(second, camera.view(frames[1], second))
     return [*findings, _motion(second, camera.view(frames[1], second), camera.view(frames[0], first))]
 
 

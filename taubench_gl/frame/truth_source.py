@@ -47,6 +47,7 @@ class TruthSource:
         self.unmeasured = {c: self.missing[c] for c in COLUMNS if c in self.missing}
         self.unmeasured |= {c: "not asked for" for c in COLUMNS if c not in settings.columns}
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
+        self.cuts = False  # pictures do not say which surface took which place
         self.channels = ("position", "normal", *self.radiance)
         if self.reprojection == "motion":
             self.channels += ("prev_position",)
@@ -134,7 +135,8 @@ def frame_channels(truth: TruthFrame, view: View, previous: View, settings: Sett
         color = encoded if encoded is not None else display_color(color, settings.exposure, settings.tone_map)
         out["color"] = color.astype(np.float32)
     if truth.prev_position is not None:
-        out["prev_position"] = (truth.prev_position.astype(np.float64) - previous.position).astype(np.float32)
+        origin = 0.0 if truth.relative else previous.position
+        out["prev_position"] = (truth.prev_position.astype(np.float64) - origin).astype(np.float32)
     return out
 
 
@@ -142,7 +144,7 @@ def relative_position(truth: TruthFrame, view: View) -> tuple[Array, Array]:
     """Surface points relative to the camera, world axes, (h, w, 3), and their planar depth (h, w); float64, metres."""
     forward = -view.world_from_view[:, 2]
     if truth.position is not None:
-        relative = truth.position.astype(np.float64) - view.position
+        relative = truth.position.astype(np.float64) - (0.0 if truth.relative else view.position)
         return relative, relative @ forward
     width, height = truth.size
     view_from_clip = np.linalg.inv(view.clip_from_view(width, height))

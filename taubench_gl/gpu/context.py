@@ -136,6 +136,14 @@ def _create(name: str, device: int | None) -> Gpu:
         keep = loaders.OSMesaContext()
         ctx = moderngl.create_context(context=keep)
         function = keep.load_opengl_function
+    return adopt_context(ctx, name, function, keep)
+
+
+def adopt_context(ctx: moderngl.Context, backend: str, function: Callable[[str], int], keep: Any = None) -> Gpu:
+    """A Gpu of a current context that somebody else made, such as a window; ``function``: address of a GL function.
+
+    Sets the clip control that reversed Z needs.  Raises OSError where the context is not enough.
+    """
     if ctx.version_code < REQUIRED_VERSION:
         raise OSError(f"the driver offers GL {ctx.version_code / 100:.1f}, 4.5 is needed")
     address = function("glClipControl")
@@ -147,7 +155,7 @@ def _create(name: str, device: int | None) -> Gpu:
     info = ctx.info
     renderer = info["GL_RENDERER"]
     software = any(word in renderer.lower() for word in ("llvmpipe", "softpipe", "swrast"))
-    return Gpu(ctx, name, renderer, info["GL_VENDOR"], info["GL_VERSION"], software, keep, function)
+    return Gpu(ctx, backend, renderer, info["GL_VENDOR"], info["GL_VERSION"], software, keep, function)
 
 
 def capability_report(backend: str = "auto", device: int | None = None) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from taubench_gl.paths import SHADERS
 VERSION = "#version 450\n"
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 # Mesa: "0:12(5): error"; NVIDIA: "0(12) : error"; AMD and Intel on Windows: "ERROR: 0:12:"
-_DRIVER_LINE = re.compile(r"\b0[:(](\d+)[):(]")
+_DRIVER_LINE = re.compile(r"\b0[:(](\d+)(?:\(\d+\))?\)?\s*:")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Source:
 
         def name(match: re.Match[str]) -> str:
             line = int(match.group(1))
-            return f"{self.origin[line - 1]} " if 0 < line <= len(self.origin) else match.group(0)
+            return f"{self.origin[line - 1]}:" if 0 < line <= len(self.origin) else match.group(0)
 
         return _DRIVER_LINE.sub(name, message)
 
@@ -104,7 +104,7 @@ class ShaderCache:
         key = ((entry,), tuple(sorted((defines or {}).items())), preamble)
         if key not in self._programs:
             source = resolve(entry, defines, preamble)
-            self._programs[key] = _compile(lambda: self._ctx.compute_shader(source.text), [source])
+            self._programs[key] = compile_compute(self._ctx, source)
         return self._programs[key]
 
     def render(
@@ -128,6 +128,11 @@ class ShaderCache:
         for program in self._programs.values():
             program.release()
         self._programs.clear()
+
+
+def compile_compute(ctx: moderngl.Context, source: Source) -> moderngl.ComputeShader:
+    """A compute program of ``source``; GraphicsError names the files and lines of its first faults."""
+    return _compile(lambda: ctx.compute_shader(source.text), [source])
 
 
 def _compile(make, sources: list[Source]):

@@ -11,6 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -60,20 +61,25 @@ def probe_timer(gpu: Gpu) -> TimerVerdict:
 
 
 class PassTimer:
-    """Collects milliseconds by pass name.  Wraps each pass in finish(): exact, at the price of some overlap.
+    """Collects milliseconds by pass name.  Wraps each pass in finish(): exact, at the price of all overlap.
 
-    Disabled (``enabled=False``) it costs nothing and never waits.
+    So a long run times a sample of its passes: the first ``first`` calls of each name and every ``every``-th after
+    them (default: all).  In between, and disabled (``enabled=False``), it costs nothing and never waits.
     """
 
     clock = WALL_CLOCK
 
-    def __init__(self, gpu: Gpu, enabled: bool = True):
+    def __init__(self, gpu: Gpu, enabled: bool = True, *, first: int = 0, every: int = 1):
         self._gpu, self._enabled = gpu, enabled
+        self._first, self._every = first, every
         self._samples: dict[str, list[float]] = defaultdict(list)
+        self._calls: dict[str, int] = defaultdict(int)
 
     @contextmanager
     def measure(self, name: str) -> Iterator[None]:
-        if not self._enabled:
+        call = self._calls[name]
+        self._calls[name] += 1
+        if not self._enabled or (call >= self._first and call % self._every):
             yield
             return
         self._gpu.finish()
@@ -87,6 +93,15 @@ class PassTimer:
     def median_ms(self, skip: int = 1) -> dict[str, float]:
         """Median per pass, leaving out the first ``skip`` samples (shader compilation, first touch of memory)."""
         return {k: statistics.median(v[skip:] or v) for k, v in self._samples.items()}
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._samples.clear()
+
+    def summary(self) -> dict[str, Any]:
+        """The block ``timing`` of summary.json: the clock, medians in ms, and how many calls each is a median of."""
+        samples = {name: len(values) for name, values in self._samples.items()}
+        return {"clock": self.clock, "unit": "ms", "passes": self.median_ms(), "samples": samples}
 
     def samples_ms(self) -> dict[str, np.ndarray]:
         return {k: np.array(v) for k, v in self._samples.items()}

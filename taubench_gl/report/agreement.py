@@ -195,5 +195,3 @@ def _row(pictures: Sequence[Array]) -> Array:
 
 def _gap_row(pictures: Sequence[Array]) -> Array:
     return np.full((_GAP, _row(pictures).shape[1], 3), 255, dtype=np.uint8)
-
-

@@ -15,7 +15,7 @@ from taubench_gl.report.palette import hex_of
 Array = np.ndarray
 Summary = Mapping[str, Any]
 
-_DASHES = {"frustum": "-", "color": "--", "position": "-", "normal": "-.", "direct": "-", "indirect": ":"}
+DASHES = {"frustum": "-", "color": "--", "position": "-", "normal": "-.", "direct": "-", "indirect": ":"}
 _STYLE = {"axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25, "font.size": 10}
 
 
@@ -160,7 +160,7 @@ def _line(name: str) -> dict[str, Any]:
     """Look of a column's line, the colour that its pixels have in mask pictures."""
     from matplotlib import patheffects
 
-    look: dict[str, Any] = {"color": hex_of(name), "linestyle": _DASHES[name]}
+    look: dict[str, Any] = {"color": hex_of(name), "linestyle": DASHES[name]}
     if name == "direct":  # yellow on white needs an edge to be seen
         look["path_effects"] = [patheffects.withStroke(linewidth=3.4, foreground="#6b6300")]
     return look

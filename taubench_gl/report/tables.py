@@ -60,7 +60,7 @@ def paper_numbers() -> dict[str, Any]:
 
 def paper_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
     """Tables 1 to 4 of ``summaries`` (summary.json as dicts), a row or two each, the paper's rows beneath."""
-    labels = _labels(summaries)
+    labels = run_labels(summaries)
     return [builder(summaries, labels, paper) for builder in (_census, _position, _rotation, _discard)]
 
 
@@ -189,7 +189,7 @@ def _row(label: str, values: Sequence[Any], summary: Summary, *why: str | None, 
     return Row(label, (*values, (summary.get("settings") or {}).get("fps"), pairs), reasons=reasons)
 
 
-def _labels(summaries: Sequence[Summary]) -> list[str]:
+def run_labels(summaries: Sequence[Summary]) -> list[str]:
     """Scene names; numbered where two runs of one scene stand side by side."""
     names = [str((summary.get("scene") or {}).get("name") or "scene") for summary in summaries]
     return [f"{name} #{names[: i + 1].count(name)}" if names.count(name) > 1 else name for i, name in enumerate(names)]

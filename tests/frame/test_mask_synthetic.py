@@ -15,7 +15,7 @@ from test_mask_twin import in_band
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURES, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import FEATURES, NO_HISTORY, NOT_COMPARABLE, Reason
 from taubench_gl.frame.passes.masks import RADIANCE, MaskPass
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.shader import ShaderCache
@@ -76,7 +76,7 @@ def judge(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", ra
             textures[-1][name] = texture
     shaders = ShaderCache(gpu.ctx)
     masks = MaskPass(gpu, shaders, SIZE, reprojection=reprojection, sampling=sampling, radiance=radiance,
-                     write_mask=True, write_motion=True)  # fmt: skip
+                     cuts="ids" in now, write_mask=True, write_motion=True)  # fmt: skip
     masks.run(pair, THRESHOLDS, *textures, declared=declared)
     counts = masks.read()
     result = SimpleNamespace(
@@ -133,6 +133,32 @@ def test_what_is_behind_is_decided_before_dividing(gpu) -> None:
     assert 0.2 < behind.mean() < 1
     assert (behind != (twin.mask & Reason.BEHIND > 0)).mean() <= FLIPS
     assert not got.motion[behind].any() and np.isfinite(got.motion).all()
+
+
+@pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
+def test_surfaces_without_history_are_cut_alone(gpu, sampling: str) -> None:
+    """Marked surfaces are CUT and nothing else; marks on sky and on broken pixels mean nothing; the rest is as ever."""
+    rng = np.random.default_rng(9)
+    now_view, then_view = views()
+    now, then = frame(rng, now_view, 0.02), frame(rng, then_view, 0.02)
+    pair = pair_matrices(now_view, then_view, *SIZE)
+    plain = judge(gpu, now, then, pair, sampling=sampling)
+    marked = rng.random(plain.mask.shape) < 0.3
+    ids = np.stack([rng.integers(1, 99, plain.mask.shape), np.where(marked, NO_HISTORY, 0) | 7], axis=-1)
+    got = judge(gpu, now | {"ids": ids.astype(np.uint32)}, then, pair, sampling=sampling)
+    twin = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling)
+    broken = np.logical_or.reduce(
+        [~np.isfinite(got.current[n]).all(axis=-1) for n in ("position", "normal", *RADIANCE)]
+    )
+    cut = marked & (got.current["position"][..., 3] > 0) & ~broken
+    assert 0.1 < cut.mean() < 0.3
+    np.testing.assert_array_equal(got.mask[cut], int(Reason.CUT))
+    np.testing.assert_array_equal(got.mask[~cut], plain.mask[~cut])
+    np.testing.assert_array_equal(twin.mask & Reason.CUT > 0, cut)
+    counts = counts_of(got.combos)
+    assert counts["cut"] == cut.sum() and not got.motion[cut].any()
+    assert sum(counts[name] for name in ("cut", "invalid", "frustum", "comparable")) == counts["pixels"]
+    assert (got.mask != twin.mask).mean() <= FLIPS
 
 
 @pytest.mark.parametrize("declared", [Reason.FIRST, Reason.CUT])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,10 @@ def summary() -> dict[str, Any]:
 
 @pytest.fixture
 def frames() -> list[dict[str, Any]]:
+    return _frames()
+
+
+def _frames() -> list[dict[str, Any]]:
     rows = []
     for i in range(1, PAIRS + 1):
         row: dict[str, Any] = dict.fromkeys(FRAME_COLUMNS)
@@ -75,3 +80,9 @@ def frames() -> list[dict[str, Any]]:
 @pytest.fixture
 def run(summary: dict[str, Any], frames: list[dict[str, Any]]) -> Run:
     return Run(summary, frames)
+
+
+@pytest.fixture(scope="session")
+def make_run() -> Callable[[], Run]:
+    """The same run for fixtures that outlive a test: a new copy at every call."""
+    return lambda: Run(copy.deepcopy(_SUMMARY), _frames())

@@ -20,7 +20,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import column_major
 
 Array = np.ndarray
-STRIDE = 256  # bytes; no driver asks for a larger alignment of storage buffer offsets
+STRIDE = 256  # bytes; no driver asks for a larger alignment of uniform buffer offsets
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +73,9 @@ class AnchoredRecords:
         self.buffer = gpu.ctx.buffer(reserve=max(len(draws), 1) * RECORD.dtype.itemsize, dynamic=True)
         self._written = b""
 
-    def update(self, placement: Placement) -> None:
-        """Follow the draws; nothing is uploaded while they stand still."""
-        state = placement.world.tobytes()
+    def update(self, placement: Placement, order: Array) -> None:
+        """Follow the draws, in the ``order`` of SceneBuffers; nothing is uploaded while they stand still."""
+        state = placement.world.tobytes() + order.tobytes()
         if state == self._written:
             return
         self._written = state
@@ -83,7 +83,7 @@ class AnchoredRecords:
         relative[:, :3, 3] -= self.origin
         relative[self._posed] = np.eye(4)
         at = dataclasses.replace(placement, relative=relative)
-        self.buffer.write(self._table.update(at, at).tobytes())
+        self.buffer.write(self._table.update(at, at)[order].tobytes())
 
     def release(self) -> None:
         self.buffer.release()
@@ -122,18 +122,17 @@ class FaceDrawer:
         framebuffer.use()
         ctx.enable_only(moderngl.DEPTH_TEST if depth_test else moderngl.NOTHING)
         ctx.depth_func = ">"
-        (scene.records if anchor is None else anchor.buffer).bind_to_storage_buffer(0)
-        materials.buffer.bind_to_storage_buffer(1)
+        records = scene.records if anchor is None else anchor.buffer
         for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
             viewport = (x, y, face.resolution, face.resolution)
             framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=viewport)
             framebuffer.viewport = viewport
             for group, first, count in groups:
                 row = 2 * at + group.posed
-                self._frames.bind_to_storage_buffer(2, offset=row * STRIDE, size=FRAME.dtype.itemsize)
+                self._frames.bind_to_uniform_block(2, offset=row * STRIDE, size=FRAME.dtype.itemsize)
                 how = program_of(group)
                 materials.bind(group.material, how.program, how.slots)
-                scene.draw_commands(group, how.program, self._commands, first, count)
+                scene.draw_commands(group, how.program, self._commands, first, count, records)
         materials.unbind()
 
     def _upload_frames(self, matrices: list[Array], stale: list[tuple[Face, tuple[int, int], Array]]) -> None:

@@ -7,7 +7,6 @@ import moderngl
 from taubench_gl.animation import View
 from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.materials import MATERIAL, SLOTS, MaterialTable
-from taubench_gl.frame.records import RECORD
 from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
 from taubench_gl.frame.targets import Targets
 from taubench_gl.gpu.context import Gpu
@@ -30,7 +29,7 @@ def attachments(channels: tuple[str, ...]) -> tuple[str, ...]:
 def geometry_preamble() -> str:
     """GLSL structs and slot numbers shared by every pass that draws the scene's geometry."""
     slots = [f"const int SLOT_{name.upper()} = {i};" for i, name in enumerate(SLOTS)]
-    return "\n".join((RECORD.glsl, FRAME.glsl, MATERIAL.glsl, *slots))
+    return "\n".join((FRAME.glsl, MATERIAL.glsl, *slots))
 
 
 class GBufferPass:
@@ -72,10 +71,8 @@ class GBufferPass:
         targets.clear()
         ctx.enable_only(moderngl.DEPTH_TEST)
         ctx.depth_func = ">"
-        scene.records.bind_to_storage_buffer(0)
-        materials.buffer.bind_to_storage_buffer(1)
-        self._frame.bind_to_storage_buffer(2)
-        for group in scene.groups:
+        self._frame.bind_to_uniform_block(2)
+        for group in scene.seen_groups:
             program = self.program(group, materials)
             materials.bind(group.material, program)
             if group.cull:

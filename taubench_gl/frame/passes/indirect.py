@@ -27,12 +27,14 @@ from taubench_gl.frame.lights import LIGHT
 from taubench_gl.frame.materials import MaterialKey, MaterialTable, wanted_slots
 from taubench_gl.frame.passes.faces import Casters, FaceDrawer, Program
 from taubench_gl.frame.passes.gbuffer import GBufferPass, geometry_preamble
+from taubench_gl.frame.passes.lighting import storage_defines
 from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
 from taubench_gl.frame.targets import Targets
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
+from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -59,10 +61,16 @@ class IndirectPass:
         size: tuple[int, int],
         settings: Settings,
         colored_materials: frozenset[int],
+        *,
+        rate: str = "full",
+        gather_each: bool = False,
     ):
+        """``rate``: shade only part of the pixels; ``gather_each``: the rsm rung gathers at every pixel."""
+        self._rate, self._gather_each = rate, gather_each
         self._gpu, self._shaders, self._scene, self._size = gpu, shaders, scene, size
         self._lights, self._bounds, self._colored = lights, bounds, colored_materials
         self._probes = settings.indirect == "probes"
+        self._storage = storage_defines(settings)
         self._bounces = BOUNCES[settings.indirect]
         self._resolution = rsm_resolution(scene, lights, settings.indirect_samples)
         faces = faces_of(scene, None, lights, bounds, self._resolution)
@@ -104,7 +112,8 @@ class IndirectPass:
         group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
         compute = self._shaders.compute
         self._make_virtual = compute("indirect/vpl.comp.glsl", {}, preamble)
-        self._apply = compute("indirect/apply.comp.glsl", {"PROBES": self._probes, **group}, preamble)
+        defines = {"PROBES": self._probes, "GATHER_EACH": self._gather_each, "SHADING_RATE": RATES.index(self._rate)}
+        self._apply = compute("indirect/apply.comp.glsl", {**defines, **group, **self._storage}, preamble)
         if self._probes:
             # What a probe sees is the same for every bounce: found once, remembered in bits.
             self._light_probes = [
@@ -149,8 +158,12 @@ class IndirectPass:
         materials: MaterialTable,
         casters: Casters,
         textures: Mapping[str, moderngl.Texture],
+        frame: int = 0,
+        *,
+        write: bool = True,
     ) -> None:
-        """Write ``indirect`` of the frame in ``textures``."""
+        """Write ``indirect`` of the frame in ``textures``; not ``write``: only find its virtual lights."""
+        self._record["counts"][1] = phase(self._rate, frame)
         self._record["scene_from_relative"][:3] = view.position - self._center
         self._parameters.write(self._record.tobytes())
         faces = faces_of(self._scene, state, self._lights, self._bounds, self._resolution)
@@ -159,7 +172,8 @@ class IndirectPass:
         if key != self._solved:
             self._solved = key
             self._solve(faces, view, light_rows, scene, materials, casters)
-        self._write(textures)
+        if write:
+            self._write(textures)
 
     def _solve(
         self,
@@ -231,22 +245,27 @@ class IndirectPass:
 
     def _write(self, textures: Mapping[str, moderngl.Texture]) -> None:
         self._parameters.bind_to_storage_buffer(0)
-        tiles = -(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1])
+        columns, rows = invocations(self._rate, self._size)
+        tiles = -(-columns // self._group[0]), -(-rows // self._group[1])
         inputs = ("position", "normal", "base_color", "material")
         if self._probes:
             self._probe_buffer.bind_to_storage_buffer(6)
         else:
             self._virtual[0].bind_to_storage_buffer(2)
-            self._bind(self._gather, textures, ("position", "normal"))
-            self._irradiance.bind_to_image(0, read=False, write=True)
-            small = self._irradiance.size
-            self._gather.run(-(-small[0] // self._group[0]), -(-small[1] // self._group[1]))
-            self._gpu.ctx.memory_barrier()
-            self._irradiance.use(len(inputs))
-            self._apply["irradiance"] = len(inputs)
+            if not self._gather_each:
+                self._gather_coarsely(textures)
+                self._irradiance.use(len(inputs))
+                self._apply["irradiance"] = len(inputs)
         self._bind(self._apply, textures, inputs)
         textures["indirect"].bind_to_image(0, read=False, write=True)
         self._apply.run(*tiles)
+        self._gpu.ctx.memory_barrier()
+
+    def _gather_coarsely(self, textures: Mapping[str, moderngl.Texture]) -> None:
+        self._bind(self._gather, textures, ("position", "normal"))
+        self._irradiance.bind_to_image(0, read=False, write=True)
+        small = self._irradiance.size
+        self._gather.run(-(-small[0] // self._group[0]), -(-small[1] // self._group[1]))
         self._gpu.ctx.memory_barrier()
 
     def _bind(self, program, textures: Mapping[str, moderngl.Texture], names: tuple[str, ...]) -> None:
@@ -271,6 +290,16 @@ class IndirectPass:
             "gbuffer/gbuffer.vert.glsl", "indirect/voxelize.frag.glsl", defines, self._voxel_preamble
         )
         return Program(program, ())
+
+    @property
+    def virtual_buffer(self) -> moderngl.Buffer:
+        """``count`` VIRTUAL records of this frame."""
+        return self._virtual[0]
+
+    @property
+    def scene_from_relative(self) -> Array:
+        """(3,) what to add to a position relative to this frame's camera, metres."""
+        return self._record["scene_from_relative"][:3]
 
     def virtual_lights(self) -> Array:
         """This frame's virtual lights, (V,) VIRTUAL records in scene space."""

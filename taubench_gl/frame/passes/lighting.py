@@ -18,6 +18,7 @@ from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.brdf import ALBEDO_TABLE, MIN_ALPHA, albedo_table
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
+from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.settings import TONE_MAPS, Settings
 
 LIGHTING = Struct(
@@ -27,6 +28,7 @@ LIGHTING = Struct(
     Field("size", "ivec4", "xy: pixels, z: tiles in a row, w: lights"),
     Field("tiles", "int", "tiles in all"),
     Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, before exposure"),
+    Field("phase", "int", "which part of the picture a shading rate other than full shades"),
 )
 COLOR = Struct(
     "ColorRecord",
@@ -61,6 +63,22 @@ def lighting_preamble() -> str:
     )
 
 
+def storage_defines(settings: Settings) -> dict[str, str]:
+    """What a shader that writes radiance must be told where channels are stored as halves (common/storage.glsl)."""
+    return {"RADIANCE_FORMAT": "rgba16f"} if settings.storage == "half" else {}
+
+
+def lighting_record(view: View, size: tuple[int, int], settings: Settings, lights: int) -> np.ndarray:
+    """A LIGHTING record with all but the tiles and the phase filled in."""
+    record = LIGHTING.zeros()
+    record["sky"][:3] = settings.sky
+    if view.camera.kind != "perspective":
+        record["parallel_view"] = (*view.world_from_view[:, 2], 1.0)
+    record["size"] = (*size, 0, lights)
+    record["light_error"] = settings.light_error
+    return record
+
+
 class LightingPass:
     """Writes ``direct`` (and its lobes, if asked) of the current frame."""
 
@@ -74,8 +92,11 @@ class LightingPass:
         effects: frozenset[str],
         *,
         split: bool = False,
+        rate: str = "full",
     ):
-        """``effects``: names of those that are on; ``split``: write each lobe too."""
+        """``effects``: names of those that are on; ``split``: write each lobe too; ``rate``: shade only part of the
+        pixels (``metrics.shading_rate``), the others keep what they held."""
+        self._rate = rate
         if light_count > MAX_LIGHTS:
             raise GraphicsError(f"the scene has {light_count} lights, at most {MAX_LIGHTS} can be drawn")
         self._gpu, self._size, self._settings, self._count = gpu, size, settings, light_count
@@ -85,10 +106,12 @@ class LightingPass:
         preamble = lighting_preamble()
         group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
         defines = {"SHADOWS": self._shadows, "TILED": self._tiled, "SPLIT_LOBES": split, **group}
+        defines["SHADING_RATE"] = RATES.index(rate)
         switches = ("sky", "glossy", "point_lights", "spot_lights", "directional_lights")
         defines |= {name.upper(): name in effects for name in switches}
         if self._shadows:
             defines["SHADOW_TAPS"] = 4 if settings.shadow_filter == "bilinear" else 1
+        defines |= storage_defines(settings)
         self._program = shaders.compute("lighting/lighting.comp.glsl", defines, preamble)
         tiles_x, tiles_y = -(-size[0] // TILE), -(-size[1] // TILE)
         self._tiles = (tiles_x, tiles_x * tiles_y)
@@ -116,15 +139,15 @@ class LightingPass:
         light_rows: np.ndarray,
         textures: Mapping[str, moderngl.Texture],
         shadow: ShadowPass | None,
+        frame: int = 0,
     ) -> None:
-        """Light the frame in ``textures``, whose ``direct`` (``direct_diffuse``, ``direct_glossy``) is written."""
-        record = LIGHTING.zeros()
-        record["sky"][:3] = self._settings.sky
-        if view.camera.kind != "perspective":
-            record["parallel_view"] = (*view.world_from_view[:, 2], 1.0)
-        record["size"] = (*self._size, self._tiles[0], self._count)
-        record["tiles"] = self._tiles[1]
-        record["light_error"] = self._settings.light_error
+        """Light the frame in ``textures``, whose ``direct`` (``direct_diffuse``, ``direct_glossy``) is written.
+
+        ``frame`` counts for shading rates other than full: which part of the picture it is the turn of.
+        """
+        record = lighting_record(view, self._size, self._settings, self._count)
+        record["size"][2], record["tiles"] = self._tiles
+        record["phase"] = phase(self._rate, frame)
         self._parameters.write(record.tobytes())
         self._lights.write(light_rows.tobytes())
         self._parameters.bind_to_storage_buffer(0)
@@ -153,7 +176,8 @@ class LightingPass:
         outputs = ("direct", "direct_diffuse", "direct_glossy") if self._split else ("direct",)
         for unit, name in enumerate(outputs):
             textures[name].bind_to_image(unit, read=False, write=True)
-        self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
+        columns, rows = invocations(self._rate, self._size)
+        self._program.run(-(-columns // self._group[0]), -(-rows // self._group[1]))
         self._gpu.ctx.memory_barrier()
 
     def tile_counts(self) -> np.ndarray | None:
@@ -194,6 +218,7 @@ class ColorPass:
                 "TONE_MAP": TONE_MAPS.index(settings.tone_map),
                 "GROUP_X": self._group[0],
                 "GROUP_Y": self._group[1],
+                **storage_defines(settings),
             },
             COLOR.glsl,
         )

@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl import conventions
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, Reason
+from taubench_gl.conventions import FEATURES, HISTOGRAM_MANTISSA_BITS, Reason, histogram_bins
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct, column_major
 from taubench_gl.gpu.shader import ShaderCache
@@ -41,13 +41,15 @@ RADIANCE = ("direct", "indirect", "color")
 _MASK_IMAGE, _MOTION_IMAGE = 0, 1
 
 
-def preamble() -> str:
+def preamble(histogram_bits: int = HISTOGRAM_MANTISSA_BITS) -> str:
     """GLSL derived from Python: the parameter struct, reason bits and histogram constants."""
     lines = [REPROJECTION.glsl]
     lines += [f"const uint {bit.name} = {bit.value}u;" for bit in Reason]
+    lines.append(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
     lines += [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
-    for name in ("HISTOGRAM_BINS", "HISTOGRAM_MANTISSA_BITS", "HISTOGRAM_MIN_EXPONENT"):
-        lines.append(f"const int {name} = {getattr(conventions, name)};")
+    lines.append(f"const int HISTOGRAM_BINS = {histogram_bins(histogram_bits)};")
+    lines.append(f"const int HISTOGRAM_MANTISSA_BITS = {histogram_bits};")
+    lines.append(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
     return "\n".join(lines)
 
 
@@ -58,12 +60,18 @@ class Counts:
     combos: np.ndarray
     histograms: np.ndarray
 
+    def __add__(self, other: Counts) -> Counts:
+        """Counts of both together, exact: of several samples per pixel, say."""
+        combos, histograms = (np.asarray(x, dtype=np.int64) for x in (self.combos, self.histograms))
+        return Counts(combos + other.combos, histograms + other.histograms)
+
 
 class MaskPass:
     """Compares current channels with history channels.
 
-    Reads ``position normal prev.position prev.normal`` (+ ``prev_position`` for motion reprojection, + radiance
-    channels where both frames have them).  Writes ``mask`` and ``motion`` when asked.  ``release`` frees its buffers.
+    Reads ``position normal prev.position prev.normal`` (+ ``prev_position`` for motion reprojection, ``ids`` for
+    cuts of single surfaces, radiance channels where both frames have them).  Writes ``mask`` and ``motion`` when asked.
+    ``release`` frees its buffers.
     """
 
     def __init__(
@@ -75,30 +83,38 @@ class MaskPass:
         reprojection: str = "camera",
         sampling: str = "nearest",
         radiance: tuple[str, ...] = (),
+        cuts: bool = False,
         write_mask: bool = False,
         write_motion: bool = False,
+        histogram_bits: int = HISTOGRAM_MANTISSA_BITS,
     ):
+        """``histogram_bits``: 2^bits bins per octave of distance."""
         self._gpu, self._size = gpu, size
-        self._reprojection, self._radiance = reprojection, radiance
-        # One row per work group suits llvmpipe's scanline texture layout; GPUs want square tiles.
-        self._group = (32, 1) if gpu.software else (8, 8)
+        self._reprojection, self._radiance, self._cuts = reprojection, radiance, cuts
+        # llvmpipe: one vector of lanes along a row, and few work groups, whose start costs as much as several pixels.
+        # GPUs want square tiles, and enough of them.
+        self._group, self._pixels_each = ((8, 1), 32) if gpu.software else ((8, 8), 4)
         self._program = shaders.compute(
             "masks/masks.comp.glsl",
             {
                 "MOTION": reprojection == "motion",
                 "BILINEAR": sampling == "bilinear",
                 **{f"HAS_{name.upper()}": name in radiance for name in RADIANCE},
+                "CUTS": cuts,
                 "WRITE_MASK": write_mask,
                 "WRITE_MOTION": write_motion,
                 "GROUP_X": self._group[0],
                 "GROUP_Y": self._group[1],
+                "PIXELS_EACH": self._pixels_each,
             },
-            preamble(),
+            preamble(histogram_bits),
         )
+        self._bins = histogram_bins(histogram_bits)
         ctx = gpu.ctx
         self._parameters = ctx.buffer(reserve=REPROJECTION.dtype.itemsize)
-        self._combos = ctx.buffer(reserve=4 * COMBOS)
-        self._histograms = ctx.buffer(reserve=4 * len(FEATURES) * HISTOGRAM_BINS)
+        sizes = 4 * COMBOS, 4 * len(FEATURES) * self._bins
+        self._counters = [tuple(ctx.buffer(reserve=size) for size in sizes) for _ in range(2)]
+        self._runs = 0
         self.mask = ctx.texture(size, 1, dtype="u4") if write_mask else None
         self.motion = ctx.texture(size, 2, dtype="f4") if write_motion else None
 
@@ -110,9 +126,9 @@ class MaskPass:
         history: Mapping[str, moderngl.Texture],
         declared: int = 0,
         exposure: float = 1.0,
-    ) -> None:
+    ) -> int:
         """Submit the pass.  ``thresholds``: a_B of every feature; ``declared``: Reason.FIRST or CUT
-        for the whole frame, else 0."""
+        for the whole frame, else 0.  The number of this run, for ``read``."""
         record = REPROJECTION.zeros()
         record["clip_from_current"] = column_major(pair.clip_from_current)
         record["prev_clip_from_prev"] = column_major(pair.prev_clip_from_prev)
@@ -126,9 +142,10 @@ class MaskPass:
         for feature in FEATURES:
             record[f"threshold_{feature}"] = thresholds[feature]
         self._parameters.write(record.tobytes())
-        self._combos.clear()
-        self._histograms.clear()
-        for binding, buffer in enumerate((self._parameters, self._combos, self._histograms)):
+        self._parameters.bind_to_uniform_block(0)
+        self._runs += 1
+        for binding, buffer in enumerate(self._counters[self._runs % 2], start=1):
+            buffer.clear()
             buffer.bind_to_storage_buffer(binding)
         self._bind_textures(current, history)
         if self.mask is not None:
@@ -136,26 +153,34 @@ class MaskPass:
         if self.motion is not None:
             self.motion.bind_to_image(_MOTION_IMAGE, read=False, write=True)
         w, h = self._size
-        self._program.run(-(-w // self._group[0]), -(-h // self._group[1]))
+        self._program.run(-(-w // (self._group[0] * self._pixels_each)), -(-h // self._group[1]))
         self._gpu.ctx.memory_barrier()
+        return self._runs
 
     def _bind_textures(self, current: Mapping[str, moderngl.Texture], history: Mapping[str, moderngl.Texture]) -> None:
         textures = {"position": current["position"], "normal": current["normal"]}
         if self._reprojection == "motion":
             textures["prev_position"] = current["prev_position"]
+        if self._cuts:
+            textures["ids"] = current["ids"]
         textures |= {f"history_{name}": history[name] for name in ("position", "normal", *self._radiance)}
         textures |= {name: current[name] for name in self._radiance}
         for unit, (name, texture) in enumerate(textures.items()):
             texture.use(unit)
             self._program[name] = unit
 
-    def read(self) -> Counts:
-        """Wait for the pass and read its counts back."""
-        combos = np.frombuffer(self._combos.read(), dtype=np.uint32)
-        histograms = np.frombuffer(self._histograms.read(), dtype=np.uint32).reshape(len(FEATURES), HISTOGRAM_BINS)
-        return Counts(combos, histograms)
+    def read(self, run: int | None = None) -> Counts:
+        """Wait for a run, the latest or the one before it, and read its counts back.
+
+        Reading a run after the next one was submitted is what keeps a GPU busy: it waits for work long done.
+        """
+        run = self._runs if run is None else run
+        if not self._runs - 1 <= run <= self._runs or run < 1:
+            raise ValueError(f"run {run} of {self._runs} is not kept: only the last two are")
+        combos, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._counters[run % 2])
+        return Counts(combos, histograms.reshape(len(FEATURES), self._bins))
 
     def release(self) -> None:
-        for item in (self._parameters, self._combos, self._histograms, self.mask, self.motion):
+        for item in (self._parameters, *(b for pair in self._counters for b in pair), self.mask, self.motion):
             if item is not None:
                 item.release()

@@ -92,7 +92,7 @@ class ShadowPass:
         self.buffer.write(self.rows.tobytes())
         self.redrawn = len(stale)
         if stale:
-            self._anchor.update(placement)
+            self._anchor.update(placement, scene.order)
         program_of = partial(self._program, materials=materials)
         self._drawer.draw(stale, self._framebuffer, view, scene, materials, program_of, anchor=self._anchor)
 

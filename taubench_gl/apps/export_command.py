@@ -1,0 +1,126 @@
+"""``taubench-gl export``: the frames of a scene as files that other programs read."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import click
+
+from taubench_gl.apps.options import Frames, Size, Threshold, gpu_options, light_options, scene_options
+from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
+
+
+class _Names(click.ParamType):
+    """Comma-separated channel names; which there are is checked where the table is."""
+
+    name = "LIST"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return value if isinstance(value, tuple) else tuple(word.strip() for word in value.split(",") if word.strip())
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl export scene.glb --out frames
+  taubench-gl export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks
+  taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
+  taubench-gl export scene.glb --out sintel --format sintel --frames 0:50
+  taubench-gl evaluate exr:frames --mapping taubench --camera-file frames/camera.json
+\b
+Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance (direct,
+indirect, color), lobes (direct_diffuse, direct_glossy), flow (motion, motion_forward), masks (mask, mask_forward),
+prev_position, all."""
+)
+@click.argument("scene_path", metavar="SCENE")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the files.")
+@click.option(
+    "--format",
+    type=click.Choice(["exr", "npz", "zarr", "sintel"]),
+    default="exr",
+    show_default=True,
+    help="exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, a chunk per frame.  sintel: MPI-Sintel's tree.",
+)
+@click.option(
+    "--channels", type=_Names(), default="", help="Names and groups, see below.  [default: gbuffer,flow,masks]"
+)
+@click.option(
+    "--precision",
+    type=click.Choice(["native", "float", "half"]),
+    default="native",
+    show_default=True,
+    help="native: nothing is lost.  half: 16 bits but for positions, depth and motion.",
+)
+@click.option(
+    "--jitter",
+    type=click.Choice(["none", "halton"]),
+    default="none",
+    show_default=True,
+    help="Sub-pixel offset of each frame's samples; motion is without it.",
+)
+@click.option("--overwrite", is_flag=True, help="Replace an export with other settings that is in DIR.")
+@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
+@scene_options
+@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
+@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
+@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
+@click.option(
+    "--reprojection",
+    type=click.Choice(REPROJECTIONS),
+    default=REPROJECTIONS[0],
+    show_default=True,
+    help="Of the mask, as in 'evaluate'; motion follows surfaces always.",
+)
+@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of the mask.")
+@click.option("--threshold", "thresholds", type=Threshold(), multiple=True, help="As in 'evaluate'; may be repeated.")
+@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
+@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
+@click.option("--textures", type=click.Choice(TEXTURES), default=TEXTURES[0], show_default=True)
+@light_options
+@gpu_options
+def export(
+    scene_path: str,
+    out: Path,
+    format: str,
+    channels: tuple[str, ...],
+    precision: str,
+    jitter: str,
+    overwrite: bool,
+    **options: Any,
+) -> None:
+    """Write G-buffers, radiance, motion, masks and cameras of SCENE, frame by frame.
+
+    Row 0 is the top; motion is in pixels, +x right, +y down.  What is stopped goes on when the same command is given
+    again; a folder with other settings is refused.  See docs/export.md.
+    """
+    from taubench_gl.apps.named_scenes import asked_for, resolve
+    from taubench_gl.apps.screen import ProgressBar
+    from taubench_gl.export.run import export_scene
+
+    width, height = options.pop("size")
+    animations, thresholds = options.pop("animations"), dict(options.pop("thresholds"))
+    frames = options.pop("frames") or (None, None)
+    settings = Settings(
+        width=width, height=height, frames=frames, animation=animations or None, thresholds=thresholds, **options
+    )
+    source, row = resolve(scene_path)
+    settings = dataclasses.replace(settings, **asked_for(row))
+    with ProgressBar(Path(source).name) as progress:
+        told = export_scene(
+            source,
+            out,
+            settings,
+            format=format,
+            channels=channels,
+            precision=precision,
+            jitter=jitter,
+            overwrite=overwrite,
+            progress=progress,
+        )
+    for name, reason in told.unmeasured.items():
+        click.echo(f"note: no {name}: {reason}")
+    kept = f", {told.kept} were there" if told.kept else ""
+    click.echo(f"{told.written} frames written{kept}: {', '.join(told.names)}")
+    click.echo(f"written to {told.out}/")

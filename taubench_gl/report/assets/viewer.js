@@ -1,0 +1,233 @@
+// The frame viewer: a picture, the reasons over it, a slider through the frames, and before against after.
+const MODES = [
+  ["masks", "Masks"],
+  ["history", "Last frame, reprojected"],
+  ["plain", "Picture against masks"],
+  ["runs", "Other run"],
+];
+const STRIPE = 4;
+
+function makeViewer(box, state) {
+  let run, pictures, at = 0, mode = "masks", opacity = 0.8, split = 0.5, words = null, playing = 0, turn = 0;
+  const shown = new Map();
+  const stage = el("div", { class: "stage" });
+  const base = el("canvas", { class: "base", role: "img" });
+  const mask = el("canvas", { class: "mask", "aria-hidden": "true" });
+  const tags = [el("span", { class: "tag left" }), el("span", { class: "tag right" })];
+  const divider = el("div", {
+    class: "divider", tabindex: "0", role: "slider", "aria-label": "Divider between before and after",
+    "aria-valuemin": "0", "aria-valuemax": "100",
+  });
+  stage.append(base, mask, ...tags, divider);
+  const slider = el("input", { type: "range", id: "frame", min: "0", value: "0", "aria-label": "Frame" });
+  const told = el("output", { for: "frame" });
+  const play = el("button", { type: "button", "aria-label": "Play" }, "▶");
+  const modes = el("div", { class: "modes", role: "group", "aria-label": "What is shown" });
+  const panel = el("div", { class: "panel" });
+  const note = el("p", { class: "muted" });
+  const percents = new Map();
+
+  async function load(pics, index, part) {
+    const key = part + pics.items[index].n;
+    if (!pics.cache) pics.cache = new Map();
+    if (!pics.cache.has(key)) {
+      const image = new Image();
+      image.src = pics.items[index][part];
+      pics.cache.set(key, image.decode().then(() => image));
+      if (pics.cache.size > 90) pics.cache.delete(pics.cache.keys().next().value);
+    }
+    return pics.cache.get(key);
+  }
+
+  function unpack(image, width, height) {
+    const canvas = new OffscreenCanvas(width, height);
+    const pen = canvas.getContext("2d", { willReadFrequently: true });
+    pen.drawImage(image, 0, 0);
+    const bytes = pen.getImageData(0, 0, width, height).data;
+    const found = new Uint16Array(width * height);
+    for (let i = 0; i < found.length; i++) found[i] = bytes[4 * i] | (bytes[4 * i + 1] << 8);
+    return found;
+  }
+
+  function paintMask() {
+    const { width, height } = pictures;
+    mask.width = width;
+    mask.height = height;
+    const pen = mask.getContext("2d", { willReadFrequently: true });
+    const picture = pen.createImageData(width, height);
+    const wanted = run.reasons.filter((r) => shown.get(r.name));
+    const colors = wanted.map((r) => [1, 3, 5].map((k) => parseInt(r.color.slice(k, k + 2), 16)));
+    const start = mode === "plain" ? Math.round(split * width) : 0;
+    const alpha = Math.round(255 * opacity);
+    const hits = [];
+    for (let y = 0; y < height && words; y++) {
+      for (let x = start; x < width; x++) {
+        const word = words[y * width + x];
+        if (!word) continue;
+        hits.length = 0;
+        for (let k = 0; k < wanted.length; k++) if (word & wanted[k].bits) hits.push(k);
+        if (!hits.length) continue;
+        const color = colors[hits[Math.floor((x + y) / STRIPE) % hits.length]];
+        picture.data.set([color[0], color[1], color[2], alpha], 4 * (y * width + x));
+      }
+    }
+    pen.putImageData(picture, 0, 0);
+    mask.style.display = mode === "history" || mode === "runs" ? "none" : "";
+  }
+
+  function otherRun() {
+    return state.runs.find((r) => r !== run && r.pictures);
+  }
+
+  async function show() {
+    const mine = ++turn;
+    const { width, height } = pictures;
+    const item = pictures.items[at];
+    slider.value = at;
+    const row = run.rows.frame.indexOf(item.n);
+    const seconds = run.rows.time_s[row];
+    const which = `frame ${item.n}` + (seconds === null || seconds === undefined ? "" : `, ${seconds.toFixed(3)} s`);
+    const ends = item.n === pictures.worst ? `${which} · most discarded` : which;
+    told.textContent = ends;
+    slider.setAttribute("aria-valuetext", ends);
+    for (const [name, cell] of percents) {
+      const count = (run.rows[name] || [])[row];
+      cell.textContent = count === null || count === undefined ? "–" : percent((100 * count) / run.rows.pixels[row]);
+    }
+    state.onFrame(item.n);
+    const other = mode === "runs" ? otherRun() : null;
+    const second = other && other.pictures;
+    const nearest = second && second.items.reduce((best, it, i) =>
+      Math.abs(it.n - item.n) < Math.abs(second.items[best].n - item.n) ? i : best, 0);
+    const parts = await Promise.all([
+      load(pictures, at, "frame"), load(pictures, at, "mask"),
+      mode === "history" ? load(pictures, at, "previous") : second ? load(second, nearest, "frame") : null,
+    ]);
+    if (mine !== turn) return;
+    words = unpack(parts[1], width, height);
+    stage.style.aspectRatio = `${width} / ${height}`;
+    base.width = width;
+    base.height = height;
+    base.setAttribute("aria-label", `${run.label}, ${which}`);
+    paintBase(parts[0], parts[2]);
+    paintMask();
+    const names = { history: ["last frame, reprojected", "this frame"], plain: ["picture", "masks"],
+      runs: [other ? `${other.label}, frame ${second.items[nearest].n}` : "", run.label] }[mode] || ["", ""];
+    tags.forEach((tag, i) => { tag.textContent = names[i]; tag.hidden = !names[i]; });
+    divider.hidden = mode === "masks";
+    stage.dataset.frame = item.n;
+    for (const next of [at + 1, at - 1]) if (pictures.items[next]) load(pictures, next, "frame");
+  }
+
+  let drawn = [null, null];
+  function paintBase(image, before) {
+    drawn = [image, before];
+    const pen = base.getContext("2d");
+    const { width, height } = pictures;
+    pen.filter = mode === "masks" ? "saturate(.35)" : "none";
+    pen.drawImage(image, 0, 0, width, height);
+    if (before) {
+      pen.save();
+      pen.beginPath();
+      pen.rect(0, 0, split * width, height);
+      pen.clip();
+      pen.drawImage(before, 0, 0, width, height);
+      pen.restore();
+    }
+    divider.style.left = `${100 * split}%`;
+    divider.setAttribute("aria-valuenow", Math.round(100 * split));
+  }
+
+  function moveSplit(value) {
+    split = clamp(value, 0, 1);
+    paintBase(...drawn);
+    if (mode === "plain") paintMask();
+  }
+  divider.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -0.02, ArrowRight: 0.02, ArrowDown: -0.02, ArrowUp: 0.02, PageDown: -0.1, PageUp: 0.1 }[event.key];
+    const ends = { Home: 0, End: 1 }[event.key];
+    if (step === undefined && ends === undefined) return;
+    event.preventDefault();
+    moveSplit(ends === undefined ? split + step : ends);
+  });
+  divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));
+  divider.addEventListener("pointermove", (event) => {
+    if (!divider.hasPointerCapture(event.pointerId)) return;
+    const area = stage.getBoundingClientRect();
+    moveSplit((event.clientX - area.left) / area.width);
+  });
+
+  function go(index) {
+    at = clamp(index, 0, pictures.items.length - 1);
+    return show();
+  }
+  slider.addEventListener("input", () => go(Number(slider.value)));
+  play.addEventListener("click", () => {
+    clearInterval(playing);
+    const on = play.textContent === "▶";
+    playing = on ? setInterval(() => go((at + 1) % pictures.items.length), 160) : 0;
+    play.textContent = on ? "❚❚" : "▶";
+    play.setAttribute("aria-label", on ? "Pause" : "Play");
+  });
+
+  function setMode(name) {
+    mode = name;
+    for (const button of modes.children) button.setAttribute("aria-pressed", button.dataset.mode === mode);
+    return show();
+  }
+
+  function fillPanel() {
+    panel.replaceChildren();
+    percents.clear();
+    for (const group of [...new Set(run.reasons.map((r) => r.group))]) {
+      const set = el("fieldset", {}, el("legend", {}, el("span", {}, group), el("span", {}, "this frame")));
+      for (const r of run.reasons.filter((one) => one.group === group)) {
+        if (!shown.has(r.name)) shown.set(r.name, r.on);
+        const tick = el("input", { type: "checkbox", "data-reason": r.name });
+        tick.checked = shown.get(r.name);
+        tick.addEventListener("change", () => { shown.set(r.name, tick.checked); paintMask(); });
+        const cell = el("span", { class: "pc" });
+        percents.set(r.row, cell);
+        const swatch = el("i", { class: "swatch" });
+        swatch.style.background = r.color;
+        set.append(el("label", { class: "reason", title: r.told }, tick, swatch, el("span", {}, r.name), cell));
+      }
+      panel.append(set);
+    }
+    const range = el("input", { type: "range", min: "0", max: "100", value: Math.round(100 * opacity), "aria-label": "Opacity of the masks" });
+    const number = el("output", {}, `${Math.round(100 * opacity)} %`);
+    range.addEventListener("input", () => { opacity = range.value / 100; number.textContent = `${range.value} %`; paintMask(); });
+    panel.append(el("div", { class: "opacity" }, el("span", {}, "opacity"), range, number));
+  }
+
+  function setRun(next) {
+    run = next;
+    pictures = run.pictures;
+    clearInterval(playing);
+    play.textContent = "▶";
+    if (!pictures) {
+      box.replaceChildren(el("p", { class: "missing" },
+        `No pictures: ${run.no_pictures}. Evaluate the scene again with --report to see the frames with their masks here; everything else on this page needs none.`));
+      return;
+    }
+    fillPanel();
+    modes.replaceChildren(...MODES.filter(([name]) => name !== "runs" || otherRun()).map(([name, text]) =>
+      el("button", { type: "button", "data-mode": name, "aria-pressed": name === mode, onclick: () => setMode(name) }, text)));
+    if (mode === "runs" && !otherRun()) mode = "masks";
+    slider.max = pictures.items.length - 1;
+    const worst = pictures.items.findIndex((item) => item.n === pictures.worst);
+    at = Math.max(worst, 0);
+    note.textContent = `${pictures.told} A pixel with several reasons is striped in all their colours.`;
+    box.replaceChildren(modes, el("div", { class: "viewer" },
+      el("div", {}, stage, el("div", { class: "bar" }, play, slider, told), note), panel));
+    setMode(mode);
+  }
+
+  return {
+    setRun,
+    goTo(frame) {
+      if (!pictures) return;
+      go(pictures.items.reduce((best, it, i) => Math.abs(it.n - frame) < Math.abs(pictures.items[best].n - frame) ? i : best, 0));
+    },
+  };
+}

@@ -1,0 +1,264 @@
+"""What is left out, kept or put off to save time changes no bit of the result and does not grow with the frames."""
+
+from __future__ import annotations
+
+import gc
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frame_tools import THRESHOLDS, FormulaCamera, make_scene, quad, rotation_about
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.frame.draw_bounds import in_view
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.paths import ASSETS
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Camera, Channel
+from taubench_gl.settings import Settings
+
+SIZE = (96, 54)
+CHANNELS = ("position", "normal", "prev_position", "ids")
+LENS = Camera(yfov=0.8, znear=0.1, zfar=40.0)
+SCENES = ("khronos/CesiumMan/CesiumMan.glb", "sponza/Sponza.gltf", "khronos/CesiumMilkTruck/CesiumMilkTruck.glb")
+
+
+def bits(renderer: Renderer) -> dict[str, bytes]:
+    return {name: renderer.read(name).tobytes() for name in renderer.channels}
+
+
+def circling(center, radius: float) -> FormulaCamera:
+    """Turns on the spot, beside what it saw first: draws come into view and leave it."""
+    return FormulaCamera(LENS, lambda t: (np.add(center, [0.0, 0.0, radius]), rotation_about("y", 300.0 * t)))
+
+
+def field() -> object:
+    """Nine tiles around the origin; the first one climbs."""
+    tiles = [quad([x - 0.5, -1, z - 0.5], [1, 0, 0], [0, 1.5, 0]) for x in (-3, 0, 3) for z in (-3, 0, 3)]
+    times, values = np.array([0.0, 1.0], np.float32), np.array([[0, 0, 0], [0, 1, 0]], np.float32)
+    return make_scene(*tiles, channels=(Channel("node", 1, "translation", "LINEAR", times, values),))
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+def test_no_sphere_that_reaches_into_the_picture_is_left_out(perspective: bool) -> None:
+    """Points drawn at random within spheres: where the float64 projection sees one, the sphere must be kept."""
+    random = np.random.default_rng(5)
+    kept = 0
+    for _ in range(40):
+        turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+        lens = LENS if perspective else replace(LENS, kind="orthographic", ymag=2.0)
+        view = FormulaCamera(lens, lambda t, r=turn: (np.zeros(3), r * np.linalg.det(r))).view_at(
+            type("State", (), {"time": 0.0})
+        )
+        clip = view.clip_from_relative(*SIZE)
+        centers = random.normal(size=(200, 3)) * 8.0
+        radii = random.uniform(0.05, 3.0, size=200)
+        seen = in_view(clip, centers, radii, np.zeros(200))
+        way = random.normal(size=(200, 300, 3))
+        way *= (random.uniform(0, 1, size=(200, 300, 1)) ** (1 / 3)) / np.linalg.norm(way, axis=-1, keepdims=True)
+        points = np.concatenate([centers[:, None] + radii[:, None, None] * way, np.ones((200, 300, 1))], axis=-1)
+        x, y, z, w = np.moveaxis(points @ clip.T, -1, 0)
+        visible = ((abs(x) <= w) & (abs(y) <= w) & (z >= 0) & (z <= w)).any(axis=1)
+        assert not (visible & ~seen).any()
+        kept += seen.sum()
+    assert kept < 0.8 * 40 * 200  # and most of what lies elsewhere is left out
+
+
+def test_bounds_that_are_not_finite_are_kept() -> None:
+    clip = FormulaCamera(LENS, lambda t: (np.zeros(3), np.eye(3))).view_at(type("S", (), {"time": 0.0}))
+    centers = np.array([[np.nan, 0, 0], [0, 0, 50.0], [0, 0, 50.0]])
+    assert in_view(clip.clip_from_relative(*SIZE), centers, np.array([1.0, np.inf, 1.0]), np.zeros(3)).tolist() == [
+        True, True, False,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["field", *SCENES])
+def test_what_the_camera_cannot_see_changes_no_pixel(gpu: Gpu, name: str, request) -> None:
+    if name == "field":
+        scene, camera = field(), circling((0, 0, 0), 0.2)
+    else:
+        scene = load_scene(request.getfixturevalue("data") / name)
+        points = np.concatenate([p.positions for m in scene.meshes for p in m.primitives])
+        camera = circling(points.mean(axis=0), 0.1)
+    culled, whole = (Renderer(gpu, scene, camera, SIZE, CHANNELS) for _ in range(2))
+    whole._seen = lambda view, placement: np.ones(len(whole.draws), dtype=bool)
+    left_out = 0
+    for frame in range(8):
+        for renderer in (culled, whole):
+            renderer.draw(frame / 8, (frame - 1) / 8)
+        assert bits(culled) == bits(whole)
+        left_out += int(whole.buffers.shown.sum() - culled.buffers.shown.sum())
+    assert left_out > 0 or name not in ("field", "sponza/Sponza.gltf")
+    for renderer in (culled, whole):
+        renderer.release()
+
+
+def test_frames_out_of_order_have_the_same_bits(gpu: Gpu, data: Path) -> None:
+    """Poses are kept by their time: nothing may depend on which were asked for before."""
+    scene = load_scene(data / SCENES[0])
+    camera = choose_camera(scene)
+
+    def drawn(renderer: Renderer, frame: int) -> dict[str, bytes]:
+        renderer.draw(frame / 24, (frame - 1) / 24)
+        return bits(renderer)
+
+    frames = list(range(7))
+    renderer = Renderer(gpu, scene, camera, SIZE, CHANNELS)
+    in_order = {frame: drawn(renderer, frame) for frame in frames}
+    assert len({tuple(b.values()) for b in in_order.values()}) == len(frames)
+    for frame in (3, 3, 1, 6, 2, 5, 4, 0, 1):
+        assert drawn(renderer, frame) == in_order[frame]
+    renderer.release()
+    for frame in (4, 2):
+        alone = Renderer(gpu, scene, camera, SIZE, CHANNELS)
+        assert drawn(alone, frame) == in_order[frame]
+        alone.release()
+
+
+def test_kept_poses_cannot_be_changed_from_outside(gpu: Gpu) -> None:
+    renderer = Renderer(gpu, field(), circling((0, 0, 0), 0.2), SIZE, CHANNELS)
+    state, _ = renderer.view(0.5)
+    with pytest.raises(ValueError, match="read-only"):
+        state.world[0] = 0.0
+    assert renderer.view(0.5)[0] is state
+    renderer.release()
+
+
+class Writes:
+    """Stands in for a buffer and remembers what was written where."""
+
+    def __init__(self, buffer):
+        self.buffer, self.writes = buffer, []
+
+    def write(self, payload: bytes, offset: int = 0) -> None:
+        self.writes.append((offset, len(payload)))
+        self.buffer.write(payload, offset=offset)
+
+    def __getattr__(self, name):
+        return getattr(self.buffer, name)
+
+
+def test_only_what_moved_is_uploaded(gpu: Gpu) -> None:
+    still = FormulaCamera(LENS, lambda t: (np.array([0.0, 0.0, 8.0]), np.eye(3)))
+    renderer = Renderer(gpu, field(), still, SIZE, ("position", "normal"))
+    renderer.draw(0.25, 0.0)
+    watched = renderer.buffers.records = Writes(renderer.buffers.records)
+    renderer.draw(0.25, 0.0)
+    assert watched.writes == []
+    renderer.draw(0.5, 0.25)
+    size = renderer.buffers.records.size // 9
+    at = renderer.buffers.order.tolist().index(0)  # the first tile alone climbs
+    assert watched.writes == [(at * size, size)]
+    renderer.buffers.records = watched.buffer
+    renderer.release()
+
+
+def test_counts_may_be_read_one_run_late(gpu: Gpu) -> None:
+    scene, camera = field(), circling((0, 0, 0), 0.2)
+    renderer = Renderer(gpu, scene, camera, SIZE, ("position", "normal"))
+    shaders = ShaderCache(gpu.ctx)
+    at_once, late = MaskPass(gpu, shaders, SIZE), MaskPass(gpu, shaders, SIZE)
+    now, then = [], []
+    renderer.draw(0.0, 0.0)
+    for frame in range(1, 6):
+        renderer.draw(frame / 24, (frame - 1) / 24)
+        pair = reprojection(renderer.view(frame / 24)[1], renderer.view((frame - 1) / 24)[1], *SIZE)
+        textures = renderer.history.current.textures, renderer.history.previous.textures
+        at_once.run(pair, THRESHOLDS, *textures)
+        now.append(at_once.read())
+        run = late.run(pair, THRESHOLDS, *textures)
+        if run > 1:
+            then.append(late.read(run - 1))
+    then.append(late.read(run))
+    assert len({a.combos.tobytes() for a in now}) > 1
+    for a, b in zip(now, then, strict=True):
+        np.testing.assert_array_equal(a.combos, b.combos)
+        np.testing.assert_array_equal(a.histograms, b.histograms)
+    for lost in (run - 2, run + 1, 0):
+        with pytest.raises(ValueError, match="only the last two"):
+            late.read(lost)
+    for part in (at_once, late, shaders, renderer):
+        part.release()
+
+
+def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: Path) -> None:
+    settings = Settings(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
+    scene = load_scene(ASSETS / "demo.glb")
+    late = evaluate_scene(scene, settings)
+    at_once = evaluate_scene(scene, settings, on_pair=lambda pair: None)
+    assert late.frames == at_once.frames and len(late.frames) == 6
+    assert late.summary["discard"] == at_once.summary["discard"]
+
+    def stop(told) -> None:
+        if told.done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate_scene(scene, settings, out=tmp_path, progress=stop)
+    rows = (tmp_path / "frames.csv").read_text().splitlines()[1:]
+    assert [int(row.split(",")[0]) for row in rows] == list(range(1, len(rows) + 1)) and 3 <= len(rows) < 6
+
+
+def test_a_long_run_times_a_sample_of_its_passes() -> None:
+    class Waits:
+        count = 0
+
+        def finish(self) -> None:
+            self.count += 1
+
+    gpu = Waits()
+    timer = PassTimer(gpu, first=16, every=16)
+    for _ in range(100):
+        with timer.measure("pass"):
+            pass
+    taken = 16 + len([call for call in range(16, 100) if call % 16 == 0])
+    assert len(timer.samples_ms()["pass"]) == taken and gpu.count == 2 * taken
+    assert timer.summary()["samples"] == {"pass": taken}
+    assert timer.summary()["passes"]["pass"] >= 0.0
+
+
+def test_frames_leave_nothing_behind(gpu: Gpu, data: Path) -> None:
+    """Neither GL names nor Python memory grow with the number of frames."""
+    scene = load_scene(data / SCENES[0])
+    renderer = Renderer(gpu, scene, choose_camera(scene), SIZE, CHANNELS)
+    shaders = ShaderCache(gpu.ctx)
+    masks = MaskPass(gpu, shaders, SIZE, reprojection="motion")
+
+    def walk(frames: range) -> None:
+        for frame in frames:
+            renderer.draw(frame / 24, (frame - 1) / 24)
+            pair = reprojection(renderer.view(frame / 24)[1], renderer.view((frame - 1) / 24)[1], *SIZE)
+            masks.run(pair, THRESHOLDS, renderer.history.current.textures, renderer.history.previous.textures)
+            masks.read()
+
+    def next_names() -> tuple[int, int]:
+        """The names GL gives next: Mesa counts up, so any object made in between shows, kept or not."""
+        buffer, texture = gpu.ctx.buffer(reserve=4), gpu.ctx.texture((1, 1), 1)
+        names = buffer.glo, texture.glo
+        for item in (buffer, texture):
+            item.release()
+        return names
+
+    walk(range(1, 12))
+    gc.collect()
+    earlier, before = next_names(), next_names()
+    tracemalloc.start()
+    walk(range(12, 16))
+    gc.collect()
+    held = tracemalloc.get_traced_memory()[0]
+    walk(range(16, 60))
+    gc.collect()
+    grown = tracemalloc.get_traced_memory()[0] - held
+    tracemalloc.stop()
+    assert next_names() == tuple(2 * b - a for a, b in zip(earlier, before, strict=True))
+    assert grown < 20_000  # bytes, over 44 frames
+    for part in (masks, shaders, renderer):
+        part.release()

@@ -1,0 +1,319 @@
+"""The report in headless Chromium, by clicking it: keys, toggles, dragging, themes, phone, paper, silence."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.report.frame_store import PictureKeeper
+from taubench_gl.report.html import ReportRun, write_html_report
+from taubench_gl.run import Run
+
+WIDTH, HEIGHT, PAIRS = 40, 20, 12  # of the made-up run
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+
+BITS = (Reason.OUTSIDE, Reason.POSITION, Reason.NORMAL | Reason.POSITION, Reason.DIRECT)
+
+
+def _mask(frame: int) -> np.ndarray:
+    """A quarter of the width each: outside, position, position and normal, direct; shifted by the frame."""
+    columns = (np.arange(WIDTH) + frame) % WIDTH * 4 // WIDTH
+    return np.tile(np.array([int(b) for b in BITS], np.uint32)[columns], (HEIGHT, 1))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory, make_run) -> list[Run]:
+    made = []
+    for which in range(2):
+        run = make_run()
+        run.summary = copy.deepcopy(run.summary)
+        run.summary["scene"]["name"] = "</script><b>'\"walk"
+        run.summary["camera"]["cuts"] = [5]
+        out = tmp_path_factory.mktemp("run")
+        run.save(out)
+        keeper = PictureKeeper(out)
+        for i in range(1, PAIRS + 1):
+            picture = np.full((HEIGHT, WIDTH, 3), i / 20 + 0.3 * which)
+            keeper.add(i, 9 if i == 7 else 0, picture, 1 - picture, _mask(i), np.zeros((HEIGHT, WIDTH, 2)))
+        keeper.finish(out / "frames.csv")
+        made.append(Run(run.summary, run.frames, out))
+    return made
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as p:
+        browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def page_file(runs, tmp_path_factory) -> Path:
+    told = [ReportRun(run.summary, run.frames, run.out) for run in runs]
+    return write_html_report(told, tmp_path_factory.mktemp("page") / "report.html")
+
+
+@pytest.fixture
+def page(browser, page_file) -> Iterator[Any]:
+    yield from opened(browser, page_file)
+
+
+def opened(browser, file: Path, **options: Any) -> Iterator[Any]:
+    """A page that must stay silent: no console error, no exception, no request but its own file."""
+    context = browser.new_context(**{"viewport": {"width": 1100, "height": 900}, "color_scheme": "light", **options})
+    page, faults = context.new_page(), []
+    page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda e: faults.append(str(e)))
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
+    page.goto(file.as_uri())
+    if page.locator(".stage").count():
+        page.wait_for_selector(".stage[data-frame]")
+    yield page
+    context.close()
+    assert faults == []
+
+
+def shown_frame(page: Any, frame: int) -> None:
+    page.wait_for_selector(f".stage[data-frame='{frame}']")
+
+
+def mask_pixels(page: Any) -> np.ndarray:
+    """(h, w, 4) uint8 of the mask canvas."""
+    script = """() => { const c = document.querySelector('.mask');
+        return [c.width, c.height, Array.from(c.getContext('2d').getImageData(0, 0, c.width, c.height).data)] }"""
+    width, height, values = page.evaluate(script)
+    return np.array(values, np.uint8).reshape(height, width, 4)
+
+
+def test_keys_on_the_frame_slider(page):
+    shown_frame(page, 7)  # the most discarded first
+    slider = page.locator("#frame")
+    slider.focus()
+    page.keyboard.press("ArrowRight")
+    shown_frame(page, 8)
+    page.keyboard.press("Home")
+    shown_frame(page, 1)
+    page.keyboard.press("End")
+    shown_frame(page, PAIRS)
+    assert "frame 12" in slider.get_attribute("aria-valuetext")
+    assert "120" not in page.locator(".bar output").inner_text()
+    # The percentage beside a reason is the frame's own, from the exact counts: frustum is 10 i of 800 pixels.
+    row = page.locator("label.reason", has=page.locator("[data-reason=frustum]"))
+    assert row.locator(".pc").inner_text() == f"{100 * 10 * PAIRS / (WIDTH * HEIGHT):.2f} %"
+
+
+def test_toggles_change_exactly_the_pixels_of_their_reason(page):
+    mask = _mask(7)
+    drawn = mask_pixels(page)[..., 3] > 0
+    every = int(FRUSTUM | Reason.POSITION | Reason.NORMAL | Reason.DIRECT)
+    assert (drawn == ((mask & every) != 0)).all()
+    page.locator("[data-reason=direct]").uncheck()
+    drawn = mask_pixels(page)[..., 3] > 0
+    assert (drawn == ((mask & (every & ~int(Reason.DIRECT))) != 0)).all()
+    page.locator("[data-reason=direct]").focus()
+    page.keyboard.press("Space")
+    assert (mask_pixels(page)[..., 3] > 0).all()
+    # Two reasons on one pixel are striped: both colours are there.
+    both = mask_pixels(page)[(mask & int(Reason.NORMAL)) != 0][:, :3]
+    assert {tuple(c) for c in both.tolist()} == {(0x00, 0x72, 0xB2), (0x00, 0x9E, 0x73)}
+
+
+def test_opacity(page):
+    opacity = page.locator(".opacity input")
+    opacity.fill("25")
+    assert set(np.unique(mask_pixels(page)[..., 3])) == {round(255 * 0.25)}
+
+
+def test_before_and_after(page):
+    script = """() => { const c = document.querySelector('.base');
+        return Array.from(c.getContext('2d').getImageData(0, 0, c.width, 1).data) }"""
+    page.locator("[data-mode=history]").click()
+    page.wait_for_selector(".divider:not([hidden])")
+    page.locator(".divider").focus()
+    for key in ("Home", "PageUp", "PageUp", "PageUp", "ArrowUp"):
+        page.keyboard.press(key)
+    row = np.array(page.evaluate(script)).reshape(-1, 4)[:, 0]
+    before, after = 255 * (1 - 7 / 20), 255 * 7 / 20
+    at = round(0.32 * WIDTH)  # left of it the last frame, but where there is none (columns 0 to 2): checkerboard
+    assert np.abs(row[5 : at - 1] - before).max() < 8 and np.abs(row[at + 1 :] - after).max() < 8
+    assert np.abs(row[:2] - before).min() > 8
+    box = page.locator(".stage").bounding_box()
+    page.locator(".divider").hover()
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 20, steps=4)
+    page.mouse.up()
+    assert page.locator(".divider").get_attribute("aria-valuenow") == "75"
+
+
+def test_two_runs_against_each_other(page):
+    page.locator("[data-mode=runs]").click()
+    page.wait_for_selector(".tag.left:not([hidden])")
+    assert page.locator(".tag.left").inner_text() == "</script><b>'\"walk #2, frame 7"
+    page.select_option("#run", "1")
+    playwright.expect(page.locator(".tag.right")).to_have_text(re.compile("#2$"))
+
+
+@pytest.mark.parametrize("feature", ["color", "normal"])
+def test_dragged_threshold_gives_the_recorded_number(page, runs, feature):
+    summary = runs[0].summary
+    curve, cell = summary["curves"][feature], page.locator(f"[data-live={feature}]")
+    assert cell.inner_text() == f"{summary['discard'][feature]['mean_percent']:.2f} %"
+    handle = page.locator(f".handle[data-feature={feature}]")
+    handle.scroll_into_view_if_needed()
+    area = page.locator("#curves svg.plot").bounding_box()
+    box = handle.locator(".dot").bounding_box()
+    # Other dots may lie on top of the dot itself: the handle is lifted before it is taken.
+    handle.evaluate("node => node.parentNode.append(node)")
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(area["x"] + 0.35 * area["width"], area["y"] + 60, steps=5)
+    page.mouse.up()
+    seen = [expected_at(cell, curve, summary)]
+    handle.focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("PageUp")
+    seen.append(expected_at(cell, curve, summary))
+    assert seen[1][0] > seen[0][0] and seen[1][1] < seen[0][1]
+    page.get_by_role("button", name="Back to the thresholds used").click()
+    assert cell.inner_text() == f"{summary['discard'][feature]['mean_percent']:.2f} %"
+
+
+def expected_at(cell: Any, curve: dict, summary: dict) -> tuple[float, float]:
+    """Threshold and percentage on the page, held against the histogram in the summary."""
+    threshold, shown = float(cell.get_attribute("data-threshold")), float(cell.get_attribute("data-percent"))
+    (index,) = np.flatnonzero(np.array(curve["edges"]) == threshold)
+    expected = 100.0 * sum(curve["counts"][index + 1 :]) / (PAIRS * WIDTH * HEIGHT)
+    assert shown == pytest.approx(expected)
+    assert cell.inner_text() == (f"{expected:.2f} %" if expected >= 0.005 else "<0.01 %")
+    return threshold, shown
+
+
+def test_one_triangle_moves_all_thresholds(page):
+    page.locator(".handle[data-feature=all]").focus()
+    page.keyboard.press("PageDown")
+    values = {page.locator(f"[data-live={f}]").get_attribute("data-threshold") for f in ("color", "position", "direct")}
+    assert len(values) == 1 and float(values.pop()) < 32 / 255
+
+
+def test_pointing_at_the_plot_reads_a_pair_and_clicking_shows_it(page, runs):
+    plot = page.locator("#plots svg.plot")
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    page.mouse.move(box["x"] + box["width"] - 10, box["y"] + 80)
+    told = page.locator("#plots .readout").inner_text()
+    frustum = 100 * runs[0].frames[-1]["frustum"] / (WIDTH * HEIGHT)
+    assert "frame 12" in told and f"frustum {frustum:.2f} %" in told
+    page.mouse.click(box["x"] + box["width"] - 10, box["y"] + 80)
+    shown_frame(page, 12)
+    assert page.locator("#plots line.cut").count() == 1
+    page.locator("#plots [role=application]").focus()
+    page.keyboard.press("ArrowLeft")
+    shown_frame(page, 11)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_theme_follows_the_system_and_the_button(browser, page_file, scheme):
+    for page in opened(browser, page_file, color_scheme=scheme):
+        background = "getComputedStyle(document.body).backgroundColor"
+        first = page.evaluate(background)
+        page.locator("#theme").click()
+        second = page.evaluate(background)
+        page.locator("#theme").click()
+        assert first == page.evaluate(background) != second
+        brightness = [sum(map(int, re.findall(r"\d+", c)[:3])) for c in (first, second)]
+        assert (brightness[0] > brightness[1]) == (scheme == "light")
+
+
+@pytest.mark.parametrize("width", [320, 375, 768])
+def test_narrow_screens_scroll_down_only(browser, page_file, width):
+    size = {"width": width, "height": 700}
+    for page in opened(browser, page_file, viewport=size, has_touch=True, is_mobile=True):
+        wide = "[...document.querySelectorAll('body *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1"
+        wide += " && !e.closest('.wide, nav')).map(e => e.tagName + '.' + e.className.baseVal + e.className)"
+        assert page.evaluate(wide) == []
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        page.locator("label.reason").first.tap()
+        assert not page.locator("label.reason input").first.is_checked()
+
+
+def test_paper_gets_everything_and_no_controls(browser, page_file):
+    for page in opened(browser, page_file, viewport={"width": 720, "height": 1000}):
+        closed = page.locator("details:not([open])")
+        before = closed.count()
+        page.emulate_media(media="print")
+        playwright.expect(closed).to_have_count(0)
+        assert before > 0
+        assert page.locator(".figure .big").first.is_visible()
+        assert not page.locator("#theme").is_visible() and not page.locator("#frame").is_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 720
+        assert page.pdf(format="A4").startswith(b"%PDF")
+        page.emulate_media(media="screen")
+        playwright.expect(closed).to_have_count(before)
+
+
+def test_tab_reaches_every_control_and_focus_shows(page):
+    names = set()
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        names.add(page.evaluate(
+            "(() => { const a = document.activeElement;"
+            " return a.id || a.dataset.feature || a.dataset.reason || a.dataset.mode || a.className || a.tagName })()"
+        ))  # fmt: skip
+    assert {"theme", "run", "frame", "masks", "history", "frustum", "color", "all", "wide"} <= names
+    outline = page.evaluate("document.getElementById('theme').focus({focusVisible: true}) || "
+                            "getComputedStyle(document.getElementById('theme')).outlineStyle")  # fmt: skip
+    assert outline == "solid"
+    unnamed = page.evaluate("""() => [...document.querySelectorAll('input, button, select, [role=slider]')]
+        .filter(e => !e.getAttribute('aria-label') && !e.closest('label') && !e.textContent.trim()).length""")
+    assert unnamed == 0
+
+
+def test_a_run_without_pictures_or_pairs_opens_too(browser, tmp_path, make_run):
+    run = make_run()
+    run.summary |= {"pairs": 0, "curves": {}, "discard": {}}
+    file = write_html_report([ReportRun(run.summary, [])], tmp_path / "report.html")
+    for page in opened(browser, file):
+        told = page.locator("main").inner_text()
+        assert "No pictures: the run was not written to a folder" in told
+        assert "No pair of frames" in told and "recorded no curve" in told
+
+
+def test_evaluate_makes_the_report(browser, gpu, tmp_path):
+    from taubench_gl.api import evaluate
+    from taubench_gl.selftest.scenes import busy_room
+
+    out = tmp_path / "out"
+    run = evaluate(busy_room(lamps=1), out=out, report=True, width=48, height=27, fps=4, indirect="none")
+    index = json.loads((out / "pictures" / "index.json").read_text())
+    assert index["frames"] == [1, 2, 3, 4]
+    for page in opened(browser, out / "report.html"):
+        for name in ("color", "position", "normal", "direct"):
+            dot = page.locator(f".handle[data-feature={name}]")
+            used = float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
+            dot.focus()
+            page.keyboard.press("ArrowLeft")
+            below = float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
+            page.keyboard.press("ArrowRight")
+            page.keyboard.press("ArrowRight")
+            # The run's own mean lies between the exact counts at the bin edges on both sides of its threshold.
+            assert below >= used >= float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
+        worst = max(
+            run.frames, key=lambda r: sum(r[c] or 0 for c in ("frustum", "color", "position", "normal", "direct"))
+        )
+        shown_frame(page, worst["frame"])
+        for name in ("color", "position", "normal", "direct"):
+            page.locator(f"[data-reason={name}]").uncheck()
+        assert (mask_pixels(page)[..., 3] > 0).sum() == worst["frustum"]
