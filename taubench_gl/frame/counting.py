@@ -25,7 +25,7 @@ class SequenceStats:
         summation: str = "integer",
         histogram_bits: int = HISTOGRAM_MANTISSA_BITS,
     ):
-        """``summation``: of pixel counts over pairs, see ``metrics.summation``; ``histogram_bits`` as the mask pass's."""
+        """``summation``: of pixel counts, see ``metrics.summation``; ``histogram_bits`` as the mask pass's."""
         self.measured, self.reasons = measured, reasons
         self._summation, self._bits = summation, histogram_bits
         self._counts = {c: [] for c in (*COLUMNS, "pixels")}

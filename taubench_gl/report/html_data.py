@@ -156,7 +156,11 @@ def _pictures(run: ReportRun, most: int, budget: int) -> tuple[dict[str, Any] | 
 def _told(run: ReportRun, stored: StoredPictures, shown: int) -> str:
     """What was left out of the pictures, in one sentence."""
     pairs = run.summary.get("pairs") or 0
-    which = f"{shown} of {pairs} pairs pictured, evenly spaced" if shown < pairs else f"All {pairs} pairs pictured"
+    which = (
+        f"{shown} of {pairs} pairs pictured, evenly spaced"
+        if shown < pairs
+        else (f"All {pairs} pairs pictured" if pairs > 1 else "The one pair is pictured")
+    )
     if shown < pairs and stored.worst is not None:
         which += ", the most discarded among them"
     size = f"{stored.width}×{stored.height}"

@@ -23,7 +23,8 @@ def about(summary: Summary) -> str:
     size = f"{settings.get('width', '?')} × {settings.get('height', '?')} pixels"
     rate = settings.get("fps")
     rate = "?" if rate is None else f"{rate:g}"
-    return escape(f"{summary.get('pairs', 0)} pairs at {rate} fps · {size} · {ways}")
+    count = summary.get("pairs", 0)
+    return escape(f"{count} pair{'' if count == 1 else 's'} at {rate} fps · {size} · {ways}")
 
 
 def key_figures(summaries: Sequence[Summary], labels: Sequence[str]) -> str:

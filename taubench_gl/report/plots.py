@@ -41,7 +41,8 @@ def plot_thresholds(summary: Summary, path: str | Path) -> list[Path]:
     if not curves or not summary.get("pairs"):
         return []
     settings = summary["settings"]
-    pixels = summary["pairs"] * settings["width"] * settings["height"]
+    samples = settings.get("samples_per_pixel") or 1  # every sample of a pixel was counted
+    pixels = summary["pairs"] * settings["width"] * settings["height"] * samples
     figure, axes = _figure(7.5, 4.6)
     starts, ends, used_all = [], [], []
     for name, curve in curves.items():

@@ -49,6 +49,15 @@ def test_same_run_same_svg(summary, tmp_path):
     assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
 
 
+def test_samples_of_a_pixel_are_shares_of_their_own_number(summary, tmp_path):
+    """Twice the counts of twice the samples draw the same curve."""
+    first = plot_thresholds(summary, tmp_path / "a")[1].read_bytes()
+    summary["settings"]["samples_per_pixel"] = 2
+    for curve in summary["curves"].values():
+        curve["counts"] = [2 * count for count in curve["counts"]]
+    assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
+
+
 def test_names_that_look_like_formulas(summary, frames, tmp_path):
     summary["scene"]["name"] = r"$\frac{ 100 % $x_1$ <b>"
     assert len(plot_frames(summary, frames, tmp_path / "frames")) == 2
