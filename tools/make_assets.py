@@ -132,9 +132,11 @@ def add_carousel(w: Writer, metal: int, paints: list[int], at) -> list[tuple]:
     """A turning cross that carries counter-turning boxes: motion of a node, of its parent, and of both."""
     pole = w.mesh("post", w.primitive(box((-0.12, 0, -0.12), (0.12, 2.1, 0.12)), metal))
     post = w.node("post", translation=list(at), mesh=pole)
-    arms = join([box((-1.5, -.06, -.06), (1.5, .06, .06)), box((-.06, -.06, -1.5), (.06, .06, 1.5))])
+    arms = join([box((-1.5, -0.06, -0.06), (1.5, 0.06, 0.06)), box((-0.06, -0.06, -1.5), (0.06, 0.06, 1.5))])
     hub = w.node("carousel", post, translation=[0.0, 2.1, 0.0], mesh=w.mesh("arms", w.primitive(arms, metal)))
-    cars = [w.mesh(f"car {i}", w.primitive(box((-.28, -.28, -.28), (.28, .28, .28)), m)) for i, m in enumerate(paints)]
+    cars = [
+        w.mesh(f"car {i}", w.primitive(box((-0.28, -0.28, -0.28), (0.28, 0.28, 0.28)), m)) for i, m in enumerate(paints)
+    ]
     t = times(6)
     tracks = [(hub, "rotation", t, turn("y", 72.0 * np.arange(6)), "LINEAR")]
     for i, (x, z) in enumerate(((1.5, 0), (0, 1.5), (-1.5, 0), (0, -1.5))):
@@ -252,7 +254,7 @@ def demo() -> Writer:
     w = Writer(LICENCE, "taubench-gl tools/make_assets.py")
     add_court(w)
     metal = w.material("brass", (0.9, 0.65, 0.3), metallic=1.0, roughness=0.3)
-    paints = [w.material(f"paint {i}", c, roughness=0.35) for i, c in enumerate(((.75, .1, .08), (.1, .25, .7)))]
+    paints = [w.material(f"paint {i}", c, roughness=0.35) for i, c in enumerate(((0.75, 0.1, 0.08), (0.1, 0.25, 0.7)))]
     skin = w.material("tentacle", (0.35, 0.16, 0.4), roughness=0.5)
     jade = w.material("jade", (0.15, 0.55, 0.3), roughness=0.3)
     w.animation("carousel", *add_carousel(w, metal, paints, (3.2, 0, -0.4)))

@@ -27,6 +27,7 @@ _CHOICES = {
     "up": ("z", "y"),
     "depth": ("planar", "distance"),
     "color": ("linear", "encoded"),
+    "positions": ("world", "relative"),
     "motion.unit": ("px", "uv"),
     "motion.direction": ("previous-current", "current-previous"),
     "motion.y": ("up", "down"),
@@ -43,6 +44,7 @@ class PassMap:
     depth: str = "planar"
     background_depth: float = 1e9
     color: str = "linear"
+    positions: str = "world"  # relative: to the frame's own camera, prev_position to the previous one; world axes
     motion_unit: str = "px"
     motion_direction: str = "previous-current"
     motion_y: str = "up"

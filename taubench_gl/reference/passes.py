@@ -12,6 +12,7 @@ from taubench_gl.reference.exr import ExrImage
 from taubench_gl.reference.mapping import BOUNCES, LOBES, ChannelIndex, PassMap
 
 Array = np.ndarray
+UNIT_ROUNDING = 5e-7
 _NEEDED_LOBES = LOBES[:3]  # a file without volume passes has no volume; without glossy passes it has half a picture
 
 
@@ -37,6 +38,7 @@ class TruthFrame:
     lobes: Mapping[str, Array]  # "diffuse_direct", ... those that were asked for
     missing: Mapping[str, str] = field(default_factory=dict)  # column -> which pass would give it
     color_encoded: bool = False  # combined is display-encoded already
+    relative: bool = False  # positions are relative to the frame's camera, previous ones to the previous camera
 
 
 def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()) -> TruthFrame:
@@ -79,6 +81,7 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         lobes=apart,
         missing=missing_columns(index, lobes),
         color_encoded=mapping.color == "encoded",
+        relative=mapping.positions == "relative",
     )
 
 
@@ -102,9 +105,13 @@ def to_y_up(vectors: Array, up: str) -> Array:
 
 
 def unit(normals: Array) -> Array:
-    """Unit vectors; Cycles averages normals over the pixel, which shortens them.  Zero stays zero, NaN stays NaN."""
+    """Unit vectors; Cycles averages normals over the pixel, which shortens them.  Zero stays zero, NaN stays NaN.
+
+    What is a unit vector already, but for the rounding of float32, keeps its bits.
+    """
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    return normals / np.where(length > 0, length, 1).astype(normals.dtype)
+    scale = np.where((length > 0) & (np.abs(length - 1) > UNIT_ROUNDING), length, 1)
+    return normals / scale.astype(normals.dtype)
 
 
 def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Array | None:

@@ -135,7 +135,7 @@ def test_mapping_files(tmp_path):
 
 
 def test_presets_are_sound():
-    assert presets() == ("blender", "falcor", "mitsuba")
+    assert presets() == ("blender", "falcor", "mitsuba", "taubench")
     for name in presets():
         assert "position" in load_mapping(name).passes
     names = ["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"]

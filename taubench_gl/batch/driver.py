@@ -1,0 +1,225 @@
+"""The driver: hands units to an engine, keeps what comes back, and knows what to do when something does not."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from taubench_gl.batch.engines import Engine
+from taubench_gl.batch.merge import finish, job_positions, merge_job, write_job
+from taubench_gl.batch.store import Store
+from taubench_gl.batch.study import Job, Study
+from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Key, Lost, NoGraphics, PairDone, Slot, Unit
+from taubench_gl.errors import GraphicsError
+from taubench_gl.run import SUMMARY_FILE
+
+CHUNK_PAIRS = 32
+"""Most pairs of a chunk: what a killed driver loses of each worker.  Each chunk draws one frame more than its pairs."""
+
+MIN_CHUNK_PAIRS = 4
+
+
+class Listener:
+    """What a screen may want to hear; every method does nothing here."""
+
+    def job_known(self, job: Job, done: int, total: int) -> None:
+        """A job's number of pairs is known, and how many of them an earlier run has left."""
+
+    def pairs_done(self, job: Job, pairs: int) -> None:
+        """More pairs of a job are counted (negative: some of a chunk that has to be done again)."""
+
+    def job_finished(self, job: Job) -> None: ...
+
+    def job_failed(self, job: Job, message: str) -> None: ...
+
+    def say(self, line: str) -> None:
+        """Something worth a line: a worker died, or has no OpenGL."""
+
+
+@dataclass(slots=True)
+class _JobState:
+    job: Job
+    head: dict[str, Any] | None = None
+    pending: deque[Unit] = field(default_factory=deque)
+    flying: int = 0
+    over: bool = False  # finished or failed
+
+    @property
+    def complete(self) -> bool:
+        return self.head is not None and not self.pending and not self.flying and not self.over
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """``failed``: job id -> why."""
+
+    summary: dict[str, Any]
+    failed: dict[str, str]
+
+
+class Driver:
+    """Runs what is missing of a study in ``store``; the folder is locked by the caller."""
+
+    def __init__(
+        self, study: Study, store: Store, engine: Engine, listener: Listener | None = None, chunk: int | None = None
+    ):
+        """``chunk``: pairs per unit; None: by the engine's width.  It changes no result."""
+        self.study, self.store, self.engine = study, store, engine
+        self.listener = listener or Listener()
+        self._chunk = chunk
+        self._states = {job.id: _JobState(job) for job in study.jobs}
+        self._attempts: Counter[Key] = Counter()
+        self._shown: Counter[Key] = Counter()  # pairs of a running unit that the listener has heard of
+        self._failed: dict[str, str] = {}
+        self._without_gl: list[str] = []
+
+    def on_pair(self, event: PairDone) -> None:
+        """For engines that tell of pairs while ``wait`` still blocks."""
+        self._shown[event.unit.key] += 1
+        self.listener.pairs_done(self._states[event.unit.job].job, 1)
+
+    def run(self) -> Outcome:
+        """Everything to the end.  Raises GraphicsError where no worker can go on; what is finished stays."""
+        for state in self._states.values():
+            self._begin(state)
+        while True:
+            for slot in self.engine.idle():
+                unit = self._choose(slot)
+                if unit is None:
+                    break
+                self._states[unit.job].flying += 1
+                self.engine.submit(slot, unit)
+            if not any(state.flying for state in self._states.values()):
+                if any(state.pending for state in self._states.values()):
+                    why = self._without_gl[-1] if self._without_gl else "all have ended"
+                    hint = "what is finished stays; resume on machines that have it"
+                    raise GraphicsError(f"no worker with OpenGL is left: {why}", hint=hint)
+                break
+            for event in self.engine.wait():
+                self._take(event)
+        return Outcome(finish(self.store, self.study, self._failed), self._failed)
+
+    # -------------------------------------------------------------------------------------------------- beginning
+    def _begin(self, state: _JobState) -> None:
+        """What an earlier run has left of a job is taken over."""
+        self.store.clear_failure(state.job.id)
+        head = self.store.load_head(state.job)
+        if head is None:
+            state.pending.append(Unit(state.job.id, state.job.scene, state.job.settings))
+        else:
+            self._plan(state, head)
+
+    def _plan(self, state: _JobState, head: dict[str, Any]) -> None:
+        """Queue the pairs that are not there yet."""
+        job = state.job
+        state.head = head
+        positions = job_positions(job, head)
+        if (self.store.job(job.id) / SUMMARY_FILE).is_file():
+            self.listener.job_known(job, len(positions), len(positions))
+            state.over = True
+            self.listener.job_finished(job)
+            return
+        records, told = self.store.load_pairs(job)
+        missing = [p for p in positions if p not in records]
+        self.listener.job_known(job, len(positions) - len(missing), len(positions))
+        sha256 = head["facts"]["scene"]["sha256"]
+        chunks = chunked(missing, self._chunk or self._chunk_size(len(positions)))
+        if not positions and not told:
+            chunks = [()]
+        state.pending.extend(Unit(job.id, job.scene, job.settings, chunk, sha256) for chunk in chunks)
+        if state.complete:
+            self._finish(state)
+
+    def _chunk_size(self, pairs: int) -> int:
+        """At least two chunks for every worker where a job has that many pairs: it may be the only one left."""
+        return min(CHUNK_PAIRS, max(MIN_CHUNK_PAIRS, math.ceil(pairs / (2 * self.engine.width()))))
+
+    # ---------------------------------------------------------------------------------------------------- choosing
+    def _choose(self, slot: Slot) -> Unit | None:
+        """The next unit for a worker: of the scene it has loaded, else of one nobody works on, else of any."""
+        waiting = [state for state in self._states.values() if state.pending]
+        if not waiting:
+            return None
+        own = self._states.get(slot.last_job) if slot.last_job is not None else None
+        if own is not None and own.pending:
+            return own.pending.popleft()
+        fresh = next((state for state in waiting if not state.flying), None)
+        return (fresh or max(waiting, key=lambda state: len(state.pending))).pending.popleft()
+
+    # ------------------------------------------------------------------------------------------------------ events
+    def _take(self, event: Event) -> None:
+        if isinstance(event, PairDone):
+            self.on_pair(event)
+            return
+        if isinstance(event, NoGraphics):
+            self._barren(event)
+            return
+        state = self._states[event.unit.job]
+        state.flying -= 1
+        actions: dict[type, Callable[[_JobState, Any], None]] = {
+            Finished: self._finished,
+            Failed: lambda s, e: self._fail(s, e.message, e.details),
+            Lost: self._lost,
+        }
+        actions[type(event)](state, event)
+        if state.complete:
+            self._finish(state)
+
+    def _finished(self, state: _JobState, event: Finished) -> None:
+        unit = event.unit
+        if unit.positions is None:
+            if not state.over:
+                self._plan(state, self.store.save_head(state.job, event.data))
+            return
+        self.store.save_pairs(unit.job, unit.positions, event.data)
+        self.listener.pairs_done(state.job, len(unit.positions) - self._shown.pop(unit.key, 0))
+
+    def _lost(self, state: _JobState, event: Lost) -> None:
+        unit = event.unit
+        self.listener.pairs_done(state.job, -self._shown.pop(unit.key, 0))
+        self._attempts[unit.key] += event.tried
+        if self._attempts[unit.key] >= ATTEMPTS:
+            message = f"{event.reason}, {self._attempts[unit.key]} times in {unit.name}"
+            self._fail(state, f"{state.job.scene}: {message}", event.details)
+        elif not state.over:
+            self.listener.say(f"{state.job.label}: {event.reason}; {unit.name} is done again")
+            state.pending.appendleft(unit)
+
+    def _barren(self, event: NoGraphics) -> None:
+        if event.worker:
+            self.listener.say(f"{event.worker} has no OpenGL and gets nothing more to do: {event.message}")
+            self._without_gl.append(event.message)
+        if event.unit is not None:
+            state = self._states[event.unit.job]
+            state.flying -= 1
+            if not state.over:
+                state.pending.appendleft(event.unit)
+
+    def _fail(self, state: _JobState, message: str, details: str) -> None:
+        if state.over:
+            return
+        state.over = True
+        state.pending.clear()
+        self._failed[state.job.id] = message
+        self.store.log_failure(state.job.id, message, details)
+        self.listener.job_failed(state.job, message)
+
+    def _finish(self, state: _JobState) -> None:
+        """All pairs are there: the job's own files."""
+        job, head = state.job, state.head
+        records, told = self.store.load_pairs(job)
+        missing = [p for p in job_positions(job, head) if p not in records]
+        if missing or not told:  # a file was damaged after it was written
+            self._plan(state, head)
+            return
+        write_job(self.store, job, merge_job(job, head, records, told), told)
+        state.over = True
+        self.listener.job_finished(job)
+
+
+def chunked(positions: list[int], size: int) -> list[tuple[int, ...]]:
+    """Pieces of at most ``size`` positions.  Frames between two pairs far apart are not drawn (``pair_schedule``)."""
+    return [tuple(positions[i : i + size]) for i in range(0, len(positions), size)]

@@ -1,0 +1,133 @@
+"""Pairs of one job as a Parquet file: the rows of frames.csv, and the exact counts and histograms they come from.
+
+Counts are stored sparsely: ``word`` / ``word_pixels`` are the reason words that occur and their pixels,
+``bin`` / ``bin_pixels`` the histogram bins (feature * bins + bin, features in the order of ``conventions.FEATURES``).
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import FEATURES, histogram_bins
+from taubench_gl.errors import OutputError
+from taubench_gl.frame.passes.masks import COMBOS, Counts
+from taubench_gl.run import CAMERA_COLUMNS, COUNT_COLUMNS
+
+TOLD = b"taubench-gl"
+"""Key of the file's metadata: JSON with what the worker told of the job and of itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class PairRecord:
+    """One pair: its ``position`` among the job's pairs, its row of frames.csv, its exact counts."""
+
+    position: int
+    row: dict[str, Any]
+    counts: Counts
+
+
+def require_pyarrow() -> Any:
+    """pyarrow with its Parquet module.  Raises OutputError where it is not installed."""
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        hint = "pip install 'taubench-gl[batch]'"
+        raise OutputError("batches are kept as Parquet files, which needs pyarrow", hint=hint) from None
+    return pyarrow
+
+
+def encode(records: Sequence[PairRecord], told: Mapping[str, Any]) -> bytes:
+    """A whole Parquet file."""
+    pa = require_pyarrow()
+    columns: dict[str, list[Any]] = {name: [] for name in _fields(pa)}
+    for record in records:
+        columns["pair"].append(record.position)
+        for name in (*_PLAIN, *COUNT_COLUMNS, *CAMERA_COLUMNS):
+            columns[name].append(record.row[name])
+        for name, values in (("word", record.counts.combos), ("bin", record.counts.histograms)):
+            flat = np.asarray(values, dtype=np.int64).ravel()
+            used = np.flatnonzero(flat)
+            columns[name].append(used)
+            columns[f"{name}_pixels"].append(flat[used])
+    fields = _fields(pa)
+    arrays = [pa.array(columns[name], type=kind) for name, kind in fields.items()]
+    schema = pa.schema(list(fields.items()), metadata={TOLD: json.dumps(told)})
+    sink = io.BytesIO()
+    pa.parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), sink, compression="zstd")
+    return sink.getvalue()
+
+
+def decode(data: bytes, histogram_bits: int) -> tuple[list[PairRecord], dict[str, Any]]:
+    """The inverse of ``encode``.  Raises ValueError for what is no such file (cut off, another schema)."""
+    pa = require_pyarrow()
+    try:
+        table = pa.parquet.read_table(io.BytesIO(data))
+        told = json.loads(table.schema.metadata[TOLD])
+        rows = table.to_pylist()
+    except (pa.ArrowException, OSError, KeyError, TypeError) as error:
+        raise ValueError(f"no partition of pairs: {error}") from None
+    if set(table.column_names) != set(_fields(pa)):
+        raise ValueError("no partition of pairs: other columns")
+    bins = histogram_bins(histogram_bits)
+    out = []
+    for values in rows:
+        combos = np.zeros(COMBOS, dtype=np.int64)
+        combos[values.pop("word")] = values.pop("word_pixels")
+        histograms = np.zeros(len(FEATURES) * bins, dtype=np.int64)
+        histograms[values.pop("bin")] = values.pop("bin_pixels")
+        position = values.pop("pair")
+        out.append(PairRecord(position, values, Counts(combos, histograms.reshape(len(FEATURES), bins))))
+    return out, told
+
+
+def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapping[str, Any]]]]) -> bytes:
+    """One Parquet file of all pairs of all jobs: ``job``, ``scene``, what is swept (as text), and frames.csv."""
+    pa = require_pyarrow()
+    jobs = list(jobs)
+    swept = list(dict.fromkeys(key for _, _, sweep, _ in jobs for key in sweep))
+    fields = {"job": pa.string(), "scene": pa.string()} | {f"sweep_{key}": pa.string() for key in swept}
+    fields |= {name: kind for name, kind in _fields(pa).items() if name in (*_PLAIN, *COUNT_COLUMNS, *CAMERA_COLUMNS)}
+    fields["camera_cut"] = pa.bool_()
+    columns: dict[str, list[Any]] = {name: [] for name in fields}
+    for job, scene, sweep, rows in jobs:
+        for row in rows:
+            told = {"job": job, "scene": scene} | {f"sweep_{k}": _text(sweep.get(k)) for k in swept} | dict(row)
+            for name in fields:
+                value = told[name]
+                columns[name].append(bool(value) if name in ("camera_cut", "gimbal") else value)
+    arrays = [pa.array(columns[name], type=kind) for name, kind in fields.items()]
+    sink = io.BytesIO()
+    pa.parquet.write_table(
+        pa.Table.from_arrays(arrays, schema=pa.schema(list(fields.items()))), sink, compression="zstd"
+    )
+    return sink.getvalue()
+
+
+_PLAIN = ("frame", "time_s", "gimbal")
+
+
+def _text(value: Any) -> str | None:
+    return value if value is None or isinstance(value, str) else json.dumps(value)
+
+
+def _fields(pa: Any) -> dict[str, Any]:
+    """Column -> Arrow type.  A count that was not measured is null."""
+    return {
+        "pair": pa.int64(),
+        "frame": pa.int64(),
+        "time_s": pa.float64(),
+        **dict.fromkeys(COUNT_COLUMNS, pa.int64()),
+        **dict.fromkeys(CAMERA_COLUMNS, pa.float64()),
+        "gimbal": pa.bool_(),
+        "word": pa.list_(pa.int32()),
+        "word_pixels": pa.list_(pa.int64()),
+        "bin": pa.list_(pa.int32()),
+        "bin_pixels": pa.list_(pa.int64()),
+    }

@@ -1,0 +1,191 @@
+"""The folder of a batch: where everything lies, and what of it is whole.
+
+    study.json                    the jobs, as the study asked for them
+    jobs/JOB/head.json            what the scene says; cameras of all frames
+    jobs/JOB/pairs/*.parquet      finished pairs with their exact counts, one file per chunk
+    jobs/JOB/summary.json, frames.csv    once all pairs are there: as ``evaluate --out`` writes them
+    jobs/JOB/provenance.json      who computed which pairs, and how fast
+    logs/JOB.log                  why a job failed
+    summary.json, frames.parquet, tables.*      of the whole study
+
+Only the driver writes here, every file whole or not at all, so whatever is there can be believed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from taubench_gl import __version__
+from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
+from taubench_gl.batch.study import Job, Study, settings_dict, settings_from
+from taubench_gl.errors import OutputError
+from taubench_gl.outputs import cannot_write
+
+STUDY_SCHEMA = "taubench-gl/batch-study/1"
+STUDY_FILE = "study.json"
+
+
+class Store:
+    """One batch's folder."""
+
+    def __init__(self, out: str | Path):
+        self.out = Path(out)
+
+    # ----------------------------------------------------------------------------------------------------- places
+    def job(self, job: str) -> Path:
+        return self.out / "jobs" / job
+
+    def head_file(self, job: str) -> Path:
+        return self.job(job) / "head.json"
+
+    def pairs_folder(self, job: str) -> Path:
+        return self.job(job) / "pairs"
+
+    def log_file(self, job: str) -> Path:
+        return self.out / "logs" / f"{job}.log"
+
+    # ------------------------------------------------------------------------------------------------------ study
+    def save_study(self, study: Study) -> None:
+        """Remember the jobs.  Folders of jobs that an earlier study had are left alone and no longer counted."""
+        old = self.out / STUDY_FILE
+        if old.exists():
+            self._study_values()  # refuse to write into what is not ours
+        elif self.out.is_dir() and any(p.name != ".lock" for p in self.out.iterdir()):
+            raise OutputError("holds other files and no batch", where=str(self.out), hint="give --out a new folder")
+        jobs = [
+            {"id": job.id, "scene": job.scene, "settings": settings_dict(job.settings), "sweep": dict(job.sweep)}
+            for job in study.jobs
+        ]
+        self.write_json(old, {"schema": STUDY_SCHEMA, "version": __version__, "name": study.name, "jobs": jobs})
+
+    def load_study(self) -> Study:
+        """The study this folder was last given.  Raises OutputError where there is none."""
+        values = self._study_values()
+        try:
+            jobs = [Job(j["id"], j["scene"], settings_from(j["settings"]), j["sweep"]) for j in values["jobs"]]
+            return Study(values["name"], tuple(jobs))
+        except (KeyError, TypeError, ValueError) as error:
+            raise OutputError(f"is damaged: {error}", where=str(self.out / STUDY_FILE)) from None
+
+    def _study_values(self) -> dict[str, Any]:
+        path = self.out / STUDY_FILE
+        try:
+            values = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            what = "holds no batch" if self.out.is_dir() else "does not exist"
+            raise OutputError(what, where=str(self.out), hint="give the folder of 'taubench-gl batch --out'") from None
+        except (OSError, ValueError) as error:
+            raise OutputError(f"cannot be read: {error}", where=str(path)) from None
+        schema, version = values.get("schema"), values.get("version")
+        if schema != STUDY_SCHEMA or version != __version__:
+            what = f"was begun by taubench-gl {version} ({schema}), this is {__version__} ({STUDY_SCHEMA})"
+            raise OutputError(what, where=str(path), hint="numbers of two versions are not mixed: give a new --out")
+        return values
+
+    # ------------------------------------------------------------------------------------------------------- heads
+    def load_head(self, job: Job) -> dict[str, Any] | None:
+        """The job's head; None where it is missing or the scene file is no longer the one it was made of."""
+        try:
+            values = json.loads(self.head_file(job.id).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return values if values.get("file") == file_stamp(job.scene) is not None else None
+
+    def save_head(self, job: Job, data: bytes) -> dict[str, Any]:
+        """Keep a head.  Pairs of a scene that has changed since are of no more use and go."""
+        values = json.loads(data) | {"file": file_stamp(job.scene)}
+        try:
+            before = json.loads(self.head_file(job.id).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            before = None
+        if before is None or before["facts"] != values["facts"] or before["frames"] != values["frames"]:
+            self.forget(job.id)
+        self.write_json(self.head_file(job.id), values, indent=None)
+        return values
+
+    def forget(self, job: str) -> None:
+        """Remove everything of one job but its log."""
+        if self.job(job).exists():
+            shutil.rmtree(self.job(job))
+
+    # ------------------------------------------------------------------------------------------------------- pairs
+    def save_pairs(self, job: str, positions: Sequence[int], data: bytes) -> None:
+        name = f"pairs-{positions[0]:06d}-{positions[-1]:06d}.parquet" if positions else "pairs-none.parquet"
+        self.write(self.pairs_folder(job) / name, data)
+
+    def load_pairs(self, job: Job) -> tuple[dict[int, PairRecord], list[dict[str, Any]]]:
+        """All finished pairs by position, and what the workers told, in the order of the files' names.
+
+        A file that cannot be read (a disk's fault: files appear whole) is removed, its pairs are to be done again.
+        """
+        records: dict[int, PairRecord] = {}
+        told: list[dict[str, Any]] = []
+        for path in sorted(self.pairs_folder(job.id).glob("*.parquet")):
+            try:
+                found, said = decode(path.read_bytes(), job.settings.histogram_bits)
+            except (ValueError, OSError):
+                path.unlink(missing_ok=True)
+                continue
+            told.append(said | {"pairs": [record.row["frame"] for record in found]})
+            for record in found:
+                records.setdefault(record.position, record)
+        return records, told
+
+    def known_positions(self, job: str) -> list[int]:
+        """Positions of the pairs that are there.  Reads one column and changes nothing: a driver may be at work."""
+        parquet = require_pyarrow().parquet
+        out: list[int] = []
+        for path in sorted(self.pairs_folder(job).glob("*.parquet")):
+            with contextlib.suppress(OSError, ValueError):  # ArrowInvalid is a ValueError
+                out += parquet.read_table(path, columns=["pair"])["pair"].to_pylist()
+        return out
+
+    # -------------------------------------------------------------------------------------------------------- logs
+    def log_failure(self, job: str, message: str, details: str) -> Path:
+        path = self.log_file(job)
+        self.write(path, f"{message}\n\n{details}".rstrip().encode() + b"\n")
+        return path
+
+    def failure(self, job: str) -> str | None:
+        """Why the job failed when it was last tried, in one line."""
+        try:
+            return self.log_file(job).read_text(encoding="utf-8").partition("\n")[0]
+        except OSError:
+            return None
+
+    def clear_failure(self, job: str) -> None:
+        self.log_file(job).unlink(missing_ok=True)
+
+    # ----------------------------------------------------------------------------------------------------- writing
+    def write_json(self, path: Path, values: Mapping[str, Any], indent: int | None = 2) -> None:
+        text = json.dumps(values, indent=indent, ensure_ascii=False, allow_nan=False)
+        self.write(path, text.encode() + b"\n")
+
+    def write(self, path: Path, data: bytes) -> None:
+        """Write ``data`` beside ``path`` and rename it, so that ``path`` is whole or not there.  Raises OutputError."""
+        partial = path.with_name(f".{path.name}.partial")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with open(partial, "wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(partial, path)
+        except OSError as error:
+            partial.unlink(missing_ok=True)
+            raise cannot_write(path, error) from None
+
+
+def file_stamp(scene: str) -> list[int] | None:
+    """Size and time of change of a scene's file; None for what is no plain file (an OBJ sequence, say)."""
+    try:
+        found = os.stat(scene)
+    except OSError:
+        return None
+    return [found.st_size, found.st_mtime_ns] if os.path.isfile(scene) else None

@@ -1,0 +1,101 @@
+"""What can be exported: the channel table's channels, and those that are made of them on the way out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.channels import CHANNELS
+from taubench_gl.errors import SettingsError
+
+_DTYPES = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}
+
+
+@dataclass(frozen=True, slots=True)
+class ExportChannel:
+    """One channel of a file.  ``components`` of the picture (h, w, components), row 0 at the top."""
+
+    name: str
+    components: int
+    dtype: np.dtype
+    unit: str
+    doc: str
+    exr: tuple[str, ...]  # one EXR channel per component
+    keeps_float: bool = False  # geometry: half precision would move it
+
+
+def _from_table(name: str) -> ExportChannel:
+    """The components that the table gives an EXR name; position's w is the channel ``depth``."""
+    info = CHANNELS[name]
+    exr = tuple(e for e in info.exr if e and not (name == "position" and e.startswith("Depth")))
+    geometry = name in ("position", "prev_position", "motion")
+    return ExportChannel(name, len(exr), np.dtype(_DTYPES[info.dtype]), info.unit, info.doc, exr, geometry)
+
+
+EXPORTS: dict[str, ExportChannel] = {
+    c.name: c
+    for c in (
+        _from_table("position"),
+        ExportChannel(
+            "depth", 1, np.dtype(np.float32), "m", "planar depth along the view direction; 0 = no surface",
+            ("Depth.Z",), True,
+        ),
+        *(_from_table(name) for name in CHANNELS if name not in ("position", "motion", "mask")),
+        ExportChannel(
+            "motion", 2, np.dtype(np.float32), "px",
+            "backward: previous - current, +x right, +y down, surfaces followed; NaN where there is none",
+            ("Motion.X", "Motion.Y"), True,
+        ),
+        ExportChannel(
+            "motion_forward", 2, np.dtype(np.float32), "px",
+            "forward: next - current, +x right, +y down, by the next pose; NaN where there is none",
+            ("MotionForward.X", "MotionForward.Y"), True,
+        ),
+        ExportChannel(
+            "mask", 1, np.dtype(np.uint32), "bits", "reason bits against the previous frame (conventions.Reason)",
+            ("Mask",), True,
+        ),
+        ExportChannel(
+            "mask_forward", 1, np.dtype(np.uint32), "bits",
+            "the same against the next frame, surfaces followed, geometry only: DISOCCLUDED is hidden there",
+            ("MaskForward",), True,
+        ),
+    )
+}  # fmt: skip
+
+GROUPS = {
+    "gbuffer": ("position", "depth", "normal", "geometric_normal", "base_color", "material", "emission", "ids"),
+    "radiance": ("direct", "indirect", "color"),
+    "lobes": ("direct_diffuse", "direct_glossy"),
+    "flow": ("motion", "motion_forward"),
+    "masks": ("mask", "mask_forward"),
+}
+DEFAULT = ("gbuffer", "flow", "masks")
+RADIANCE = (*GROUPS["radiance"], *GROUPS["lobes"])
+PRECISIONS = ("native", "float", "half")
+
+
+def choose_channels(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Names and groups -> channel names in the table's order.  Raises SettingsError."""
+    names: set[str] = set()
+    for word in words or DEFAULT:
+        if word == "all":
+            names |= EXPORTS.keys()
+        elif word in GROUPS:
+            names |= set(GROUPS[word])
+        elif word in EXPORTS:
+            names.add(word)
+        else:
+            listed = ", ".join([*GROUPS, "all", *EXPORTS])
+            raise SettingsError(f"no channel is named {word!r}", hint=f"choose from {listed}")
+    return tuple(name for name in EXPORTS if name in names)
+
+
+def stored_as(channel: ExportChannel, precision: str) -> np.dtype:
+    """``native``: as the GPU holds it, nothing lost.  ``float``: all 32 bits.  ``half``: 16 bits but for geometry."""
+    if channel.dtype.kind != "f":
+        return channel.dtype
+    if precision == "float" or (precision == "half" and channel.keeps_float):
+        return np.dtype(np.float32)
+    return np.dtype(np.float16) if precision == "half" else channel.dtype

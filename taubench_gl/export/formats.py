@@ -1,0 +1,197 @@
+"""The file formats: one class each, all with the same four methods (``Writer``)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from taubench_gl.errors import SettingsError
+from taubench_gl.export.channels import EXPORTS, stored_as
+from taubench_gl.export.frames import ExportFrame
+from taubench_gl.outputs import cannot_write
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """What an export consists of.  ``frames`` are those asked for; ``names`` the channels that there are."""
+
+    scene: str
+    size: tuple[int, int]
+    fps: float
+    frames: range
+    names: tuple[str, ...]
+    precision: str
+
+
+class Writer(Protocol):
+    def __init__(self, out: Path, spec: Spec): ...
+
+    def prepare(self) -> None:
+        """Make what all frames share.  Called again when an export is resumed: what is there stays."""
+
+    def done(self, frame: int) -> bool:
+        """Whether the frame is there, whole."""
+
+    def write(self, frame: ExportFrame) -> None:
+        """Write one frame, whole or not at all."""
+
+    def remove(self) -> None:
+        """Take away what this format has written."""
+
+
+def write_file(path: Path, write: Callable[[Path], None]) -> None:
+    """``write`` makes a file beside ``path``, which is then renamed: nobody sees half of it.  Raises OutputError."""
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(partial)
+        with open(partial, "rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise cannot_write(path, error) from None
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    write_file(path, lambda partial: partial.write_bytes(data))
+
+
+class _PerFrame:
+    """One file per frame."""
+
+    suffix = ""
+
+    def __init__(self, out: Path, spec: Spec):
+        self.out, self.spec = out, spec
+
+    def path(self, frame: int) -> Path:
+        return self.out / f"frame_{frame:05d}{self.suffix}"
+
+    def prepare(self) -> None:
+        pass
+
+    def done(self, frame: int) -> bool:
+        return self.path(frame).is_file()
+
+    def remove(self) -> None:
+        for path in self.out.glob(f"frame_*{self.suffix}"):
+            path.unlink()
+
+    def stored(self, frame: ExportFrame) -> dict[str, Array]:
+        """Channels in the precision asked for."""
+        types = {name: stored_as(EXPORTS[name], self.spec.precision) for name in self.spec.names}
+        with np.errstate(over="ignore"):  # beyond half's 65504 is infinite, as the format has it
+            return {name: frame.channels[name].astype(types[name], copy=False) for name in self.spec.names}
+
+
+class ExrWriter(_PerFrame):
+    """Multilayer OpenEXR, one part, ZIP; channel names of the channel table; matrices as attributes."""
+
+    suffix = ".exr"
+
+    def write(self, frame: ExportFrame) -> None:
+        import OpenEXR
+
+        planes = {}
+        for name, values in self.stored(frame).items():
+            for i, exr in enumerate(EXPORTS[name].exr):
+                planes[exr] = np.ascontiguousarray(values[..., i])
+        header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        header |= exr_attributes(self.spec, frame)
+        write_file(self.path(frame.number), lambda partial: OpenEXR.File(header, planes).write(str(partial)))
+
+
+def exr_attributes(spec: Spec, frame: ExportFrame) -> dict[str, Any]:
+    """``worldToCamera`` is OpenEXR's own (float, rows act on row vectors, +Y up, -Z forward); ours are double and act
+    on column vectors, named as in ``export.camera.matrices``."""
+    camera = frame.camera
+    world_to_camera = np.linalg.inv(camera["world_from_view"]).T
+    return {
+        "worldToCamera": np.ascontiguousarray(world_to_camera, dtype=np.float32),
+        "taubench.worldFromView": camera["world_from_view"],
+        "taubench.clipFromView": camera["clip_from_view"],
+        "taubench.intrinsics": camera["intrinsics"],
+        "taubench.jitterPx": camera["jitter_px"],
+        "taubench.frame": frame.number,
+        "taubench.timeSeconds": float(frame.time_s),
+        "taubench.scene": spec.scene,
+        "taubench.positions": "relative to the camera, world axes, metres",
+    }
+
+
+class NpzWriter(_PerFrame):
+    """Compressed NumPy archives: every channel by its name, and the camera's matrices."""
+
+    suffix = ".npz"
+
+    def write(self, frame: ExportFrame) -> None:
+        arrays = self.stored(frame) | frame.camera
+        arrays |= {"frame": np.array(frame.number), "time_s": np.array(frame.time_s)}
+        write_file(self.path(frame.number), lambda partial: np.savez_compressed(partial, **arrays))
+
+
+class ZarrWriter:
+    """Zarr v3 group ``frames.zarr``: one array (N, h, w, components) per channel, one chunk per frame.
+
+    ``written`` (N,) bool is set last: a frame counts as there only then.
+    """
+
+    def __init__(self, out: Path, spec: Spec):
+        self.path, self.spec = out / "frames.zarr", spec
+        self._group: Any = None
+
+    def prepare(self) -> None:
+        try:
+            import zarr
+        except ImportError:
+            raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
+        spec, count = self.spec, len(self.spec.frames)
+        if (self.path / "zarr.json").is_file():
+            self._group = zarr.open_group(self.path, mode="r+")
+            if self._group.attrs.get("complete_layout"):
+                return
+        self._group = group = zarr.open_group(self.path, mode="w", zarr_format=3)
+        for name in spec.names:
+            info, dtype = EXPORTS[name], stored_as(EXPORTS[name], spec.precision)
+            shape = (spec.size[1], spec.size[0], info.components)
+            group.create_array(
+                name, shape=(count, *shape), chunks=(1, *shape), dtype=dtype,
+                fill_value=np.nan if dtype.kind == "f" else 0,
+                dimension_names=("frame", "y", "x", "component"), attributes={"unit": info.unit, "doc": info.doc},
+            )  # fmt: skip
+        shapes = {"world_from_view": (4, 4), "clip_from_view": (4, 4), "intrinsics": (3, 3), "jitter_px": (2,)}
+        for name, shape in shapes.items():
+            group.create_array(name, shape=(count, *shape), chunks=(1, *shape), dtype="float64", fill_value=np.nan)
+        numbers = np.array(spec.frames, dtype=np.int64)
+        group.create_array("frame", data=numbers)
+        group.create_array("time_s", data=numbers / spec.fps)
+        group.create_array("written", shape=(count,), chunks=(1,), dtype="bool", fill_value=False)
+        group.attrs.update({"scene": spec.scene, "fps": spec.fps, "complete_layout": True})
+
+    def done(self, frame: int) -> bool:
+        try:
+            return bool(self._group["written"][self.spec.frames.index(frame)])
+        except Exception:  # a chunk that was cut off by a kill: the codec's error, whichever it is
+            return False
+
+    def write(self, frame: ExportFrame) -> None:
+        row = self.spec.frames.index(frame.number)
+        for name in self.spec.names:
+            self._group[name][row] = frame.channels[name].astype(self._group[name].dtype, copy=False)
+        for name, values in frame.camera.items():
+            self._group[name][row] = values
+        self._group["written"][row] = True
+
+    def remove(self) -> None:
+        import shutil
+
+        shutil.rmtree(self.path, ignore_errors=True)

@@ -1,0 +1,177 @@
+"""Draws the frames of an export: every asked-for channel of one frame after another, as arrays.
+
+Backward motion and masks compare with the frame before, which is drawn for it where it is not exported itself.  Forward
+motion is drawn: the frame with the *next* pose in the place of the previous one.  At the ends of a sequence, where
+there is no frame before or after, motion is NaN and the mask says FIRST.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.animation.jitter import halton_jitter
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import FEATURES, Reason
+from taubench_gl.export.camera import matrices
+from taubench_gl.export.channels import RADIANCE
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.targets import History, read_channel
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+JITTERS = ("none", "halton")
+NO_MOTION = int(Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.BEHIND)
+"""Pixels without a place in the other frame."""
+
+FORWARD = ("motion_forward", "mask_forward")
+
+
+@dataclass(frozen=True, slots=True)
+class ExportFrame:
+    """One frame.  ``channels``: name -> (h, w, components); ``camera``: see ``export.camera.matrices``."""
+
+    number: int
+    time_s: float
+    channels: dict[str, Array]
+    camera: dict[str, Array]
+    view: View
+
+
+class FrameSource:
+    """Draws any frame of a scene for export.  ``names``: the channels asked for; ``unmeasured`` says which of them the
+    scene does not give, and why."""
+
+    def __init__(
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        camera: CameraTrack,
+        settings: Settings,
+        names: tuple[str, ...],
+        count: int,
+        jitter: str = "none",
+    ):
+        """``count``: frames of the whole sequence; ``jitter``: of JITTERS."""
+        self._gpu, self._camera, self._count = gpu, camera, count
+        self._poser = Poser(scene)
+        self._jitter = halton_jitter if jitter == "halton" else None
+        columns = settings.columns if "mask" in names else ("frustum",)
+        columns += tuple(c for c in ("direct", "indirect", "color") if c in names and c not in columns)
+        if set(names) & {"direct_diffuse", "direct_glossy"} and "direct" not in columns:
+            columns += ("direct",)
+        self._settings = settings = replace(settings, columns=columns)
+        table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
+        table |= {"mask_forward": "prev_position", "mask": "position"}
+        light = {"direct", "indirect", "color"}
+        extra = tuple(dict.fromkeys(table.get(n, n) for n in names if n not in light))
+        self.source = RasterSource(gpu, scene, camera, settings, extra=extra, poser=self._poser, jitter=self._jitter)
+        self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
+        self.names = tuple(n for n in names if n not in self.unmeasured)
+        self._shaders = ShaderCache(gpu.ctx)
+        self._thresholds = {f: settings.threshold(f) for f in FEATURES}
+        self._masks = self._pass(self.source.reprojection, self.source.radiance, settings.sampling)
+        self._motion = self._pass("motion", (), "nearest") if "prev_position" in self.source.channels else None
+        self._ahead: History | None = None
+        if set(FORWARD) & set(self.names):
+            self._ahead = History(gpu, self.source.size, self.source.channels, settings.storage)
+        self._drawn: int | None = None
+        self._views: list[View] = []
+
+    def _why_not(self, name: str) -> str:
+        column = name.partition("_")[0]
+        return self.source.unmeasured.get(column, "the scene does not give it")
+
+    def _pass(self, mode: str, radiance: tuple[str, ...], sampling: str) -> MaskPass:
+        return MaskPass(
+            self._gpu, self._shaders, self.source.size, reprojection=mode, sampling=sampling, radiance=radiance,
+            cuts=self.source.cuts, write_mask=True, write_motion=True,
+            histogram_bits=self._settings.histogram_bits,
+        )  # fmt: skip
+
+    def view(self, frame: int) -> View:
+        """The camera of any frame, without drawing."""
+        view = self._camera.view_at(self._poser.sample(frame / self._settings.fps))
+        return view if self._jitter is None else replace(view, jitter_px=self._jitter(frame))
+
+    def frames(self, numbers: Iterable[int]) -> Iterator[ExportFrame]:
+        """Draw these frames, ascending."""
+        for frame in numbers:
+            yield self._frame(frame)
+
+    def _frame(self, frame: int) -> ExportFrame:
+        if frame > 0 and self._drawn != frame - 1:
+            self._advance(frame - 1)
+        self._advance(frame)
+        width, height = self.source.size
+        arrays = self._read()
+        arrays |= self._backward(frame)
+        arrays |= self._forward(frame)
+        out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
+        view = self._views[-1]
+        return ExportFrame(frame, frame / self._settings.fps, out, matrices(view, width, height), view)
+
+    def _advance(self, frame: int) -> None:
+        self._views = [*self._views[-1:], self.source.advance(frame)]
+        self._drawn = frame
+
+    def _read(self) -> dict[str, Array]:
+        out = {}
+        for name in self.source.channels:
+            if name == "position" or name in self.names:
+                out[name] = self.source.read(name)
+        position = out["position"]
+        out["position"], out["depth"] = position[..., :3], position[..., 3:]
+        return {n: a[..., :3] if n not in ("base_color", "material", "ids", "depth") else a for n, a in out.items()}
+
+    def _backward(self, frame: int) -> dict[str, Array]:
+        out: dict[str, Array] = {}
+        declared = 0 if frame > 0 else int(Reason.FIRST)
+        now, before = self._views[-1], self._views[-1 if declared else -2]
+        current, previous = self.source.current, self.source.current if declared else self.source.previous
+        if "mask" in self.names:
+            pair = reprojection(now, before, *self.source.size)
+            exposure = self._settings.exposure
+            self._masks.run(pair, self._thresholds, current, previous, declared, exposure)
+            out["mask"] = read_channel(self._masks.mask, "mask")
+        if "motion" in self.names:
+            # Of the surface alone: the jitter of either frame is no motion.
+            pair = reprojection(now, before, *self.source.size, jitter=False)
+            self._motion.run(pair, self._thresholds, current, previous, declared)
+            out["motion"] = self._read_motion()
+        return out
+
+    def _forward(self, frame: int) -> dict[str, Array]:
+        if self._ahead is None:
+            return {}
+        fps, renderer = self._settings.fps, self.source.renderer
+        last = frame + 1 >= self._count
+        here, there = self.view(frame), self.view(frame if last else frame + 1)
+        own, renderer.history = renderer.history, self._ahead
+        try:
+            renderer.draw((frame + 1) / fps, frame / fps, there.jitter_px)
+            renderer.draw(frame / fps, (frame + 1) / fps, here.jitter_px)
+        finally:
+            renderer.history = own
+        pair = reprojection(here, there, *self.source.size, jitter=False)
+        textures = self._ahead.current.textures, self._ahead.previous.textures
+        self._motion.run(pair, self._thresholds, *textures, int(Reason.FIRST) if last else 0)
+        return {"motion_forward": self._read_motion(), "mask_forward": read_channel(self._motion.mask, "mask")}
+
+    def _read_motion(self) -> Array:
+        motion = read_channel(self._motion.motion, "motion")
+        motion[(read_channel(self._motion.mask, "mask")[..., 0] & NO_MOTION) != 0] = np.nan
+        return motion
+
+    def release(self) -> None:
+        for part in (self._masks, self._motion, self._shaders, self._ahead, self.source):
+            if part is not None:
+                part.release()
+        self._gpu.collect()

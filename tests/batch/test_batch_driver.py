@@ -1,0 +1,231 @@
+"""The driver against an engine that does as it is told: deaths, failures, workers without OpenGL.  No OpenGL."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from batch_tools import study_of
+
+from taubench_gl.batch.driver import Driver, Listener
+from taubench_gl.batch.partition import PairRecord, decode, encode, frames_table, require_pyarrow
+from taubench_gl.batch.store import Store
+from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
+from taubench_gl.batch.work import Workbench
+from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
+from taubench_gl.errors import GraphicsError
+from taubench_gl.frame.passes.masks import COMBOS, Counts
+from taubench_gl.metrics.counts import counts_of
+
+PIXELS = 40
+FRAMES = 20
+
+
+def record(position: int) -> PairRecord:
+    combos = np.zeros(COMBOS, dtype=np.uint32)
+    combos[0], combos[int(Reason.OUTSIDE)] = PIXELS - position, position
+    histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.uint32)
+    histograms[1, 30 + position] = 5
+    camera = dict.fromkeys(("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg"), 0.1 * position)
+    row = {"frame": position + 1, "time_s": (position + 1) / 24, **counts_of(combos), **camera, "gimbal": False}
+    row |= {"direct": None, "lit": None, "shadowed": None}
+    return PairRecord(position, row, Counts(combos, histograms))
+
+
+def answer(unit: Unit) -> bytes:
+    if unit.positions is None:
+        facts = {"scene": {"name": "made", "sha256": "x"}, "census": {}, "camera_source": "c", "notes": []}
+        views = {"positions": [[0.0, 0, i] for i in range(FRAMES)], "rotations": [np.eye(3).tolist()] * FRAMES}
+        return json.dumps({"frames": [0, FRAMES], "facts": facts, **views}).encode()
+    told = {
+        "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []},
+        "unmeasured": {c: "not asked for" for c in COLUMNS if c not in ("frustum", "position")},
+        "provenance": {"host": "h"},
+        "passes_ms": {},
+    }
+    return encode([record(p) for p in unit.positions], told)
+
+
+class Scripted:
+    """``slots`` workers; ``script`` may answer a unit (worker, unit) -> Event, else it is done."""
+
+    def __init__(self, slots: int, script: Callable[[int, Unit], Event | None] = lambda worker, unit: None):
+        self.script, self.flying, self.alive = script, {}, list(range(slots))
+        self.seen: list[tuple[int, Unit]] = []
+        self.last: dict[int, str] = {}
+
+    def width(self) -> int:
+        return max(len(self.alive), 1)
+
+    def idle(self) -> list[Slot]:
+        return [Slot(w, self.last.get(w)) for w in self.alive if w not in self.flying]
+
+    def submit(self, slot: Slot, unit: Unit) -> None:
+        assert slot.key not in self.flying
+        self.flying[slot.key], self.last[slot.key] = unit, unit.job
+        self.seen.append((slot.key, unit))
+
+    def wait(self) -> list[Event]:
+        worker, unit = self.flying.popitem()
+        event = self.script(worker, unit) or Finished(unit, answer(unit))
+        if isinstance(event, NoGraphics):
+            self.alive.remove(worker)
+        return [event]
+
+
+class Heard(Listener):
+    def __init__(self):
+        self.lines, self.pairs = [], {}
+
+    def say(self, line):
+        self.lines.append(line)
+
+    def job_known(self, job, done, total):
+        self.pairs[job.id] = done
+
+    def pairs_done(self, job, pairs):
+        self.pairs[job.id] += pairs
+
+
+@pytest.fixture
+def study(tmp_path):
+    for name in ("a.glb", "b.glb"):
+        (tmp_path / name).write_text(name)
+    return study_of(tmp_path, 'scenes = ["a.glb", "b.glb"]')
+
+
+@pytest.fixture
+def drive(tmp_path, study):
+    def run(engine, out="out", chunk=4, listener=None):
+        store = Store(tmp_path / out)
+        store.save_study(study)
+        return Driver(study, store, engine, listener, chunk).run(), store
+
+    return run
+
+
+def test_partitions_hold_every_count():
+    """Sparse on disk, the same when read; what was not measured is null."""
+    records = [record(p) for p in (3, 5)]
+    data = encode(records, {"told": 1})
+    back, told = decode(data, 3)
+    assert told == {"told": 1}
+    for ours, theirs in zip(records, back, strict=True):
+        assert theirs.position == ours.position and theirs.row == ours.row
+        np.testing.assert_array_equal(theirs.counts.combos, ours.counts.combos)
+        np.testing.assert_array_equal(theirs.counts.histograms, ours.counts.histograms)
+    for broken in (data[:-10], data[: len(data) // 2], b"", b"PAR1"):
+        with pytest.raises(ValueError, match="no partition"):
+            decode(broken, 3)
+    table = frames_table([])
+    assert table[:4] == b"PAR1" and require_pyarrow()
+
+
+def test_all_is_done_once_and_scenes_stay_with_their_worker(drive, study):
+    heard = Heard()
+    engine = Scripted(2)
+    outcome, _ = drive(engine, listener=heard)
+    assert outcome.failed == {} and outcome.summary["done"] == 2
+    assert heard.pairs == {job.id: FRAMES - 1 for job in study.jobs}
+    assert len(engine.seen) == len({unit.key for _, unit in engine.seen}) == 2 * (1 + 5)
+    for job in study.jobs:
+        counted = [p for _, unit in engine.seen if unit.job == job.id for p in unit.positions or ()]
+        assert sorted(counted) == list(range(FRAMES - 1))
+    # Run again: nothing to do.
+    engine = Scripted(1)
+    drive(engine)
+    assert engine.seen == []
+
+
+def test_a_lost_unit_is_done_again(drive):
+    deaths = iter([True, False, True])
+    heard = Heard()
+    script = lambda worker, unit: Lost(unit, "killed") if unit.positions and next(deaths, False) else None  # noqa: E731
+    outcome, _ = drive(Scripted(2, script), "lost", listener=heard)
+    expected, _ = drive(Scripted(1), "plain", chunk=7)
+    assert outcome == expected
+    assert sum("killed" in line for line in heard.lines) == 2
+
+
+def test_a_unit_that_kills_every_worker_is_given_up(drive, study):
+    bad = study.jobs[0].id
+    engine = Scripted(2, lambda worker, unit: Lost(unit, "killed", "its last words") if unit.job == bad else None)
+    outcome, store = drive(engine)
+    assert list(outcome.failed) == [bad] and outcome.summary["done"] == 1
+    assert sum(unit.job == bad for _, unit in engine.seen) == ATTEMPTS
+    assert "3 times" in outcome.failed[bad] and "its last words" in store.log_file(bad).read_text()
+
+
+def test_a_failing_scene_fails_alone_and_is_tried_again_later(drive, study):
+    bad = study.jobs[1].id
+    engine = Scripted(2, lambda w, unit: Failed(unit, "x.glb: broken", "Traceback") if unit.job == bad else None)
+    outcome, store = drive(engine)
+    assert outcome.failed == {bad: "x.glb: broken"}
+    assert [job["state"] for job in outcome.summary["jobs"]] == ["done", "failed"]
+    assert outcome.summary["jobs"][1]["reason"] == "x.glb: broken"
+    engine = Scripted(1)
+    outcome, store = drive(engine)
+    assert outcome.failed == {} and {unit.job for _, unit in engine.seen} == {bad}
+    assert store.failure(bad) is None
+
+
+def test_a_worker_without_opengl_says_so_once(drive):
+    heard = Heard()
+    engine = Scripted(3, lambda w, unit: NoGraphics("worker 2", "no context", unit) if w == 2 else None)
+    outcome, _ = drive(engine, listener=heard)
+    assert outcome.summary["done"] == 2
+    assert [line for line in heard.lines if "OpenGL" in line] == [
+        "worker 2 has no OpenGL and gets nothing more to do: no context"
+    ]
+
+
+def test_no_worker_with_opengl(drive):
+    with pytest.raises(GraphicsError, match="no worker with OpenGL is left: no context"):
+        drive(Scripted(2, lambda w, unit: NoGraphics(f"worker {w}", "no context", unit)))
+
+
+def test_a_damaged_partition_is_done_again(drive, study):
+    _, store = drive(Scripted(1))
+    before = (store.out / "summary.json").read_bytes()
+    job = study.jobs[0].id
+    (store.job(job) / "summary.json").unlink()
+    broken = sorted(store.pairs_folder(job).iterdir())[1]
+    broken.write_bytes(broken.read_bytes()[:100])
+    engine = Scripted(1)
+    drive(engine)
+    assert [unit.positions for _, unit in engine.seen] == [(4, 5, 6, 7)]
+    assert (store.out / "summary.json").read_bytes() == before
+
+
+def test_a_changed_scene_is_evaluated_anew(drive, study, tmp_path):
+    drive(Scripted(1))
+    (tmp_path / "a.glb").write_text("another scene")
+    engine = Scripted(1)
+    drive(engine)
+    # Its head is the same here, so its pairs are kept; only the head is made again.
+    assert [unit.positions for _, unit in engine.seen] == [None]
+
+    def other(worker, unit):
+        head = json.loads(answer(unit)) if unit.positions is None else None
+        if head is None:
+            return None
+        head["facts"]["scene"]["sha256"] = "y"
+        return Finished(unit, json.dumps(head).encode())
+
+    (tmp_path / "a.glb").write_text("a third scene")
+    engine = Scripted(1, other)
+    drive(engine)
+    assert sorted(p for _, unit in engine.seen for p in unit.positions or ()) == list(range(FRAMES - 1))
+
+
+def test_a_scene_that_changes_in_between_is_refused(tmp_path):
+    from batch_tools import DEMO
+
+    from taubench_gl.errors import SceneError
+    from taubench_gl.settings import Settings
+
+    settings = Settings(width=8, height=8, columns=("frustum",))
+    with pytest.raises(SceneError, match="changed while the study was running"):
+        Workbench().run(Unit("j", str(DEMO), settings, (0,), "another"))

@@ -1,0 +1,108 @@
+"""The same files, bit for bit, whatever computes them; and the numbers of plain ``evaluate``."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from batch_tools import DEMO, SMALL, final_files, study_of
+
+from taubench_gl.batch.run import run_study
+from taubench_gl.batch.study import read_study
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.run import load_run
+from taubench_gl.settings import Settings
+
+APART = ("timing", "memory", "provenance")
+"""Blocks of summary.json that differ with machine and engine."""
+
+
+@pytest.mark.parametrize("chunk", [1, 7])
+def test_chunks_change_nothing(reference, tmp_path, chunk):
+    path, expected = reference
+    run_study(read_study(path), tmp_path / "out", chunk=chunk)
+    assert final_files(tmp_path / "out") == expected
+
+
+def test_worker_processes_change_nothing(reference, tmp_path):
+    path, expected = reference
+    run_study(read_study(path), tmp_path / "out", workers=2, chunk=8)
+    assert final_files(tmp_path / "out") == expected
+    assert not list((tmp_path / "out" / "logs").iterdir())
+
+
+@pytest.mark.long
+def test_dask_changes_nothing(reference, tmp_path):
+    path, expected = reference
+    run_study(read_study(path), tmp_path / "out", engine="dask-local", workers=2, chunk=8)
+    assert final_files(tmp_path / "out") == expected
+
+
+LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "shadow_size": 64, "probes": 32}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"reprojection": "motion", "sampling": "bilinear", "frames": (5, 14), "thresholds": {"normal": 0.01}},
+        {"pairs": "strata:3", "samples_per_pixel": 2, "summation": "compensated", "histogram_bits": 2},
+        {"frames": (4, 5)},
+        pytest.param(LIGHT, marks=pytest.mark.long),
+    ],
+    ids=["plain", "motion", "sampled", "no pairs", "light"],
+)
+def test_as_evaluate(tmp_path, changes):
+    """One chunk boundary every other pair; pairs, sums, curves, census, camera and cuts are those of ``evaluate``."""
+    settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")} | changes
+    once = evaluate_scene(DEMO, Settings(**settings), out=tmp_path / "once")
+    plain = {k: v for k, v in settings.items() if k != "frames"}
+    lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
+    first, stop = settings["frames"]
+    study = study_of(tmp_path, "\n".join([f'scenes = ["{DEMO}"]', f'frames = "{first}:{stop}"', *lines]))
+    assert study.jobs[0].settings == Settings(**settings)
+    run_study(study, tmp_path / "out", chunk=2)
+    run = load_run(tmp_path / "out" / "jobs" / study.jobs[0].id)
+    stored = load_run(tmp_path / "once")
+    assert run.frames == stored.frames == once.frames
+    assert list(run.summary) == list(stored.summary)
+    assert {k: v for k, v in run.summary.items() if k not in APART} == {
+        k: v for k, v in stored.summary.items() if k not in APART
+    }
+    csv = (tmp_path / "once" / "frames.csv").read_bytes()
+    assert (run.out / "frames.csv").read_bytes() == csv
+
+
+def _toml(value):
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {v}" for k, v in value.items()) + " }"
+    return json.dumps(list(value) if isinstance(value, tuple) else value)
+
+
+def test_cuts_are_found_over_chunk_boundaries(tmp_path, reference):
+    """A cut shows only against the pairs around it: told by the whole sequence, not by a chunk."""
+    pq = pytest.importorskip("pyarrow.parquet")
+    path, _ = reference
+    out = path.parent / "out"
+    table = pq.read_table(out / "frames.parquet")
+    assert table.num_rows == 2 * 30
+    assert set(table["sweep_reprojection"].to_pylist()) == {"camera", "motion"}
+    jobs = json.loads((out / "summary.json").read_text())["jobs"]
+    for job in jobs:
+        rows = [r for r in table.to_pylist() if r["job"] == job["id"]]
+        assert [r["frame"] for r in rows] == list(range(1, 31))
+        assert [r["frame"] for r in rows if r["camera_cut"]] == job["camera"]["cuts"]
+        mean = sum(100 * r["frustum"] / r["pixels"] for r in rows) / 30
+        assert job["discard"]["frustum"]["mean_percent"] == pytest.approx(mean, rel=1e-12)
+    assert SMALL.startswith("size")
+
+
+@pytest.mark.long
+def test_a_cluster_that_is_there(reference, tmp_path):
+    """An address, and a worker with two threads: OpenGL of a process still runs on one."""
+    distributed = pytest.importorskip("distributed")
+    path, expected = reference
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as cluster:
+        address = cluster.scheduler_address.replace("tcp://", "dask://")
+        run_study(read_study(path), tmp_path / "out", engine=address, chunk=4)
+    assert final_files(tmp_path / "out") == expected

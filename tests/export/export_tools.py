@@ -1,0 +1,61 @@
+"""The demo scene, exported small; and its channels and motion as independent code says they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.evaluation import frame_range
+from taubench_gl.export.channels import EXPORTS, choose_channels
+from taubench_gl.export.frames import ExportFrame, FrameSource
+from taubench_gl.export.run import Exported, export_scene
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.paths import PACKAGE
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+WIDTH, HEIGHT = 64, 36
+SETTINGS: dict[str, Any] = {"width": WIDTH, "height": HEIGHT, "shadow_size": 64, "probes": 32}
+
+
+def settings(**changes: Any) -> Settings:
+    return Settings(**(SETTINGS | {"frames": (8, 11)} | changes))
+
+
+def export(out: Path, format: str, **changes: Any) -> Exported:
+    own = {k: changes.pop(k) for k in ("channels", "precision", "jitter", "overwrite", "progress") if k in changes}
+    return export_scene(DEMO, out, settings(**changes), format=format, **({"channels": ("all",)} | own))
+
+
+def drawn(numbers, names=tuple(EXPORTS), jitter="none", **changes: Any) -> list[ExportFrame]:
+    """Frames as they are before any file format has seen them."""
+    scene, gpu = load_scene(DEMO), open_gpu()
+    camera = choose_camera(scene)
+    count = len(frame_range(scene, camera, settings(frames=(None, None))))
+    with gpu:
+        source = FrameSource(gpu, scene, camera, settings(**changes), choose_channels(tuple(names)), count, jitter)
+        try:
+            return list(source.frames(numbers))
+        finally:
+            source.release()
+
+
+def same(ours: np.ndarray, theirs: np.ndarray) -> None:
+    """Bit for bit, type and NaN included."""
+    assert ours.dtype == theirs.dtype and ours.shape == theirs.shape
+    assert np.ascontiguousarray(ours).tobytes() == np.ascontiguousarray(theirs).tobytes()
+
+
+def spoiled(frame: ExportFrame) -> ExportFrame:
+    """The frame with NaN, infinities, a negative zero and a denormal in every float channel."""
+    from dataclasses import replace
+
+    out = {name: values.copy() for name, values in frame.channels.items()}
+    for values in out.values():
+        if values.dtype.kind == "f":
+            values[0, :5, 0] = [np.nan, np.inf, -np.inf, -0.0, np.finfo(values.dtype).smallest_subnormal]
+    return replace(frame, channels=out)

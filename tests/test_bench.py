@@ -1,0 +1,112 @@
+"""The tools behind tools/bench: ratios, fitted powers, tables, and peers that are not there."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(autouse=True)
+def tools(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+
+
+def test_ratios_are_to_the_base_and_missing_rows_have_none() -> None:
+    from benches import Result, cells, missing, row, with_ratios
+
+    rows = [row("a", [2.0, 2.0]), row("b", [6.0, 6.0]), missing("c", "it is not here")]
+    given = with_ratios(Result("t", rows, [], base=0)).rows
+    assert [r.ratio for r in given] == [1.0, 3.0, None]
+    assert [r.ratio for r in with_ratios(Result("t", rows, [], base=1)).rows][:2] == [1 / 3, 1.0]
+    assert [r.ratio for r in with_ratios(Result("t", rows, [], base=-1)).rows] == [None] * 3
+    assert [r.ratio for r in with_ratios(Result("t", rows[::-1], [], base=0)).rows] == [None] * 3  # no base, no ratio
+    assert cells(given[2]) == ["c: it is not here", "–", "–", "–", "–", "0"]
+    assert cells(given[1])[:3] == ["b", "3", "6.00"]
+
+
+def test_a_power_is_fitted_exactly() -> None:
+    from scaling_benches import fit
+
+    counts = [1.0, 2.0, 5.0, 9.0]
+    assert np.allclose(fit(counts, [3.0 * c**0.75 for c in counts]), 0.75)
+    mixed = [1.0 + c**2 for c in (0.01, 0.1, 10.0, 100.0)]  # a fixed cost first, a square later
+    whole, upper = fit([0.01, 0.1, 10.0, 100.0], mixed)
+    assert whole < 1.5 < upper < 2.01
+
+
+@pytest.mark.parametrize("why", ["no interpreter", "no module", "a fault", "an end"])
+def test_a_peer_that_cannot_start_is_missing_with_a_reason(why: str, monkeypatch, tmp_path: Path) -> None:
+    import peers
+
+    program = tmp_path / "program.py"
+    body = {
+        "no module": "import nowhere_at_all",
+        "a fault": "raise OSError('the disk is full')",
+        "an end": "import os; os._exit(3)",
+    }
+    program.write_text(
+        f"import sys; sys.path.insert(0, {str(peers.PROGRAMS)!r})\n"
+        "from serve import serve\n"
+        f"def prepare():\n    {body.get(why, 'pass')}\n"
+        "serve(prepare)\n"
+    )
+    monkeypatch.setattr(peers, "PROGRAMS", tmp_path)
+    peer = peers.Peer.start("program.py", python=str(tmp_path / "python") if why == "no interpreter" else None)
+    expected = {
+        "no interpreter": "does not run", "no module": "nowhere_at_all is not installed for",
+        "a fault": "OSError: the disk is full", "an end": "ended with code 3 before it was ready",
+    }  # fmt: skip
+    assert expected[why] in peer.missing
+    peer.close()
+
+
+def test_a_peer_answers_faults_and_ends_in_words(monkeypatch, tmp_path: Path) -> None:
+    import peers
+
+    (tmp_path / "program.py").write_text(
+        f"import sys; sys.path.insert(0, {str(peers.PROGRAMS)!r})\n"
+        "from serve import serve\n"
+        "def prepare():\n"
+        "    print('what libraries say is no answer')\n"
+        "    def answer(request):\n"
+        "        if isinstance(request['x'], str): import os; os._exit(4)\n"
+        "        return {'y': request['x'] * 2}\n"
+        "    return answer, {'version': '1'}\n"
+        "serve(prepare)\n"
+    )
+    monkeypatch.setattr(peers, "PROGRAMS", tmp_path)
+    peer = peers.Peer.start("program.py")
+    assert peer.missing is None and peer.hello == {"version": "1"}
+    assert np.array_equal(peer.ask(x=np.arange(3))["y"], [0, 2, 4])
+    with pytest.raises(RuntimeError, match="TypeError"):
+        peer.ask(x=None)
+    assert peer.ask(x=4)["y"] == 8
+    with pytest.raises(RuntimeError, match="code 4"):
+        peer.ask(x="end")
+    peer.close()
+
+
+def test_missing_peers_are_rows_not_crashes(tmp_path: Path) -> None:
+    """No Blender and no PyTorch: the command goes through, and its files say why."""
+    bare = {**os.environ, "TAUBENCH_TORCH_PYTHON": str(tmp_path / "none"), "TAUBENCH_DATA": str(tmp_path)}
+    command = [
+        sys.executable,
+        ROOT / "tools" / "bench",
+        "masks",
+        "--size",
+        "64x36",
+        "--repeats",
+        "1",
+        "--out",
+        tmp_path,
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, env=bare)
+    assert done.returncode == 0, done.stderr
+    assert "PyTorch grid_sample: " in (tmp_path / "bench.md").read_text() and "does not run" in done.stdout

@@ -1,0 +1,122 @@
+"""Benches beside other programs: pyrender's frame, and what trimesh and pygltflib take to read a file."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+from benches import EIGHT, FPS, Options, Result, Stopwatch, bench, missing, quick, real_scene, row
+from mask_benches import Walk
+from peers import Peer
+
+from taubench_gl.animation import View
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import FEATURES
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+PYRENDER, OURS, MASKED, READ = (
+    "pyrender: colour and depth, read back",
+    f"ours: {len(EIGHT)} channels",
+    f"ours: {len(EIGHT)} channels, masks and counts",
+    "ours: the same, colour and position read back",
+)
+FRAMES = 7
+
+
+def matrix_of(view: View) -> np.ndarray:
+    """world_from_view (4, 4)."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = view.world_from_view, view.position
+    return out
+
+
+@quick
+@bench
+def pyrender(gpu: Gpu, options: Options) -> Result:
+    """A walk through Sponza: our whole geometry frame against pyrender's, by the same driver and in turn."""
+    path = real_scene("sponza/Sponza.gltf")
+    title = f"A frame of {path.name} beside pyrender's, {options.size_text}"
+    peer = Peer.start("pyrender_frames.py", str(path), *map(str, options.size))
+    if peer.missing is not None:
+        return Result(title, [missing(PYRENDER, peer.missing)], [])
+    scene, camera = load_scene(path), Walk()
+    renderer = Renderer(gpu, scene, camera, options.size, EIGHT)
+    shaders = ShaderCache(gpu.ctx)
+    masks = MaskPass(gpu, shaders, options.size)
+    thresholds = {f: Settings().threshold(f) for f in FEATURES}
+    watch, covered = Stopwatch(gpu), []
+
+    def masked(frame: int) -> None:
+        renderer.draw(frame / FPS, (frame - 1) / FPS)
+        pair = reprojection(renderer.view(frame / FPS)[1], renderer.view((frame - 1) / FPS)[1], *options.size)
+        masks.run(pair, thresholds, renderer.history.current.textures, renderer.history.previous.textures)
+        masks.read()
+
+    def read(frame: int) -> None:
+        masked(frame)
+        renderer.read("base_color")
+        renderer.read("position")
+
+    lens = {"yfov": camera.lens.yfov, "znear": camera.lens.znear, "zfar": camera.lens.zfar}
+    for frame in range(FRAMES * options.repeats + 1):
+        step = frame % FRAMES
+        told = peer.ask(world_from_view=matrix_of(renderer.view(step / FPS)[1]), **lens)
+        watch.samples[PYRENDER].append(told["ms"])
+        watch.time(OURS, lambda f=step: renderer.draw(f / FPS, (f - 1) / FPS))
+        watch.time(MASKED, lambda f=step: masked(f))
+        watch.time(READ, lambda f=step: read(f))
+        covered.append((told["covered"], float((renderer.read("position")[..., 3] > 0).mean())))
+    rows = [row(name, watch.samples[name][1:]) for name in (PYRENDER, OURS, MASKED, READ)]
+    theirs, mine = 100 * np.mean(covered, axis=0)
+    for part in (masks, shaders, renderer, renderer.shaders):
+        part.release()
+    peer.close()
+    gpu.collect()
+    triangles = sum(len(p.triangles) for m in scene.meshes for p in m.primitives)
+    notes = [
+        f"{triangles} triangles; geometry alone on both sides (pyrender: ambient light, no shadows; ours: no light)",
+        f"pixels that show a surface: pyrender {theirs:.2f} %, ours {mine:.2f} %",
+        f"ours : pyrender = {rows[1].median_ms / rows[0].median_ms:.3f} x",
+    ]
+    return Result(title, rows, notes, unit="x pyrender")
+
+
+@quick
+@bench
+def load(gpu: Gpu, options: Options) -> Result:
+    """Import and read a scene in a fresh process, ours against trimesh and pygltflib alone."""
+    path = real_scene("sponza/Sponza.gltf")
+    samples: dict[str, list[float]] = defaultdict(list)
+    reasons: dict[str, str] = {}
+    for _ in range(options.repeats + 1):
+        for who in ("ours", "trimesh", "pygltflib", "json"):
+            peer = Peer.start("load_scene.py", who, str(path))
+            if peer.missing is not None:
+                reasons[who] = peer.missing
+                continue
+            for name, ms in peer.hello.items():
+                samples[f"{who} {name}"].append(ms)
+            peer.close()
+    what = {"import_ms": "import", "load_ms": "read", "first_ms": "from nothing to the first pair's counts, 64x36"}
+    order = [k for k in ("ours load_ms", "ours import_ms", "ours first_ms", *samples) if k in samples]
+    rows = [
+        row(f"{key.split()[0]}: {what[key.split()[1]]}", samples[key][1:], _did(key)) for key in dict.fromkeys(order)
+    ]
+    rows += [missing(who, reason) for who, reason in reasons.items()]
+    notes = [f"{path.name}; each sample in a process of its own, the first round (cold files) left out"]
+    return Result("Start-up and reading a file", rows, notes, unit="x ours")
+
+
+def _did(key: str) -> str:
+    """What each of them has done by then."""
+    return {
+        "ours load_ms": "JSON, buffers, every rule checked",
+        "trimesh load_ms": "JSON, buffers, images decoded",
+        "pygltflib load_ms": "JSON into objects",
+        "json load_ms": "JSON alone",
+    }.get(key, "")
