@@ -53,7 +53,7 @@ def test_samples_of_a_pixel_are_shares_of_their_own_number(summary, tmp_path):
     """Twice the counts of twice the samples draw the same curve."""
     first = plot_thresholds(summary, tmp_path / "a")[1].read_bytes()
     summary["settings"]["samples_per_pixel"] = 2
-    for curve in summary["curves"].values():
+    for curve in filter(None, summary["curves"].values()):
         curve["counts"] = [2 * count for count in curve["counts"]]
     assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
 

@@ -1,0 +1,81 @@
+#!/usr/bin/env python3
+"""Make the pictures of the README anew: tools/make_pictures.py [NAME ...]; they land in docs/pictures.
+
+Each comes out of a command a user can type.  The report is photographed in Chromium, the viewer under Xvfb.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "docs" / "pictures"
+DEMO = ROOT / "assets" / "demo.glb"
+
+
+def taubench(*arguments: object, before: tuple[str, ...] = ()) -> None:
+    subprocess.run([*before, sys.executable, "-m", "taubench_gl", *map(str, arguments)], check=True)
+
+
+def keep(picture: Path, name: str) -> None:
+    """Into docs/pictures, in full colour: the masks' colours are what their legends say."""
+    image = Image.open(picture).convert("RGB")
+    if name.endswith(".jpg"):  # noise, which PNG cannot pack
+        image.save(FOLDER / name, quality=88, subsampling=0)
+    else:
+        image.save(FOLDER / name, optimize=True)
+
+
+def report(scratch: Path) -> None:
+    from playwright.sync_api import sync_playwright
+
+    taubench("evaluate", DEMO, "--size", "640x360", "--frames", "0:25", "--out", scratch / "run", "--report")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1180, "height": 1010})
+        page.goto((scratch / "run" / "report.html").as_uri())
+        page.wait_for_function("document.images.length === 0 || [...document.images].every((i) => i.complete)")
+        page.wait_for_load_state("networkidle")
+        page.screenshot(path=scratch / "report.png")
+        browser.close()
+    keep(scratch / "report.png", "report.png")
+    keep(scratch / "run" / "mask.png", "mask.png")
+
+
+def viewer(scratch: Path) -> None:
+    steps = scratch / "steps.txt"
+    steps.write_text("frame 22\nkey 1\nkey 3\nkey 4\nmouse 330 260\nscreenshot viewer.png window\nquit\n")
+    screen = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
+    options = ("--size", "640x360", "--light", "--indirect", "none", "--window", "1180x664")
+    taubench("view", DEMO, *options, "--script", steps, "--shots", scratch, before=screen)
+    keep(next(path for path in (scratch / "viewer.png", Path("viewer.png")) if path.is_file()), "viewer.png")
+
+
+def reuse(scratch: Path) -> None:
+    methods = "none,accumulate,taa_variance,svgf,oracle"
+    options = ("--input", "noisy+jittered", "--size", "320x180", "--frames", "0:12", "--indirect", "none")
+    taubench("reuse", "evaluate", DEMO, "--methods", methods, *options, "--video", "none", "--out", scratch / "reuse")
+    keep(scratch / "reuse" / "side_by_side.png", "reuse.jpg")
+
+
+PICTURES = {"report": report, "viewer": viewer, "reuse": reuse}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", choices=[[], *PICTURES], help=f"of {', '.join(PICTURES)}; default: all")
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in parser.parse_args().names or PICTURES:
+        with tempfile.TemporaryDirectory() as scratch:
+            PICTURES[name](Path(scratch))
+
+
+if __name__ == "__main__":
+    main()
