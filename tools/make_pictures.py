@@ -51,11 +51,12 @@ def report(scratch: Path) -> None:
 
 def viewer(scratch: Path) -> None:
     steps = scratch / "steps.txt"
-    steps.write_text("frame 22\nkey 1\nkey 3\nkey 4\nmouse 330 260\nscreenshot viewer.png window\nquit\n")
+    picture = scratch / "viewer.png"
+    steps.write_text(f"frame 22\nkey 1\nkey 3\nkey 4\nmouse 330 260\nscreenshot {picture} window\nquit\n")
     screen = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
     options = ("--size", "640x360", "--light", "--indirect", "none", "--window", "1180x664")
-    taubench("view", DEMO, *options, "--script", steps, "--shots", scratch, before=screen)
-    keep(next(path for path in (scratch / "viewer.png", Path("viewer.png")) if path.is_file()), "viewer.png")
+    taubench("view", DEMO, *options, "--script", steps, before=screen)
+    keep(picture, "viewer.png")
 
 
 def reuse(scratch: Path) -> None:

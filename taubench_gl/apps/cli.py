@@ -18,6 +18,7 @@ from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.completion_command import completion
 from taubench_gl.apps.convert_command import convert
 from taubench_gl.apps.cost_command import cost
+from taubench_gl.apps.demo_command import demo
 from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.export_command import export
@@ -70,6 +71,7 @@ for command in (
     truth,
     convert,
     selftest,
+    demo,
     scenes,
     reuse,
     stress,

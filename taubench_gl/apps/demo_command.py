@@ -1,0 +1,141 @@
+"""``taubench-gl demo``: the teaching demos."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from taubench_gl.apps.options import Size, gpu_options
+from taubench_gl.errors import SettingsError
+
+if TYPE_CHECKING:
+    from taubench_gl.demos.demo import Demo
+    from taubench_gl.demos.gallery import Shown
+
+EXIT_NOT_AS_EXPECTED = 1
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl demo
+  taubench-gl demo rotations
+  taubench-gl demo 3 7 --out lecture --size 640x360
+  taubench-gl demo --all --out lecture --notebook
+  taubench-gl demo occlusion --view
+  taubench-gl demo occlusion --scene board.glb
+\b
+DIR receives pictures (PNG), a page per demo (HTML, nothing else needed), with --all index.html, and with --notebook
+Jupyter notebooks.  docs/demos.md says what each demo shows."""
+)
+@click.argument("names", nargs=-1, metavar="[NAME|NUMBER]...")
+@click.option("--all", "every", is_flag=True, help="All demos, and a page that leads to them.")
+@click.option("--out", type=click.Path(path_type=Path), default="demos", show_default=True, metavar="DIR",
+              help="Where pictures and pages go.")  # fmt: skip
+@click.option("--list", "listing", is_flag=True, help="Say what there is, as without a name.")
+@click.option("--notebook", is_flag=True, help="Write Jupyter notebooks instead of running the demos.")
+@click.option("--scene", "scene_file", type=click.Path(path_type=Path, dir_okay=False), metavar="OUT.glb",
+              help="Write the demo's scene instead, for every other command.")  # fmt: skip
+@click.option("--view", "viewing", is_flag=True, help="Open the demo's scene in the viewer instead.")
+@click.option("--size", type=Size(), help="Pixels of a panel.  [default: 480x270; notebooks 320x180]")
+@gpu_options
+def demo(
+    names: tuple[str, ...],
+    every: bool,
+    out: Path,
+    listing: bool,
+    notebook: bool,
+    scene_file: Path | None,
+    viewing: bool,
+    size: tuple[int, int] | None,
+    backend: str,
+    device: int | None,
+) -> int:
+    """Show one idea of temporal reuse at a time: pictures, what to look for, and a number beside what theory says.
+
+    Without a name: what there is.  Ends with exit code 1 if a number is not what theory says.
+    """
+    from taubench_gl.demos.demo import demos, find_demo
+
+    if every and names:
+        raise SettingsError("--all and names were given", hint="give one of them")
+    if sum((notebook, scene_file is not None, viewing)) > 1:
+        raise SettingsError("--notebook, --scene and --view exclude each other", hint="give one of them")
+    chosen = demos() if every else list(dict.fromkeys(find_demo(name) for name in names))
+    if listing or not chosen:
+        _list(chosen or demos())
+        return 0
+    if scene_file is not None or viewing:
+        _scene(chosen, scene_file, size)
+        return 0
+    if notebook:
+        _notebooks(chosen, out, size)
+        return 0
+    return _run(chosen, out, every, size, backend, device)
+
+
+def _list(chosen: list[Demo]) -> None:
+    for one in chosen:
+        click.echo(f"{one.number:>2}  {one.name:<12} {one.title}")
+
+
+def _scene(chosen: list[Demo], path: Path | None, size: tuple[int, int] | None) -> None:
+    """Write the scene of a demo as glTF, or show it."""
+    from taubench_gl.datasets.gltf_from_scene import write_scene
+
+    if len(chosen) > 1:
+        raise SettingsError(f"{len(chosen)} demos were named", hint="--scene and --view take one")
+    (one,) = chosen
+    if path is not None:
+        write_scene(one.scene(), path)
+        click.echo(f"written to {path}; see it with: taubench-gl view {path}")
+        return
+    from taubench_gl.apps.view_command import view
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"{one.stem}.glb"
+        write_scene(one.scene(), file)
+        wanted = [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
+        view.main(args=[str(file), "--light", *wanted], standalone_mode=False)
+
+
+def _notebooks(chosen: list[Demo], out: Path, size: tuple[int, int] | None) -> None:
+    from taubench_gl.demos.gallery import make_folder
+    from taubench_gl.demos.notebook import SIZE, write_notebook
+
+    folder = make_folder(out)
+    for one in chosen:
+        click.echo(f"written to {write_notebook(one, folder, size or SIZE)}")
+
+
+def _run(
+    chosen: list[Demo], out: Path, every: bool, size: tuple[int, int] | None, backend: str, device: int | None
+) -> int:
+    from taubench_gl.demos.gallery import open_stage, run_demos
+    from taubench_gl.demos.stage import SIZE
+
+    with open_stage(size or SIZE, backend, device) as stage:
+        shown = run_demos(stage, chosen, out, index=every, on_demo=_show)
+    pages = f"{out / 'index.html'}" if every else ", ".join(str(s.page) for s in shown)
+    click.echo(f"written to {out}{os.sep}; open {pages}")
+    wrong = [s.demo for s in shown if not s.result.as_expected]
+    if wrong:
+        click.secho(f"not what theory says: {', '.join(d.name for d in wrong)}", fg="red", bold=True)
+    return EXIT_NOT_AS_EXPECTED if wrong else 0
+
+
+def _show(shown: Shown) -> None:
+    """One demo on the screen: idea, what to look for, numbers."""
+    one, result = shown.demo, shown.result
+    click.secho(f"\n{one.number}. {one.title}", bold=True)
+    click.echo(textwrap.fill(one.idea, 110))
+    for item in one.look_for:
+        click.echo(textwrap.fill(item, 110, initial_indent="  - ", subsequent_indent="    "))
+    for f in result.findings:
+        click.secho(f"  {'ok ' if f.as_expected else 'BAD'} ", fg="green" if f.as_expected else "red", nl=False)
+        click.echo(f"{f.said} {f.meaning}; expected {f.expected.said} ({f.expected.source})")

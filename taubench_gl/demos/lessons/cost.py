@@ -1,0 +1,161 @@
+"""Demo 11: accuracy has a price, and more of it buys less and less."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
+from taubench_gl.demos import theory
+from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.lessons.feature_scenes import BALL, BALL_AT, YFOV, moving_ball, walls
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
+from taubench_gl.demos.stage import Stage
+from taubench_gl.scene.model import Scene
+from taubench_gl.study.analysis import Point
+from taubench_gl.study.cost import cost
+
+Array = np.ndarray
+Size = tuple[int, int]
+FPS, REPEATS = 4.0, 3
+SCALES = (0.25, 0.5, 1.0)
+KNOBS = ("scale", "samples_per_pixel")
+FINER = 6  # rays per pixel and axis for the exact share
+FACETS = 0.003  # points: the ball that is drawn has 64 x 128 facets, and lies within the sphere
+
+
+def scene() -> Scene:
+    """The moving ball of demo 2: its masks have a closed form at any resolution."""
+    return moving_ball()
+
+
+def discarded(size: Size, pair: int) -> Array:
+    """f_pos at every pixel of the pair (``pair``, ``pair`` + 1) of FPS frames a second: rays, float64.  (h, w) bool."""
+    rays = theory.pixel_rays(size, YFOV)
+    behind, _ = walls(rays)
+    start, end = np.array(BALL_AT)
+    depths = [
+        np.minimum(behind, theory.hit_sphere(np.zeros(3), rays, start + (end - start) * frame / FPS, BALL))
+        for frame in (pair, pair + 1)
+    ]
+    return np.linalg.norm(rays, axis=-1) * np.abs(depths[1] - depths[0]) > DEFAULT_THRESHOLD
+
+
+def exact_percent(size: Size) -> float:
+    """Mean share of the picture that f_pos discards, by FINER x FINER rays per pixel, percent."""
+    fine = (size[0] * FINER, size[1] * FINER)
+    return 100.0 * float(np.mean([discarded(fine, pair).mean() for pair in range(int(FPS))]))
+
+
+def slack(size: Size, samples: int = 1) -> float:
+    """By how much counting ``samples`` per pixel may miss the exact share, points: six standard deviations.
+
+    Each of the E samples on the edges of a mask is off by ± half a sample, evenly: a variance of E / 12 for its area.
+    """
+    finer = math.sqrt(samples)
+    edges = [0.5 * finer * theory.rim(discarded(size, pair)) for pair in range(int(FPS))]
+    deviation = math.sqrt(sum(edges) / 12.0) / len(edges)
+    return 600.0 * deviation / (samples * size[0] * size[1]) + FACETS
+
+
+@demo(
+    11,
+    "cost",
+    "What accuracy costs",
+    idea="Every number here is measured with pixels, and pixels cost time. Fewer of them are faster and less exact; "
+    "several samples in each are slower and more exact. Measured together, settings form a front: the fastest "
+    "way to each accuracy. Whatever lies off the front is a waste, and along it each further digit costs more "
+    "than the one before.",
+    look_for=(
+        "Top: the same edge of the same mask with a sixteenth, a quarter and all of the pixels.",
+        "Below: each dot is one setting: its error against the mask's exact area, its time on this machine.",
+        "The line is the front: no dot lies to the left of it and below.",
+    ),
+    scene=scene,
+    see_also=(
+        ("the command cost", "commands/cost.md"),
+        ("cost studies", "cost.md"),
+    ),
+)
+def run(stage: Stage, out: Path) -> Result:
+    size, points = stage.size, measured(stage)
+    exact = exact_percent(size)
+    sheet = Sheet(3, 1, size[0] / size[1], below=360)
+    for place, scale in enumerate(SCALES):
+        w, h = (max(1, round(side * scale)) for side in size)
+        pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
+        drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
+        part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
+        axes = sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, a part of it")
+        note(axes, f"error {points_off(points, scale, exact):.3f} points")
+    _front(sheet, points, exact)
+    sheet.legend(reason_entries(Reason.POSITION))
+    path = sheet.save(out / "11-cost.png")
+    findings = []
+    small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
+    for name, what, bound in (
+        ("scale=0.25", "at a quarter of the width and height", slack(small)),
+        ("base", "as asked for, one sample per pixel", slack(size)),
+        ("best", "with 16 samples per pixel, the dearest setting", slack(size, 16)),
+    ):
+        source = "each sample on an edge is off by ± half of itself: 6 deviations; the mask's area by rays, float64"
+        off = abs(percent(points, name) - exact)
+        expected = Expected.between(-np.inf, bound, source, 3)
+        findings.append(Finding(off, "points", f"is the error {what}", expected, 4))
+    caption = "Resolution and samples per pixel: what each setting gets wrong, and what a frame costs with it."
+    return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
+
+
+def measured(stage: Stage) -> list[Point]:
+    """The study itself: every setting of KNOBS, its mean percentage and its time."""
+    settings = stage.settings(fps=FPS, columns=("frustum", "position"))
+    with tempfile.TemporaryDirectory() as folder:
+        return cost(scene(), settings, out=folder, knobs=KNOBS, repeats=REPEATS, check=False).points
+
+
+def percent(points: list[Point], name: str) -> float:
+    return float(next(p for p in points if p.name == name).columns["position"].percent)
+
+
+def points_off(points: list[Point], scale: float, exact: float) -> float:
+    return abs(percent(points, "base" if scale == 1.0 else f"scale={scale}") - exact)
+
+
+def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Of (milliseconds, error) those that no other is faster and at least as exact than."""
+    out: list[tuple[float, float]] = []
+    for time, error in sorted(points):
+        if not out or error < out[-1][1]:
+            out.append((time, error))
+    return out
+
+
+def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
+    axes = sheet.plot(
+        96, sheet.grid_bottom + 46, 750, 240, xscale="log", yscale="log",
+        xlabel="milliseconds per frame, on this machine", ylabel="error, points",
+        title="Error against time: each dot a setting",
+    )  # fmt: skip
+    found = [(p, p.time.median, max(abs(p.columns["position"].percent - exact), 1e-4)) for p in points if p.time]
+    line = front([(time, error) for _, time, error in found])
+    axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="front: no setting is better in both")
+    top = sheet.grid_bottom + 48
+    for i, (point, time, error) in enumerate(sorted(found, key=lambda f: f[1]), start=1):
+        color = ORANGE if (time, error) in line else BLUE
+        axes.plot([time], [error], "o", color=color, markeredgecolor="black", markersize=17, zorder=4)
+        axes.text(
+            time, error, str(i), color="white", fontsize=11, fontweight="bold", ha="center", va="center", zorder=5
+        )
+        text = f"{i}   {_name(point)}: {error:.3f} points, {time:.1f} ms"
+        sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)
+    axes.margins(x=0.08, y=0.25)
+    axes.legend(frameon=False, fontsize=12, loc="upper right")
+
+
+def _name(point: Point) -> str:
+    """``50 %, 4 samples``: resolution, samples per pixel."""
+    samples = point.choice.get("samples_per_pixel", 1)
+    return f"{100 * point.choice.get('scale', 1.0):g} %, {samples} sample{'s' if samples > 1 else ''}"

@@ -1,0 +1,155 @@
+"""Demo 8: noise looks like change."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
+from taubench_gl.demos import theory
+from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.props import BRICK, CHALK, SAND, SEA, Props
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, note, overlay, reason_entries, rgb
+from taubench_gl.demos.stage import Stage
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.metrics.color import display_color
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import turn_x, turn_y
+
+Array = np.ndarray
+LAMPS = ((-2.2, 0.9, -4.6), (-0.8, 0.9, -2.6), (0.8, 0.9, -5.4), (2.2, 0.9, -3.4))
+SAMPLES = (1, 4, 16, 64)
+SIGMA = 0.5 * DEFAULT_THRESHOLD
+
+
+def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
+    """A still corner of a room under lamps of one colour and power."""
+    b = Props()
+    b.checkered(5.0, 4.0, (10, 8), (SAND, CHALK), translation=(0, -1.3, -4), rotation=turn_x(-90))
+    b.wall(5.0, 2.5, SEA, translation=(0, 1.2, -6.5))
+    b.wall(4.0, 2.5, CHALK, translation=(-3.2, 1.2, -4), rotation=turn_y(90))
+    b.ball(0.5, BRICK, translation=(-0.6, -0.8, -4.4))
+    b.block((0.35, 0.6, 0.35), CHALK, translation=(1.2, -0.7, -4.6), rotation=turn_y(35))
+    for place in lamps:
+        b.light(translation=place, intensity=3.0)
+    camera = b.camera(yfov=np.radians(50.0), znear=0.05)
+    b.animate(camera, "translation", [0.0, 1.0], [(0, 0, 0), (0, 0, 0)])
+    return b.build()
+
+
+def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: int) -> list[Array]:
+    """Direct radiance of frames, (h, w, 3) each.  ``samples``: lamps drawn at random per pixel, 0: all of them."""
+    shading = Shading(light_samples=samples, indirect_samples=samples)
+    settings = stage.settings(columns=("direct",))
+    source = RasterSource(stage.gpu, what, choose_camera(what), settings, shading=shading)
+    try:
+        found = []
+        for frame in frames:
+            source.advance(frame)
+            found.append(source.read("direct")[..., :3].astype(np.float64))
+        return found
+    finally:
+        source.release()
+
+
+def law_of_one_draw(per_lamp: Array) -> float:
+    """Percent of pixels discarded if each frame draws one of K equal lamps: all K^2 outcomes, each 1 / K^2.
+
+    ``per_lamp`` (K, h, w, 3): radiance of each lamp alone.
+    """
+    count = len(per_lamp)
+    over = [np.linalg.norm(count * (a - b), axis=-1) > DEFAULT_THRESHOLD for a in per_lamp for b in per_lamp]
+    return 100.0 * float(np.mean(over))
+
+
+def law_of_many_draws(per_lamp: Array, samples: int) -> float:
+    """The same for the mean of many draws, normal by the central limit theorem; of every 23rd pixel.
+
+    All lamps have one colour, so the change lies along one direction, with variance 2 sigma^2 / samples.
+    """
+    estimates = len(per_lamp) * np.linalg.norm(per_lamp, axis=-1)
+    sigma = estimates.std(axis=0)
+    with np.errstate(divide="ignore"):
+        x = DEFAULT_THRESHOLD * math.sqrt(samples) / (2.0 * sigma)
+    return 100.0 * float(np.mean([math.erfc(v) for v in np.minimum(x, 30.0).ravel()[::23]]))
+
+
+@demo(
+    8,
+    "noise",
+    "Noise is counted as change",
+    idea="Path-traced light is an estimate, and two estimates of the same thing differ. A mask that compares them "
+    "with a threshold takes the difference for a change: here nothing moves at all, and with one lamp drawn at "
+    "random per pixel two fifths of the picture are discarded. Masks from rendered files therefore need many "
+    "samples, or light without noise.",
+    look_for=(
+        "Top: the same still room, lit by 1, 4, 16 and 64 random draws per pixel.",
+        'Bottom: yellow pixels "changed" between two frames. The truth is 0 %.',
+        "The curve: four times the samples halve the noise, and then the masks let go quickly.",
+    ),
+    scene=scene,
+    see_also=(("noise in path-traced truth", "agreement.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    still = scene()
+    per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])
+    sheet = Sheet(4, 2, stage.size[0] / stage.size[1], below=330)
+    shares = {}
+    for place, samples in enumerate(SAMPLES):
+        before, now = direct_light(stage, still, (0, 1), samples)
+        pair = stage.bench.compare({"direct": now}, {"direct": before})
+        shares[samples] = 100.0 * float(pair.has(Reason.DIRECT).mean())
+        shown = display_color(now, 1.0, "linear")
+        sheet.panel(place, 0, shown, f"{samples} random draw{'s' if samples > 1 else ''} per pixel")
+        axes = sheet.panel(place, 1, overlay(pair.mask, shown, Reason.DIRECT), "its mask")
+        note(axes, f'{shares[samples]:.1f} % "changed"')
+    exact = direct_light(stage, still, (0, 1), 0)
+    none = 100.0 * float(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT).mean())
+    gaussian = _gaussian(stage)
+    _plot(sheet, shares, per_lamp)
+    sheet.legend(reason_entries(Reason.DIRECT))
+    path = sheet.save(out / "08-noise.png")
+    one = law_of_one_draw(per_lamp)
+    tail = 100.0 * theory.maxwell_tail(DEFAULT_THRESHOLD, math.sqrt(2.0) * SIGMA)
+    findings = (
+        Finding(shares[1], "%", "of a still picture is discarded at one draw per pixel",
+                Expected.near(one, _chance(one, stage), "all 16 pairs of lamps, 1/16 each; ± 5 deviations")),
+        Finding(gaussian, "%", "of a grey picture is discarded for normal noise of half the threshold",
+                Expected.near(tail, _chance(tail, stage), "tail of Maxwell's distribution; ± 5 deviations")),
+        Finding(none, "%", "is discarded with exact light",
+                Expected.near(0.0, 0.0, "nothing moves, nothing is random")),
+    )  # fmt: skip
+    caption = "A still room under random light: pictures, masks, and the share of pixels that count as changed."
+    return Result(findings, (Figure(path, caption, {"direct": rgb(Reason.DIRECT)}),))
+
+
+def _chance(percent: float, stage: Stage) -> float:
+    """Five standard deviations of a share counted over all pixels, points."""
+    return 500.0 * math.sqrt(percent / 100 * (1 - percent / 100) / stage.pixels)
+
+
+def _gaussian(stage: Stage) -> float:
+    """Discards of grey with normal noise of SIGMA in every channel of both frames."""
+    rng = np.random.default_rng(8)
+    width, height = stage.size
+    frames = [{"direct": 1.0 + rng.normal(0.0, SIGMA, (height, width, 3))} for _ in range(2)]
+    return 100.0 * float(stage.bench.compare(*frames).has(Reason.DIRECT).mean())
+
+
+def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
+    axes = sheet.plot(
+        80, sheet.grid_bottom + 44, 1160, 222, xscale="log", ylim=(0, 50), xlabel="random draws per pixel",
+        ylabel="\"changed\", %", title="A still room: share of pixels discarded by f_dir",
+    )  # fmt: skip
+    line = np.unique(np.round(np.logspace(np.log10(4), 3, 16)).astype(int))
+    axes.plot(line, [law_of_many_draws(per_lamp, int(n)) for n in line], color=BLUE, linewidth=2,
+              label="theory: central limit theorem")  # fmt: skip
+    axes.plot([1], [law_of_one_draw(per_lamp)], "D", color=BLUE, markersize=11, label="theory: all pairs of lamps")
+    axes.plot(list(shares), list(shares.values()), "o", color=ORANGE, markeredgecolor="black", markersize=8,
+              label="measured", zorder=5)  # fmt: skip
+    axes.set_xticks([1, 4, 16, 64, 256, 1000], ["1", "4", "16", "64", "256", "1000"])
+    axes.legend(frameon=False, fontsize=12, loc="upper right")

@@ -1,0 +1,153 @@
+"""Demo 10: ghosting, and what methods do against it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.props import Props, checkered
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, note
+from taubench_gl.demos.stage import Stage
+from taubench_gl.metrics.color import display_color
+from taubench_gl.reuse.arrays import read_input, read_result
+from taubench_gl.reuse.evaluate import MethodSpec, method_settings
+from taubench_gl.reuse.inputs import RasterInputs
+from taubench_gl.reuse.inputs_kind import parse_input
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import sphere
+
+Array = np.ndarray
+FRAMES, ALPHA = 13, 0.1
+AT = 5  # frames since a pixel was uncovered, for the number
+GLOW = (2.0, 0.75, 0.1)
+TILE = (0.10, 0.30)
+METHODS = {
+    "nothing is tested": (
+        f"taa_clamp@alpha={ALPHA}@clamping=false@weighting=false@dilate=false@filtering=nearest",
+        ORANGE,
+        "o",
+    ),
+    "clamped to the colours around": (f"taa_clamp@alpha={ALPHA}", PINK, "s"),
+    "position and normal tested": ("bmfr_temporal", BLUE, "^"),
+    "oracle: the paper's masks": ("oracle", GREEN, "D"),
+}
+
+
+def scene() -> Scene:
+    """A glowing ball crosses a glowing chequered wall: every colour is known, no light falls on anything."""
+    b = Props()
+    tiles = [b.material(base_color=(0, 0, 0, 1), emissive=(v, v, 1.15 * v), specular=0.0) for v in TILE]
+    b.thing(*checkered(6.0, 4.0, (24, 16), tiles), translation=(0, 0, -6))
+    glow = b.material(base_color=(0, 0, 0, 1), emissive=GLOW, specular=0.0)
+    ball = b.thing(dataclasses.replace(sphere(0.55, 48), material=glow))
+    b.animate(ball, "translation", [0.0, float(FRAMES - 1)], [(-1.9, 0.25, -4.4), (1.5, -0.2, -4.4)])
+    b.camera(yfov=np.radians(42.0), znear=0.05)
+    return b.build()
+
+
+@dataclass(slots=True)
+class Trail:
+    """How strong the ball still is in wall pixels that it left ``k`` frames ago."""
+
+    picture: Array
+    weights: dict[int, float]
+
+
+def run_methods(stage: Stage) -> dict[str, Trail]:
+    """The last picture of every method and its ghost by age: frames since a pixel showed the ball, 0 if never."""
+    what, settings = scene(), stage.settings(reprojection="motion", sky=(0.0, 0.0, 0.0))
+    specs = {name: MethodSpec.parse(text) for name, (text, _, _) in METHODS.items()}
+    methods = {name: load_method(spec.method) for name, spec in specs.items()}
+    reads = {read for method in methods.values() for read in method.reads} | {"radiance", "ids"}
+    inputs = RasterInputs(stage.gpu, what, choose_camera(what), settings, parse_input("full"), reads, truth=True)
+    runners = {
+        name: MethodRunner(stage.gpu, method, stage.size, method_settings(method, specs[name].settings))
+        for name, method in methods.items()
+    }
+    age = np.zeros(stage.size[::-1], dtype=int)
+    try:
+        for frame in range(FRAMES):
+            given = inputs.advance(frame)
+            pictures = {name: read_result(runner.step(given))[..., :3] for name, runner in runners.items()}
+            truth = read_input(given.textures["radiance"], "radiance")[..., :3].astype(np.float64)
+            ball = truth[..., 0] > 0.5 * (GLOW[0] + TILE[1])
+            age = np.where(ball, 1, np.where(age > 0, age + 1, 0))
+    finally:
+        for part in (*runners.values(), inputs):
+            part.release()
+    age = np.where(ball, 0, np.maximum(age - 1, 0))
+    return {name: Trail(picture, ghost_by_age(picture, truth, age)) for name, picture in pictures.items()}
+
+
+def ghost_by_age(picture: Array, truth: Array, age: Array) -> dict[int, float]:
+    """Share of the ball's red in the picture, by frames since the ball left: (picture - wall) / (ball - wall).
+
+    Median over the pixels of an age, so that the ball's rim, a mixture, does not decide.
+    """
+    red = truth[..., 0]
+    share = (picture[..., 0] - red) / np.where(age > 0, GLOW[0] - red, 1.0)
+    return {int(k): float(np.median(share[age == k])) for k in np.unique(age) if k > 0}
+
+
+@demo(
+    10,
+    "ghosting",
+    "Ghosting and its cures",
+    idea="A method that blends each frame into a running mean drags the past along: where the ball has been, its "
+    "colour fades over many frames. The cure is to throw history away at the right pixels. One can clamp it to "
+    "the colours around the pixel, compare positions and normals, or, if one knew the truth, use exactly the "
+    "paper's masks.",
+    look_for=(
+        "Top left: the trail of the ball, fading by a tenth per frame.",
+        "Top right: clamping leaves only colours that occur nearby: no ball, but smudges along the edges of the tiles.",
+        "Bottom: with positions compared, uncovered pixels start anew, and no ghost is left.",
+    ),
+    scene=scene,
+    see_also=(("reuse methods", "reuse.md"), ("how they are judged", "reuse-evaluation.md")),
+)
+def run(stage: Stage, out: Path) -> Result:
+    trails = run_methods(stage)
+    sheet = Sheet(2, 2, stage.size[0] / stage.size[1], below=330, legend=False)
+    for place, (name, trail) in enumerate(trails.items()):
+        shown = display_color(np.maximum(trail.picture.astype(np.float64), 0.0), 1.0, "linear")
+        axes = sheet.panel(place % 2, place // 2, shown, name)
+        note(axes, f"{100 * trail.weights.get(AT, np.nan):.1f} % of the ball after {AT} frames")
+    _plot(sheet, trails)
+    path = sheet.save(out / "10-ghosting.png")
+    first, clamped, tested, oracle = trails
+    left = 100 * (1 - ALPHA) ** AT
+    findings = (
+        Finding(100 * trails[first].weights[AT], "%", f"of the ball's light is left {AT} frames after it went",
+                Expected.near(left, 0.01 * left, f"exponential mean: (1 - {ALPHA})^{AT}; ± 1 % for float32")),
+        Finding(100 * trails[clamped].weights[AT], "%", "is left with history clamped to the colours around",
+                Expected.between(-np.inf, 0.5 * left, "less than half: the ball's colour is nowhere near any more")),
+        Finding(100 * trails[tested].weights[AT], "%", "is left with position and normal tested",
+                Expected.near(0.0, 0.1, "uncovered pixels start anew: nothing of the ball is blended in")),
+        Finding(100 * trails[oracle].weights[AT], "%", "is left with the masks of the noise-free frames",
+                Expected.near(0.0, 0.1, "every pixel the ball left is a position discard")),
+    )  # fmt: skip
+    caption = f"A ball after {FRAMES - 1} frames of flight, in four ways to reuse history, and how its ghost fades."
+    # The curves of the cures lie on one another: the first and the last one drawn can be seen.
+    colors = {name: tuple(int(METHODS[name][1][i : i + 2], 16) for i in (1, 3, 5)) for name in (first, oracle)}
+    return Result(findings, (Figure(path, caption, colors),))
+
+
+def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
+    axes = sheet.plot(
+        80, sheet.grid_bottom + 44, 1160, 222, xlabel="frames since the ball went", ylabel="ball's light left, %",
+        title="How a ghost fades", ylim=(-4, 104),
+    )  # fmt: skip
+    k = np.linspace(1, FRAMES, 200)
+    axes.plot(k, 100 * (1 - ALPHA) ** k, color="#444", linewidth=1.4, linestyle="--", label=f"theory: (1 - {ALPHA})^k")
+    for name, trail in trails.items():
+        _, color, marker = METHODS[name]
+        ages = sorted(trail.weights)
+        axes.plot(ages, [100 * trail.weights[a] for a in ages], marker=marker, color=color, linewidth=2, label=name)
+    axes.legend(frameon=False, fontsize=12, loc="upper right")

@@ -1,0 +1,70 @@
+"""Demo 1, the paper's figure 1: what a turn of the camera leaves of the last frame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.conventions import FRUSTUM
+from taubench_gl.demos import theory
+from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.props import Props, hall
+from taubench_gl.demos.sheet import Sheet, checkerboard, note
+from taubench_gl.demos.stage import Stage
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import IDENTITY, turn
+
+YFOV = np.radians(55.0)
+DEGREES = 25.0
+TURNS = {"pitch": ("upwards", (1, 0, 0)), "yaw": ("to the left", (0, 1, 0)), "roll": ("sideways", (0, 0, 1))}
+CHECKER = (237, 237, 237)
+
+
+def scene(axis: str = "yaw") -> Scene:
+    """The hall; the camera turns by DEGREES in one second."""
+    b = Props()
+    hall(b)
+    camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=YFOV, znear=0.05)
+    b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn(TURNS[axis][1], DEGREES)])
+    return b.build()
+
+
+@demo(
+    1,
+    "rotations",
+    "A turn of the camera throws history away",
+    idea="What the last frame did not show cannot be reused. A camera that turns by 25 degrees loses a large part of "
+    "its picture at once, and how much depends on the axis: yaw and pitch move the whole picture, roll only "
+    "cuts corners.",
+    look_for=(
+        "The checkerboard: pixels whose point was outside the last picture.",
+        "Its straight edges are the rim of the last picture, seen from the new direction.",
+        "Roll keeps nearly everything, although the angle is the same.",
+    ),
+    scene=scene,
+    see_also=(("the conventions of the frustum test", "conventions.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
+    findings = []
+    for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
+        pair = stage.pair(scene(axis), columns=("frustum", "color"))
+        if place == 1:
+            sheet.panel(0, 0, pair.before["color"], "the last frame: reference orientation")
+        lost = pair.percent(FRUSTUM)
+        prev_from_now = math3d.mat3_from_quat(turn(vector, DEGREES))
+        share, slack = theory.frustum_share(prev_from_now, YFOV, stage.size)
+        picture = checkerboard(pair.now["color"], pair.has(FRUSTUM), max(stage.size[0] // 60, 1))
+        axes = sheet.panel(place % 2, place // 2, picture, f"{axis}, 25° {way}")
+        note(axes, f"{lost:.1f} % without history")
+        source = "area of the polygon both cameras see, float64; ± half of the pixels on its edge"
+        findings.append(
+            Finding(lost, "%", f"of the picture has no history after {axis}", Expected.near(share, slack, source))
+        )
+    sheet.legend([("checkerboard: outside the last picture, nothing to reuse", CHECKER)])
+    path = sheet.save(out / "01-rotations.png")
+    findings.sort(key=lambda f: "yaw" not in f.meaning)
+    caption = "The same hall before and after three turns of 25 degrees, as in the paper's figure 1."
+    return Result(tuple(findings), (Figure(path, caption, {"checkerboard": CHECKER}),))

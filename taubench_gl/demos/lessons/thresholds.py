@@ -1,0 +1,152 @@
+"""Demo 9: one threshold is one point of a curve."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
+from taubench_gl.demos import theory
+from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.props import BRICK, CHALK, LEAF, SAND, SEA, Props
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, note, overlay, reason_entries, rgb
+from taubench_gl.demos.stage import Stage
+from taubench_gl.report.plots import discard_curve
+from taubench_gl.scene.model import Scene
+
+Array = np.ndarray
+Size = tuple[int, int]
+YFOV = np.radians(45.0)
+WALL, KEYS = -6.0, -4.8
+STEPS_CM = (1, 2, 4, 8, 16, 32, 64, 128)
+HALF = 0.36
+SHOWN = (0.03, DEFAULT_THRESHOLD, 0.5)
+
+
+def places() -> Array:
+    """Centres of the keys in the last frame, four to a row.  (8, 3) metres."""
+    x = (np.arange(8) % 4 - 1.5) * 1.02
+    y = np.where(np.arange(8) < 4, 0.85, -0.85)
+    return np.stack([x, y, np.full(8, KEYS)], axis=-1)
+
+
+def scene() -> Scene:
+    """Eight square keys before a wall; in one second each comes nearer by its own step, 1 cm to 128 cm."""
+    b = Props()
+    b.wall(9.0, 6.0, CHALK, translation=(0, 0, WALL))
+    colors = (SAND, BRICK, SEA, LEAF)
+    for i, (place, step) in enumerate(zip(places(), STEPS_CM)):
+        key = b.wall(HALF, HALF, colors[(i + i // 4) % 4], translation=place)
+        b.animate(key, "translation", [0.0, 1.0], [place, place + [0, 0, step / 100]])
+    b.light(translation=(1.0, 2.5, 0.0), intensity=60.0)
+    b.camera(yfov=YFOV, znear=0.05)
+    return b.build()
+
+
+def distances(size: Size) -> Array:
+    """How far apart the points seen now and before are, at every pixel: rays against squares.  (h, w) metres."""
+    rays = theory.pixel_rays(size, YFOV)
+    depths = []
+    for moved in (0.0, 1.0):
+        depth = np.full(rays.shape[:2], -WALL)
+        for place, step in zip(places(), STEPS_CM):
+            z = -(place[2] + moved * step / 100)
+            inside = (np.abs(rays[..., :2] * z - place[:2]) <= HALF).all(axis=-1)
+            depth = np.where(inside, np.minimum(depth, z), depth)
+        depths.append(depth)
+    return np.linalg.norm(rays, axis=-1) * np.abs(depths[1] - depths[0])
+
+
+@demo(
+    9,
+    "thresholds",
+    "A threshold is a point on a curve",
+    idea="A mask says yes or no, so somebody has to say how much change is too much. The paper takes 32/255 of every "
+    "feature's unit; another number gives another percentage, and a single one hides how close the decision "
+    "was. A run therefore keeps the whole curve: the share of pixels above each threshold.",
+    look_for=(
+        "Each key moved twice as far as the one before it: 1 cm, 2 cm, up to 128 cm.",
+        "Each step of the staircase is one key dropping out as the threshold passes its motion.",
+        "The paper's threshold stands on the flat between 8 cm and 16 cm: its exact value does not matter here.",
+    ),
+    scene=scene,
+    see_also=(("what a run records", "formats.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    results, masks = {}, {}
+    for threshold in SHOWN:
+        results[threshold], pairs = stage.evaluate(
+            scene(), columns=("frustum", "position", "color"), thresholds={"position": threshold}, shadow_lights=0,
+            histogram_bits=6,
+        )  # fmt: skip
+        masks[threshold] = pairs[0]
+    summary = results[DEFAULT_THRESHOLD].summary
+    edges, percent = discard_curve(summary["curves"]["position"], stage.pixels)
+    expected = distances(stage.size)
+    sheet = Sheet(3, 1, stage.size[0] / stage.size[1], below=356)
+    for place, threshold in enumerate(SHOWN):
+        pair = masks[threshold]
+        drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
+        axes = sheet.panel(place, 0, drawn, f"threshold {100 * threshold:.3g} cm" + _whose(threshold))
+        note(axes, f"{pair.percent(Reason.POSITION):.2f} % discarded")
+        _name_keys(axes, stage.size)
+    _staircase(sheet, edges, percent, expected, masks)
+    sheet.legend([*reason_entries(Reason.POSITION)])
+    path = sheet.save(out / "09-thresholds.png")
+    findings = [
+        Finding(masks[t].percent(Reason.POSITION), "%", f"of the picture is discarded at {100 * t:.3g} cm" + _whose(t),
+                _near(expected > t, "rays against the squares, float64; ± half of the pixels on their edges"))
+        for t in sorted(SHOWN, key=lambda t: t != DEFAULT_THRESHOLD)
+    ]  # fmt: skip
+    # At an edge between two bins, the curve and a mask with that threshold count the same pixels.
+    at = int(np.argmin(np.abs(edges - 0.25)))
+    exact = stage.pair(scene(), columns=("frustum", "position"), thresholds={"position": _just_below(edges[at])})
+    findings.append(
+        Finding(float(abs(round(percent[at] / 100 * stage.pixels) - int(exact.has(Reason.POSITION).sum()))), "pixels",
+                "between the curve and a run with a threshold of 25 cm",
+                Expected.near(0.0, 0.0, "bins are cut from the bits of the distance: nothing is interpolated", 0), 0)
+    )  # fmt: skip
+    caption = "Three thresholds and the curve they are points of. The numbers on the keys: how far each has moved, cm."
+    return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
+
+
+def _just_below(value: float) -> float:
+    """A mask discards what is strictly greater, a bin holds what is at least its edge."""
+    return float(np.nextafter(np.float32(value), np.float32(0)))
+
+
+def _whose(threshold: float) -> str:
+    return ", the paper's 32/255 m" if threshold == DEFAULT_THRESHOLD else ""
+
+
+def _near(region: Array, source: str) -> Expected:
+    return Expected.near(100.0 * float(region.mean()), 50.0 * theory.rim(region) / region.size, source)
+
+
+def _name_keys(axes: object, size: Size) -> None:
+    focal = 0.5 * size[1] / np.tan(0.5 * YFOV)
+    for place, step in zip(places(), STEPS_CM):
+        depth = -(place[2] + step / 100)
+        x = 0.5 * size[0] - 0.5 + focal * place[0] / depth
+        y = 0.5 * size[1] - 0.5 - focal * place[1] / depth
+        axes.text(x, y, str(step), color="white", fontsize=12, fontweight="bold", ha="center", va="center")
+
+
+def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, masks: dict) -> None:
+    axes = sheet.plot(
+        80, sheet.grid_bottom + 46, 1160, 240, xscale="log", xlim=(0.004, 3.0), ylim=(0, 1.08 * percent.max()),
+        xlabel="position threshold, metres", ylabel="discarded, %",
+        title="Share of the picture above each threshold",
+    )  # fmt: skip
+    axes.plot(edges, percent, color=BLUE, linewidth=2.6, label="recorded by the run")
+    line = np.logspace(-2.4, 0.5, 1200)
+    ordered = np.sort(expected.ravel())
+    share = 100.0 * (1.0 - np.searchsorted(ordered, line, side="right") / ordered.size)
+    axes.plot(line, share, color=ORANGE, linewidth=1.4, linestyle="--", label="theory: rays against squares")
+    for threshold, pair in masks.items():
+        value = pair.percent(Reason.POSITION)
+        axes.plot([threshold], [value], "o", color=ORANGE, markeredgecolor="black", markersize=9, zorder=5)
+        name = "32/255" if threshold == DEFAULT_THRESHOLD else f"{threshold:g}"
+        axes.annotate(f"{name} m: {value:.1f} %", (threshold, value), (8, 9), textcoords="offset points", fontsize=12)
+    axes.legend(frameon=False, fontsize=12, loc="upper right")

@@ -1,0 +1,187 @@
+"""Pictures of demos: panels, plots, letters and a legend on one sheet, the same look for all of them."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import Reason
+from taubench_gl.demos.demo import RGB
+from taubench_gl.outputs import cannot_write
+from taubench_gl.report.palette import REASON_COLORS, color_of, name_of
+from taubench_gl.report.pictures import mask_overlay
+
+Array = np.ndarray
+
+PAPER, INK, SOFT = "#fbfaf7", "#1c1d21", "#5d6068"
+WIDTH = 1280
+_DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
+_PAD, _TITLE, _LEGEND = 24, 34, 44
+BLUE, ORANGE, GREEN, PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
+"""Of Okabe and Ito (2008), as the masks' colours."""
+
+
+class Sheet:
+    """``columns`` x ``rows`` panels of one aspect ratio, and room below for plots.  All lengths in layout units."""
+
+    def __init__(self, columns: int, rows: int, aspect: float, *, below: float = 0, legend: bool = True):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        self._width = (WIDTH - _PAD * (columns + 1)) / columns
+        self._height = self._width / aspect
+        self.grid_bottom = rows * (self._height + _TITLE) + _PAD * max(rows - 1, 0) * 0.5 + _PAD * 0.5 if rows else 0
+        self.legend_top = self.grid_bottom + below
+        self.height = self.legend_top + (_LEGEND if legend else 0) + 0.5 * _PAD
+        self._figure = Figure(figsize=(WIDTH / 100, self.height / 100), facecolor=PAPER)
+        FigureCanvasAgg(self._figure)
+
+    def axes(self, left: float, top: float, width: float, height: float) -> Any:
+        """Axes at a place on the sheet, measured from its top left."""
+        place = (left / WIDTH, 1 - (top + height) / self.height, width / WIDTH, height / self.height)
+        return self._figure.add_axes(place)
+
+    def plot(self, left: float, top: float, width: float, height: float, **labels: Any) -> Any:
+        """Axes for a plot below the panels, in the sheet's look.  ``labels``: as ``Axes.set``."""
+        axes = self.axes(left, top, width, height)
+        axes.set_facecolor(PAPER)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        axes.grid(alpha=0.25)
+        axes.set(**labels)
+        axes.tick_params(labelsize=11, colors=INK)
+        for item in (axes.xaxis.label, axes.yaxis.label):
+            item.set(fontsize=12.5, color=INK)
+        axes.title.set(fontsize=13.5, color=INK)
+        return axes
+
+    def panel(self, column: int, row: int, image: Array, title: str = "") -> Any:
+        """A picture (h, w, 3) uint8 or float in [0, 1], with its title above.  Returns its axes, in pixels."""
+        left = _PAD + column * (self._width + _PAD)
+        top = _TITLE + row * (self._height + _TITLE + 0.5 * _PAD)
+        axes = self.axes(left, top, self._width, self._height)
+        image = np.asarray(image)
+        image = image if image.dtype == np.uint8 else np.clip(np.nan_to_num(image), 0.0, 1.0)
+        # "auto": much enlarged pixels stay square and crisp, a picture at about its own size is resampled smoothly.
+        axes.imshow(image, interpolation="auto", aspect="auto")
+        axes.set(xticks=[], yticks=[])
+        for spine in axes.spines.values():
+            spine.set(color="#b9b6ae", linewidth=0.8)
+        size = 13.5 if self._width > 380 else 11.5
+        axes.set_title(title, fontsize=size, color=INK, loc="left", pad=6)
+        return axes
+
+    def legend(self, entries: Sequence[tuple[str, RGB]]) -> None:
+        """Colours and what they mean, in one line at the bottom."""
+        from matplotlib.patches import Rectangle
+
+        axes = self.axes(0, self.legend_top, WIDTH, _LEGEND)
+        axes.set(xlim=(0, WIDTH), ylim=(_LEGEND, 0))
+        axes.axis("off")
+        widths = [text_width(text, 13) + 34 for text, _ in entries]
+        gap = min(44.0, (WIDTH - 2 * _PAD - sum(widths)) / max(len(entries) - 1, 1))
+        x = float(_PAD)
+        for (text, color), width in zip(entries, widths):
+            shade = np.array(color) / 255.0
+            axes.add_patch(Rectangle((x, 15), 20, 20, facecolor=shade, edgecolor="#7f8288", linewidth=0.8))
+            axes.text(x + 28, 26, text, fontsize=13, color=INK, va="center")
+            x += width + gap
+
+    def text(self, left: float, top: float, text: str, *, size: float = 13, color: str = INK, **more: Any) -> None:
+        self._figure.text(left / WIDTH, 1 - top / self.height, text, fontsize=size, color=color, va="top", **more)
+
+    def save(self, path: Path) -> Path:
+        """Write the sheet as PNG, whole or not at all.  Raises OutputError."""
+        buffer = io.BytesIO()
+        self._figure.savefig(buffer, dpi=_DPI, format="png", facecolor=PAPER)
+        partial = path.with_name(f".{path.name}.partial")
+        try:
+            partial.write_bytes(buffer.getvalue())
+            os.replace(partial, path)
+        except OSError as error:
+            partial.unlink(missing_ok=True)
+            raise cannot_write(path, error) from None
+        return path
+
+
+def text_width(text: str, size: float) -> float:
+    """Layout units that ``text`` takes at ``size`` points."""
+    from matplotlib.textpath import TextPath
+
+    return TextPath((0, 0), text, size=size).get_extents().width * 100 / 72
+
+
+def letter(axes: Any, at: tuple[float, float], text: str) -> None:
+    """A round label, such as (a.), at a pixel (x, row) of a panel."""
+    axes.text(
+        *at, text, fontsize=14, fontweight="bold", color="white", ha="center", va="center",
+        bbox={"boxstyle": "circle,pad=0.25", "facecolor": INK, "edgecolor": "white", "linewidth": 1.4},
+    )  # fmt: skip
+
+
+def arrow(axes: Any, start: tuple[float, float], end: tuple[float, float], color: str = "white") -> None:
+    """An arrow between two pixels (x, row) of a panel, dark-rimmed to be seen on anything."""
+    from matplotlib.patches import FancyArrow
+
+    length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
+    axes.add_patch(FancyArrow(
+        *start, end[0] - start[0], end[1] - start[1], width=0.22 * length, head_width=0.62 * length,
+        head_length=0.42 * length, length_includes_head=True, facecolor=color, edgecolor=INK, linewidth=1.6, zorder=6,
+    ))  # fmt: skip
+
+
+def note(axes: Any, text: str, *, at: tuple[float, float] = (0.02, 0.03), va: str = "bottom", ha: str = "left") -> None:
+    """A line of text on a panel, at fractions of its size from the bottom left."""
+    axes.text(
+        *at, text, transform=axes.transAxes, fontsize=12, color="white", ha=ha, va=va,
+        bbox={"boxstyle": "round,pad=0.35", "facecolor": INK, "edgecolor": "none", "alpha": 0.82},
+    )  # fmt: skip
+
+
+def overlay(mask: Array, base: Array | None, *reasons: Reason) -> Array:
+    """The masks' own colours over a grey picture, as ``evaluate`` draws them.  (h, w, 3) uint8."""
+    return mask_overlay(mask, base, reasons)
+
+
+def painted(base: Array, *layers: tuple[Array, RGB], strength: float = 0.8) -> Array:
+    """Colours over a grey picture: ``layers`` of (h, w) bool and colour, later ones on top.  (h, w, 3) uint8."""
+    grey = mask_overlay(np.zeros(base.shape[:2], np.uint32), base, ()).astype(np.float64)
+    for where, color in layers:
+        grey[where] = (1 - strength) * grey[where] + strength * np.array(color, dtype=np.float64)
+    return np.round(grey).astype(np.uint8)
+
+
+def checkerboard(picture: Array, where: Array, cell: int) -> Array:
+    """``picture`` with a checkerboard of ``cell`` pixels where there is no history, as in the paper's figure 1."""
+    rows, columns = np.indices(where.shape)
+    light = ((rows // cell + columns // cell) % 2).astype(bool)
+    out = np.array(picture, dtype=np.float64)
+    out[where] = np.where(light[where][:, None], 0.93, 0.62)
+    return out
+
+
+def reason_entries(*reasons: Reason) -> list[tuple[str, RGB]]:
+    """Legend entries of mask colours."""
+    return [(name_of(reason), color_of(reason)) for reason in reasons]
+
+
+def rgb(reason: Reason) -> RGB:
+    return REASON_COLORS[reason]
+
+
+def heat(values: Array, top: float, colors: str = "viridis") -> Array:
+    """(h, w) in [0, top] as a colour map, NaN as light grey.  (h, w, 3) float."""
+    import matplotlib
+
+    shown = matplotlib.colormaps[colors](np.clip(np.nan_to_num(values) / top, 0, 1))[..., :3]
+    return np.where(np.isnan(values)[..., None], 0.86, shown)
+
+
+def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Array:
+    """A part of a picture, to be shown larger."""
+    return image[top : top + height, left : left + width]

@@ -1,0 +1,152 @@
+"""Each demo at a small size: its numbers against theory, its pictures, its page."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from taubench_gl.demos.demo import demos, find_demo
+from taubench_gl.demos.page import demo_page, index_page
+from taubench_gl.demos.stage import Stage
+from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.scene import load_scene
+from taubench_gl.selftest.bench import limits
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+SWATCH = 700  # pixels of a legend's square, at most
+
+
+def test_numbers_are_what_theory_says(demo, runs, gpu):
+    for finding in runs.of(demo, gpu).findings:
+        assert finding.as_expected, f"{finding.said} {finding.meaning}: expected {finding.expected.said}"
+        assert finding.expected.source and finding.meaning
+
+
+def test_every_demo_could_fail(demo, runs, gpu):
+    """Expectations are narrow enough to rule something out: 0, 100 % or twice the number, at least one of them."""
+    for finding in runs.of(demo, gpu).findings:
+        others = (0.0, 100.0, 2.0 * finding.number + 1.0)
+        assert not all(finding.expected.met_by(value) for value in others), finding.meaning
+
+
+def test_pictures_hold_the_colours_they_claim(demo, runs, gpu):
+    """In the legend exactly, and in the picture itself beyond the legend's square (blended with what is below)."""
+    for figure in runs.of(demo, gpu).figures:
+        with Image.open(figure.path) as opened:
+            pixels = np.asarray(opened.convert("RGB")).astype(int)
+        assert pixels.shape[1] == 1600 and pixels.shape[0] > 400
+        for name, color in figure.colors.items():
+            exact = (np.abs(pixels - color) <= 2).all(axis=-1)
+            assert exact.sum() > 100, f"{figure.path.name}: {name} is not in the legend"
+            close = (np.abs(pixels - color) <= 60).all(axis=-1)
+            assert close.sum() > 1.15 * SWATCH or exact.sum() > 1.15 * SWATCH, name
+
+
+def test_pages_need_nothing_else(demo, runs, gpu):
+    page = demo_page(demo, runs.of(demo, gpu))
+    parser = Texts()
+    parser.feed(page)
+    assert parser.loaded and all(link.startswith("data:") for link in parser.loaded)
+    assert not re.search(r"https?:|url\(|<script|@import", re.sub(r"data:[^'\"]*", "", page))
+    text = " ".join(parser.texts)
+    for said in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].said):
+        assert " ".join(said.split()) in " ".join(text.split())
+    assert parser.open == [], "tags left open"
+
+
+def test_index_leads_to_every_page(runs, gpu):
+    shown = [(d, runs.of(d, gpu)) for d in demos()]
+    page = index_page(shown)
+    assert re.findall(r"<a href='([^']+)'", page) == [f"{d.stem}.html" for d, _ in shown]
+    assert f"In {len(shown)} of {len(shown)} every number" in page
+    parser = Texts()
+    parser.feed(page)
+    assert parser.open == [] and all(re.match(r"data:|\d\d-[a-z]+\.html$", link) for link in parser.loaded)
+
+
+class Texts(HTMLParser):
+    """Texts of a page, and its tags that are still open."""
+
+    VOID = ("meta", "link", "img", "br", "line", "rect", "circle")
+
+    def __init__(self):
+        super().__init__()
+        self.texts: list[str] = []
+        self.open: list[str] = []
+        self.loaded: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in self.VOID:
+            self.open.append(tag)
+        self.loaded += [value for name, value in attrs if name in ("src", "href", "srcset", "data", "action")]
+
+    def handle_startendtag(self, tag, attrs):
+        assert tag in self.VOID
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+def test_numbers_and_names_are_in_order():
+    every = demos()
+    assert [d.number for d in every] == list(range(1, 12))
+    assert len({d.name for d in every}) == len(every)
+    for one in every:
+        assert find_demo(one.name) is find_demo(str(one.number)) is one
+        assert len(one.look_for) >= 2 and one.idea.count(".") >= 2
+        missing = [page for _, page in one.see_also if not (DOCS / page).is_file()]
+        assert not missing
+
+
+@pytest.mark.parametrize("text", ["nonsense", "", "0", "12", "o-", "r"])
+def test_unknown_names_are_one_line(text):
+    with pytest.raises(SettingsError, match=r"(no demo is|several demos begin with) ") as caught:
+        find_demo(text)
+    assert "\n" not in str(caught.value) and "choose from 1 rotations" in str(caught.value)
+
+
+def test_the_beginning_of_a_name_is_enough():
+    assert find_demo("occ").name == "occlusion"
+
+
+@pytest.mark.parametrize("size", [(16, 9), (160, 89), (4000, 2000)])
+def test_sizes_are_checked(gpu, size):
+    with pytest.raises(TaubenchError, match="160x90"):
+        Stage(gpu, size)
+
+
+def test_scenes_can_be_written_and_read_again(demo, tmp_path):
+    """What ``--scene`` writes plays as the scene itself."""
+    from taubench_gl.animation import Poser, choose_camera
+    from taubench_gl.datasets.gltf_from_scene import write_scene
+
+    made, path = demo.scene(), tmp_path / "scene.glb"
+    write_scene(made, path)
+    read = load_scene(path)
+    assert read.duration == pytest.approx(made.duration)
+    for time in (0.0, 0.5 * made.duration, made.duration):
+        views = [choose_camera(s).view_at(Poser(s).sample(time)) for s in (made, read)]
+        # Beside the origin only: glTF keeps float32, and demo 4 is about what that does a million metres away.
+        near = demo.name != "relative"
+        assert np.abs(views[0].position - views[1].position).max() < (1e-5 if near else 0.07)
+
+
+def test_the_twin_agrees_with_the_pass_of_demo_6(gpu):
+    """Demo 6 colours its pictures with the float64 twin: the same discards as the GPU's."""
+    from taubench_gl.demos.lessons import sampling
+
+    stage = Stage(gpu, (160, 90))
+    for how in ("nearest", "bilinear"):
+        pair = stage.bench.pair(sampling.scene(), camera=sampling.camera(), sampling=how)
+        twin = pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=how)
+        assert np.count_nonzero(twin.mask != pair.mask) <= 2
+    stage.release()

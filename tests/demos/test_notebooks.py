@@ -1,0 +1,60 @@
+"""Notebooks made from the demos' records: valid, and they run from top to bottom."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import pytest
+
+from taubench_gl.demos import notebook as module
+from taubench_gl.demos.demo import demos, find_demo
+from taubench_gl.demos.notebook import write_notebook
+from taubench_gl.errors import SettingsError
+
+nbformat = pytest.importorskip("nbformat")
+nbclient = pytest.importorskip("nbclient")
+
+
+def execute(path, folder) -> list:
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(folder)}}).execute()
+    return [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+
+
+def shown(outputs, kind: str) -> list[str]:
+    return [output["data"][kind] for output in outputs if kind in output.get("data", {})]
+
+
+def check(demo, tmp_path) -> None:
+    path = write_notebook(demo, tmp_path, (160, 90))
+    assert path.name == f"{demo.stem}.ipynb"
+    outputs = execute(path, tmp_path)
+    assert len(shown(outputs, "image/png")) >= 1
+    assert any("| measured | what |" in text for text in shown(outputs, "text/markdown"))
+    assert shown(outputs, "text/html"), "the table of the last cell"
+
+
+def test_one_notebook_runs(tmp_path):
+    check(find_demo("thresholds"), tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [d.name for d in demos() if d.name != "thresholds"])
+def test_every_notebook_runs(name, tmp_path):
+    check(find_demo(name), tmp_path)
+
+
+def test_the_same_file_every_time(tmp_path):
+    """No random cell names: a notebook can be put under version control."""
+    one = find_demo("half")
+    first = write_notebook(one, tmp_path).read_text(encoding="utf-8")
+    assert write_notebook(one, tmp_path).read_text(encoding="utf-8") == first
+    assert one.idea.split(".")[0] in first and "assert result.as_expected" in first
+
+
+def test_without_nbformat_one_line_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(SettingsError, match=r"pip install 'taubench-gl\[notebook\]'"):
+        module.write_notebook(find_demo("half"), tmp_path)
+    assert list(tmp_path.iterdir()) == []
