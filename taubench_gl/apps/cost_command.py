@@ -27,6 +27,7 @@ Examples:
   taubench-gl cost scene.glb --out study --within 0.5 --for direct,position
   taubench-gl cost scene.glb --out study --budget-ms 20
   taubench-gl cost scene.glb --out study --knobs shadow_size,shadow_filter,pairs
+  taubench-gl cost scene.glb --out study --knobs method:taa_variance@gamma=0.5:2:4,method:svgf
   taubench-gl cost scene.glb --out study --reference exr:rungs     # rungs/spp_1, rungs/spp_16, ...
   taubench-gl evaluate scene.glb --preset study/preset.toml
 \b
@@ -35,7 +36,20 @@ DIR holds study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the study.")
-@click.option("--knobs", metavar="LIST", help="Dials to turn, comma-separated, see --list-knobs.  [default: all]")
+@click.option(
+    "--knobs",
+    metavar="LIST",
+    help="Dials to turn, comma-separated, see --list-knobs.  method:NAME@setting=VALUES judges a reuse method by its "
+    "pictures; VALUES: one, lo:hi:n or a/b/c.  [default: all but methods]",
+)
+@click.option(
+    "--method-input",
+    "method_inputs",
+    metavar="LIST",
+    default="noisy+jittered",
+    show_default=True,
+    help="What methods are given, comma-separated kinds of 'reuse evaluate --input'.",
+)
 @click.option(
     "--reference",
     metavar="best|exr:DIR",
@@ -76,7 +90,8 @@ def cost(scenes: tuple[str, ...], out: Path, knobs: str | None, **options: Any) 
     """
     wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "fresh")}
     wishes["choose_for"] = options.pop("wished") or None
-    wishes["knobs"] = None if knobs is None else [name.strip() for name in knobs.split(",") if name.strip()]
+    wishes["knobs"] = None if knobs is None else _listed(knobs)
+    wishes["method_inputs"] = _listed(options.pop("method_inputs"))
     width, height = options.pop("size")
     settings = Settings(
         width=width,
@@ -96,6 +111,10 @@ def cost(scenes: tuple[str, ...], out: Path, knobs: str | None, **options: Any) 
             click.echo(f"taubench-gl: error: {error}", err=True)
             failed += 1
     return 2 if failed else 0
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",") if part.strip()]
 
 
 def _one(scene: str, settings: Settings, folder: Path, wishes: dict[str, Any]) -> None:
@@ -120,6 +139,10 @@ def _list(context: click.Context, wanted: bool) -> None:
     for knob in KNOBS.values():
         values = ", ".join(map(str, knob.values))
         click.echo(f"{knob.name}: {values}{'' if knob.kind == 'accuracy' else '  (another question)'}\n    {knob.doc}")
+    click.echo(
+        "method:NAME@setting=VALUES  (another quantity)\n    a reuse method, judged by its pictures: "
+        "'taubench-gl reuse list' names them, 'reuse show NAME' their settings"
+    )
     context.exit()
 
 

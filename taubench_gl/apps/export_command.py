@@ -107,7 +107,7 @@ def export(
     )
     source, row = resolve(scene_path)
     settings = dataclasses.replace(settings, **asked_for(row))
-    with ProgressBar(Path(source).name) as progress:
+    with ProgressBar(Path(source).name, "frames") as progress:
         told = export_scene(
             source,
             out,

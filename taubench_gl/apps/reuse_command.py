@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,7 +150,7 @@ def new(path: Path, python: bool) -> None:
     files = write_example(path, python)
     for file in files:
         click.echo(f"written: {file}")
-    click.echo(f"try it: taubench-gl reuse check {files[0] if python else path}")
+    click.echo(f"try it: taubench-gl reuse check {shlex.quote(str(files[0] if python else path))}")
 
 
 @reuse.command(

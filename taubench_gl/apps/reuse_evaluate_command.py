@@ -220,11 +220,11 @@ def fit(
     """
     from taubench_gl.apps.screen import ProgressBar, show_tables
     from taubench_gl.report.reuse_tables import fit_table
-    from taubench_gl.reuse.evaluate_output import write_fit
+    from taubench_gl.reuse.evaluate_output import new_folder, write_fit
     from taubench_gl.reuse.fit import fit_setting
 
     settings, request = split_options(options)
-    with ProgressBar(Path(path).name) as progress:
+    with new_folder(out), ProgressBar(Path(path).name) as progress:
         found = fit_setting(path, method, ranges, settings, metric=metric, refine=refine, progress=progress, **request)
     show_tables([fit_table(found.summary)])
     click.echo("best: " + ", ".join(f"{name}={value:g}" for name, value in found.best.items()))

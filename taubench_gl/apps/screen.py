@@ -51,8 +51,8 @@ def show_pairs(title: str, pairs: dict[str, Any]) -> None:
 class ProgressBar:
     """Callable given to ``evaluate``: a bar on a terminal, about ten lines where standard error is a file or pipe."""
 
-    def __init__(self, name: str):
-        self.name = name
+    def __init__(self, name: str, unit: str = "pairs"):
+        self.name, self.unit = name, unit
         self.done = 0
         self.total = 0
         self._bar: Any = None
@@ -78,9 +78,9 @@ class ProgressBar:
     def __call__(self, progress: Progress) -> None:
         before, self.done, self.total = self.done, progress.done, progress.total
         self._seconds += progress.frame_seconds
-        rate = f"{self.done / self._seconds:.2f} pairs/s" if self._seconds > 0 else ""
+        rate = f"{self.done / self._seconds:.2f} {self.unit}/s" if self._seconds > 0 else ""
         if self._bar is not None:
             self._bar.update(self._task, completed=self.done, total=self.total, rate=rate)
         elif self.done * PLAIN_STEPS // max(self.total, 1) > before * PLAIN_STEPS // max(self.total, 1):
             left = self._seconds / self.done * (self.total - self.done)
-            click.echo(f"{self.name}: {self.done}/{self.total} pairs, {rate}, {left:.0f} s left", err=True)
+            click.echo(f"{self.name}: {self.done}/{self.total} {self.unit}, {rate}, {left:.0f} s left", err=True)

@@ -16,11 +16,15 @@ _QUARTER_ORDER = (0, 3, 1, 2)
 """Corners x + 2 y of the block, diagonals first, so that two frames already see both rows and both columns."""
 
 
+def cycle(rate: str) -> int:
+    """Frames within which every pixel is shaded once."""
+    return {"full": 1, "quarter": 4}.get(rate, 2)
+
+
 def phase(rate: str, frame: int) -> int:
     """Which part of the picture frame ``frame`` shades: 0 or 1, for ``quarter`` a corner x + 2 y of the 2x2 block."""
-    if rate == "quarter":
-        return _QUARTER_ORDER[frame % 4]
-    return 0 if rate == "full" else frame % 2
+    turn = frame % cycle(rate)
+    return _QUARTER_ORDER[turn] if rate == "quarter" else turn
 
 
 def invocations(rate: str, size: tuple[int, int]) -> tuple[int, int]:

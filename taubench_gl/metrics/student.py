@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 
@@ -11,6 +12,7 @@ def student_cdf(t: float, freedom: float) -> float:
     return 1.0 - tail if t >= 0 else tail
 
 
+@functools.lru_cache(maxsize=1024)
 def student_quantile(p: float, freedom: float) -> float:
     """t with P(T <= t) = ``p``, 0 < p < 1, by bisection of the distribution function.  Raises ValueError."""
     if not (0.0 < p < 1.0 and freedom > 0.0):

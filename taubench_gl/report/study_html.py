@@ -16,6 +16,8 @@ from taubench_gl.report.study_tables import grids_html, heading
 
 Study = Mapping[str, Any]
 
+METHOD_COLOR = "#7f7f7f"
+
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
 
@@ -26,7 +28,9 @@ def study_html(study: Study) -> str:
     data = json.dumps(_for_script(study), allow_nan=False, ensure_ascii=False)
     data = data.replace("<", "\\u003c")  # no name in a file can end the script element
     title, *about = heading(study)
-    words = "".join(f"<li>{html.escape(r['words'])}</li>" for r in study["recommendations"])
+    said = [r["words"] for r in study["recommendations"]]
+    said += [f"reuse methods, {words}" for words in (study["quality"] or {}).get("recommendations", ())]
+    words = "".join(f"<li>{html.escape(line)}</li>" for line in said)
     chosen = study["chosen"]
     if chosen is not None:
         words = f"<li><strong>{html.escape(chosen['words'])}</strong></li>{words}"
@@ -72,4 +76,18 @@ def _for_script(study: Study) -> dict[str, Any]:
     for p in study["points"]:
         columns = {c: {k: v for k, v in p["columns"][c].items() if k != "reason"} for c in study["columns"]}
         points.append({k: p[k] for k in fields} | {"columns": columns})
-    return {k: study[k] for k in kept} | {"points": points, "colors": {c: hex_of(c) for c in study["columns"]}}
+    told = {k: study[k] for k in kept} | {"colors": {c: hex_of(c) for c in study["columns"]}, "measures": []}
+    quality = study["quality"]
+    if quality is not None:  # measures stand beside the columns in the chooser, with marks of their own
+        told["measures"] = list(quality["measures"])
+        told["fronts"] = {**study["fronts"], **quality["fronts"]}
+        told["colors"] |= dict.fromkeys(quality["measures"], METHOD_COLOR)
+        points += [_method(p) for p in quality["points"]]
+    return told | {"points": points}
+
+
+def _method(p: Study) -> dict[str, Any]:
+    columns = {m: {"error": e, "half_width": None} for m, e in p["errors"].items()}
+    passes = {} if p["ms"] is None else {"shading": p["shading_ms"], "method": p["method_ms"]}
+    kept = {k: p[k] for k in ("name", "label", "role", "ms", "clock", "against_base", "bytes")}
+    return kept | {"columns": columns, "features": {}, "passes": passes}

@@ -26,7 +26,36 @@ def plot_fronts(study: Study, folder: Path) -> list[Path]:
         written += _save(figure, folder / f"front_{column}")
     if study["columns"]:
         written += _all(study, folder / "fronts")
+    for measure in (study["quality"] or {}).get("measures", ()):
+        written += _methods(study, measure, folder / f"methods_{measure}")
     return written
+
+
+def _methods(study: Study, measure: str, path: Path) -> list[Path]:
+    """Reuse methods: error of their pictures against the time of shading and method; the errors start at 0."""
+    quality = study["quality"]
+    points = [p for p in quality["points"] if p["ms"] and p["errors"][measure] is not None]
+    by_name = {p["name"]: p for p in points}
+    front = [by_name[name] for name in quality["fronts"][measure]]
+    figure, axes = _figure(8.6, 5.2)
+    for i, kind in enumerate(dict.fromkeys(p["input"] for p in points)):
+        shown = [p for p in points if p["input"] == kind]
+        x, y = [p["ms"]["median"] for p in shown], [p["errors"][measure] for p in shown]
+        spread = [p["ms"]["spread"] or 0.0 for p in shown]
+        look = {"fmt": "os^Dv<>"[i % 7], "mec": "black", "mew": 0.6, "ecolor": "#888888", "elinewidth": 0.9}
+        axes.errorbar(x, y, xerr=spread, ms=6, alpha=0.85, label=kind, **look)
+    axes.step([p["ms"]["median"] for p in front], [p["errors"][measure] for p in front], where="post", color="black",
+              linewidth=1.4, label="front", zorder=0)  # fmt: skip
+    axes.set(xscale="log", xlabel="ms per frame, shading and method (log)", ylabel=measure)
+    axes.set_ylim(0.0, 1.15 * max([1e-9, *(p["errors"][measure] for p in points)]))
+    for i, p in enumerate(front):
+        at = (p["ms"]["median"], p["errors"][measure])
+        axes.annotate(p["label"].partition(" on ")[0], at, textcoords="offset points", fontsize=7,
+                      xytext=(6, 6 + 10 * (i % 2)))  # fmt: skip
+    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    axes.set_title(_title(study, f"What reuse costs, {measure}", points[0] if points else None), fontsize=10)
+    _readable_ticks(axes)
+    return _save(figure, path)
 
 
 def _all(study: Study, path: Path) -> list[Path]:
@@ -114,21 +143,26 @@ def _linear_below(points: list[Any], column: str) -> float:
 
 
 def _readable_ticks(axes: Any) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     low, high = axes.get_xlim()
     subs = (1.0, 2.0, 5.0) if high / low < 300 else (1.0,)
-    axes.xaxis.set_major_locator(LogLocator(base=10, subs=subs))
+    few = high / low < 4  # too little of a decade for 1, 2, 5
+    axes.xaxis.set_major_locator(MaxNLocator(6) if few else LogLocator(base=10, subs=subs))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
 
 
-def _title(study: Study, what: str) -> str:
+def _title(study: Study, what: str, method: Study | None = None) -> str:
+    """``method``: a point of ``quality``, whose reference and clock count instead."""
     width, height = study["size"]
     name = str(study["scene"]["name"]).replace("$", r"\$")
     renderer = str(study["machine"]["renderer"]).split("(")[0].strip()
+    reference, clock = study["reference"]["name"], study["clock"]
+    if method is not None:
+        reference, clock = method["reference"], method["clock"]
     return (
         f"{what}: {name}, {width}x{height}, {study['pairs']} pairs at {study['fps']:g} fps\n"
-        f"reference: {study['reference']['name']}; {renderer}; clock: {study['clock']}"
+        f"reference: {reference}; {renderer}; clock: {clock}"
     )

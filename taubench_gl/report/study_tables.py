@@ -6,12 +6,13 @@ import csv
 import html
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from taubench_gl.report.study_grid import NONE, Grid, ms_text, ratio_text, three
+from taubench_gl.report.study_methods import method_grids
 
 Study = Mapping[str, Any]
 
-NONE = "–"
 FEATURES = {
     "position_mm": ("position", "mm"),
     "normal_deg": ("normal", "°"),
@@ -20,16 +21,6 @@ FEATURES = {
     "indirect_percent": ("indirect", "%"),
     "color_levels": ("color", "levels"),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """A heading, column heads (the first is that of the row labels), rows of text, notes below."""
-
-    title: str
-    heads: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
 
 
 def heading(study: Study) -> list[str]:
@@ -43,7 +34,7 @@ def heading(study: Study) -> list[str]:
     if reference["kind"] == "best":
         best = next(p for p in study["points"] if p["name"] == reference["name"])
         dials = ", ".join(f"{name} {value}" for name, value in best["choice"].items())
-        lines.append(f"reference: every dial at its best ({dials})")
+        lines.append(f"reference: every dial at its best ({dials or 'none was turned'})")
     else:
         lines.append(f"reference: {reference['name']} ({reference['path']})")
     floors = {c: reference["floor"][c] for c in study["columns"]}
@@ -51,28 +42,10 @@ def heading(study: Study) -> list[str]:
     unknown = sorted({f["reason"] for f in floors.values() if f["points"] is None})
     lines.append(f"its noise floor, points: {', '.join(known) or 'unknown'}{''.join('; ' + u for u in unknown)}")
     cpu = f"{machine['processor']}, {machine['cores']} cores"
-    lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {cpu}")
+    load = "" if study["load"] is None else f", load {study['load']:.1f} (median; this study alone is about 1)"
+    lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {cpu}{load}")
     lines.append(f"clock: frames by {study['clock']}; passes by {study['pass_clock']}")
     return lines
-
-
-def ms_text(point: Mapping[str, Any]) -> str:
-    """``18.2 ± 0.4``, with as many digits as say something."""
-    ms = point["ms"]
-    if ms is None:
-        return NONE
-    spread = "" if ms["spread"] is None else f" ± {ms['spread']:.2g}"
-    return f"{_three(ms['median'])}{spread}"
-
-
-def ratio_text(point: Mapping[str, Any]) -> str:
-    """Time against the base's, in words where it is no difference."""
-    told = point["against_base"]
-    if told is None:
-        return NONE
-    if point["role"] == "base":
-        return "1x"
-    return f"{told['ratio']:.3g}x" if told["different"] else "no difference"
 
 
 def error_text(entry: Mapping[str, Any]) -> str:
@@ -94,7 +67,7 @@ def grids(study: Study) -> list[Grid]:
     out.append(_features(asked))
     out += [grid for grid in (_curves(study), _questions(study)) if grid is not None]
     out.append(_passes(asked))
-    return out
+    return out + method_grids(study)
 
 
 def _front(study: Study, points: Mapping[str, Any], column: str) -> Grid:
@@ -127,7 +100,7 @@ def _features(points: Sequence[Mapping[str, Any]]) -> Grid:
     for p in points:
         if not p["features"]:
             continue
-        cells = [f"{_three(e['median'])} / {_three(e['p95'])}" if (e := p["features"].get(f)) else NONE for f in there]
+        cells = [f"{three(e['median'])} / {three(e['p95'])}" if (e := p["features"].get(f)) else NONE for f in there]
         rows.append((p["label"], *cells))
     heads = tuple(f"{FEATURES[f][0]}, {FEATURES[f][1]}" for f in there)
     note = "at pixel centres, of the pixels where both see the same surface; samples and pairs do not change them"
@@ -139,7 +112,7 @@ def _curves(study: Study) -> Grid | None:
     if len(chosen) < 2:
         return None
     features = [f for f in study["columns"] if any(f in p["curve"] for p in chosen)]
-    rows = [(p["label"], *(_three(p["curve"][f]) if f in p["curve"] else NONE for f in features)) for p in chosen]
+    rows = [(p["label"], *(three(p["curve"][f]) if f in p["curve"] else NONE for f in features)) for p in chosen]
     note = (
         "largest error of a threshold read off the curve, percent of comparable pixels, against the reference's curve"
     )
@@ -162,7 +135,7 @@ def _questions(study: Study) -> Grid | None:
 
 def _passes(points: Sequence[Mapping[str, Any]]) -> Grid:
     names = list(dict.fromkeys(n for p in points for n in p["passes"]))
-    rows = [(p["label"], *(_three(p["passes"].get(n, 0.0)) for n in names)) for p in points if p["passes"]]
+    rows = [(p["label"], *(three(p["passes"].get(n, 0.0)) for n in names)) for p in points if p["passes"]]
     return Grid("Milliseconds of a drawn frame by pass, median of the visits", ("setting", *names), tuple(rows))
 
 
@@ -171,6 +144,9 @@ def spoken(study: Study) -> list[str]:
     lines = ["Recommendations:", *(f"  {r['words']}" for r in study["recommendations"])]
     if study["chosen"] is not None:
         lines.append(f"chosen: {study['chosen']['words']}")
+    if study["quality"] is not None:
+        lines.append("Reuse methods, by their pictures (another quantity than the columns):")
+        lines += [f"  {words}" for words in study["quality"]["recommendations"]]
     check = study["check"]
     if check is not None:
         errors = ", ".join(f"{c} {e:.3g}" for c, e in check["errors"].items())
@@ -178,8 +154,10 @@ def spoken(study: Study) -> list[str]:
         lines.append(f"run again: {errors} points, {check['promised_points']:.3g} promised: {kept}")
         if check["budget_ms"] is not None:
             time = "kept" if check["time_kept"] else "NOT KEPT"
-            pace = f"{_three(check['ms']['median'])} ms/frame, the base {check['drift']:.3g}x its time in the study"
-            lines.append(f"run again: {pace}; {check['budget_ms']:g} ms allowed: {time}")
+            spread = "" if check["ratio_spread"] is None else f" ± {check['ratio_spread']:.2g}"
+            pace = f"{three(check['ms']['median'])} ms/frame, {check['ratio']:.3g}{spread} times the base beside it"
+            allowed = f"{check['budget_ms']:g} ms were {check['allowed_ratio']:.3g} times the base of the study"
+            lines.append(f"run again: {pace}; {allowed}: {time} (the machine: {check['drift']:.3g}x its time then)")
     faults = [s for s in study["sanity"] if not s["holds"]]
     held = len(study["sanity"]) - len(faults)
     lines.append(f"more exact dials give smaller errors, within noise: {held} of {len(study['sanity'])} series")
@@ -277,10 +255,3 @@ def grids_html(study: Study) -> str:
         parts.append(f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{notes}")
     parts.append("<p>" + "<br>".join(html.escape(line) for line in spoken(study)) + "</p>")
     return "\n".join(parts)
-
-
-def _three(value: float) -> str:
-    """Three significant digits, never in exponents a reader must decode."""
-    if value == 0:
-        return "0"
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -76,6 +76,16 @@ def _first_of_the_fastest(group: Sequence[Point]) -> Point:
     return next(p for p in group if p is fastest or slower_by(p.time, fastest.time) == 0)
 
 
+def _one_per_error(rated: Sequence[tuple[Point, float]]) -> list[tuple[Point, float]]:
+    """Of points with the same error the first that is no slower than the fastest: a dial that does nothing for the
+    columns asked for (a histogram's bins) is not recommended because of a lucky round."""
+    groups: dict[float, list[tuple[Point, float]]] = {}
+    for point, error in rated:
+        groups.setdefault(round(error, DIGITS), []).append((point, error))
+    firsts = [_first_of_the_fastest([p for p, _ in group]) for group in groups.values()]
+    return [(p, e) for p, e in rated if any(p is first for first in firsts)]
+
+
 def worst_error(point: Point, columns: Sequence[str]) -> float | None:
     """Largest error over ``columns``; None if one of them was not measured."""
     errors = [point.error(column) for column in columns]
@@ -112,7 +122,7 @@ def choose(
     subject = f"for the {columns[0]} column" if len(columns) == 1 else f"for {', '.join(columns)}"
     usable = [p for p in points if p.usable and p.role != "question" and p.time is not None]
     rated = [(p, e) for p in usable if (e := worst_error(p, columns)) is not None]
-    fit = [(p, e) for p, e in rated if (within is None or e <= within) and _affordable(p, budget_ms)]
+    fit = _one_per_error([(p, e) for p, e in rated if (within is None or e <= within) and _affordable(p, budget_ms)])
     wish = subject
     wish += "" if within is None else f" within {within:g} points"
     wish += "" if budget_ms is None else f" in {budget_ms:g} ms/frame"
@@ -125,17 +135,21 @@ def choose(
         ties = [(p, e) for p, e in fit if p.time.median <= reach and slower_by(p.time, best.time) == 0]
         best, error = min(ties, key=lambda pe: round(pe[1], DIGITS), default=(best, error))
     else:
-        error = min(e for _, e in fit)
-        alike = [p for p, e in fit if round(e, DIGITS) == round(error, DIGITS)]
-        best = _first_of_the_fastest(alike)
+        best, error = min(fit, key=lambda pe: pe[1])
     further = [
         (p, e)
-        for p, e in rated
+        for p, e in _one_per_error(rated)
         if round(error - e, DIGITS) > 0 and slower_by(p.time, best.time) > 0 and p.time.median > best.time.median
     ]
     nxt = min(further, key=lambda pe: pe[0].time.median, default=None)
     words = f"{wish}: {best.label}, {_ms(best.time)}, error {_points(error)}"
-    if nxt is None:
+    finer = min(
+        (pe for pe in rated if round(error - pe[1], DIGITS) > 0), key=lambda pe: pe[0].time.median, default=None
+    )
+    if nxt is None and finer is not None:
+        ratio = finer[0].time.median / best.time.median
+        words += f"; {finer[0].label} (error {_points(finer[1])}) takes {ratio:.2g}x by the median, within the spread"
+    elif nxt is None:
         words += "; nothing measured is more exact"
     else:
         ratio, gain = nxt[0].time.median / best.time.median, error - nxt[1]

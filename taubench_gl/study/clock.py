@@ -10,14 +10,16 @@ from dataclasses import dataclass
 
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, PassTimer, TimerVerdict, probe_timer
+from taubench_gl.metrics.student import student_quantile
 
 GPU_CLOCK = "GPU timer query, proven against the wall clock"
 
 RULE = (
     "settings are visited in turn, so two of them are compared round by round: they differ if the median of the "
     "rounds' log ratios is further from 0 than those ratios spread (1.4826 times their median absolute deviation: "
-    "the standard deviation, for normal noise); times without common rounds differ if their medians are further "
-    "apart than sqrt(s1^2 + s2^2); otherwise, or with fewer than three repeats, there is no difference to speak of"
+    "the standard deviation, for normal noise) and 0 lies outside the 95 % interval of their mean (Student's t); times "
+    "without common rounds differ if their medians are further apart than sqrt(s1^2 + s2^2); otherwise, or with fewer "
+    "than three repeats, there is no difference to speak of"
 )
 
 MAD_TO_SIGMA = 1.4826
@@ -43,13 +45,23 @@ def time_of(samples: Sequence[float], *, in_turn: bool = True) -> Time:
 def slower_by(a: Time, b: Time) -> int:
     """1 where ``a`` is slower than ``b``, -1 where faster, 0 where there is no difference, by RULE."""
     if a.rounds and len(a.rounds) == len(b.rounds):
-        apart, spread = _middle([math.log(x / y) for x, y in zip(a.rounds, b.rounds)])
+        ratios = [math.log(x / y) for x, y in zip(a.rounds, b.rounds)]
+        apart, spread = _middle(ratios)
+        sure = abs(statistics.fmean(ratios)) > _half_width(ratios)
     else:
-        apart = a.median - b.median
+        apart, sure = a.median - b.median, True
         spread = None if a.spread is None or b.spread is None else math.hypot(a.spread, b.spread)
-    if spread is None or abs(apart) <= spread:
+    if spread is None or not sure or abs(apart) <= spread:
         return 0
     return 1 if apart > 0 else -1
+
+
+def _half_width(samples: Sequence[float]) -> float:
+    """Of the 95 % interval of the mean: few rounds that happen to lie close together prove little."""
+    n = len(samples)
+    if n < 3:
+        return math.inf
+    return student_quantile(0.975, n - 1) * statistics.stdev(samples) / math.sqrt(n)
 
 
 def _middle(samples: Sequence[float]) -> tuple[float, float | None]:

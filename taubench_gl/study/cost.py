@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,15 +19,16 @@ from taubench_gl.frame.plan import bound_times, significant_lights
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, probe_timer
 from taubench_gl.provenance import provenance
-from taubench_gl.reference.sequence import is_sequence
+from taubench_gl.reference.sequence import PREFIX, is_sequence
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
+from taubench_gl.study import quality
 from taubench_gl.study import rungs as truth
 from taubench_gl.study.clock import pass_timer
 from taubench_gl.study.errors import channels_of, compare_features, feature_frames, from_run, measure_errors
 from taubench_gl.study.knobs import Situation
-from taubench_gl.study.plan import BASE, BEST, Plan, identity, make_plan
+from taubench_gl.study.plan import BASE, BEST, Plan, fingerprint, identity, make_plan
 from taubench_gl.study.result import CostStudy, assemble
 from taubench_gl.study.sessions import Pool, due_visits
 from taubench_gl.study.store import RECORDS_FILE, Records
@@ -53,6 +55,7 @@ def cost(
     *,
     out: str | Path,
     knobs: Sequence[str] | None = None,
+    method_inputs: Sequence[str] = quality.INPUTS,
     reference: str = REFERENCE_BEST,
     within: float | None = None,
     budget_ms: float | None = None,
@@ -61,6 +64,7 @@ def cost(
     fresh: bool = False,
     check: bool = True,
     progress: Progress | None = None,
+    now: Callable[[], float] = time.perf_counter,
     **overrides: Any,
 ) -> CostStudy:
     """Measure error and time of every setting of the plan, and say which to use.
@@ -68,11 +72,16 @@ def cost(
     ``settings`` (and ``overrides``, fields of it) are the base that the knobs turn away from.  ``reference``: "best",
     all accuracy knobs at their best, or ``exr:DIR``, path-traced renders (``study.rungs``).  ``within`` points and
     ``budget_ms`` choose the preset, for ``choose_for`` (all columns).  ``repeats``: visits of each setting.
+    ``knobs``: names of ``KNOBS`` (None: all of them) and ``method:NAME@setting=VALUES``, reuse methods judged by their
+    pictures on each of ``method_inputs`` (``study.quality``).
     ``out`` holds the records: called again, the study goes on where it stopped; ``fresh`` starts anew.  ``check`` runs
-    the chosen preset again and holds it against its promise.  Raises TaubenchError.
+    the chosen preset again and holds it against its promise.  ``now``: seconds, the clock of frames.
+    Raises TaubenchError.
     """
     base = replace(settings or Settings(), **overrides)
     _check_wishes(within, budget_ms, choose_for, repeats)
+    dials, methods = quality.split_knobs(knobs)
+    contest = quality.candidates(methods, method_inputs)
     out = Path(out)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=base.scene, animation=base.animation)
@@ -89,7 +98,9 @@ def cost(
     gpu = open_gpu(base.backend, base.device)
     ranked = tuple(significant_lights(scene, Poser(scene), camera, bound_times(scene)))
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
-    plan = make_plan(Situation(scene, decide(scene, base), base, len(frames) - 1, ranked, limit), knobs)
+    plan = make_plan(
+        Situation(scene, decide(scene, base), base, len(frames) - 1, ranked, limit), dials, bare=bool(contest)
+    )
     with gpu:
         verdict = probe_timer(gpu)
         clock = pass_timer(gpu, verdict).clock
@@ -97,12 +108,16 @@ def cost(
     if fresh:
         (out / RECORDS_FILE).unlink(missing_ok=True)
     key = identity(plan, scene.sha256, frames, about["reference"]["identity"], about["camera"])
+    if contest:
+        key["methods"] = fingerprint([c.name for c in contest])
     records = Records(out, {"identity": key, "machine": about["machine"], "about": about})
-    job = _Job(gpu, scene, camera, frames, plan, ladder, records, repeats, verdict, progress)
+    job = _Job(gpu, scene, camera, frames, plan, contest, ladder, records, repeats, verdict, progress, now)
     try:
         job.measure_errors()
         job.measure_times()
+        job.measure_methods()
         study = assemble(about, plan, ladder, records.lines, repeats)
+        study.methods = quality.method_points(contest, records.lines, repeats)
         study = study.with_choices(within, budget_ms, choose_for)
         if check:
             study = study.with_check(job.check)
@@ -122,14 +137,17 @@ class _Job:
         camera: CameraTrack,
         frames: range,
         plan: Plan,
+        contest: Sequence[quality.Candidate],
         ladder: truth.Ladder | None,
         records: Records,
         repeats: int,
         verdict: Any,
         progress: Progress | None,
+        now: Callable[[], float],
     ):
         self._gpu, self._scene, self._camera, self._frames = gpu, scene, camera, frames
-        self._plan, self._ladder, self._records = plan, ladder, records
+        self._plan, self._ladder, self._records, self._now = plan, ladder, records, now
+        self._contest = {c.input: [o for o in contest if o.input == c.input] for c in contest}
         self._repeats, self._verdict = repeats, verdict
         self._progress = progress or (lambda step: None)
         self._window = feature_frames(frames)
@@ -139,7 +157,9 @@ class _Job:
         errors = {r["setting"] for r in records.of("error")}
         rungs = [] if ladder is None else [r.name for r in ladder.rungs]
         self._due = [n for n in (*rungs, *(s.name for s in plan.settings)) if n not in errors]
-        self._done, self._total = 0, len(self._due) + visits
+        judged = len(self._contest) - len(records.of("quality"))
+        turns = repeats * len(self._contest) - len(records.of("quality_time"))
+        self._done, self._total = 0, len(self._due) + visits + judged + max(turns, 0)
 
     def measure_errors(self) -> None:
         """One full run of every rung and setting whose errors are not recorded yet."""
@@ -160,14 +180,37 @@ class _Job:
         """Visits still due, round by round."""
         due = due_visits(self._plan.settings, self._repeats, self._records.of("time"))
         with self._gpu:
-            pool = Pool(self._gpu, self._scene, self._camera, lambda: pass_timer(self._gpu, self._verdict))
+            pool = self._pool()
             try:
                 for number, setting in due:
                     self._say(f"round {number + 1} of {self._repeats}: {setting.name}")
                     told = pool.session(setting).visit()
-                    self._records.add({"kind": "time", "setting": setting.name, "round": number, **told})
+                    self._records.add(
+                        {"kind": "time", "setting": setting.name, "round": number, "load": _load(), **told}
+                    )
             finally:
                 pool.close()
+
+    def measure_methods(self) -> None:
+        """Reuse methods: errors of every input once, then their times, input by input in turn."""
+        base = self._plan.named(BASE).settings
+        judged = {r["input"] for r in self._records.of("quality")}
+        reference = "max" if self._ladder is None else f"{PREFIX}{self._ladder.reference.folder}"
+        for kind, chosen in self._contest.items():
+            if kind not in judged:
+                self._say(f"pictures of {len(chosen)} methods: {kind}")
+                found = quality.measure_pictures(self._scene, self._camera, base, chosen, reference)
+                self._records.add({"kind": "quality", "input": kind, **found})
+        timed = [r["input"] for r in self._records.of("quality_time")]
+        for number in range(self._repeats):
+            for kind, chosen in self._contest.items():
+                if timed.count(kind) <= number:
+                    self._say(f"round {number + 1} of {self._repeats}: {len(chosen)} methods, {kind}")
+                    told = quality.time_pictures(self._scene, self._camera, base, self._frames, chosen)
+                    self._records.add({"kind": "quality_time", "input": kind, "round": number, "load": _load(), **told})
+
+    def _pool(self) -> Pool:
+        return Pool(self._gpu, self._scene, self._camera, lambda: pass_timer(self._gpu, self._verdict), self._now)
 
     def check(self, name: str) -> dict[str, Any]:
         """Errors and, interleaved with the base, times of one setting, measured again."""
@@ -176,10 +219,11 @@ class _Job:
         found = measure_errors(self._gpu, self._scene, self._camera, setting)
         times: dict[str, list[float]] = {name: [], BASE: []}
         with self._gpu:
-            pool = Pool(self._gpu, self._scene, self._camera, lambda: pass_timer(self._gpu, self._verdict))
+            pool = self._pool()
             try:
-                for _ in range(max(3, self._repeats)):
+                for number in range(max(3, self._repeats)):
                     for each in dict.fromkeys((name, BASE)):
+                        self._say(f"again, round {number + 1}: {each}", count=False)
                         times[each].append(pool.session(self._plan.named(each)).visit()["frame_ms"])
             finally:
                 pool.close()
@@ -264,6 +308,11 @@ def _about(
         "knobs": list(plan.knobs),
         "skipped": dict(plan.skipped),
     }
+
+
+def _load() -> float | None:
+    """Processes that wanted a core in the last minute, this one included; None where the system does not say."""
+    return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
 
 
 def _processor() -> str:

@@ -59,8 +59,8 @@ class Plan:
         return next(s for s in self.settings if s.name == name)
 
 
-def make_plan(situation: Situation, knobs: Sequence[str] | None = None) -> Plan:
-    """The declared set for one scene.  ``knobs``: names of ``KNOBS``, None: all.
+def make_plan(situation: Situation, knobs: Sequence[str] | None = None, *, bare: bool = False) -> Plan:
+    """The declared set for one scene.  ``knobs``: names of ``KNOBS``, None: all.  ``bare``: it may be the base alone.
 
     What cannot change anything here (no lights: no shadow knobs) is skipped, with the reason.  Raises SettingsError for
     an unknown name, or if nothing is left to vary.
@@ -68,7 +68,7 @@ def make_plan(situation: Situation, knobs: Sequence[str] | None = None) -> Plan:
     chosen = tuple(KNOBS) if knobs is None else tuple(dict.fromkeys(knobs))
     for name in chosen:
         if name not in KNOBS:
-            raise SettingsError(f"no knob is named {name!r}", hint=f"choose from {', '.join(KNOBS)}")
+            raise SettingsError(f"no knob is named {name!r}", hint=f"choose from {', '.join(KNOBS)}, method:NAME")
     skipped = {name: reason for name in chosen if (reason := KNOBS[name].idle(situation))}
     active = tuple(name for name in chosen if name not in skipped)
     base = situation.base
@@ -77,7 +77,7 @@ def make_plan(situation: Situation, knobs: Sequence[str] | None = None) -> Plan:
     for name in active:
         found += _one_at_a_time(name, situation, skipped)
     found += _combinations(active, situation)
-    if len(found) == 2:
+    if len(found) == 2 and not bare:
         why = "; ".join(f"{name}: {reason}" for name, reason in skipped.items())
         raise SettingsError("no knob changes anything here", hint=why or "choose other knobs")
     return Plan(tuple(found), active, skipped)
@@ -147,7 +147,9 @@ def identity(plan: Plan, scene_hash: str | None, frames: range, reference: str, 
         "knobs": [[s.name, s.settings.as_summary(frames)] for s in plan.settings],
         "reference": reference,
     }
-    return {
-        name: hashlib.sha256(json.dumps(part, sort_keys=True, default=str).encode()).hexdigest()[:16]
-        for name, part in parts.items()
-    }
+    return {name: fingerprint(part) for name, part in parts.items()}
+
+
+def fingerprint(part: Any) -> str:
+    """A short hash of what JSON can hold."""
+    return hashlib.sha256(json.dumps(part, sort_keys=True, default=str).encode()).hexdigest()[:16]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
@@ -28,6 +29,8 @@ from taubench_gl.study.clock import RULE, Time, slower_by, time_of
 from taubench_gl.study.knobs import KNOBS
 from taubench_gl.study.plan import BASE, BEST, Plan
 from taubench_gl.study.preset import save_preset
+from taubench_gl.study.promise import hold_against
+from taubench_gl.study.quality import MethodPoint, quality_json
 from taubench_gl.study.rungs import Ladder
 
 COST_SCHEMA = "taubench-gl/cost/1"
@@ -45,6 +48,7 @@ class CostStudy:
     choices: list[Choice] = field(default_factory=list)
     chosen: Choice | None = None  # what ``within`` and ``budget_ms`` asked for
     checked: dict[str, Any] | None = None
+    methods: list[MethodPoint] = field(default_factory=list)
     out: Path | None = None
 
     @property
@@ -72,26 +76,9 @@ class CostStudy:
         """Run the chosen setting again and hold what comes out against what was promised."""
         if self.chosen is None or self.chosen.point is None:
             return self
-        point, told = self.chosen.point, again(self.chosen.point.name)
+        told = again(self.chosen.point.name)
         reference = self.about["reference"]["percent"]
-        errors = {c: abs(told["percent"][c] - reference[c]) for c in self.chosen.columns}
-        time = time_of(told["frame_ms"])
-        # Both were timed in turn: by how much the base took longer than in the study, the machine is slower now.
-        drift = time_of(told["base_ms"]).median / self.point(BASE).time.median
-        promised = self.chosen.within
-        if promised is None:
-            promised = max(point.error(c) for c in self.chosen.columns)
-        budget = self.chosen.budget_ms
-        self.checked = {
-            "setting": point.name,
-            "errors": errors,
-            "promised_points": promised,
-            "errors_kept": all(e <= promised + 1e-9 for e in errors.values()),
-            "ms": asdict(time),
-            "drift": drift,
-            "budget_ms": budget,
-            "time_kept": None if budget is None else (time.median - (time.spread or 0.0)) / drift <= budget,
-        }
+        self.checked = hold_against(self.chosen, self.point(BASE).time, reference, told)
         return self
 
     def as_json(self) -> dict[str, Any]:
@@ -107,6 +94,7 @@ class CostStudy:
             "chosen": None if self.chosen is None else _choice_json(self.chosen),
             "check": self.checked,
             "sanity": [asdict(s) for s in self.sanity],
+            "quality": quality_json(self.methods),
         }
 
     def _against_base(self, point: Point) -> dict[str, Any] | None:
@@ -193,6 +181,8 @@ def assemble(
             Point(rung.name, label, "rung", {"spp": rung.samples}, columns, time, rung.clock, False, features)
         )
     told = dict(about)
+    loads = [r["load"] for r in records if r.get("load") is not None]
+    told["load"] = float(np.median(loads)) if loads else None
     told["reference"] = {
         **about["reference"],
         "percent": {c: reference["columns"][c]["percent"] for c in COLUMNS},
@@ -242,12 +232,12 @@ def _columns(record: Mapping[str, Any], reference: Mapping[str, Any], same_pairs
             out[column] = ColumnError(here["percent"], reason=why)
             continue
         common = here["pairs"].keys() & there["pairs"].keys() if same_pairs else ()
-        apart = [abs(here["pairs"][f] - there["pairs"][f]) for f in common]
+        apart = [abs(here["pairs"][f] - there["pairs"][f]) for f in sorted(common)]
         out[column] = ColumnError(
             here["percent"],
             here["percent"] - there["percent"],
             here.get("half_width"),
-            float(np.mean(apart)) if apart else None,
+            math.fsum(apart) / len(apart) if apart else None,
         )
     return out
 

@@ -39,8 +39,17 @@ class Session:
     over pairs comes once at the end of a run and is not in it.
     """
 
-    def __init__(self, gpu: Gpu, scene: Scene, camera: CameraTrack, setting: Setting, timer: PassTimer):
-        self._gpu, self._timer, settings = gpu, timer, setting.settings
+    def __init__(
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        camera: CameraTrack,
+        setting: Setting,
+        timer: PassTimer,
+        now: Callable[[], float] = time.perf_counter,
+    ):
+        """``now``: seconds of a clock that never goes back."""
+        self._gpu, self._timer, self._now, settings = gpu, timer, now, setting.settings
         self._settings = settings
         frames = frame_range(scene, camera, settings)
         schedule = frame_schedule(frames, sampled_pairs(frames, settings))
@@ -99,11 +108,11 @@ class Session:
             if i == warm:
                 self._timer.reset()
             self._gpu.finish()
-            start = time.perf_counter()
+            start = self._now()
             last = self._draw(frame, judged and bool(last), last)
             self._gpu.finish()
             if i >= warm:
-                out.append((judged, 1e3 * (time.perf_counter() - start)))
+                out.append((judged, 1e3 * (self._now() - start)))
         return out
 
     def _draw(self, frame: int, judged: bool, last: list[Any]) -> list[Any]:
@@ -136,8 +145,15 @@ class Pool:
     is the one closed for want of memory.
     """
 
-    def __init__(self, gpu: Gpu, scene: Scene, camera: CameraTrack, timer: Callable[[], PassTimer]):
-        self._make = lambda setting: Session(gpu, scene, camera, setting, timer())
+    def __init__(
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        camera: CameraTrack,
+        timer: Callable[[], PassTimer],
+        now: Callable[[], float] = time.perf_counter,
+    ):
+        self._make = lambda setting: Session(gpu, scene, camera, setting, timer(), now)
         free = available_bytes() if gpu.software else None
         self._budget = UNKNOWN_MEMORY if free is None else int(MEMORY_SHARE * free)
         self._open: dict[str, Session] = {}

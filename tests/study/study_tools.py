@@ -10,7 +10,7 @@ from taubench_gl.study.clock import Time
 SMALL: dict[str, Any] = {
     "width": 48,
     "height": 28,
-    "frames": (20, 29),
+    "frames": (20, 27),
     "columns": ("frustum", "position", "normal"),
     "choose_for": ("position", "normal"),
     "repeats": 3,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from study_tools import point
 
@@ -100,6 +101,26 @@ def test_within_takes_the_cheapest_and_says_what_the_next_step_costs():
     assert choice.words.endswith("the next step (dear) costs 2.1x for 0.20 points")
 
 
+def test_a_dial_that_does_nothing_is_not_recommended_for_a_lucky_round():
+    points = [point("base", 0.4, 18.0, 2.0, role="base"), point("bins", 0.4, 17.0, 2.0), point("dear", 0.2, 40.0)]
+    for wish in ({"within": 0.5}, {"budget_ms": 21.0}):
+        assert choose(points, ("direct",), **wish).point.name == "base"
+    points = [point("cheap", 2.0, 2.0), *points[:2]]
+    assert choose(points, ("direct",), within=3.0).next.name == "base"
+    faster = [point("base", 0.4, 18.0, 0.1, role="base"), point("bins", 0.4, 10.0, 0.1)]
+    assert choose(faster, ("direct",), within=0.5).point.name == "bins"
+
+
+def test_few_rounds_prove_little():
+    a, b = time_of([10.0, 10.0, 10.0]), time_of([10.2, 10.21, 9.9])
+    assert slower_by(b, a) == 0, "two of three close together are chance"
+    rng = np.random.default_rng(5)
+    for rounds in (3, 5, 7):
+        noise = rng.normal(0.0, 0.05, size=(400, 2, rounds))
+        found = [slower_by(time_of(list(10 * np.exp(x))), time_of(list(10 * np.exp(y)))) for x, y in noise]
+        assert np.count_nonzero(found) <= 24, "of 400 pairs of equals about 12 are told apart"
+
+
 def test_a_budget_takes_the_most_exact_it_can_afford():
     points = [point("base", 0.4, 18.0, 1.0, role="base"), point("cheap", 2.0, 2.0), point("dear", 0.2, 37.8)]
     assert choose(points, ("direct",), budget_ms=19.5).point.name == "base"
@@ -136,3 +157,10 @@ def test_visits_go_round_and_take_up_where_they_stopped():
     assert order == [(0, "a"), (0, "b"), (0, "c"), (1, "a"), (1, "b"), (1, "c")]
     done = [{"setting": "a"}, {"setting": "b"}]
     assert [(r, s.name) for r, s in due_visits(settings, 2, done)] == order[2:]
+
+
+def test_what_is_more_exact_but_not_surely_slower_is_named():
+    # By its median 1.5x, within a spread that proves nothing: neither a free improvement nor a step with a price.
+    points = [point("base", 0.4, 18.0, 4.0, role="base"), point("finer", 0.1, 27.0, 12.0)]
+    words = choose(points, ("direct",), within=0.5).words
+    assert words.endswith("finer (error 0.10 points) takes 1.5x by the median, within the spread")

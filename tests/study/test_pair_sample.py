@@ -92,7 +92,10 @@ SCHEMES = [("strata", range(6, 7)), ("strata", range(8, 9)), ("strata", range(20
 """Every k-th pair of one k allows k samples and no more, so its resamplings draw k too."""
 
 
-@pytest.mark.parametrize("name", ["independent", "drifting", "trend"])
+MADE = ["independent", *(pytest.param(name, marks=pytest.mark.long) for name in ("drifting", "trend"))]
+
+
+@pytest.mark.parametrize("name", MADE)
 @pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
 def test_intervals_cover_made_populations(name, scheme, numbers):
     assert coverage(populations()[name], scheme, numbers) >= 0.9

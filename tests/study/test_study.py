@@ -10,8 +10,10 @@ import sys
 from itertools import pairwise
 
 import pytest
+from click.testing import CliRunner
 from study_tools import SMALL
 
+from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
@@ -108,9 +110,9 @@ def test_evaluate_takes_the_preset_and_what_is_said_beside_it_wins(demo, tmp_pat
     preset = tmp_path / "preset.toml"
     values = 'width = 48\nheight = 28\nstorage = "half"\nfps = 12.0\ncolumns = ["position"]\n'
     preset.write_text(f'schema = "taubench-gl/preset/1"\n[settings]\n{values}')
-    command = [sys.executable, "-m", "taubench_gl", "evaluate", str(demo), "--preset", str(preset)]
     more = ["--frames", "0:3", "--fps", "30", "--out", str(tmp_path / "run")]
-    subprocess.run([*command, *more], check=True, capture_output=True)
+    done = CliRunner().invoke(evaluate, [str(demo), "--preset", str(preset), *more])
+    assert done.exit_code == 0, done.output
     told = json.loads((tmp_path / "run" / "summary.json").read_text())["settings"]
     assert (told["width"], told["height"], told["storage"], told["fps"]) == (48, 28, "half", 30.0)
     assert told["columns"] == ["position"]
@@ -133,6 +135,7 @@ def test_broken_presets_are_refused(tmp_path, text, complaint):
         load_preset(path)
 
 
+@pytest.mark.long
 def test_killed_and_called_again_it_goes_on(demo, tmp_path):
     process = run_command(demo, tmp_path / "killed")
     for line in process.stderr:
@@ -156,6 +159,27 @@ def test_killed_and_called_again_it_goes_on(demo, tmp_path):
         assert {k: a[k] for k in same} == {k: b[k] for k in same}
         assert a["ms"]["samples"] == b["ms"]["samples"] == 3
     assert killed["sanity"] == whole["sanity"] and killed["reference"] == whole["reference"]
+
+
+def test_interrupted_and_called_again_nothing_is_measured_twice(demo, tmp_path):
+    class Stop(Exception):
+        pass
+
+    def until_round_2(step):
+        if "round 2" in step.what:
+            raise Stop
+
+    tiny = SMALL | {"knobs": ("storage",), "frames": (20, 23), "columns": ("frustum", "position")}
+    tiny["choose_for"] = ("position",)
+    with pytest.raises(Stop):
+        cost(demo, out=tmp_path, progress=until_round_2, **tiny)
+    path = tmp_path / RECORDS_FILE
+    kept = path.read_text()
+    path.write_text(kept + '{"kind": "time", "setting": "ba')  # as if the last line had been cut in two
+    said = []
+    study = cost(demo, out=tmp_path, progress=lambda step: said.append(step.what), **tiny)
+    assert path.read_text().startswith(kept) and not any("round 1" in what or "errors" in what for what in said)
+    assert all(p.time.samples == 3 for p in study.points)
 
 
 def test_another_study_in_the_same_folder_is_refused(small_study, demo):
