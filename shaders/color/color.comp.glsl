@@ -5,7 +5,7 @@
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { ColorRecord P; };
+layout(std140, binding = 0) uniform Parameters { ColorRecord P; };
 
 uniform sampler2D position;
 #if HAS_DIRECT

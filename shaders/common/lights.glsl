@@ -9,6 +9,16 @@ const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0;
 #define DIRECTIONAL_LIGHTS 1
 #endif
 
+// Records of a float texture, a field a texel, LIGHT_ROW of them in a row: texture fetches are made for all lanes at once
+// where reads of storage buffers are not (Mesa's llvmpipe).
+uniform sampler2D light_table;
+
+LightRecord light_record(int i) {
+    ivec2 at = ivec2(4u * (uint(i) % uint(LIGHT_ROW)), uint(i) / uint(LIGHT_ROW));
+    return LightRecord(texelFetch(light_table, at, 0), texelFetch(light_table, at + ivec2(1, 0), 0),
+                       texelFetch(light_table, at + ivec2(2, 0), 0), texelFetch(light_table, at + ivec2(3, 0), 0));
+}
+
 struct Incident {
     vec3 l; // unit, towards the light
     vec3 radiance; // irradiance on a surface that faces the light

@@ -1,5 +1,6 @@
 // Irradiance from the eight probes around x: trilinear, less those inside geometry and those behind the surface.
-layout(std430, binding = 6) readonly buffer Probes { vec4 probes[]; };
+#include "common/probes.glsl"
+uniform sampler2D probes;
 
 vec3 probe_irradiance(vec3 x, vec3 n) {
     ivec3 counts = P.probe_counts.xyz;
@@ -16,12 +17,13 @@ vec3 probe_irradiance(vec3 x, vec3 n) {
         ivec3 at = min(base + offset, counts - 1);
         vec3 w = mix(1.0 - f, f, vec3(offset));
         float weight = w.x * w.y * w.z;
-        int i = (at.z * counts.y + at.y) * counts.x + at.x;
+        ivec2 texel = probe_texel(at);
         vec3 to_probe = P.probe_origin.xyz + vec3(at) * P.probe_step.xyz - x;
         float facing = 0.5 + 0.5 * dot(n, to_probe) / max(length(to_probe), 1e-6); // Majercik 2019, Eq. 3
-        weight *= probes[6 * i].w * (facing * facing + 0.05) + 1e-6;
-        sum += weight * (squares.x * probes[6 * i + sides.x].rgb + squares.y * probes[6 * i + sides.y].rgb +
-                         squares.z * probes[6 * i + sides.z].rgb);
+        vec4 along_x = texelFetch(probes, texel + ivec2(sides.x, 0), 0); // w: of the whole probe, in each of its sides
+        weight *= along_x.w * (facing * facing + 0.05) + 1e-6;
+        sum += weight * (squares.x * along_x.rgb + squares.y * texelFetch(probes, texel + ivec2(sides.y, 0), 0).rgb +
+                         squares.z * texelFetch(probes, texel + ivec2(sides.z, 0), 0).rgb);
         total += weight;
     }
     return sum / total;

@@ -14,7 +14,13 @@ vec2 shadow_random; // in [0, 1), set before every lookup
 #endif
 
 uniform sampler2D shadow_atlas;
-layout(std430, binding = 5) readonly buffer Faces { ShadowFace faces[]; };
+uniform sampler2D shadow_faces; // a field a texel, a face a row
+
+ShadowFace shadow_face(int i) {
+    return ShadowFace(texelFetch(shadow_faces, ivec2(0, i), 0), texelFetch(shadow_faces, ivec2(1, i), 0),
+                      texelFetch(shadow_faces, ivec2(2, i), 0), texelFetch(shadow_faces, ivec2(3, i), 0),
+                      texelFetch(shadow_faces, ivec2(4, i), 0));
+}
 
 // Share of the light of face f that reaches p (relative to the camera) on a surface with geometric normal g.
 float face_visibility(ShadowFace f, vec3 p, vec3 g) {
@@ -76,5 +82,5 @@ float visibility(LightRecord light, vec3 p, vec3 g) {
         else if (a.y >= a.z) face += q.y >= 0.0 ? 2 : 3;
         else face += q.z >= 0.0 ? 4 : 5;
     }
-    return face_visibility(faces[face], p, g);
+    return face_visibility(shadow_face(face), p, g);
 }

@@ -1,10 +1,9 @@
 // Visibility through the occupancy grid: 3D-DDA (Amanatides and Woo 1987) between two points of scene space.
-layout(std430, binding = 4) readonly buffer Voxels { uint voxels[]; };
+uniform usampler2D voxels; // bits along x, 32 a texel; a row of texels for every y, then z
 
 bool occupied(ivec3 c) {
-    if (any(lessThan(c, ivec3(0))) || any(greaterThanEqual(c, ivec3(GRID)))) return false;
-    uint index = uint((c.z * GRID + c.y) * GRID + c.x);
-    return (voxels[index >> 5] >> (index & 31u) & 1u) != 0u;
+    if (any(greaterThanEqual(uvec3(c), uvec3(GRID)))) return false; // negative ones are huge
+    return (texelFetch(voxels, ivec2(c.x >> 5, c.z * GRID + c.y), 0).r >> uint(c.x & 31) & 1u) != 0u;
 }
 
 // ``slack``: distance at either end, in voxels, within which nothing blocks: the end points lie on surfaces themselves.
@@ -21,11 +20,18 @@ bool sees(vec3 from, vec3 to, vec2 slack) {
     vec3 inverse = 1.0 / max(abs(d), vec3(1e-6));
     vec3 next = (mix(fract(a), 1.0 - fract(a), greaterThan(d, vec3(0.0)))) * inverse;
     float t = 0.0;
+    bool free = true;
     for (int i = 0; i < 3 * GRID && t < reach; ++i) {
-        if (occupied(c)) return false;
-        if (next.x <= next.y && next.x <= next.z) { t = next.x; next.x += inverse.x; c.x += step.x; }
-        else if (next.y <= next.z) { t = next.y; next.y += inverse.y; c.y += step.y; }
-        else { t = next.z; next.z += inverse.z; c.z += step.z; }
+        if (occupied(c)) {
+            free = false;
+            break;
+        }
+        // Without branches: lanes go different ways here at every turn.
+        bool along_x = next.x <= next.y && next.x <= next.z, along_y = !along_x && next.y <= next.z;
+        bvec3 along = bvec3(along_x, along_y, !(along_x || along_y));
+        t = along_x ? next.x : along_y ? next.y : next.z;
+        next += mix(vec3(0.0), inverse, along);
+        c += mix(ivec3(0), step, along);
     }
-    return true;
+    return free;
 }

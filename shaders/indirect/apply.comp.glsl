@@ -11,11 +11,10 @@
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { IndirectRecord P; };
+layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
 #if PROBES
 #include "common/probe_lookup.glsl"
 #else
-layout(std430, binding = 2) readonly buffer Virtual { VirtualLight virtual_lights[]; };
 uniform sampler2D irradiance;
 #endif
 uniform sampler2D position;
@@ -49,7 +48,7 @@ vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
     if (total > 1e-3) return sum / total;
 #endif
     vec3 own = vec3(0.0);
-    for (int k = 0; k < P.counts.x; ++k) own += vpl_irradiance(virtual_lights[k], p + P.scene_from_relative.xyz, n);
+    for (int k = 0; k < P.counts.x; ++k) own += vpl_irradiance(virtual_light(k), p + P.scene_from_relative.xyz, n);
     return own;
 }
 #endif
@@ -66,7 +65,10 @@ void main() {
         float fresnel = 0.04 * m.w;
 #if PROBES
         vec3 x = p.xyz + P.scene_from_relative.xyz;
-        vec3 e = probe_irradiance(x, n), mirrored = probe_irradiance(x, reflect(-v, n));
+        vec3 e = probe_irradiance(x, n), mirrored = vec3(0.0);
+#if GLOSSY
+        mirrored = probe_irradiance(x, reflect(-v, n));
+#endif
 #else
         vec3 e = upsampled(pixel, p.xyz, n, p.w), mirrored = e;
 #endif

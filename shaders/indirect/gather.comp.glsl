@@ -4,8 +4,7 @@
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { IndirectRecord P; };
-layout(std430, binding = 2) readonly buffer Virtual { VirtualLight virtual_lights[]; };
+layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
 
 uniform sampler2D position;
 uniform sampler2D normal;
@@ -19,7 +18,7 @@ void main() {
     vec3 sum = vec3(0.0);
     if (p.w > 0.0) {
         vec3 x = p.xyz + P.scene_from_relative.xyz, n = texelFetch(normal, pixel, 0).xyz;
-        for (int k = 0; k < P.counts.x; ++k) sum += vpl_irradiance(virtual_lights[k], x, n);
+        for (int k = 0; k < P.counts.x; ++k) sum += vpl_irradiance(virtual_light(k), x, n);
     }
     imageStore(irradiance_out, small, vec4(sum, 1.0));
 }

@@ -1,15 +1,15 @@
 // Reflective shadow maps (Dachsbacher and Stamminger 2005): every texel a light sees becomes a diffuse virtual light.
 //
 // Reads    the lights' own G-buffer (position relative to the current camera, normal, base colour, material).
-// Writes   virtual lights in scene space: flux reflected by the texel's patch = irradiance * area * albedo.
+// Writes   virtual lights in scene space: flux reflected by the texel's patch = irradiance * area * albedo.  With PROBES also
+//          the share of the patch that is this one's: lights that see the same surface all have virtual lights on it.
 #include "common/affine.glsl"
+#include "common/indirect.glsl"
 #include "common/lights.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP_X) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { IndirectRecord P; };
-layout(std430, binding = 1) readonly buffer Lights { LightRecord lights[]; };
-layout(std430, binding = 2) writeonly buffer Virtual { VirtualLight virtual_lights[]; };
+layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
 layout(std430, binding = 3) readonly buffer Texels { uvec4 texels[]; }; // x, y in the atlas; face; light row
 layout(std430, binding = 5) readonly buffer Faces { ShadowFace faces[]; };
 
@@ -17,6 +17,32 @@ uniform sampler2D position;
 uniform sampler2D normal;
 uniform sampler2D base_color;
 uniform sampler2D material;
+layout(rgba32f, binding = 0) writeonly uniform image2D virtual_out;
+
+#if PROBES
+#include "common/voxels.glsl"
+
+// How many lights with maps see the patch at p (relative to the camera), its own light ``row`` among them.  aim: a point
+// just above it, scene space; slack: as of the probes' rays.
+int lights_that_see(vec3 p, vec3 n, vec3 aim, float slack, uint row) {
+    int count = 1;
+    for (int k = 0; k < P.counts.z; ++k) {
+        ShadowFace face = faces[k];
+        if (face.extent.z == 0.0 || uint(face.extent.w) == row) continue; // off, or counted
+        vec3 q = p - face.origin.xyz;
+        bool parallel = face.origin.w > 0.5;
+        float z = dot(face.forward.xyz, q);
+        vec2 at = vec2(dot(face.right.xyz, q), dot(face.up.xyz, q));
+        if (!parallel && z <= face.forward.w) continue;
+        if (!parallel) at /= z;
+        if (any(greaterThan(at, vec2(1.0))) || any(lessThanEqual(at, vec2(-1.0)))) continue; // in one face of a cube
+        vec3 to_light = parallel ? -face.forward.xyz * face.forward.w : -q;
+        if (dot(n, to_light) <= 0.0) continue;
+        if (sees(aim, p + P.scene_from_relative.xyz + to_light, vec2(slack, 0.5))) ++count;
+    }
+    return count;
+}
+#endif
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -29,7 +55,7 @@ void main() {
     vec4 normal_and_hit = texelFetch(normal, at, 0);
     if (normal_and_hit.w > 0.0) { // position.w is depth along the light's axis, but from the camera: of either sign
         ShadowFace face = faces[t.z];
-        LightRecord light = lights[t.w];
+        LightRecord light = light_record(int(t.w));
         Incident incoming = incident(light, p.xyz);
         vec3 n = normal_and_hit.xyz;
         if (dot(n, incoming.l) < 0.0) n = -n; // the side the light sees
@@ -51,6 +77,16 @@ void main() {
         float reach = light.direction.w == KIND_DIRECTIONAL ? 3.0e38 : 0.5 * distance(light.position.xyz, p.xyz);
         v.normal = vec4(n, min(1.75 * P.grid_origin.w, reach));
         v.flux = vec4(incoming.radiance * across * v.albedo.rgb, 0.0);
+        v.albedo.w = 1.0;
+#if PROBES
+        float slack = v.normal.w > P.grid_origin.w ? 0.5 : 0.0;
+        vec3 aim = v.position.xyz + v.normal.w * n;
+        v.albedo.w = 1.0 / float(lights_that_see(p.xyz, n, aim, slack, t.w));
+#endif
     }
-    virtual_lights[i] = v;
+    ivec2 record = virtual_texel(int(i));
+    imageStore(virtual_out, record, v.position);
+    imageStore(virtual_out, record + ivec2(1, 0), v.normal);
+    imageStore(virtual_out, record + ivec2(2, 0), v.flux);
+    imageStore(virtual_out, record + ivec2(3, 0), v.albedo);
 }

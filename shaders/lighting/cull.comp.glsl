@@ -13,8 +13,7 @@
 
 layout(local_size_x = 8) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { LightingRecord P; };
-layout(std430, binding = 1) readonly buffer Lights { LightRecord lights[]; };
+layout(std140, binding = 0) uniform Parameters { LightingRecord P; };
 layout(std430, binding = 2) writeonly buffer TileCounts { uint tile_counts[]; };
 layout(std430, binding = 3) writeonly buffer TileLists { uint tile_lists[]; };
 
@@ -82,14 +81,14 @@ void main() {
         float sums[BINS];
         for (int b = 0; b < BINS; ++b) sums[b] = 0.0;
         for (int i = 0; i < P.size.w; ++i) {
-            float b = bound(lights[i], low, high, brdf);
+            float b = bound(light_record(i), low, high, brdf);
             if (b > 0.0) sums[bin_of(b)] += b;
         }
         int cut = 0; // bins below ``cut`` are left out
         float left_out = 0.0;
         while (cut < BINS && left_out + sums[cut] <= P.light_error) left_out += sums[cut++];
         for (int i = 0; i < P.size.w; ++i) {
-            float b = bound(lights[i], low, high, brdf);
+            float b = bound(light_record(i), low, high, brdf);
             if (b > 0.0 && bin_of(b) >= cut) tile_lists[base + kept++] = uint(i);
         }
     }

@@ -17,8 +17,7 @@
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { LightingRecord P; };
-layout(std430, binding = 1) readonly buffer Lights { LightRecord lights[]; };
+layout(std140, binding = 0) uniform Parameters { LightingRecord P; };
 #if TILED
 layout(std430, binding = 2) readonly buffer TileCounts { uint tile_counts[]; };
 layout(std430, binding = 3) readonly buffer TileLists { uint tile_lists[]; };
@@ -58,9 +57,9 @@ void main() {
 #endif
         for (uint i = 0u; i < count; ++i) {
 #if TILED
-            LightRecord light = lights[tile_lists[tile * uint(P.size.w) + i]];
+            LightRecord light = light_record(int(tile_lists[tile * uint(P.size.w) + i]));
 #else
-            LightRecord light = lights[i];
+            LightRecord light = light_record(int(i));
 #endif
             Incident in_light = incident(light, p.xyz);
             // Behind the triangle nothing arrives, whatever the interpolated normal says.

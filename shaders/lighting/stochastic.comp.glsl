@@ -22,13 +22,9 @@
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
-layout(std430, binding = 0) readonly buffer Parameters { LightingRecord P; };
-layout(std430, binding = 1) readonly buffer Lights { LightRecord lights[]; };
-#if INDIRECT
-layout(std430, binding = 2) readonly buffer Virtual { VirtualLight virtual_lights[]; };
-#endif
+layout(std140, binding = 0) uniform Parameters { LightingRecord P; };
 layout(std430, binding = 4) readonly buffer Choice { vec2 choice[]; }; // x: cumulative probability, y: probability
-layout(std430, binding = 6) readonly buffer Draws { StochasticRecord S; };
+layout(std140, binding = 1) uniform Draws { StochasticRecord S; };
 
 uniform sampler2D position;
 uniform sampler2D normal;
@@ -55,7 +51,7 @@ int choose_light(float u) {
 
 vec3 direct_sample(Surface s, vec3 p, vec3 g, vec4 u) {
     int i = choose_light(u.x);
-    LightRecord light = lights[i];
+    LightRecord light = light_record(i);
     Incident in_light = incident(light, p);
     if (dot(g, in_light.l) <= 0.0) return vec3(0.0);
     Lobes lobes = evaluate_brdf(s, in_light.l);
@@ -95,7 +91,7 @@ void main() {
         vec3 x = p.xyz + S.scene_from_relative.xyz, e = vec3(0.0);
         for (uint k = 0u; k < S.draws.w; ++k) {
             float u = random4(pixel, S.draws.x, S.draws.y, INDIRECT_DRAW + k).x;
-            e += vpl_irradiance(virtual_lights[min(int(u * float(S.counts.y)), S.counts.y - 1)], x, s.n);
+            e += vpl_irradiance(virtual_light(min(int(u * float(S.counts.y)), S.counts.y - 1)), x, s.n);
         }
         e *= float(S.counts.y) / float(S.draws.w);
         float fresnel = 0.04 * m.w; // as indirect/apply.comp

@@ -20,16 +20,17 @@ INDIRECT = Struct(
     Field("probe_step", "vec4", "xyz: distance between probes along each axis, metres"),
     Field("probe_counts", "ivec4", "xyz: probes along each axis"),
     Field("size", "ivec4", "xy: pixels, zw: pixels of the small irradiance image"),
-    Field("counts", "ivec4", "x: virtual lights, y: phase of the shading rate"),
+    Field("counts", "ivec4", "x: virtual lights, y: phase of the shading rate, z: faces of lights"),
 )
 VIRTUAL = Struct(
     "VirtualLight",
     Field("position", "vec4", "xyz: scene space, metres; w: area of its patch, m2, 0 = none"),
     Field("normal", "vec4", "xyz: unit, world axes; w: how far above the patch visibility rays aim, metres"),
     Field("flux", "vec4", "xyz: reflected flux, linear"),
-    Field("albedo", "vec4", "xyz: diffuse albedo of its patch"),
+    Field("albedo", "vec4", "xyz: diffuse albedo of its patch; w: 1 / lights that see it, its share of later bounces"),
 )
 CHANNEL_NAMES = ("position", "normal", "base_color", "material")
+VIRTUAL_ROW = 64  # virtual lights in a row of their texture, a texel for each of the four fields
 GRID = 96  # voxels along the longest side
 SCALE = 8  # the cheap rung gathers at every 8th pixel of both axes
 
@@ -60,6 +61,17 @@ def rsm_resolution(scene: Scene, lights: list[int], samples: int) -> int:
     return max(2, int(np.sqrt(samples / max(weight, 1))))
 
 
+def virtual_size(count: int) -> tuple[int, int]:
+    """Texels of the texture of ``count`` virtual lights, a texel for each of their fields."""
+    return len(VIRTUAL.fields) * VIRTUAL_ROW, -(-count // VIRTUAL_ROW)
+
+
+def probe_size(record: Array) -> tuple[int, int]:
+    """Texels of the probes' texture, six for each; ``record``: an ``INDIRECT`` record."""
+    x, y, z = (int(n) for n in record["probe_counts"][:3])
+    return 6 * x, y * z
+
+
 def visibility_bytes(probes: int, virtual_lights: int) -> int:
     """One bit per pair of a probe and a virtual light, in whole words per probe."""
     return 4 * probes * -(-virtual_lights // 32)
@@ -73,10 +85,12 @@ def indirect_bytes(
     faces = faces_of(scene, None, lights, (np.zeros(3), 1.0), resolution)
     width, height = pack(faces)[1]
     texel = 4 + sum(CHANNELS[n].bytes for n in CHANNEL_NAMES)
-    own = 2 * VIRTUAL.dtype.itemsize * sum(f.resolution**2 for f in faces) + width * height * texel
+    count = sum(f.resolution**2 for f in faces)
+    rows = int(np.prod(virtual_size(count)))
+    own = 16 * rows + width * height * texel
     record = indirect_layout(box, size, settings)
     if rung == "probes":
         probes = int(np.prod(record["probe_counts"][:3]))
-        seen = visibility_bytes(probes, sum(f.resolution**2 for f in faces))
-        return own + 6 * 16 * probes + GRID**3 // 8 + seen
+        flux = 16 * rows // len(VIRTUAL.fields)
+        return own + flux + 6 * 16 * probes + 2 * GRID**3 // 8 + visibility_bytes(probes, count)
     return own + 16 * int(np.prod(record["size"][2:]))

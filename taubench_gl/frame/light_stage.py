@@ -85,6 +85,7 @@ class LightStage:
                 renderer.colored,
                 rate=shading.rate,
                 gather_each=shading.gather_each,
+                glossy="glossy" in on,
             )
         self._stochastic = None
         if effects["direct"].on and shading.stochastic:
@@ -128,7 +129,7 @@ class LightStage:
             with self._timer.measure("stochastic"):
                 virtual = (None, 0, np.zeros(3))
                 if self._indirect is not None:
-                    virtual = self._indirect.virtual_buffer, self._indirect.count, self._indirect.scene_from_relative
+                    virtual = self._indirect.virtual_texture, self._indirect.count, self._indirect.scene_from_relative
                 self._stochastic.run(frame, view, rows, textures, self._shadow, *virtual)
         if self._color is not None:
             with self._timer.measure("color"):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import moderngl
 import numpy as np
 
 from taubench_gl.animation import FrameState, View
+from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import spot_terms
@@ -19,6 +21,9 @@ LIGHT = Struct(
     Field("color", "vec4", "xyz: linear colour x intensity (candela or lux); w: first shadow face, -1 = none"),
     Field("spot", "vec4", "xy: scale and offset of the cone falloff; z: number of shadow faces"),
 )
+LIGHT_ROW = 64
+"""Lights in a row of the texture that holds the table, a texel for each of their fields."""
+
 KINDS = ("point", "spot", "directional")
 
 
@@ -48,3 +53,19 @@ class LightTable:
             if light.kind == "spot":
                 row["spot"][:2] = spot_terms(light)
         return self.rows
+
+
+class LightTexture:
+    """The table where shaders read it (common/lights.glsl)."""
+
+    def __init__(self, gpu: Gpu, count: int):
+        rows = -(-max(count, 1) // LIGHT_ROW)
+        self._padded = LIGHT.zeros(rows * LIGHT_ROW)
+        self.texture: moderngl.Texture = gpu.ctx.texture((len(LIGHT.fields) * LIGHT_ROW, rows), 4, dtype="f4")
+
+    def write(self, rows: Array) -> None:
+        self._padded[: len(rows)] = rows
+        self.texture.write(self._padded.tobytes())
+
+    def release(self) -> None:
+        self.texture.release()

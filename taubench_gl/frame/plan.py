@@ -201,6 +201,7 @@ class FramePlan:
                     "indirect/probes.comp.glsl",
                     _variant("indirect/probes.comp.glsl", "FIRST_BOUNCE"),
                     "indirect/bounce.comp.glsl",
+                    "indirect/sight.comp.glsl",
                     "indirect/voxelize.frag.glsl",
                 }
                 if rung == "probes"

@@ -133,6 +133,39 @@ def test_a_closed_box_conserves_flux(rung, bounces):
     assert np.mean(means) == pytest.approx(expected, rel=0.06)
 
 
+@pytest.mark.parametrize(("lit", "off"), [(4, 0), (1, 3)])
+def test_bounces_count_a_wall_once_however_many_lights_see_it(lit, off):
+    """The closed box again, its lamp split into parts or beside others that are off: the same flux, the same light."""
+    s = SceneBuilder()
+    s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))
+    for i in range(lit):
+        s.light(kind="point", intensity=1.0 / lit, translation=(0.01 * i, 0.0, 0.0))
+    for i in range(off):
+        s.light(kind="point", intensity=0.0, translation=(0.2, 0.2 * i, 0.0))
+    s.camera(yfov=np.radians(90), znear=0.01)
+    got = draw(s.build(), indirect="probes", indirect_samples=4800, probes=512)
+    wall = np.abs(got["position"][..., 3] - 1.0) < 1e-4
+    measured = got["indirect"][..., 0][wall].mean() * np.pi / ALBEDO
+    expected = 4 * np.pi * sum(ALBEDO**k for k in range(1, 5)) / 24.0
+    assert measured == pytest.approx(expected, rel=0.1)
+
+
+def test_a_light_that_is_off_has_no_virtual_lights():
+    s = floor_and_ceiling_builder()
+    s.light(kind="point", intensity=0.0, translation=(0.3, 0.8, 0.0))
+    s.camera(translation=(-1.5, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
+    with open_gpu() as gpu:
+        scene = s.build()
+        settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=700)
+        source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
+        source.advance(0)
+        lights = source.light.virtual_lights()
+        source.release()
+    spot, point = lights[:100], lights[100:]  # one face and six, 10 x 10 texels each
+    assert np.any(spot["position"][:, 3] > 0.0)
+    assert len(point) == 600 and not np.any(point["position"])
+
+
 def test_indirect_stays_where_it_is_when_only_the_camera_moves():
     """World-anchored: a moving camera over a still scene changes no surface's indirect light."""
     s = floor_and_ceiling_builder()

@@ -19,16 +19,18 @@ from taubench_gl.frame.indirect_layout import (
     INDIRECT,
     SCALE,
     VIRTUAL,
+    VIRTUAL_ROW,
     indirect_layout,
     rsm_resolution,
-    visibility_bytes,
+    virtual_size,
 )
-from taubench_gl.frame.lights import LIGHT
-from taubench_gl.frame.materials import MaterialKey, MaterialTable, wanted_slots
+from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
+from taubench_gl.frame.materials import MaterialTable, wanted_slots
 from taubench_gl.frame.passes.faces import Casters, FaceDrawer, Program
-from taubench_gl.frame.passes.gbuffer import GBufferPass, geometry_preamble
+from taubench_gl.frame.passes.gbuffer import GBufferPass
 from taubench_gl.frame.passes.lighting import storage_defines
-from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
+from taubench_gl.frame.passes.probes import WIDE, ProbeGrid, bind, float_texture, texture_bytes
+from taubench_gl.frame.scene_buffers import Group, SceneBuffers
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
 from taubench_gl.frame.targets import Targets
 from taubench_gl.gpu.context import Gpu
@@ -39,12 +41,6 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
-
-CHUNK = 60000 // (3 * GRID + 8) // 32 * 32
-"""Virtual lights per dispatch: loop turns of one invocation stay below llvmpipe's silent limit of 65,535."""
-
-BOUNCES = {"rsm": 1, "probes": 4}
-"""Bounces after the first scattering: ``probes`` lets the virtual lights light each other three times more."""
 
 
 class IndirectPass:
@@ -64,14 +60,15 @@ class IndirectPass:
         *,
         rate: str = "full",
         gather_each: bool = False,
+        glossy: bool = True,
     ):
-        """``rate``: shade only part of the pixels; ``gather_each``: the rsm rung gathers at every pixel."""
-        self._rate, self._gather_each = rate, gather_each
+        """``rate``: shade only part of the pixels; ``gather_each``: the rsm rung gathers at every pixel;
+        ``glossy``: some material has a glossy lobe."""
+        self._rate, self._gather_each, self._glossy = rate, gather_each, glossy
         self._gpu, self._shaders, self._scene, self._size = gpu, shaders, scene, size
         self._lights, self._bounds, self._colored = lights, bounds, colored_materials
         self._probes = settings.indirect == "probes"
         self._storage = storage_defines(settings)
-        self._bounces = BOUNCES[settings.indirect]
         self._resolution = rsm_resolution(scene, lights, settings.indirect_samples)
         faces = faces_of(scene, None, lights, bounds, self._resolution)
         self._offsets, atlas = pack(faces)
@@ -84,17 +81,15 @@ class IndirectPass:
         self._drawer = FaceDrawer(gpu)
         texels = _texel_table(faces, self._offsets)
         self.count = len(texels)
-        self._record["counts"][0] = self.count
+        self._record["counts"][0], self._record["counts"][2] = self.count, len(faces)
         self._texels = ctx.buffer(texels.tobytes())
         self._rows = FACE.zeros(len(faces))
         self._faces = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
-        self._light_rows = ctx.buffer(reserve=LIGHT.dtype.itemsize * max(len(scene.light_nodes), 1), dynamic=True)
-        self._virtual = [ctx.buffer(reserve=VIRTUAL.dtype.itemsize * self.count) for _ in range(2)]
+        self._light_table = LightTexture(gpu, len(scene.light_nodes))
+        self._virtual = float_texture(gpu, virtual_size(self.count))
         self._parameters = ctx.buffer(reserve=INDIRECT.dtype.itemsize, dynamic=True)
         self._solved: bytes | None = None
-        self._occupancy: bytes | None = None
         self._make_programs()
-        self._make_rung()
 
     def _make_programs(self) -> None:
         self._group = (32, 1) if self._gpu.software else (8, 8)
@@ -106,48 +101,30 @@ class IndirectPass:
                 FACE.glsl,
                 f"const int GRID = {GRID};",
                 f"const int SCALE = {SCALE};",
+                f"const int VIRTUAL_ROW = {VIRTUAL_ROW};",
+                f"const int LIGHT_ROW = {LIGHT_ROW};",
             )
         )
         preamble += f"\nconst float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};"
         group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
         compute = self._shaders.compute
-        self._make_virtual = compute("indirect/vpl.comp.glsl", {}, preamble)
-        defines = {"PROBES": self._probes, "GATHER_EACH": self._gather_each, "SHADING_RATE": RATES.index(self._rate)}
+        self._make_virtual = compute("indirect/vpl.comp.glsl", {"GROUP_X": WIDE, "PROBES": self._probes}, preamble)
+        defines = {"PROBES": self._probes, "GATHER_EACH": self._gather_each, "GLOSSY": self._glossy}
+        defines["SHADING_RATE"] = RATES.index(self._rate)
         self._apply = compute("indirect/apply.comp.glsl", {**defines, **group, **self._storage}, preamble)
         if self._probes:
-            # What a probe sees is the same for every bounce: found once, remembered in bits.
-            self._light_probes = [
-                compute("indirect/probes.comp.glsl", {"FIRST_BOUNCE": first}, preamble) for first in (True, False)
-            ]
-            self._bounce = compute("indirect/bounce.comp.glsl", {}, preamble)
-            self._voxel_preamble = geometry_preamble() + "\n" + preamble
+            self._grid = ProbeGrid(self._gpu, self._shaders, self._record, self._center, self.count, preamble)
         else:
             self._gather = compute("indirect/gather.comp.glsl", group, preamble)
-
-    def _make_rung(self) -> None:
-        ctx = self._gpu.ctx
-        self._owned: list = []
-        if self._probes:
-            self._probe_count = int(np.prod(self._record["probe_counts"][:3]))
-            self._probe_buffer = ctx.buffer(reserve=6 * 16 * self._probe_count)
-            self._voxels = ctx.buffer(reserve=GRID**3 // 8)
-            self._visibility = ctx.buffer(reserve=visibility_bytes(self._probe_count, self.count))
-            self._voxel_depth = ctx.depth_texture((2 * GRID, 2 * GRID))
-            self._voxel_target = ctx.framebuffer(depth_attachment=self._voxel_depth)
-            self._owned = [self._probe_buffer, self._voxels, self._visibility, self._voxel_depth, self._voxel_target]
-        else:
-            self._irradiance = ctx.texture(tuple(int(n) for n in self._record["size"][2:]), 4, dtype="f4")
-            self._owned = [self._irradiance]
+            self._irradiance = float_texture(self._gpu, tuple(int(n) for n in self._record["size"][2:]))
 
     @property
     def bytes(self) -> int:
         """GPU memory, bytes."""
         width, height = self._atlas.size
         texel = 4 + sum(CHANNELS[n].components * int(CHANNELS[n].dtype[1]) for n in CHANNEL_NAMES)
-        own = 2 * self._virtual[0].size + width * height * texel
-        if self._probes:
-            return own + self._probe_buffer.size + self._voxels.size + self._visibility.size
-        return own + 16 * self._irradiance.width * self._irradiance.height
+        own = texture_bytes(self._virtual) + width * height * texel
+        return own + (self._grid.bytes if self._probes else texture_bytes(self._irradiance))
 
     def run(
         self,
@@ -185,97 +162,59 @@ class IndirectPass:
         casters: Casters,
     ) -> None:
         """Virtual lights of this moment, and with ``probes`` what they give every probe."""
-        stale = [(f, o, casters.seen_by(f)[0]) for f, o in zip(faces, self._offsets, strict=True)]
+        # A light that is off has no virtual lights: its faces are cleared.
+        on = np.any(light_rows["color"][:, :3] != 0.0, axis=1)
+        nothing = np.zeros(0, dtype=np.int64)
+        seen = [casters.seen_by(face)[0] if on[face.light] else nothing for face in faces]
+        stale = list(zip(faces, self._offsets, seen, strict=True))
         self._drawer.draw(stale, self._atlas.framebuffer, view, scene, materials, lambda g: self._program(g, materials))
         for row, face in zip(self._rows, faces, strict=True):
             row["origin"] = (*(face.origin - view.position), float(face.parallel))
             row["forward"] = (*face.forward, face.near)
-            row["extent"][:2] = face.resolution, 2.0 * face.half / face.resolution
+            row["right"][:3], row["up"][:3] = face.right / face.half, face.up / face.half
+            texel = 2.0 * face.half / face.resolution
+            row["extent"] = face.resolution, texel, float(on[face.light]), face.light
         self._faces.write(self._rows.tobytes())
-        self._light_rows.write(light_rows.tobytes())
-        self._parameters.bind_to_storage_buffer(0)
-        self._light_rows.bind_to_storage_buffer(1)
-        self._virtual[0].bind_to_storage_buffer(2)
+        self._light_table.write(light_rows)
+        if self._probes:
+            self._grid.fill(view, scene, materials, casters, self._drawer, self._parameters)
+        self._parameters.bind_to_uniform_block(0)
+        self._virtual.bind_to_image(0, read=False, write=True)
         self._texels.bind_to_storage_buffer(3)
         self._faces.bind_to_storage_buffer(5)
-        self._bind(self._make_virtual, self._atlas.textures, CHANNEL_NAMES)
-        self._dispatch(self._make_virtual, self.count, 64)
-        if not self._probes:
-            return
-        if casters.key() != self._occupancy:
-            self._occupancy = casters.key()
-            self._voxelize(view, scene, materials, casters)
-        for bounce in range(self._bounces):
-            source = self._virtual[0 if bounce == 0 else 1]
-            self._parameters.bind_to_storage_buffer(0)
-            self._voxels.bind_to_storage_buffer(4)
-            self._probe_buffer.bind_to_storage_buffer(6)
-            source.bind_to_storage_buffer(2)
-            self._visibility.bind_to_storage_buffer(7)
-            program = self._light_probes[min(bounce, 1)]
-            for first in range(0, self.count, CHUNK):
-                program["chunk"] = first, min(first + CHUNK, self.count)
-                self._dispatch(program, self._probe_count, 16)
-            if bounce + 1 < self._bounces:
-                self._gpu.ctx.copy_buffer(self._virtual[1], self._virtual[0])
-                self._virtual[1].bind_to_storage_buffer(2)
-                self._virtual[0].bind_to_storage_buffer(7)
-                self._dispatch(self._bounce, self.count, 64)
-
-    def _voxelize(self, view: View, scene: SceneBuffers, materials: MaterialTable, casters: Casters) -> None:
-        """Mark every voxel that a surface passes through, seen along three axes so that none is missed edge-on."""
-        origin, voxel = self._record["grid_origin"][:3].astype(np.float64), float(self._record["grid_origin"][3])
-        half = 0.5 * GRID * voxel
-        middle = self._center + origin + half
-        axes = np.eye(3)
-        seen = np.flatnonzero(casters.visible)
-        faces = []
-        for k in range(3):
-            forward, up = axes[k], axes[(k + 1) % 3]
-            start = middle - forward * half
-            faces.append(Face(0, True, start, np.cross(forward, up), up, forward, half, 2.0 * half, 2 * GRID))
-        self._voxels.clear()
-        self._parameters.bind_to_storage_buffer(3)
-        self._voxels.bind_to_storage_buffer(4)
-        stale = [(face, (0, 0), seen) for face in faces]
-        self._drawer.draw(
-            stale, self._voxel_target, view, scene, materials, lambda g: self._voxel_program(g), depth_test=False
-        )
+        sampled = {name: self._atlas.textures[name] for name in CHANNEL_NAMES}
+        sampled["light_table"] = self._light_table.texture
+        if self._probes:
+            sampled["voxels"] = self._grid.voxels
+        bind(self._make_virtual, sampled)
+        self._make_virtual.run(-(-self.count // WIDE))
         self._gpu.ctx.memory_barrier()
+        if self._probes:
+            self._grid.light(self._virtual, self._parameters)
 
     def _write(self, textures: Mapping[str, moderngl.Texture]) -> None:
-        self._parameters.bind_to_storage_buffer(0)
+        self._parameters.bind_to_uniform_block(0)
         columns, rows = invocations(self._rate, self._size)
         tiles = -(-columns // self._group[0]), -(-rows // self._group[1])
-        inputs = ("position", "normal", "base_color", "material")
+        sampled = {name: textures[name] for name in CHANNEL_NAMES}
         if self._probes:
-            self._probe_buffer.bind_to_storage_buffer(6)
+            sampled["probes"] = self._grid.probes
         else:
-            self._virtual[0].bind_to_storage_buffer(2)
+            sampled["virtual_lights"] = self._virtual
             if not self._gather_each:
                 self._gather_coarsely(textures)
-                self._irradiance.use(len(inputs))
-                self._apply["irradiance"] = len(inputs)
-        self._bind(self._apply, textures, inputs)
+                sampled["irradiance"] = self._irradiance
+        bind(self._apply, sampled)
         textures["indirect"].bind_to_image(0, read=False, write=True)
         self._apply.run(*tiles)
         self._gpu.ctx.memory_barrier()
 
     def _gather_coarsely(self, textures: Mapping[str, moderngl.Texture]) -> None:
-        self._bind(self._gather, textures, ("position", "normal"))
+        sampled = {"position": textures["position"], "normal": textures["normal"], "virtual_lights": self._virtual}
+        bind(self._gather, sampled)
         self._irradiance.bind_to_image(0, read=False, write=True)
         small = self._irradiance.size
         self._gather.run(-(-small[0] // self._group[0]), -(-small[1] // self._group[1]))
-        self._gpu.ctx.memory_barrier()
-
-    def _bind(self, program, textures: Mapping[str, moderngl.Texture], names: tuple[str, ...]) -> None:
-        for unit, name in enumerate(names):
-            textures[name].use(unit)
-            if name in program:
-                program[name] = unit
-
-    def _dispatch(self, program, items: int, group: int) -> None:
-        program.run(-(-items // group))
         self._gpu.ctx.memory_barrier()
 
     def _program(self, group: Group, materials: MaterialTable) -> Program:
@@ -284,17 +223,10 @@ class IndirectPass:
         known = tuple(s for s in slots if s in materials.keys[group.material + 1].slots)
         return Program(self._gbuffer.program(group, materials), known)
 
-    def _voxel_program(self, group: Group) -> Program:
-        defines = variant(MaterialKey((), False, True), group.posed, (), False)
-        program = self._shaders.render(
-            "gbuffer/gbuffer.vert.glsl", "indirect/voxelize.frag.glsl", defines, self._voxel_preamble
-        )
-        return Program(program, ())
-
     @property
-    def virtual_buffer(self) -> moderngl.Buffer:
-        """``count`` VIRTUAL records of this frame."""
-        return self._virtual[0]
+    def virtual_texture(self) -> moderngl.Texture:
+        """``count`` VIRTUAL records of this frame, a texel for each field, VIRTUAL_ROW of them in a row."""
+        return self._virtual
 
     @property
     def scene_from_relative(self) -> Array:
@@ -303,7 +235,7 @@ class IndirectPass:
 
     def virtual_lights(self) -> Array:
         """This frame's virtual lights, (V,) VIRTUAL records in scene space."""
-        return np.frombuffer(self._virtual[0].read(), dtype=VIRTUAL.dtype)
+        return np.frombuffer(self._virtual.read(), dtype=VIRTUAL.dtype)[: self.count]
 
     def release(self) -> None:
         for item in (
@@ -313,10 +245,11 @@ class IndirectPass:
             self._gbuffer,
             self._texels,
             self._faces,
-            self._light_rows,
+            self._light_table,
+            self._virtual,
+            self._parameters,
+            self._grid if self._probes else self._irradiance,
         ):
-            item.release()
-        for item in (*self._virtual, self._parameters, *self._owned):
             item.release()
 
 

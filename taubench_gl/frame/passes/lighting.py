@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.lights import LIGHT
+from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
 from taubench_gl.frame.passes.shadows import ShadowPass
 from taubench_gl.frame.plan import TILE
 from taubench_gl.frame.shadow_faces import FACE
@@ -59,6 +59,7 @@ def lighting_preamble() -> str:
             f"const float SHADOW_BIAS = {SHADOW_BIAS};",
             f"const float SHADOW_REACH = {SHADOW_REACH};",
             f"const int TILE = {TILE};",
+            f"const int LIGHT_ROW = {LIGHT_ROW};",
         )
     )
 
@@ -117,7 +118,7 @@ class LightingPass:
         self._tiles = (tiles_x, tiles_x * tiles_y)
         ctx = gpu.ctx
         self._parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
-        self._lights = ctx.buffer(reserve=max(light_count, 1) * LIGHT.dtype.itemsize, dynamic=True)
+        self._lights = LightTexture(gpu, light_count)
         self._albedos = None
         if {"sky", "glossy"} <= effects:
             self._albedos = ctx.texture((ALBEDO_TABLE, ALBEDO_TABLE), 4, albedo_table().tobytes(), dtype="f4")
@@ -149,9 +150,9 @@ class LightingPass:
         record["size"][2], record["tiles"] = self._tiles
         record["phase"] = phase(self._rate, frame)
         self._parameters.write(record.tobytes())
-        self._lights.write(light_rows.tobytes())
-        self._parameters.bind_to_storage_buffer(0)
-        self._lights.bind_to_storage_buffer(1)
+        self._lights.write(light_rows)
+        self._parameters.bind_to_uniform_block(0)
+        self._lights.texture.use(7)
         inputs = ("position", "normal", "geometric_normal", "base_color", "material")
         for unit, name in enumerate(inputs):
             textures[name].use(unit)
@@ -161,15 +162,18 @@ class LightingPass:
             for name in inputs:
                 if name in self._cull:  # without a glossy lobe no material matters
                     self._cull[name] = inputs.index(name)
+            self._cull["light_table"] = 7
             self._cull.run(-(-self._tiles[1] // 8))
             self._gpu.ctx.memory_barrier()
         for unit, name in enumerate(inputs):
             if name in self._program:
                 self._program[name] = unit
+        if "light_table" in self._program:
+            self._program["light_table"] = 7
         if self._shadows:
             shadow.atlas.use(5)
-            shadow.buffer.bind_to_storage_buffer(5)
-            self._program["shadow_atlas"] = 5
+            shadow.faces.use(8)
+            self._program["shadow_atlas"], self._program["shadow_faces"] = 5, 8
         if self._albedos is not None:
             self._albedos.use(6)
             self._program["albedo_table"] = 6
@@ -228,7 +232,7 @@ class ColorPass:
         record["sky"][:3], record["size"][:2] = self._settings.sky, self._size
         record["exposure"] = self._settings.exposure
         self._parameters.write(record.tobytes())
-        self._parameters.bind_to_storage_buffer(0)
+        self._parameters.bind_to_uniform_block(0)
         for unit, name in enumerate(self._inputs):
             textures[name].use(unit)
             self._program[name] = unit

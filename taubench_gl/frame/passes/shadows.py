@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import FrameState, View
+from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey, MaterialTable
 from taubench_gl.frame.passes.faces import AnchoredRecords, Casters, FaceDrawer, Program
@@ -16,6 +17,7 @@ from taubench_gl.frame.records import Placement
 from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.scene.model import Scene
 
@@ -44,6 +46,7 @@ class ShadowPass:
         self.redrawn = 0  # faces drawn in the last run
         faces = faces_of(scene, None, lights, bounds, resolution)
         self._offsets, size = pack(faces)
+        _require_room(gpu, faces, size)
         self._drawn = [b""] * len(faces)
         self.atlas = gpu.depth_texture(size)
         self.atlas.compare_func = ""
@@ -51,7 +54,7 @@ class ShadowPass:
         self._framebuffer = gpu.ctx.framebuffer(depth_attachment=self.atlas)
         self._framebuffer.clear(depth=0.0)
         self.rows = FACE.zeros(max(len(faces), 1))
-        self.buffer = gpu.ctx.buffer(reserve=self.rows.nbytes, dynamic=True)
+        self.faces = gpu.ctx.texture((len(FACE.fields), len(self.rows)), 4, dtype="f4")
         self._drawer = FaceDrawer(gpu)
         self._anchor = AnchoredRecords(gpu, draws, bounds[0])
 
@@ -89,7 +92,7 @@ class ShadowPass:
             if key != self._drawn[i]:
                 self._drawn[i] = key
                 stale.append((face, self._offsets[i], seen))
-        self.buffer.write(self.rows.tobytes())
+        self.faces.write(self.rows.tobytes())
         self.redrawn = len(stale)
         if stale:
             self._anchor.update(placement, scene.order)
@@ -118,5 +121,17 @@ class ShadowPass:
         return Program(program, slots)
 
     def release(self) -> None:
-        for item in (self._framebuffer, self.atlas, self.buffer, self._drawer, self._anchor):
+        for item in (self._framebuffer, self.atlas, self.faces, self._drawer, self._anchor):
             item.release()
+
+
+def _require_room(gpu: Gpu, faces: list[Face], size: tuple[int, int]) -> None:
+    """Raise GraphicsError where the atlas is larger than a texture of the device may be, or than memory is free."""
+    hint = "lower --shadow-size or --shadow-lights"
+    largest = max((f.resolution for f in faces), default=0)
+    what = f"{len(faces)} shadow map{'s' * (len(faces) != 1)} of up to {largest} texels"
+    limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
+    if max(size) > limit:
+        atlas = f"{size[0]}x{size[1]} texels"
+        raise GraphicsError(f"{what} would need {atlas}, this device's textures end at {limit}", hint=hint)
+    require_memory(gpu, 4 * size[0] * size[1], f"an atlas of {what}", hint)

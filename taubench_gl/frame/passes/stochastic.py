@@ -8,7 +8,8 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.frame.indirect_layout import VIRTUAL
+from taubench_gl.frame.indirect_layout import VIRTUAL, VIRTUAL_ROW
+from taubench_gl.frame.lights import LightTexture
 from taubench_gl.frame.passes.lighting import LIGHTING, lighting_preamble, lighting_record, storage_defines
 from taubench_gl.frame.passes.shadows import ShadowPass
 from taubench_gl.frame.shading import Shading
@@ -60,12 +61,14 @@ class StochasticPass:
         }
         switches = ("sky", "glossy", "point_lights", "spot_lights", "directional_lights")
         defines |= {name.upper(): name in effects for name in switches} | storage_defines(settings)
-        preamble = "\n".join((lighting_preamble(), VIRTUAL.glsl, STOCHASTIC.glsl))
+        preamble = "\n".join(
+            (lighting_preamble(), VIRTUAL.glsl, STOCHASTIC.glsl, f"const int VIRTUAL_ROW = {VIRTUAL_ROW};")
+        )
         self._program = shaders.compute("lighting/stochastic.comp.glsl", defines, preamble)
         ctx = gpu.ctx
         self._parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
         self._draws = ctx.buffer(reserve=STOCHASTIC.dtype.itemsize, dynamic=True)
-        self._lights: moderngl.Buffer | None = None
+        self._lights = LightTexture(gpu, light_count)
         self._choice = ctx.buffer(reserve=8 * max(light_count, 1), dynamic=True)
         self._albedos = None
         if {"sky", "glossy"} <= effects:
@@ -83,11 +86,11 @@ class StochasticPass:
         light_rows: np.ndarray,
         textures: Mapping[str, moderngl.Texture],
         shadow: ShadowPass | None,
-        virtual: moderngl.Buffer | None,
+        virtual: moderngl.Texture | None,
         virtual_count: int,
         scene_from_relative: np.ndarray,
     ) -> None:
-        """Estimate the light of the frame in ``textures``; ``virtual``: VIRTUAL records of this frame."""
+        """Estimate the light of the frame in ``textures``; ``virtual``: VIRTUAL records of this frame, as a texture."""
         choice = light_choice(light_rows["color"][: self._count, :3].max(axis=-1))
         record = STOCHASTIC.zeros()
         record["scene_from_relative"][:3] = scene_from_relative
@@ -98,34 +101,32 @@ class StochasticPass:
         self._draws.write(record.tobytes())
         self._parameters.write(lighting_record(view, self._size, self._settings, self._count).tobytes())
         self._choice.write(choice.tobytes() or bytes(8))
-        self._upload_lights(light_rows)
-        self._parameters.bind_to_storage_buffer(0)
-        self._lights.bind_to_storage_buffer(1)
+        self._lights.write(light_rows)
+        self._parameters.bind_to_uniform_block(0)
+        self._draws.bind_to_uniform_block(1)
         self._choice.bind_to_storage_buffer(4)
-        self._draws.bind_to_storage_buffer(6)
+        self._lights.texture.use(8)
+        if "light_table" in self._program:
+            self._program["light_table"] = 8
         for unit, name in enumerate(INPUTS):
             textures[name].use(unit)
             if name in self._program:
                 self._program[name] = unit
         if self._shadows:
             shadow.atlas.use(5)
-            shadow.buffer.bind_to_storage_buffer(5)
-            self._program["shadow_atlas"] = 5
+            shadow.faces.use(9)
+            self._program["shadow_atlas"], self._program["shadow_faces"] = 5, 9
         if self._albedos is not None:
             self._albedos.use(6)
             self._program["albedo_table"] = 6
         textures["direct"].bind_to_image(0, read=False, write=True)
         if self._indirect:
-            virtual.bind_to_storage_buffer(2)
+            virtual.use(7)
+            self._program["virtual_lights"] = 7
             textures["indirect"].bind_to_image(1, read=False, write=True)
         columns, rows = invocations(shading.rate, self._size)
         self._program.run(-(-columns // self._group[0]), -(-rows // self._group[1]))
         self._gpu.ctx.memory_barrier()
-
-    def _upload_lights(self, rows: np.ndarray) -> None:
-        if self._lights is None:
-            self._lights = self._gpu.ctx.buffer(reserve=rows.nbytes, dynamic=True)
-        self._lights.write(rows.tobytes())
 
     def release(self) -> None:
         for buffer in (self._parameters, self._draws, self._lights, self._choice, self._albedos):
