@@ -192,11 +192,10 @@ def load_run(folder: str | Path) -> Run:
         raise OutputError(f"is not valid JSON: {error}", where=str(path)) from None
     schema = summary.get("schema") if isinstance(summary, dict) else None
     if schema != SUMMARY_SCHEMA:
-        raise OutputError(
-            f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}",
-            where=str(path),
-            hint="written by another version of taubench-gl, or not a run at all",
-        )
+        hint = "written by another version of taubench-gl, or not a run at all"
+        if str(schema).startswith("taubench-gl/batch/"):
+            hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
+        raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
     return Run(summary, read_frames(out / FRAMES_FILE), out)
 
 

@@ -17,6 +17,7 @@ from taubench_gl.batch.study import Job, Study
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation import assemble_summary, mark_cuts, sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
+from taubench_gl.outputs import write_atomically
 from taubench_gl.report import FORMATS, paper_tables
 from taubench_gl.run import CAMERA_COLUMNS, FRAME_COLUMNS, Run, RunWriter, load_run
 from taubench_gl.scene.model import Camera
@@ -94,7 +95,7 @@ def finish(store: Store, study: Study, failed: Mapping[str, str]) -> dict[str, A
         entry |= {"state": "done", "summary": f"jobs/{job.id}/summary.json"}
         jobs.append(entry | {name: run.summary[name] for name in kept})
     summary = {"schema": SCHEMA, "study": study.name, "done": len(summaries), "failed": len(failed), "jobs": jobs}
-    store.write(store.out / "frames.parquet", frames_table(frames))
+    write_atomically(store.out / "frames.parquet", frames_table(frames))
     write_tables(store, summaries)
     store.write_json(store.out / "summary.json", summary)
     return summary
@@ -112,5 +113,5 @@ def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[A
     """tables.txt, .md, .csv and .tex of these runs; the tables."""
     tables = paper_tables(list(summaries)) if summaries else []
     for name, look in TABLE_FILES.items() if tables else ():
-        store.write(store.out / name, FORMATS[look](tables).encode())
+        write_atomically(store.out / name, FORMATS[look](tables))
     return tables

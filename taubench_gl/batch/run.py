@@ -94,7 +94,7 @@ def study_status(out: str | Path) -> tuple[str, str | None, list[JobStatus]]:
     study = store.load_study()
     found = []
     for job in study.jobs:
-        head, reason = store.load_head(job), store.failure(job.id)
+        head, reason = store.known_head(job.id), store.failure(job.id)
         positions = None if head is None else job_positions(job, head)
         counted = [] if head is None else store.known_positions(job.id)
         done = 0 if positions is None else len(set(counted) & set(positions))

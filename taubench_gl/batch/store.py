@@ -25,7 +25,7 @@ from taubench_gl import __version__
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
 from taubench_gl.batch.study import Job, Study, settings_dict, settings_from
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import write_atomically
 
 STUDY_SCHEMA = "taubench-gl/batch-study/1"
 STUDY_FILE = "study.json"
@@ -80,8 +80,15 @@ class Store:
         except FileNotFoundError:
             what = "holds no batch" if self.out.is_dir() else "does not exist"
             raise OutputError(what, where=str(self.out), hint="give the folder of 'taubench-gl batch --out'") from None
-        except (OSError, ValueError) as error:
-            raise OutputError(f"cannot be read: {error}", where=str(path)) from None
+        except NotADirectoryError:
+            hint = "give the folder of 'taubench-gl batch --out'"
+            raise OutputError("is not a folder", where=str(self.out), hint=hint) from None
+        except OSError as error:
+            raise OutputError(f"cannot be read: {error.strerror}", where=str(path)) from None
+        except ValueError as error:
+            raise OutputError(f"is damaged: {error}", where=str(path)) from None
+        if not isinstance(values, dict):
+            raise OutputError("is damaged: no JSON object", where=str(path))
         schema, version = values.get("schema"), values.get("version")
         if schema != STUDY_SCHEMA or version != __version__:
             what = f"was begun by taubench-gl {version} ({schema}), this is {__version__} ({STUDY_SCHEMA})"
@@ -90,20 +97,22 @@ class Store:
 
     # ------------------------------------------------------------------------------------------------------- heads
     def load_head(self, job: Job) -> dict[str, Any] | None:
-        """The job's head; None where it is missing or the scene file is no longer the one it was made of."""
+        """The job's head; None where it is missing or the scene may no longer be the one it was made of."""
+        values = self.known_head(job.id)
+        return values if values is not None and values.get("file") == file_stamp(job.scene) is not None else None
+
+    def known_head(self, job: str) -> dict[str, Any] | None:
+        """The head as it was left, whatever became of the scene since; None where there is none."""
         try:
-            values = json.loads(self.head_file(job.id).read_text(encoding="utf-8"))
+            values = json.loads(self.head_file(job).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        return values if values.get("file") == file_stamp(job.scene) is not None else None
+        return values if isinstance(values, dict) else None
 
     def save_head(self, job: Job, data: bytes) -> dict[str, Any]:
         """Keep a head.  Pairs of a scene that has changed since are of no more use and go."""
         values = json.loads(data) | {"file": file_stamp(job.scene)}
-        try:
-            before = json.loads(self.head_file(job.id).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            before = None
+        before = self.known_head(job.id)
         if before is None or before["facts"] != values["facts"] or before["frames"] != values["frames"]:
             self.forget(job.id)
         self.write_json(self.head_file(job.id), values, indent=None)
@@ -117,7 +126,7 @@ class Store:
     # ------------------------------------------------------------------------------------------------------- pairs
     def save_pairs(self, job: str, positions: Sequence[int], data: bytes) -> None:
         name = f"pairs-{positions[0]:06d}-{positions[-1]:06d}.parquet" if positions else "pairs-none.parquet"
-        self.write(self.pairs_folder(job) / name, data)
+        write_atomically(self.pairs_folder(job) / name, data, parents=True)
 
     def load_pairs(self, job: Job) -> tuple[dict[int, PairRecord], list[dict[str, Any]]]:
         """All finished pairs by position, and what the workers told, in the order of the files' names.
@@ -149,7 +158,7 @@ class Store:
     # -------------------------------------------------------------------------------------------------------- logs
     def log_failure(self, job: str, message: str, details: str) -> Path:
         path = self.log_file(job)
-        self.write(path, f"{message}\n\n{details}".rstrip().encode() + b"\n")
+        write_atomically(path, f"{message}\n\n{details}".rstrip() + "\n", parents=True)
         return path
 
     def failure(self, job: str) -> str | None:
@@ -165,27 +174,16 @@ class Store:
     # ----------------------------------------------------------------------------------------------------- writing
     def write_json(self, path: Path, values: Mapping[str, Any], indent: int | None = 2) -> None:
         text = json.dumps(values, indent=indent, ensure_ascii=False, allow_nan=False)
-        self.write(path, text.encode() + b"\n")
-
-    def write(self, path: Path, data: bytes) -> None:
-        """Write ``data`` beside ``path`` and rename it, so that ``path`` is whole or not there.  Raises OutputError."""
-        partial = path.with_name(f".{path.name}.partial")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with open(partial, "wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(partial, path)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise cannot_write(path, error) from None
+        write_atomically(path, text + "\n", parents=True)
 
 
 def file_stamp(scene: str) -> list[int] | None:
-    """Size and time of change of a scene's file; None for what is no plain file (an OBJ sequence, say)."""
+    """Size and time of change of a scene that is all in one file; None for others (.gltf with its buffers, OBJ, ...),
+    whose head is made anew whenever a study goes on: only reading them tells whether they have changed."""
+    if not scene.lower().endswith(".glb"):
+        return None
     try:
         found = os.stat(scene)
     except OSError:
         return None
-    return [found.st_size, found.st_mtime_ns] if os.path.isfile(scene) else None
+    return [found.st_size, found.st_mtime_ns]

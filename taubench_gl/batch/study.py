@@ -158,7 +158,8 @@ def _scenes(
 ) -> Iterator[tuple[str, str, dict[str, Any], dict[str, list[dict[str, Any]]]]]:
     """(as written, what to load, settings of its registry row, its own choices) of every scene there is."""
     if not isinstance(values, list) or not values:
-        faults.append('scenes is missing (give paths, patterns or names: scenes = ["a.glb", "more/*.glb"])')
+        what = "missing" if values is None else "empty" if values == [] else f"{values!r}, no list"
+        faults.append(f'scenes is {what} (give paths, patterns or names: scenes = ["a.glb", "more/*.glb"])')
         return
     for i, entry in enumerate(values):
         where = f"scenes[{i}]"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import tempfile
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 from taubench_gl.cycles.render import HOW_TO_GET_BPY, blender_python, blender_version
 from taubench_gl.errors import SceneError, TruthError
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import write_atomically
 
 SOURCES = (".fbx", ".blend")
 LIGHT_UNITS = {"spec": "SPEC", "watts": "COMPAT"}
@@ -41,13 +40,7 @@ def convert(
         told = {"source": str(source.resolve()), "target": str(made), "lights": LIGHT_UNITS[lights]}
         job.write_text(json.dumps(told), encoding="utf-8")
         said = _run(python, job, source)
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            partial = target.with_name(f".{target.name}.partial")
-            partial.write_bytes(made.read_bytes())
-            os.replace(partial, target)
-        except OSError as error:
-            raise cannot_write(target, error) from None
+        write_atomically(target, made.read_bytes(), parents=True)
     counts = said["counts"]
     return {
         **{name: counts[kind] for name, kind in (("meshes", "MESH"), ("cameras", "CAMERA"), ("lights", "LIGHT"))},

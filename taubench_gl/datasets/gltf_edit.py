@@ -7,7 +7,6 @@ buffers and images that lay beside the source are put inside.
 from __future__ import annotations
 
 import base64
-import contextlib
 import json
 import struct
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import SettingsError
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import write_atomically
 from taubench_gl.scene.gltf.container import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document
 from taubench_gl.scene.gltf.images import MEDIA_TYPES
 from taubench_gl.scene.gltf.uri import read_uri
@@ -100,15 +99,7 @@ class GltfEditor:
             text += b" " * (-len(text) % 4)
             chunks = struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(blob), BIN_CHUNK) + blob
             text = GLB_MAGIC + struct.pack("<II", 2, 12 + len(chunks)) + chunks
-        partial = path.with_name(f".{path.name}.partial")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            partial.write_bytes(text)
-            partial.replace(path)
-        except OSError as error:
-            with contextlib.suppress(OSError):  # where its folder is no folder either
-                partial.unlink()
-            raise cannot_write(path, error) from None
+        write_atomically(path, text, parents=True)
 
     def _append(self, collection: str, item: Json) -> int:
         items = self.root.setdefault(collection, [])

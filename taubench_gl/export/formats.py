@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -58,7 +59,8 @@ def write_file(path: Path, write: Callable[[Path], None]) -> None:
     except OSError as error:
         raise cannot_write(path, error) from None
     finally:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # where its folder is no folder either
+            partial.unlink()
 
 
 def write_bytes(path: Path, data: bytes) -> None:

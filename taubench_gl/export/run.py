@@ -85,7 +85,8 @@ def export_scene(
             writer = FORMATS[format](out, spec)
             _claim(out, manifest(spec, settings, format, jitter, loaded.sha256, source.unmeasured), overwrite)
             writer.prepare()
-            _write_cameras(out, {frame: source.view(frame) for frame in frames}, spec)
+            held = [frame for frame in range(count) if frame in frames or writer.done(frame)]
+            _write_cameras(out, {frame: source.view(frame) for frame in held}, spec)
             missing = [frame for frame in frames if not writer.done(frame)]
             done = _write_all(source, writer, missing, loaded.name, progress)
             gpu.check("an export")
@@ -150,9 +151,11 @@ def _claim(out: Path, told: dict[str, Any], overwrite: bool) -> None:
     if before is None and out.is_dir() and any(out.iterdir()):
         raise OutputError("holds other files and no export", where=str(out), hint="give --out a new folder")
     different = [] if before is None else _different(before, told)
-    # A range of frames may grow, but where it shapes the files (Zarr's arrays, Sintel's last frame).
-    if different == ["frames"] and told["format"] in ("exr", "npz"):
-        different = []
+    # Another range of frames adds to what is there (``frames``: from the first to the last of both), but where the
+    # range shapes the files (Zarr's arrays, Sintel's last frame).
+    if different == ["frames"] and told["format"] in ("exr", "npz") and not overwrite:
+        (start, stop), (first, end) = before["frames"], told["frames"]
+        told, different = told | {"frames": [min(start, first), max(stop, end)]}, []
     if different and not overwrite:
         what = f"holds an export with other {', '.join(different)}"
         raise OutputError(what, where=str(out), hint="give --overwrite to replace it, or another --out")

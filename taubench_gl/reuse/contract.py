@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taubench_gl.errors import MethodError
-from taubench_gl.reuse.frame import INPUTS, InputInfo
+from taubench_gl.reuse.frame import INPUTS
 
 Value = float | int | bool | str
 
@@ -286,8 +286,3 @@ def _kind(default: object, choices: bool) -> str | None:
     if isinstance(default, bool):
         return "bool"
     return {int: "int", float: "float"}.get(type(default))
-
-
-def inputs_of(method: Method) -> tuple[InputInfo, ...]:
-    """The inputs ``method`` reads, as the table describes them."""
-    return tuple(INPUTS[name] for name in method.reads)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,10 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 __all__ = ["SCHEMA", "Evaluation", "JudgedFrame", "MethodSpec", "evaluate_methods", "method_settings"]
+
+
+NEEDS = {"ssim": ("skimage", "scikit-image"), "flip": ("flip_evaluator", "flip-evaluator")}
+"""Metrics that other packages compute: module and package."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,5 +99,9 @@ def check_request(specs: Sequence[MethodSpec], metrics: Collection[str], referen
     for name in metrics:
         if name not in CHOICES:
             raise SettingsError(f"no metric is named {name!r}", hint=f"choose from {', '.join(CHOICES)}")
+        module, package = NEEDS.get(name, ("", ""))
+        if module and find_spec(module) is None:
+            hint = f"pip install 'taubench-gl[reuse]', or leave {name} out of the metrics"
+            raise SettingsError(f"metric {name} needs {package}", hint=hint)
     if reference != "max" and not is_sequence(reference):
         raise SettingsError(f"reference is {reference!r}", hint="give max or exr:DIR")

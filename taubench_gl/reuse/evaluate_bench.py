@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser
-from taubench_gl.errors import MethodError, SettingsError
+from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.evaluation import frame_range
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
@@ -149,10 +149,10 @@ class Bench:
 
     @contextmanager
     def _harmless(self, label: str) -> Iterator[None]:
-        """A MethodError ends this method alone."""
+        """A MethodError, or graphics memory that does not suffice, ends this method alone."""
         try:
             yield
-        except MethodError as error:
+        except (MethodError, GraphicsError) as error:
             self.records[label].failed = str(error)
             runner = self.runners.pop(label, None)
             if runner is not None:
@@ -206,8 +206,8 @@ class Bench:
             usable = finite & np.isfinite(picture).all(axis=-1)
             shown[label] = _shown(picture[..., :3], usable, curve)
             errors[label] = self.records[label].add(
-                frame, shown[label], picture[..., 3], _masked(reference, usable), before and _masked(before, usable),
-                mask, classes, motion, self._time_ms(label), int(np.count_nonzero(~usable)),
+                frame, shown[label], picture[..., 3], _masked(reference, usable), before, mask,
+                classes, motion, self._time_ms(label), int(np.count_nonzero(~usable)),
             )  # fmt: skip
         if on_frame is not None:
             given = read_result(inputs.textures["radiance"])[..., :3]
@@ -262,14 +262,17 @@ def method_settings(method: Method, given: Mapping[str, Value | str]) -> dict[st
     for name, value in given.items():
         setting = method.settings.get(name)
         text = isinstance(value, str) and setting is not None and setting.kind != "choice"
-        out[name] = setting.parse(value) if text else value
+        try:
+            out[name] = setting.parse(value) if text else value
+        except MethodError as error:
+            raise MethodError(error.what, where=method.label) from None
     return method.values(out)
 
 
 def _shown(radiance: Array, usable: Array, curve: str) -> Shown:
     """Radiance with what is not ``usable`` black, and as it is shown."""
     radiance = np.where(usable[..., None], radiance, 0.0)
-    return Shown(radiance, display(radiance, curve))
+    return Shown(radiance, display(radiance, curve), usable)
 
 
 def _masked(shown: Shown, usable: Array) -> Shown:
@@ -277,4 +280,4 @@ def _masked(shown: Shown, usable: Array) -> Shown:
     if usable.all():
         return shown
     keep = usable[..., None]
-    return Shown(np.where(keep, shown.radiance, 0.0), np.where(keep, shown.colors, 0.0))
+    return Shown(np.where(keep, shown.radiance, 0.0), np.where(keep, shown.colors, 0.0), usable)

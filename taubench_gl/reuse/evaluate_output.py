@@ -5,20 +5,23 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.errors import SettingsError
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import cannot_write, write_atomically, write_png
 from taubench_gl.report.render import FORMATS
 from taubench_gl.report.reuse_plots import plot_fit, plot_reuse
 from taubench_gl.report.reuse_tables import fit_table, reuse_tables
 from taubench_gl.report.tables import Table
 from taubench_gl.reuse.evaluate import Evaluation, JudgedFrame
 from taubench_gl.reuse.evaluate_records import ROW_COLUMNS
-from taubench_gl.reuse.pictures import CODECS, Video, save_picture, side_by_side
+from taubench_gl.reuse.pictures import CODECS, Video, side_by_side
 
 VIDEOS = (*CODECS, "none")
 _TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "csv", "tables.tex": "latex"}
@@ -34,6 +37,9 @@ class ReuseFolder:
     def __init__(self, out: str | Path, fps: float, video: str = "mp4"):
         if video not in VIDEOS:
             raise SettingsError(f"video is {video!r}", hint=f"choose from {', '.join(VIDEOS)}")
+        if video != "none" and find_spec("imageio_ffmpeg") is None:
+            hint = "pip install 'taubench-gl[reuse]', or give --video none"
+            raise SettingsError("a video needs imageio-ffmpeg", hint=hint)
         self.out = Path(out)
         self._made = not self.out.exists()
         make_folder(self.out)
@@ -64,7 +70,8 @@ class ReuseFolder:
         if self._video is not None:
             written += [path for path in (self._video.close(),) if path is not None]
         if self._worst_picture is not None:
-            written.append(save_picture(out / "side_by_side.png", self._worst_picture))
+            written.append(out / "side_by_side.png")
+            write_png(written[-1], self._worst_picture)
         written += write_tables(out, reuse_tables(evaluation.summary))
         written += plot_reuse(evaluation.summary, evaluation.rows, out)
         write_atomically(out / "frames.csv", rows_csv(evaluation.rows, ROW_COLUMNS))
@@ -91,6 +98,23 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
     write_atomically(out / "curve.csv", rows_csv(rows, (*names, fit["metric"], "failed")))
     write_atomically(out / "fit.json", as_json(fit))
     return [*written, out / "curve.csv", out / "fit.json"]
+
+
+@contextmanager
+def new_folder(out: Path | None) -> Iterator[None]:
+    """``out`` is there before anything long begins, and gone again if that fails with nothing in it; None: nothing.
+
+    Raises OutputError.
+    """
+    made = out is not None and not out.exists()
+    if out is not None:
+        make_folder(out)
+    try:
+        yield
+    except BaseException:
+        if made and not any(out.iterdir()):
+            out.rmdir()
+        raise
 
 
 def make_folder(out: Path) -> None:

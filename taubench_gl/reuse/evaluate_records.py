@@ -31,6 +31,7 @@ class Shown:
 
     radiance: Array
     colors: Array
+    usable: Array  # (h, w) bool: finite in the picture and in its reference; black elsewhere
 
 
 @dataclass(slots=True)
@@ -88,10 +89,12 @@ class MethodRecord:
         out: dict[str, float | None] = {}
         pictures = shown.colors, self._before.colors, reference.colors, before.colors
         if "tpsnr" in self.metrics:
-            self._temporal_mse.append(float(quality.temporal_squared_error(*pictures).mean()))
+            error = quality.temporal_squared_error(*pictures)
+            self._temporal_mse.append(float(np.where(shown.usable & self._before.usable, error, 0.0).mean()))
             out["tpsnr_db"] = quality.psnr(self._temporal_mse[-1])
         if "flicker" in self.metrics:
-            out["flicker"] = quality.flicker(*pictures, motion_px, allowed)
+            seen = shown.usable & quality.history_of(self._before.usable, motion_px)
+            out["flicker"] = quality.flicker(*pictures, motion_px, allowed & seen)
         return out
 
     def summary(self) -> dict[str, Any]:
@@ -140,6 +143,7 @@ def weights(weight: Array, allowed: Array | None) -> dict[str, float | None]:
     names = ("reused_percent", "mean_weight", "wrongly_reused_percent", "wrongly_rejected_percent")
     if (weight < 0).any():
         return dict.fromkeys(names)
+    weight = np.where(np.isfinite(weight), weight, 0.0)  # NaN where the radiance is: nothing of it is history
     reused = weight > 0
     wrong = (None, None) if allowed is None else (_percent(reused & ~allowed), _percent(~reused & allowed))
     return dict(zip(names, (_percent(reused), float(weight.mean()), *wrong), strict=True))

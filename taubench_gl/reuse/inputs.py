@@ -24,6 +24,7 @@ from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.metrics.shading_rate import cycle
 from taubench_gl.reuse.frame import FrameInputs
 from taubench_gl.reuse.inputs_kind import InputKind
 from taubench_gl.reuse.inputs_passes import LIGHT_CHANNELS, ComposePass, MaskInputs
@@ -64,7 +65,9 @@ class RasterInputs:
         self.reads, self._cuts = frozenset(reads), frozenset(cuts)
         self.size = (settings.width, settings.height)
         self.timer = PassTimer(gpu)
-        self._jitter = jitter if kind.jitter else None
+        # One offset until every pixel was shaded once: the rate's period divides Halton's, so that with an offset per
+        # frame a pixel would be sampled in the same half or quarter of its area for ever.
+        self._jitter = (lambda frame: jitter(frame // cycle(kind.rate))) if kind.jitter else None
         poser = poser or Poser(scene)
         extra = tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
         extra += ("ids",) if "history_ids" in self.reads else ()

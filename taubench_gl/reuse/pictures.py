@@ -97,20 +97,6 @@ def fit(text: str, width: float, font: Any) -> str:
     return text + "…"
 
 
-def save_picture(path: Path, picture: Array) -> Path:
-    """PNG.  Raises OutputError."""
-    import imageio.v3 as iio
-
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        iio.imwrite(partial, picture, extension=".png")
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise cannot_write(path, error) from None
-    return path
-
-
 class Video:
     """Writes frames of one size as they come; the file appears when it is whole.  ``kind``: mp4 or webm."""
 

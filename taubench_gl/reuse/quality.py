@@ -117,8 +117,9 @@ def history_of(image: Array, motion_px: Array) -> Array:
     """
     h, w = image.shape[:2]
     y, x = np.indices((h, w))
-    at_x, at_y = (np.floor(p + np.clip(m, -4 * (h + w), 4 * (h + w)) + 0.5).astype(np.int64)
-                  for p, m in ((x, motion_px[..., 0]), (y, motion_px[..., 1])))  # fmt: skip
+    far = np.clip(motion_px, -4 * (h + w), 4 * (h + w))
+    at_x = np.floor(x + far[..., 0] + 0.5).astype(np.int64)
+    at_y = np.ceil(y + far[..., 1] - 0.5).astype(np.int64)  # the masks round half up in GL's rows, which count upwards
     return image[np.clip(at_y, 0, h - 1), np.clip(at_x, 0, w - 1)]
 
 

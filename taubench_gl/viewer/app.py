@@ -18,9 +18,10 @@ from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import TaubenchError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.outputs import write_png
 from taubench_gl.viewer import prefs, theme
 from taubench_gl.viewer.actions import ACTIONS
-from taubench_gl.viewer.capture import Clip, free_name, save_png
+from taubench_gl.viewer.capture import Clip, free_name
 from taubench_gl.viewer.engine import ViewerEngine
 from taubench_gl.viewer.feeds import TruthFeed
 from taubench_gl.viewer.imgui_renderer import ImguiRenderer
@@ -156,7 +157,7 @@ class Viewer:
     def screenshot(self, path: Path, window: bool = False) -> bool:
         """Save the picture, or the whole window, as PNG; whether that worked."""
         try:
-            save_png(path, self.window_image() if window else self.engine.image())
+            write_png(path, self.window_image() if window else self.engine.image())
         except TaubenchError as error:
             self.state.message = str(error)
             return False

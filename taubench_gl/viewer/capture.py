@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from pathlib import Path
 from typing import Any
@@ -14,21 +13,6 @@ from taubench_gl.outputs import cannot_write
 
 Array = np.ndarray
 NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
-
-
-def save_png(path: Path, picture: Array) -> None:
-    """(h, w, 3) uint8 as PNG, whole or not at all.  Raises OutputError."""
-    import imageio.v3 as iio
-
-    data = io.BytesIO()
-    iio.imwrite(data, np.ascontiguousarray(picture), extension=".png")
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_bytes(data.getvalue())
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise cannot_write(path, error) from None
 
 
 def free_name(folder: Path, stem: str, suffix: str) -> Path:
@@ -74,6 +58,9 @@ class Clip:
         """Finish the file; without a picture there is none."""
         self._writer.close()
         if self.pictures:
-            os.replace(self._partial, self.path)
+            try:
+                os.replace(self._partial, self.path)
+            except OSError as error:
+                raise cannot_write(self.path, error) from None
         else:
             self._partial.unlink(missing_ok=True)

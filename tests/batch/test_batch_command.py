@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
+import json
+import struct
+from pathlib import Path
+
 import pytest
 from batch_tools import DEMO, SMALL, study_of, write_study
 
 from taubench_gl.apps import cli
 from taubench_gl.batch.lock import FolderLock, holder
-from taubench_gl.batch.run import make_engine, run_study
+from taubench_gl.batch.run import make_engine, run_study, study_status
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.scene import load_scene
 
 
 def taubench(capsys, *arguments):
@@ -44,10 +50,22 @@ def test_engines_that_are_none(tmp_path, capsys, arguments, complaint):
 
 @pytest.mark.parametrize("command", ["status", "resume", "report"])
 def test_folders_that_hold_no_batch(tmp_path, capsys, command):
-    for folder, complaint in ((tmp_path, "holds no batch"), (tmp_path / "gone", "does not exist")):
+    for folder, complaint in (
+        (tmp_path, "holds no batch"),
+        (tmp_path / "gone", "does not exist"),
+        (DEMO, "is not a folder"),
+    ):
         code, _, err = taubench(capsys, "batch", command, folder)
         assert code == 2 and complaint in err and err.count("\n") == 1
+        assert "Errno" not in err
     assert not (tmp_path / "gone").exists()
+
+
+@pytest.mark.parametrize("text", ["[]", "{", "\x00"])
+def test_a_damaged_study_is_one_line(tmp_path, capsys, text):
+    (tmp_path / "study.json").write_text(text)
+    code, _, err = taubench(capsys, "batch", "status", tmp_path)
+    assert code == 2 and "is damaged" in err and err.count("\n") == 1
 
 
 def test_other_peoples_folders_are_left_alone(tmp_path):
@@ -103,3 +121,62 @@ def test_engine_names(tmp_path):
     assert isinstance(make_engine("dask-local", 3, tmp_path, print), DaskCluster)
     with pytest.raises(SettingsError, match=r"choose from dask://HOST:PORT"):
         make_engine("dask", None, tmp_path, print)
+
+
+def test_a_batch_is_no_run_and_is_told_apart(tmp_path, capsys):
+    (tmp_path / "summary.json").write_text('{"schema": "taubench-gl/batch/1"}')
+    code, _, err = taubench(capsys, "compare", tmp_path)
+    assert code == 2 and "batch report" in err and err.count("\n") == 1
+
+
+def test_a_look_at_the_folder_stops_no_driver(tmp_path, monkeypatch):
+    real, seen = fcntl.flock, []
+
+    def busy_once(file, operation):
+        if operation & fcntl.LOCK_EX and not seen:
+            seen.append(operation)
+            raise BlockingIOError
+        return real(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", busy_once)
+    with FolderLock(tmp_path):
+        assert seen and holder(tmp_path) is not None
+    assert holder(tmp_path) is None
+
+
+def split_demo(folder: Path) -> Path:
+    """The demo as .gltf with its buffer in a file of its own."""
+    data = DEMO.read_bytes()
+    (length,) = struct.unpack("<I", data[12:16])
+    root = json.loads(data[20 : 20 + length])
+    root["buffers"][0]["uri"] = "demo.bin"
+    (folder / "demo.bin").write_bytes(data[28 + length :])
+    (folder / "demo.gltf").write_text(json.dumps(root), encoding="utf-8")
+    return folder / "demo.gltf"
+
+
+def test_a_buffer_that_changed_beside_its_scene_is_noticed(tmp_path):
+    """The .gltf itself is as it was: only reading its buffers tells."""
+    scene = split_demo(tmp_path)
+    study = study_of(tmp_path, f'scenes = ["{scene}"]\nframes = "0:3"\n{SMALL}')
+    first = run_study(study, tmp_path / "out").summary["jobs"][0]
+    blob = bytearray((tmp_path / "demo.bin").read_bytes())
+    root = json.loads(scene.read_text())
+    normals = root["accessors"][root["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]]
+    at = root["bufferViews"][normals["bufferView"]].get("byteOffset", 0) + normals.get("byteOffset", 0)
+    blob[at] ^= 1  # the last bit of a normal
+    (tmp_path / "demo.bin").write_bytes(blob)
+    again = run_study(study, tmp_path / "out")
+    assert not again.failed and again.summary["jobs"][0]["id"] == first["id"]
+    job = tmp_path / "out" / "jobs" / first["id"]
+    assert json.loads((job / "summary.json").read_text())["scene"]["sha256"] == load_scene(scene).sha256
+
+
+def test_status_needs_no_scene(tmp_path):
+    """A finished job is finished, also where the scene's files cannot be seen or are not one file."""
+    scene = split_demo(tmp_path)
+    run_study(study_of(tmp_path, f'scenes = ["{scene}"]\nframes = "0:3"\n{SMALL}'), tmp_path / "out")
+    for _ in range(2):
+        (status,) = study_status(tmp_path / "out")[2]
+        assert (status.state, status.done, status.total) == ("done", 2, 2)
+        scene.unlink(missing_ok=True)

@@ -114,7 +114,12 @@ def test_every_fault_is_told_at_once(folder):
 
 @pytest.mark.parametrize(
     ("text", "complaint"),
-    [("fps = 24", "scenes is missing"), ("scenes = []", "scenes is missing"), ("scenes = [", "is no TOML")],
+    [
+        ("fps = 24", "scenes is missing"),
+        ("scenes = []", "scenes is empty"),
+        ("scenes = 3", "scenes is 3, no list"),
+        ("scenes = [", "is no TOML"),
+    ],
 )
 def test_no_study(folder, text, complaint):
     with pytest.raises(SettingsError, match=complaint):

@@ -81,6 +81,10 @@ def test_more_frames_are_added(tmp_path):
     told = export(tmp_path, "exr", channels=("depth",), frames=(8, 12))
     assert (told.kept, told.written) == (2, 2)
     assert sorted(read_camera_file(tmp_path / "camera.json").poses) == [8, 9, 10, 11]
+    export(tmp_path, "exr", channels=("depth",), frames=(9, 10))  # fewer: the others stay
+    export(tmp_path, "exr", channels=("depth",), frames=(13, 14))
+    assert sorted(read_camera_file(tmp_path / "camera.json").poses) == [8, 9, 10, 11, 13]
+    assert json.loads((tmp_path / "export.json").read_text())["frames"] == [8, 14]
     with pytest.raises(OutputError, match="other frames"):
         export(tmp_path / "z", "zarr", channels=("depth",), frames=(8, 10))
         export(tmp_path / "z", "zarr", channels=("depth",), frames=(8, 12))
@@ -99,6 +103,8 @@ def test_other_peoples_folders_are_left_alone(tmp_path):
     (tmp_path / "thesis.tex").touch()
     with pytest.raises(OutputError, match="holds other files and no export"):
         export(tmp_path, "exr", overwrite=True)
+    with pytest.raises(OutputError, match="cannot be written"):
+        export(tmp_path / "thesis.tex", "exr")
 
 
 @pytest.mark.parametrize(

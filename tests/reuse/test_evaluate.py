@@ -10,7 +10,7 @@ import pytest
 from reuse_scenes import SIZE, drifting_checks, looking_around, passing_box, settings, still
 
 import taubench_gl.reuse
-from taubench_gl.errors import MethodError, SettingsError
+from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.report.reuse_tables import reuse_tables
 from taubench_gl.reuse.classes import CLASSES
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
@@ -246,6 +246,31 @@ def test_an_error_on_the_way_leaves_no_half_video(tmp_path):
                 raise ZeroDivisionError
 
         judge(passing_box(), ["none"], (0, 4), on_frame=seen)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_memory_that_does_not_suffice_ends_one_method_alone(monkeypatch):
+    def poor(gpu, needed, what, hint):
+        if "svgf" in what:
+            raise GraphicsError(f"{what} needs 9.0 GB, 1.0 GB are free", hint=hint)
+
+    monkeypatch.setattr("taubench_gl.reuse.runner.require_memory", poor)
+    done = judge(passing_box(), ["svgf", "none"], (0, 3))
+    assert list(done.failed) == ["svgf"] and "9.0 GB" in done.failed["svgf"]
+    assert [row["method"] for row in done.rows] == ["none"] * 3
+
+
+@pytest.mark.parametrize(("module", "options"), [("skimage", ["--metrics", "psnr,ssim"]), ("flip_evaluator", []),
+                                                 ("imageio_ffmpeg", ["--metrics", "psnr"])])  # fmt: skip
+def test_a_package_that_is_not_installed_is_one_line(tmp_path, monkeypatch, capsys, module, options):
+    from taubench_gl.apps import cli
+
+    for name in ("evaluate", "evaluate_output"):
+        monkeypatch.setattr(f"taubench_gl.reuse.{name}.find_spec", lambda name: None if name == module else True)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["reuse", "evaluate", "s.glb", "--methods", "none", "--out", str(tmp_path / "out"), *options])
+    err = capsys.readouterr().err
+    assert ended.value.code == 2 and "taubench-gl[reuse]" in err and err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 

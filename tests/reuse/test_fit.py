@@ -185,3 +185,18 @@ def test_the_command_line(tmp_path, capsys):
         )  # fmt: skip
     out, _ = capsys.readouterr()
     assert ended.value.code == 0 and "best: alpha=1" in out and (tmp_path / "fit" / "curve.png").is_file()
+
+
+def test_a_folder_that_cannot_be_is_told_before_anything_runs(tmp_path, monkeypatch, capsys):
+    from taubench_gl.apps import cli
+
+    def never(*_, **__):
+        raise AssertionError("the fit began")
+
+    monkeypatch.setattr("taubench_gl.reuse.fit.fit_setting", never)
+    (tmp_path / "file").touch()
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(SystemExit) as ended:
+            cli.main(["reuse", "fit", "s.glb", "--method", "taa_clamp", "--setting", "alpha", "--out", str(out)])
+        err = capsys.readouterr().err
+        assert ended.value.code == 2 and "cannot be written" in err and err.count("\n") == 1

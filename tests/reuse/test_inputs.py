@@ -14,7 +14,7 @@ from taubench_gl.animation.jitter import grid_offsets, halton_jitter
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError, TruthError
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.metrics.shading_rate import RATES, nearest_shaded, shaded
+from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
 from taubench_gl.reuse.arrays import read_input
 from taubench_gl.reuse.frame import INPUTS
 from taubench_gl.reuse.inputs import RasterInputs
@@ -141,6 +141,17 @@ def test_jittered_samples_lie_where_they_say(gpu):
             surface = position[..., 3] > 0
             off = at - np.stack([x, y], axis=-1) - frame.jitter_px
             assert np.abs(off[surface]).max() < 1e-3
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_every_pixel_is_sampled_all_over_its_area(gpu, rate):
+    """Shading rates and Halton's base 2 have a period in common: each pixel must get every offset all the same."""
+    frames, kind = range(16 * cycle(rate)), "jittered" if rate == "full" else f"{rate}+jittered"
+    with inputs_of(gpu, still(), kind, reads=("radiance",), settings={"width": 8, "height": 6}) as inputs:
+        offsets = [inputs.advance(frame).jitter_px for frame in frames]
+    for x, y in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        got = [tuple(at) for frame, at in zip(frames, offsets) if shaded(rate, (8, 6), frame)[y, x]]
+        assert sorted(got) == sorted(tuple(halton_jitter(n)) for n in range(16))
 
 
 @pytest.mark.parametrize("kind", ["full", "jittered", "noisy+jittered"])

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.metrics.reuse_history import previous_px, sample_history
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.classes import CLASSES, ClassErrors, classify
-from taubench_gl.reuse.evaluate_records import weights
+from taubench_gl.reuse.evaluate_records import MethodRecord, Shown, weights
 
 H, W = 24, 32
 RNG = np.random.default_rng(3)
@@ -65,6 +66,14 @@ def test_history_is_taken_where_motion_points():
     np.testing.assert_array_equal(got[0, -1], image[0, -1])  # outside: the border
     np.testing.assert_array_equal(quality.history_of(image, motion + 0.49), got)
     assert quality.history_of(image, np.full((H, W, 2), 1e6)).shape == image.shape
+
+
+def test_history_halfway_between_two_pixels_is_the_one_the_masks_read():
+    image = RNG.random((H, W, 3))
+    motion = np.zeros((H, W, 2))
+    motion[...] = 0.5, 0.5
+    want = sample_history(image, previous_px(motion), "nearest")
+    np.testing.assert_array_equal(quality.history_of(image, motion), want)
 
 
 def test_flicker_is_zero_for_what_moves_along_and_for_the_reference():
@@ -159,3 +168,25 @@ def test_weights_are_judged_by_the_truth():
     }  # fmt: skip
     assert weights(weight, None)["wrongly_reused_percent"] is None
     assert set(weights(np.array([[0.5, -1.0]]), allowed[:1]).values()) == {None}
+
+
+@pytest.mark.parametrize("broken_frame", [0, 1])
+def test_a_pixel_that_is_not_finite_is_no_temporal_error(broken_frame):
+    """Black stands in for it; neither the frame it is in nor the next one may count the jump to black and back."""
+    everything, broken = np.ones((H, W), dtype=bool), np.ones((H, W), dtype=bool)
+    broken[5, 6] = False
+    record = MethodRecord("m", frozenset({"tpsnr", "flicker"}), True)
+    mask, motion, before = np.zeros((H, W), dtype=np.uint32), np.zeros((H, W, 2)), None
+    for frame in range(2):
+        reference = Shown(flat(0.5), flat(0.5), everything)
+        usable = broken if frame == broken_frame else everything
+        seen = Shown(*(np.where(usable[..., None], flat(0.5), 0.0) for _ in range(2)), usable)
+        record.add(frame, seen, np.ones((H, W)), seen, before, mask, classify(mask), motion, None, int((~usable).sum()))
+        before = reference
+    assert record.rows[1]["tpsnr_db"] is None and record.rows[1]["flicker"] == 0.0
+    assert record.summary()["invalid_pixels"] == 1
+
+
+def test_a_weight_that_is_not_finite_is_no_history():
+    told = weights(np.array([[np.nan, 0.5]]), np.array([[True, True]]))
+    assert told["mean_weight"] == 0.25 and told["wrongly_rejected_percent"] == 50.0
