@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import RGB
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import write_atomically
 from taubench_gl.report.palette import REASON_COLORS, color_of, name_of
 from taubench_gl.report.pictures import mask_overlay
 
@@ -99,13 +98,7 @@ class Sheet:
         """Write the sheet as PNG, whole or not at all.  Raises OutputError."""
         buffer = io.BytesIO()
         self._figure.savefig(buffer, dpi=_DPI, format="png", facecolor=PAPER)
-        partial = path.with_name(f".{path.name}.partial")
-        try:
-            partial.write_bytes(buffer.getvalue())
-            os.replace(partial, path)
-        except OSError as error:
-            partial.unlink(missing_ok=True)
-            raise cannot_write(path, error) from None
+        write_atomically(path, buffer.getvalue())
         return path
 
 

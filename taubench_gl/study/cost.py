@@ -326,9 +326,10 @@ def _processor() -> str:
 
 
 def _check_wishes(within: float | None, budget_ms: float | None, columns: Sequence[str] | None, repeats: int) -> None:
-    for name, value in (("within", within), ("budget", budget_ms)):
-        if value is not None and not value >= 0:
-            raise SettingsError(f"{name} is {value}", hint="give a number of at least 0")
+    if within is not None and not within >= 0:
+        raise SettingsError(f"within is {within}", hint="give points of at least 0")
+    if budget_ms is not None and not budget_ms > 0:
+        raise SettingsError(f"budget is {budget_ms} ms", hint="give milliseconds above 0")
     if repeats < 1:
         raise SettingsError(f"repeats is {repeats}", hint="give 1 or more; 3 for a spread")
     for column in columns or ():
