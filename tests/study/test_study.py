@@ -208,6 +208,7 @@ def test_records_refuse_another_machine(tmp_path):
         ({"knobs": ("speed",)}, "no knob is named 'speed'"),
         ({"reference": "perfect"}, "no reference is named"),
         ({"within": -1.0}, "within is -1"),
+        ({"budget_ms": 0.0}, "budget is 0.0 ms"),
         ({"repeats": 0}, "repeats is 0"),
         ({"choose_for": ("beauty",)}, "no column is named"),
         ({"frames": (0, 1)}, "no pair of frames"),
