@@ -1,22 +1,14 @@
 // Colour of a pixel: direct + indirect + emission (or the sky's radiance), exposed, tone-mapped, sRGB-encoded.
 // Writes   color in [0, 1].   Twin   metrics.color
+#define READ(channel, at) imageLoad(channel, at)
 #include "common/numbers.glsl"
+#include "common/radiance.glsl"
 #include "common/storage.glsl"
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
 layout(std140, binding = 0) uniform Parameters { ColorRecord P; };
 
-uniform sampler2D position;
-#if HAS_DIRECT
-uniform sampler2D direct;
-#endif
-#if HAS_INDIRECT
-uniform sampler2D indirect;
-#endif
-#if HAS_EMISSION
-uniform sampler2D emission;
-#endif
 layout(RADIANCE_FORMAT, binding = 0) writeonly uniform image2D color_out;
 
 float srgb(float x) { return x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055; }
@@ -34,17 +26,7 @@ vec3 tone_map(vec3 x) {
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
-    vec3 radiance = vec3(0.0);
-#if HAS_DIRECT
-    radiance += texelFetch(direct, pixel, 0).rgb;
-#endif
-#if HAS_INDIRECT
-    radiance += texelFetch(indirect, pixel, 0).rgb;
-#endif
-#if HAS_EMISSION
-    radiance += texelFetch(emission, pixel, 0).rgb;
-#endif
-    if (!(texelFetch(position, pixel, 0).w > 0.0)) radiance = P.sky.rgb;
+    vec3 radiance = radiance_at(pixel, P.sky.rgb);
     // Beyond 1e6 every curve has settled at 1, and its products would overflow.
     vec3 mapped = tone_map(clamp(radiance * P.exposure, 0.0, 1.0e6));
     vec3 color = vec3(srgb(mapped.r), srgb(mapped.g), srgb(mapped.b));

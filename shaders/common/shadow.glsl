@@ -14,6 +14,12 @@ vec2 shadow_random; // in [0, 1), set before every lookup
 #endif
 
 uniform sampler2D shadow_atlas;
+#if LISTED_LIGHTS // faces of lights that are compiled one by one are asked for by constants
+layout(std140, binding = 3) uniform Faces { ShadowFace faces[FACES]; };
+
+ShadowFace shadow_face(int i) { return faces[i]; }
+vec2 face_corner(int i) { return vec2(faces[i].right.w, faces[i].up.w); }
+#else
 uniform sampler2D shadow_faces; // a field a texel, a face a row
 
 ShadowFace shadow_face(int i) {
@@ -21,66 +27,103 @@ ShadowFace shadow_face(int i) {
                       texelFetch(shadow_faces, ivec2(2, i), 0), texelFetch(shadow_faces, ivec2(3, i), 0),
                       texelFetch(shadow_faces, ivec2(4, i), 0));
 }
+vec2 face_corner(int i) {
+    return vec2(texelFetch(shadow_faces, ivec2(1, i), 0).w, texelFetch(shadow_faces, ivec2(2, i), 0).w);
+}
+#endif
 
-// Share of the light of face f that reaches p (relative to the camera) on a surface with geometric normal g.
-float face_visibility(ShadowFace f, vec3 p, vec3 g) {
-    vec3 q = p - f.origin.xyz;
-    bool parallel = f.origin.w > 0.5;
-    float z = dot(f.forward.xyz, q);
-    vec2 at = vec2(dot(f.right.xyz, q), dot(f.up.xyz, q));
-    if (!parallel) {
-        if (z <= f.forward.w) return 1.0; // nearer than anything the map holds
-        at /= z;
-    }
-    if (any(greaterThan(abs(at), vec2(1.0)))) return 1.0; // outside the map: nothing there casts
+// A receiver as one face sees it.
+struct Receiver {
+    vec3 q; // place in units of the face's half extents, z: metres along its axis
+    vec3 g; // normal: slope of the plane per half extent, z: along the axis
+    float plane; // distance of the plane from the face's origin, metres
+    ivec2 corner; // of the face in the atlas
+};
+
+Receiver receiver_of(ShadowFace f, vec3 q, vec3 g) {
+    // Half extents: f.right = axis / half, so axis * half = f.right / |f.right|^2.
+    vec3 slope = vec3(dot(g, f.right.xyz) / dot(f.right.xyz, f.right.xyz), dot(g, f.up.xyz) / dot(f.up.xyz, f.up.xyz),
+                      dot(g, f.forward.xyz));
+    return Receiver(vec3(dot(f.right.xyz, q), dot(f.up.xyz, q), dot(f.forward.xyz, q)), slope, dot(g, q),
+                    ivec2(f.right.w, f.up.w));
+}
+
+// The same for the cube of a point light, whose axes are the world's (frame/shadow_faces.py).
+Receiver receiver_of_cube(int first, vec3 q, vec3 g) {
+    vec3 a = abs(q);
+    bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
+    float major = x ? q.x : y ? q.y : q.z;
+    bool back = !(major >= 0.0);
+    float turn = back ? -1.0 : 1.0;
+    Receiver r;
+    r.q = vec3((x ? q.z : y ? q.x : -q.x) * turn, y ? q.z : q.y, abs(major));
+    r.g = vec3((x ? g.z : y ? g.x : -g.x) * turn, y ? g.z : g.y, (x ? g.x : y ? g.y : g.z) * turn);
+    r.plane = dot(g, q);
+#if LISTED_LIGHTS // six constants to choose from, not one place that differs from lane to lane
+    vec2 corner = face_corner(first + 4);
+    corner = x ? face_corner(first) : y ? face_corner(first + 2) : corner;
+    vec2 behind = face_corner(first + 5);
+    behind = x ? face_corner(first + 1) : y ? face_corner(first + 3) : behind;
+    r.corner = ivec2(back ? behind : corner);
+#else
+    r.corner = ivec2(face_corner(first + (x ? 0 : y ? 2 : 4) + (back ? 1 : 0)));
+#endif
+    return r;
+}
+
+// Share of the light that reaches the receiver; f: its face, or the first of its cube.  Who does not ask gets anything, and
+// spares the cache: llvmpipe fetches for all lanes.
+float face_visibility(ShadowFace f, bool parallel, Receiver r, bool asked) {
+    float z = r.q.z, depth = parallel ? 1.0 : z; // depth: what a texel's size grows with
+    vec2 at = r.q.xy / depth;
     float resolution = f.extent.x;
     vec2 texel = (at * 0.5 + 0.5) * resolution - 0.5;
-    vec2 base = floor(texel), w = texel - base;
-    // Half extents: f.right = axis / half, so axis * half = f.right / |f.right|^2.
-    vec3 step_x = f.right.xyz / dot(f.right.xyz, f.right.xyz), step_y = f.up.xyz / dot(f.up.xyz, f.up.xyz);
-    float plane = dot(g, q);
-    float texel_size = f.extent.y * (parallel ? 1.0 : z);
-    float lit = 0.0;
+    // The four texels about the point; at the map's rim the last four, of which the outer two have all the weight.
+    vec2 base = clamp(floor(texel), vec2(0.0), vec2(resolution - 2.0)), w = clamp(texel - base, vec2(0.0), vec2(1.0));
 #if SHADOW_RANDOM // one of the bilinear filter's four taps, with its weight as the probability
     base += vec2(lessThan(shadow_random, w));
 #elif SHADOW_TAPS == 1
-    base = floor(texel + 0.5);
+    base = clamp(floor(texel + 0.5), vec2(0.0), vec2(resolution - 1.0));
+#else
+    vec2 middle = asked ? vec2(r.corner) + base + 1.0 : vec2(1.0); // where the four texels meet
+    vec4 taps = textureGather(shadow_atlas, middle / vec2(textureSize(shadow_atlas, 0)));
 #endif
+    float texel_size = f.extent.y * depth;
+    float reach = SHADOW_REACH * texel_size, bias = SHADOW_BIAS * texel_size + 2e-5 * z;
+    // The rays' slants against the plane are linear in the texels' places.
+    vec2 across = ((base + 0.5) / resolution * 2.0 - 1.0) * r.g.xy, more = 2.0 / resolution * r.g.xy;
+    float lit = 0.0;
     for (int tap = 0; tap < SHADOW_TAPS; ++tap) {
-        vec2 offset = vec2(float(tap & 1), float(tap >> 1));
-        vec2 center = clamp(base + offset, vec2(0.0), vec2(resolution - 1.0));
-        vec2 u = (center + 0.5) / resolution * 2.0 - 1.0;
-        vec3 across = u.x * step_x + u.y * step_y;
+        float beside = across.x + across.y + ((tap & 1) == 1 ? more.x : 0.0) + ((tap >> 1) == 1 ? more.y : 0.0);
         // Depth at which this texel's ray meets the receiver's plane.  At most a texel aside it is off by the plane's
         // slope; a ray almost in the plane meets it nowhere useful.
-        float slant = dot(g, parallel ? f.forward.xyz : f.forward.xyz + across);
-        float receiver = (parallel ? plane - dot(g, across) : plane) / slant;
-        float reach = SHADOW_REACH * texel_size;
+        float inverse = 1.0 / (parallel ? r.g.z : r.g.z + beside);
+        float receiver = (parallel ? r.plane - beside : r.plane) * inverse;
         receiver = non_finite(receiver) ? z : clamp(receiver, z - reach, z + reach);
-        float s = texelFetch(shadow_atlas, ivec2(f.right.w, f.up.w) + ivec2(center), 0).r;
-        float occluder = s <= 0.0 ? 3.0e38 : parallel ? (1.0 - s) * f.forward.w : f.forward.w / s;
         // Last term: the normal is stored in half floats, which tilts a slanting plane.
-        float bias = SHADOW_BIAS * texel_size + 2e-5 * z + HALF_FLOAT * abs(receiver - z) / max(abs(slant), HALF_FLOAT);
+        float nearest = receiver - (bias + HALF_FLOAT * abs(receiver - z) * min(abs(inverse), 1.0 / HALF_FLOAT));
 #if SHADOW_TAPS == 1
-        float weight = 1.0;
+        float s = texelFetch(shadow_atlas, r.corner + ivec2(base), 0).r, weight = 1.0;
 #else
-        float weight = (tap & 1) == 1 ? w.x : 1.0 - w.x;
-        weight *= (tap >> 1) == 1 ? w.y : 1.0 - w.y;
+        float s = taps[int[](3, 2, 0, 1)[tap]]; // a gather goes round from the upper left
+        float weight = ((tap & 1) == 1 ? w.x : 1.0 - w.x) * ((tap >> 1) == 1 ? w.y : 1.0 - w.y);
 #endif
-        lit += weight * (occluder >= receiver - bias ? 1.0 : 0.0);
+        // The occluder's depth, forward.w / s or (1 - s) forward.w, is at least ``nearest``; s = 0: there is none.
+        bool open = parallel ? s <= 0.0 || (1.0 - s) * f.forward.w >= nearest : f.forward.w >= nearest * s;
+        lit += open ? weight : 0.0;
     }
-    return lit;
+    // Nearer than anything the map holds, or outside the map, where nothing casts.
+    return (!parallel && z <= f.forward.w) || any(greaterThan(abs(at), vec2(1.0))) ? 1.0 : lit;
 }
 
-float visibility(LightRecord light, vec3 p, vec3 g) {
+// Share of the light that reaches p (relative to the camera) on a surface with geometric normal g; anything unless asked.
+float visibility(LightRecord light, vec3 p, vec3 g, bool asked) {
     int first = int(light.color.w);
     if (first < 0) return 1.0;
-    int face = first;
-    if (light.spot.z > 1.0) {
-        vec3 q = p - light.position.xyz, a = abs(q);
-        if (a.x >= a.y && a.x >= a.z) face += q.x >= 0.0 ? 0 : 1;
-        else if (a.y >= a.z) face += q.y >= 0.0 ? 2 : 3;
-        else face += q.z >= 0.0 ? 4 : 5;
-    }
-    return face_visibility(shadow_face(face), p, g);
+    ShadowFace f = shadow_face(first);
+    vec3 q = p - f.origin.xyz;
+    Receiver r;
+    if (light.direction.w == KIND_POINT) r = receiver_of_cube(first, q, g);
+    else r = receiver_of(f, q, g);
+    return face_visibility(f, light.direction.w == KIND_DIRECTIONAL, r, asked);
 }

@@ -1,9 +1,17 @@
-// Visibility through the occupancy grid: 3D-DDA (Amanatides and Woo 1987) between two points of scene space.
-uniform usampler2D voxels; // bits along x, 32 a texel; a row of texels for every y, then z
+// Visibility through the occupancy grid: 3D-DDA (Amanatides and Woo 1987) between two points of scene space, which
+// strides over empty bricks of 4 x 4 x 4 voxels.
+layout(rgba32ui, binding = 4) readonly uniform uimage2D bricks; // indirect/bricks.comp.glsl
+
+uvec4 brick_of(ivec3 cell) { return imageLoad(bricks, ivec2(cell.x >> 2, (cell.z >> 2) * (GRID / 4) + (cell.y >> 2))); }
+
+bool has_surface(uvec4 brick, ivec3 cell) {
+    uint bit = uint(cell.x & 3 | (cell.y & 3) << 2 | (cell.z & 3) << 4);
+    return ((bit < 32u ? brick.x : brick.y) >> (bit & 31u) & 1u) != 0u;
+}
 
 bool occupied(ivec3 c) {
     if (any(greaterThanEqual(uvec3(c), uvec3(GRID)))) return false; // negative ones are huge
-    return (texelFetch(voxels, ivec2(c.x >> 5, c.z * GRID + c.y), 0).r >> uint(c.x & 31) & 1u) != 0u;
+    return has_surface(brick_of(c), c);
 }
 
 // ``slack``: distance at either end, in voxels, within which nothing blocks: the end points lie on surfaces themselves.
@@ -15,23 +23,30 @@ bool sees(vec3 from, vec3 to, vec2 slack) {
     d /= span;
     a += d * slack.x;
     float reach = span - slack.x - slack.y;
-    ivec3 c = ivec3(floor(a));
-    ivec3 step = ivec3(sign(d));
-    vec3 inverse = 1.0 / max(abs(d), vec3(1e-6));
-    vec3 next = (mix(fract(a), 1.0 - fract(a), greaterThan(d, vec3(0.0)))) * inverse;
-    float t = 0.0;
+    // Mirrored so that the ray climbs along every axis; ``turn`` is -1 where it is, and maps cells back.
+    ivec3 turn = -ivec3(lessThan(d, vec3(0.0)));
+    a = mix(a, float(GRID) - a, lessThan(d, vec3(0.0)));
+    d = abs(d);
+    vec3 inverse = 1.0 / max(d, vec3(1e-6));
+    // There is nothing outside the grid.
+    vec3 enter = -a * inverse, leave = (float(GRID) - a) * inverse;
+    float t = max(max(enter.x, enter.y), max(enter.z, 0.0));
+    reach = min(min(leave.x, leave.y), min(leave.z, reach));
+    ivec3 c = clamp(ivec3(floor(a + d * t)), ivec3(0), ivec3(GRID - 1));
     bool free = true;
     for (int i = 0; i < 3 * GRID && t < reach; ++i) {
-        if (occupied(c)) {
+        ivec3 cell = (c ^ turn) + (turn & GRID);
+        uvec4 brick = brick_of(cell);
+        if (has_surface(brick, cell)) {
             free = false;
             break;
         }
-        // Without branches: lanes go different ways here at every turn.
-        bool along_x = next.x <= next.y && next.x <= next.z, along_y = !along_x && next.y <= next.z;
-        bvec3 along = bvec3(along_x, along_y, !(along_x || along_y));
-        t = along_x ? next.x : along_y ? next.y : next.z;
-        next += mix(vec3(0.0), inverse, along);
-        c += mix(ivec3(0), step, along);
+        // Without branches, as lanes go different ways at every turn: leave the voxel, or the empty bricks around it.
+        int stride = int(brick.z);
+        ivec3 end = stride > 0 ? ((c >> 2) + stride) << 2 : c + 1;
+        vec3 out_at = (vec3(end) - a) * inverse;
+        t = min(out_at.x, min(out_at.y, out_at.z));
+        c = max(max(c, ivec3(a + d * t)), mix(c, end, lessThanEqual(out_at, vec3(t))));
     }
     return free;
 }

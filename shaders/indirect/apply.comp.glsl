@@ -17,10 +17,6 @@ layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
 #else
 uniform sampler2D irradiance;
 #endif
-uniform sampler2D position;
-uniform sampler2D normal;
-uniform sampler2D base_color;
-uniform sampler2D material;
 layout(RADIANCE_FORMAT, binding = 0) writeonly uniform image2D indirect_out;
 
 #if !PROBES
@@ -35,9 +31,9 @@ vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
         ivec2 offset = ivec2(tap & 1, tap >> 1);
         ivec2 small = clamp(base + offset, ivec2(0), P.size.zw - 1);
         ivec2 source = min(small * SCALE + SCALE / 2, P.size.xy - 1);
-        vec4 q = texelFetch(position, source, 0);
+        vec4 q = imageLoad(position, source);
         if (!(q.w > 0.0)) continue;
-        vec3 m = texelFetch(normal, source, 0).xyz;
+        vec3 m = imageLoad(normal, source).xyz;
         float plane = abs(dot(n, q.xyz - p)) / (0.02 * depth);
         float weight = max(dot(n, m), 0.0);
         weight = pow(weight, 8.0) * max(0.0, 1.0 - plane);
@@ -56,11 +52,11 @@ vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
 void main() {
     ivec2 pixel = shaded_pixel(ivec2(gl_GlobalInvocationID.xy), P.counts.y);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
-    vec4 p = texelFetch(position, pixel, 0);
-    vec4 m = texelFetch(material, pixel, 0);
+    vec4 p = imageLoad(position, pixel);
+    vec4 m = imageLoad(material, pixel);
     vec3 radiance = vec3(0.0);
     if (p.w > 0.0 && m.w >= 0.0) {
-        vec3 n = texelFetch(normal, pixel, 0).xyz, base = texelFetch(base_color, pixel, 0).rgb;
+        vec3 n = imageLoad(normal, pixel).xyz, base = imageLoad(base_color, pixel).rgb;
         vec3 v = safe_normalize(-p.xyz);
         float fresnel = 0.04 * m.w;
 #if PROBES

@@ -6,7 +6,7 @@ layout(local_size_x = GROUP_X) in;
 layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
 #include "common/indirect.glsl"
 #include "common/probe_lookup.glsl"
-layout(rgba32f, binding = 0) writeonly uniform image2D flux_out;
+layout(rgba32f, binding = 5) writeonly uniform image2D flux_out;
 
 void main() {
     int i = int(gl_GlobalInvocationID.x);

@@ -6,18 +6,16 @@ layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
 layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
 
-uniform sampler2D position;
-uniform sampler2D normal;
 layout(rgba32f, binding = 0) writeonly uniform image2D irradiance_out;
 
 void main() {
     ivec2 small = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(small, P.size.zw))) return;
     ivec2 pixel = min(small * SCALE + SCALE / 2, P.size.xy - 1);
-    vec4 p = texelFetch(position, pixel, 0);
+    vec4 p = imageLoad(position, pixel);
     vec3 sum = vec3(0.0);
     if (p.w > 0.0) {
-        vec3 x = p.xyz + P.scene_from_relative.xyz, n = texelFetch(normal, pixel, 0).xyz;
+        vec3 x = p.xyz + P.scene_from_relative.xyz, n = imageLoad(normal, pixel).xyz;
         for (int k = 0; k < P.counts.x; ++k) sum += vpl_irradiance(virtual_light(k), x, n);
     }
     imageStore(irradiance_out, small, vec4(sum, 1.0));

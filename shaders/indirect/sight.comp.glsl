@@ -1,6 +1,6 @@
 // Which virtual lights each probe sees through the occupancy grid.  The same for every bounce, so it is found once.
 //
-// Reads    virtual lights, voxels.
+// Reads    virtual lights, bricks of voxels.
 // Writes   visibility: one bit per probe and virtual light, 32 lights a word, a row of words per probe.
 layout(local_size_x = GROUP_X) in;
 
@@ -16,14 +16,19 @@ void main() {
     vec3 x = probe_place(i);
     uint seen = 0u;
     int last = min(32 * word + 32, P.counts.x);
+    uint facing = 0u;
     for (int k = 32 * word; k < last; ++k) {
         ivec2 at = virtual_texel(k);
-        vec4 place = texelFetch(virtual_lights, at, 0), normal = texelFetch(virtual_lights, at + ivec2(1, 0), 0);
-        // Aim above the patch: a ray that grazes a wall would run through the wall's own voxels before it gets there.
-        // Where it cannot aim above its own voxel, it must not reach through that voxel either.
+        vec4 place = imageLoad(virtual_lights, at);
+        vec3 normal = imageLoad(virtual_lights, at + ivec2(1, 0)).xyz;
+        if (place.w > 0.0 && dot(normal, place.xyz - x) < 0.0) facing |= 1u << (k & 31);
+    }
+    for (; facing != 0u; facing &= facing - 1u) {
+        int k = 32 * word + findLSB(facing);
+        ivec2 at = virtual_texel(k);
+        vec4 place = imageLoad(virtual_lights, at), normal = imageLoad(virtual_lights, at + ivec2(1, 0));
         float slack = normal.w > P.grid_origin.w ? 0.5 : 0.0;
-        if (place.w > 0.0 && dot(normal.xyz, place.xyz - x) < 0.0 &&
-            sees(x, place.xyz + normal.w * normal.xyz, vec2(0.5, slack))) seen |= 1u << (k & 31);
+        if (sees(x, place.xyz + normal.w * normal.xyz, vec2(0.5, slack))) seen |= 1u << (k & 31);
     }
     visibility[i * ((P.counts.x + 31) / 32) + word] = seen;
 }

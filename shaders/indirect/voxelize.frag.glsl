@@ -4,7 +4,11 @@ layout(std140, binding = 3) uniform Parameters { IndirectRecord P; };
 layout(std430, binding = 4) coherent buffer Voxels { uint voxels[]; };
 
 void main() {
-    vec3 cell = (pos_rel + P.scene_from_relative.xyz - P.grid_origin.xyz) / P.grid_origin.w;
+    vec3 place = pos_rel;
+#if POSED
+    place += P.scene_from_relative.xyz; // what is fixed comes relative to the origin of scene space already
+#endif
+    vec3 cell = (place - P.grid_origin.xyz) / P.grid_origin.w;
     ivec3 c = ivec3(floor(cell));
     if (any(lessThan(c, ivec3(0))) || any(greaterThanEqual(c, ivec3(GRID)))) return;
     uint index = uint((c.z * GRID + c.y) * GRID + c.x);

@@ -26,6 +26,9 @@ const int BINS = 40; // powers of two of the bound, the last one 2^7 and above
 const int LOWEST = -32;
 
 float bound(LightRecord light, vec3 low, vec3 high, float brdf) {
+#if SHADOWED_LISTED // these every pixel asks
+    if (light.color.w >= 0.0) return 0.0;
+#endif
     float peak = max(light.color.r, max(light.color.g, light.color.b)) * brdf;
     if (light.direction.w == KIND_DIRECTIONAL) return peak;
     vec3 nearest = clamp(light.position.xyz, low, high) - light.position.xyz;

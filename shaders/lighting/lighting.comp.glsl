@@ -34,12 +34,28 @@ layout(RADIANCE_FORMAT, binding = 1) writeonly uniform image2D direct_diffuse_ou
 layout(RADIANCE_FORMAT, binding = 2) writeonly uniform image2D direct_glossy_out;
 #endif
 
+void add_light(LightRecord light, bool shadowed, Surface s, vec3 p, vec3 g, inout Lobes sum) {
+    Incident in_light = incident(light, p);
+    // Behind the triangle nothing arrives, whatever the interpolated normal says.
+    vec3 radiance = dot(g, in_light.l) > 0.0 ? in_light.radiance : vec3(0.0);
+    bool lit = radiance.r + radiance.g + radiance.b > 0.0 && dot(s.n, in_light.l) > 0.0;
+#if BRANCHES
+    if (!lit) return;
+#endif
+#if SHADOWS
+    if (shadowed) radiance *= visibility(light, p, g, lit);
+#endif
+    Lobes lobes = evaluate_brdf(s, in_light.l);
+    sum.diffuse += lobes.diffuse * radiance;
+    sum.glossy += lobes.glossy * radiance;
+}
+
 void main() {
     ivec2 pixel = shaded_pixel(ivec2(gl_GlobalInvocationID.xy), P.phase);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
     vec4 p = texelFetch(position, pixel, 0);
     vec4 m = texelFetch(material, pixel, 0);
-    vec3 diffuse = vec3(0.0), glossy = vec3(0.0);
+    Lobes sum = Lobes(vec3(0.0), vec3(0.0));
     if (p.w > 0.0 && m.w >= 0.0) { // a surface, and not unlit
         Surface s;
         s.base_color = texelFetch(base_color, pixel, 0).rgb;
@@ -49,6 +65,11 @@ void main() {
         s.n = texelFetch(normal, pixel, 0).xyz;
         s.v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p.xyz);
         vec3 g = texelFetch(geometric_normal, pixel, 0).xyz;
+#if LISTED_LIGHTS
+#define ADD(i) add_light(listed_light(i), LISTED_FACES[i] >= 0.0, s, p.xyz, g, sum);
+        EACH_LISTED_LIGHT(ADD)
+#endif
+#if UNLISTED_LIGHTS
 #if TILED
         uint tile = uint(pixel.y / TILE) * uint(P.size.z) + uint(pixel.x / TILE);
         uint count = tile_counts[tile];
@@ -61,26 +82,21 @@ void main() {
 #else
             LightRecord light = light_record(int(i));
 #endif
-            Incident in_light = incident(light, p.xyz);
-            // Behind the triangle nothing arrives, whatever the interpolated normal says.
-            if (dot(g, in_light.l) <= 0.0) continue;
-            Lobes lobes = evaluate_brdf(s, in_light.l);
-            vec3 radiance = in_light.radiance;
-#if SHADOWS
-            if (radiance.r + radiance.g + radiance.b > 0.0) radiance *= visibility(light, p.xyz, g);
+#if LISTED_LIGHTS // those that have shadow maps
+            if (light.color.w >= 0.0) continue;
 #endif
-            diffuse += lobes.diffuse * radiance;
-            glossy += lobes.glossy * radiance;
+            add_light(light, LISTED_LIGHTS == 0, s, p.xyz, g, sum);
         }
+#endif
 #if SKY
         Lobes sky = sky_light(s, m.y, P.sky.rgb);
-        diffuse += sky.diffuse;
-        glossy += sky.glossy;
+        sum.diffuse += sky.diffuse;
+        sum.glossy += sky.glossy;
 #endif
     }
-    imageStore(direct_out, pixel, vec4(diffuse + glossy, 1.0));
+    imageStore(direct_out, pixel, vec4(sum.diffuse + sum.glossy, 1.0));
 #if SPLIT_LOBES
-    imageStore(direct_diffuse_out, pixel, vec4(diffuse, 1.0));
-    imageStore(direct_glossy_out, pixel, vec4(glossy, 1.0));
+    imageStore(direct_diffuse_out, pixel, vec4(sum.diffuse, 1.0));
+    imageStore(direct_glossy_out, pixel, vec4(sum.glossy, 1.0));
 #endif
 }

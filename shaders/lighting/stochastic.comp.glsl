@@ -60,7 +60,7 @@ vec3 direct_sample(Surface s, vec3 p, vec3 g, vec4 u) {
 #if SHADOW_RANDOM
     shadow_random = u.yz;
 #endif
-    if (radiance.r + radiance.g + radiance.b > 0.0) radiance *= visibility(light, p, g);
+    radiance *= visibility(light, p, g, radiance.r + radiance.g + radiance.b > 0.0);
 #endif
     return (lobes.diffuse + lobes.glossy) * radiance;
 }

@@ -31,6 +31,9 @@ layout(rgba32f, binding = 0) uniform image2D radiance_out;
 layout(rgba32f, binding = 0) writeonly uniform image2D radiance_out;
 #endif
 
+#define READ(channel, at) texelFetch(channel, at, 0)
+#include "common/radiance.glsl"
+
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, size))) return;
@@ -39,18 +42,7 @@ void main() {
 #else
     ivec2 from = pixel;
 #endif
-    vec3 radiance = vec3(0.0);
-#if HAS_DIRECT
-    radiance += texelFetch(direct, from, 0).rgb;
-#endif
-#if HAS_INDIRECT
-    radiance += texelFetch(indirect, from, 0).rgb;
-#endif
-#if HAS_EMISSION
-    radiance += texelFetch(emission, from, 0).rgb;
-#endif
-    if (!(texelFetch(position, from, 0).w > 0.0)) radiance = sky;
-    radiance *= exposure;
+    vec3 radiance = radiance_at(from, sky) * exposure;
 #if ACCUMULATE
     vec3 before = share < 0.0 ? vec3(0.0) : imageLoad(radiance_out, pixel).rgb;
     imageStore(radiance_out, pixel, vec4(before + abs(share) * radiance, 1.0));

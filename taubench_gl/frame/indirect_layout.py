@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.channels import CHANNELS
+from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.shadow_faces import faces_of, pack
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.scene.model import Scene
@@ -32,6 +33,7 @@ VIRTUAL = Struct(
 CHANNEL_NAMES = ("position", "normal", "base_color", "material")
 VIRTUAL_ROW = 64  # virtual lights in a row of their texture, a texel for each of the four fields
 GRID = 96  # voxels along the longest side
+BRICKS = GRID // 4  # bricks of 4 x 4 x 4 voxels, the rays' strides, along a side
 SCALE = 8  # the cheap rung gathers at every 8th pixel of both axes
 
 
@@ -59,6 +61,16 @@ def rsm_resolution(scene: Scene, lights: list[int], samples: int) -> int:
     """Texels along a face so that all lights together give about ``samples`` virtual lights, at least 2."""
     weight = sum(f.resolution**2 for f in faces_of(scene, None, lights, (np.zeros(3), 1.0), 1))
     return max(2, int(np.sqrt(samples / max(weight, 1))))
+
+
+def fixed_draws(scene: Scene, draws: tuple[Draw, ...]) -> Array:
+    """Draws that no animation moves, bends or hides, (D,) bool."""
+    nodes = scene.nodes
+    moves = np.zeros(len(nodes.parent), dtype=bool)
+    moves[[c.index for c in scene.channels if c.target == "node" and c.path != "weights"]] = True
+    for level in nodes.levels()[1:]:
+        moves[level] |= moves[nodes.parent[level]]
+    return np.array([not (d.posed or moves[d.node]) for d in draws], dtype=bool)
 
 
 def virtual_size(count: int) -> tuple[int, int]:
@@ -92,5 +104,6 @@ def indirect_bytes(
     if rung == "probes":
         probes = int(np.prod(record["probe_counts"][:3]))
         flux = 16 * rows // len(VIRTUAL.fields)
-        return own + flux + 6 * 16 * probes + 2 * GRID**3 // 8 + visibility_bytes(probes, count)
+        grid = 2 * GRID**3 // 8 + 16 * BRICKS**3 + 4 * BRICKS**2
+        return own + flux + 6 * 16 * probes + grid + visibility_bytes(probes, count)
     return own + 16 * int(np.prod(record["size"][2:]))

@@ -10,9 +10,11 @@ from taubench_gl.animation import bounding_box, bounding_sphere
 from taubench_gl.effects.decide import Effect, indirect_rung
 from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.lights import LightTable
+from taubench_gl.frame.listed_lights import list_lights
+from taubench_gl.frame.passes.color import ColorPass
 from taubench_gl.frame.passes.faces import Casters
 from taubench_gl.frame.passes.indirect import IndirectPass
-from taubench_gl.frame.passes.lighting import ColorPass, LightingPass
+from taubench_gl.frame.passes.lighting import LightingPass
 from taubench_gl.frame.passes.shadows import ShadowPass
 from taubench_gl.frame.passes.stochastic import StochasticPass
 from taubench_gl.frame.plan import bound_times, significant_lights
@@ -66,14 +68,23 @@ class LightStage:
         on = frozenset(name for name, effect in effects.items() if effect.on)
         self.lighting = None
         if effects["direct"].on and not shading.stochastic:
+            maps = ({}, 0) if self._shadow is None else (self._shadow.first_faces, len(self._shadow.rows))
             self.lighting = LightingPass(
-                gpu, renderer.shaders, renderer.size, len(self.table), settings, on, split=split, rate=shading.rate
+                gpu,
+                renderer.shaders,
+                renderer.size,
+                len(self.table),
+                settings,
+                on,
+                split=split,
+                rate=shading.rate,
+                listing=list_lights(self.table.kinds, *maps),
             )
-        self._indirect = None
+        self.indirect = None
         if effects["indirect"].on:
             box = bounding_box(renderer.poser, times)
             rung = dataclasses.replace(settings, indirect=indirect_rung(settings))
-            self._indirect = IndirectPass(
+            self.indirect = IndirectPass(
                 gpu,
                 renderer.shaders,
                 scene,
@@ -86,6 +97,7 @@ class LightStage:
                 rate=shading.rate,
                 gather_each=shading.gather_each,
                 glossy="glossy" in on,
+                draws=renderer.draws,
             )
         self._stochastic = None
         if effects["direct"].on and shading.stochastic:
@@ -97,7 +109,7 @@ class LightStage:
                 settings,
                 on,
                 shading,
-                indirect=self._indirect is not None,
+                indirect=self.indirect is not None,
             )
         self._color = None
         if effects["color"].on and shading.exact:
@@ -120,16 +132,17 @@ class LightStage:
         if self.lighting is not None:
             with self._timer.measure("direct"):
                 self.lighting.run(view, rows, textures, self._shadow, frame)
-        if self._indirect is not None:
+        if self.indirect is not None:
             with self._timer.measure("indirect"):
                 buffers, materials = self._renderer.buffers, self._renderer.materials
                 exact = self._stochastic is None
-                self._indirect.run(state, view, rows, buffers, materials, self._casters, textures, frame, write=exact)
+                moved = self._casters, placement
+                self.indirect.run(state, view, rows, buffers, materials, *moved, textures, frame, write=exact)
         if self._stochastic is not None:
             with self._timer.measure("stochastic"):
                 virtual = (None, 0, np.zeros(3))
-                if self._indirect is not None:
-                    virtual = self._indirect.virtual_texture, self._indirect.count, self._indirect.scene_from_relative
+                if self.indirect is not None:
+                    virtual = self.indirect.virtual_texture, self.indirect.count, self.indirect.scene_from_relative
                 self._stochastic.run(frame, view, rows, textures, self._shadow, *virtual)
         if self._color is not None:
             with self._timer.measure("color"):
@@ -147,12 +160,12 @@ class LightStage:
     @property
     def bytes(self) -> int:
         """GPU memory of shadow maps and light lists, bytes."""
-        parts = (self.lighting, self._shadow, self._indirect, self._stochastic)
+        parts = (self.lighting, self._shadow, self.indirect, self._stochastic)
         return sum(part.bytes for part in parts if part is not None)
 
     def virtual_lights(self) -> Array | None:
         """The virtual lights of this frame (``passes.indirect.VIRTUAL`` records); None without indirect light."""
-        return None if self._indirect is None else self._indirect.virtual_lights()
+        return None if self.indirect is None else self.indirect.virtual_lights()
 
     def notes(self) -> list[str]:
         """What was left out, for every output."""
@@ -161,6 +174,6 @@ class LightStage:
         return []
 
     def release(self) -> None:
-        for part in (self.lighting, self._shadow, self._indirect, self._stochastic, self._color):
+        for part in (self.lighting, self._shadow, self.indirect, self._stochastic, self._color):
             if part is not None:
                 part.release()

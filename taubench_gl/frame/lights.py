@@ -19,7 +19,7 @@ LIGHT = Struct(
     Field("position", "vec4", "xyz: metres, relative to the current camera; w: range, 0 = unlimited"),
     Field("direction", "vec4", "xyz: unit, where it shines; w: 0 point, 1 spot, 2 directional"),
     Field("color", "vec4", "xyz: linear colour x intensity (candela or lux); w: first shadow face, -1 = none"),
-    Field("spot", "vec4", "xy: scale and offset of the cone falloff; z: number of shadow faces"),
+    Field("spot", "vec4", "xy: scale and offset of the cone falloff"),
 )
 LIGHT_ROW = 64
 """Lights in a row of the texture that holds the table, a texel for each of their fields."""
@@ -34,6 +34,7 @@ class LightTable:
         self.nodes = scene.light_nodes
         self._index = scene.nodes.light[self.nodes]
         self.rows = LIGHT.zeros(max(len(self.nodes), 1))
+        self.kinds = tuple(KINDS.index(scene.lights[i].kind) for i in self._index.tolist())
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -45,10 +46,10 @@ class LightTable:
         if len(self.nodes):
             self.rows["position"][:, :3] = world[:, :3, 3] - view.position
             self.rows["direction"][:, :3] = -normalize(world[:, :3, 2])
-        for row, i, lit in zip(self.rows, self._index.tolist(), on.tolist(), strict=False):
+        for row, i, kind, lit in zip(self.rows, self._index.tolist(), self.kinds, on.tolist(), strict=False):
             light = state.lights[i]
             row["position"][3] = light.range if np.isfinite(light.range) else 0.0
-            row["direction"][3] = KINDS.index(light.kind)
+            row["direction"][3] = kind
             row["color"][:3] = np.multiply(light.color, light.intensity) if lit else 0.0
             if light.kind == "spot":
                 row["spot"][:2] = spot_terms(light)

@@ -15,6 +15,7 @@ from taubench_gl.animation import CameraTrack, Poser, bounding_box, choose_camer
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import Effect, decide, indirect_rung
+from taubench_gl.frame.flow import channels_of, frame_flow
 from taubench_gl.frame.indirect_layout import CHANNEL_NAMES, indirect_bytes
 from taubench_gl.frame.material_slots import SRGB_SLOTS, tests_alpha, texture_of, wanted_slots
 from taubench_gl.frame.shadow_faces import faces_of, pack
@@ -24,10 +25,6 @@ from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
-INPUTS = ("position", "normal", "geometric_normal", "base_color", "material")
-"""Channels that direct light reads."""
-
-LOBES = ("direct_diffuse", "direct_glossy")
 TILE = 16
 """Pixels along a side of the tiles that have light lists."""
 
@@ -35,29 +32,9 @@ BOUND_TIMES = 9
 """Times, evenly over the animation with both ends, at which bounds and the significance of lights are taken."""
 
 
-def light_channels(effects: Mapping[str, Effect], extra: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """Channels the light stage reads and writes, for what is on."""
-    out: tuple[str, ...] = ()
-    if effects["direct"].on:
-        out += (*INPUTS, "direct")
-        out += LOBES if set(LOBES) & set(extra) else ()  # one shader writes both
-    if effects["indirect"].on:
-        out += ("indirect",)
-    if effects["color"].on:
-        out += ("position", "color")
-        # What is unlit sends out its base colour.
-        out += ("emission", "base_color") if effects["emission"].on else ()
-    return tuple(dict.fromkeys(out))
-
-
 def frame_channels(effects: Mapping[str, Effect], extra: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Every channel of a frame, in the order of the channel table."""
-    wanted = {"position", "normal", *light_channels(effects, extra), *extra}
-    if effects["previous_pose"].on:
-        wanted.add("prev_position")
-    if effects["cuts"].on:
-        wanted.add("ids")
-    return tuple(name for name in CHANNELS if name in wanted)
+    return channels_of(frame_flow(effects, extra), extra)
 
 
 def bound_times(scene: Scene) -> Array:
@@ -202,6 +179,8 @@ class FramePlan:
                     _variant("indirect/probes.comp.glsl", "FIRST_BOUNCE"),
                     "indirect/bounce.comp.glsl",
                     "indirect/sight.comp.glsl",
+                    "indirect/bricks.comp.glsl",
+                    _variant("indirect/bricks.comp.glsl", "DISTANCES"),
                     "indirect/voxelize.frag.glsl",
                 }
                 if rung == "probes"

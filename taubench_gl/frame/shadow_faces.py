@@ -36,6 +36,9 @@ _CUBE = (  # forward, up of the faces +x -x +y -y +z -z
 NEAR_FRACTION = 1e-4
 """Near plane of a point or spot light's map, as a fraction of the scene's radius; nothing nearer casts a shadow."""
 
+COVER_MARGIN = 2.0
+"""Texels about the picture of a sphere that count as covered: what float32 makes of vertices on the GPU."""
+
 CONE_MARGIN = 1.02
 """A spot's map is this much wider than its cone, so that filter taps at the rim still see casters."""
 
@@ -83,6 +86,22 @@ class Face:
         slack = radii * np.hypot(1.0, self.half)  # distance to a slanted side plane, measured along the axis
         reach = z * self.half
         return (z + radii > 0) & (np.abs(x) <= reach + slack) & (np.abs(y) <= reach + slack)
+
+    def cover(self, centers: Array, radii: Array) -> tuple[Array, Array]:
+        """Texels that spheres (K, 3) world, (K,) may cover: first and end (K, 2) int64, conservative, in the map."""
+        q = centers - self.origin
+        across = np.stack([q @ self.right, q @ self.up], axis=-1)
+        near, far = across - radii[:, None], across + radii[:, None]
+        if not self.parallel:
+            z = q @ self.forward
+            front, back = z - radii, z + radii
+            ahead = front > self.near  # whoever reaches behind the near plane may be anywhere
+            nearest, farthest = np.where(ahead, front, 1.0)[:, None], np.where(ahead, back, 1.0)[:, None]
+            near = np.where(ahead[:, None], near / np.where(near < 0, nearest, farthest), -np.inf)
+            far = np.where(ahead[:, None], far / np.where(far > 0, nearest, farthest), np.inf)
+        texels = [(0.5 + 0.5 * side / self.half) * self.resolution for side in (near, far)]
+        low, high = np.clip([texels[0] - COVER_MARGIN, texels[1] + COVER_MARGIN], 0, self.resolution)
+        return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
 
 
 def light_faces(

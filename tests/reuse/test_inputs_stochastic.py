@@ -141,7 +141,7 @@ def test_indirect_estimate_is_its_twin(opened):
     position = source.read("position").astype(np.float64)
     normal, material = (source.read(n).astype(np.float64) for n in ("normal", "material"))
     base = source.read("base_color").astype(np.float64)[..., :3]
-    x = position[..., :3] + source.light._indirect.scene_from_relative.astype(np.float64)
+    x = position[..., :3] + source.light.indirect.scene_from_relative.astype(np.float64)
     d = lamps["position"][:, None, None, :3].astype(np.float64) - x
     d2 = np.sum(d**2, axis=-1)
     to = d / np.sqrt(np.maximum(d2, 1e-30))[..., None]

@@ -108,9 +108,11 @@ class FaceDrawer:
         *,
         depth_test: bool = True,
         anchor: AnchoredRecords | None = None,
+        parts: list[tuple[int, int, int, int]] | None = None,
     ) -> None:
         """Clear and redraw each face.  Nothing is culled by facing: both sides of a surface stop light.
 
+        ``parts``: x, y, width, height of what to redraw of each, texels of the face; the rest stays as it is.
         ``anchor``: up to date, for maps that must not depend on where the camera was when they were drawn.
         """
         if not stale:
@@ -125,14 +127,19 @@ class FaceDrawer:
         records = scene.records if anchor is None else anchor.buffer
         for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
             viewport = (x, y, face.resolution, face.resolution)
-            framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=viewport)
+            part = viewport if parts is None else (x + parts[at][0], y + parts[at][1], *parts[at][2:])
+            framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=part)
             framebuffer.viewport = viewport
+            if parts is not None:
+                framebuffer.scissor = part
             for group, first, count in groups:
                 row = 2 * at + group.posed
                 self._frames.bind_to_uniform_block(2, offset=row * STRIDE, size=FRAME.dtype.itemsize)
                 how = program_of(group)
                 materials.bind(group.material, how.program, how.slots)
                 scene.draw_commands(group, how.program, self._commands, first, count, records)
+        if parts is not None:
+            framebuffer.scissor = None
         materials.unbind()
 
     def _upload_frames(self, matrices: list[Array], stale: list[tuple[Face, tuple[int, int], Array]]) -> None:

@@ -13,6 +13,8 @@ import numpy as np
 
 from taubench_gl.animation import FrameState, View
 from taubench_gl.channels import CHANNELS
+from taubench_gl.errors import GraphicsError
+from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.indirect_layout import (
     CHANNEL_NAMES,
     GRID,
@@ -23,13 +25,23 @@ from taubench_gl.frame.indirect_layout import (
     indirect_layout,
     rsm_resolution,
     virtual_size,
+    visibility_bytes,
 )
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
 from taubench_gl.frame.materials import MaterialTable, wanted_slots
 from taubench_gl.frame.passes.faces import Casters, FaceDrawer, Program
 from taubench_gl.frame.passes.gbuffer import GBufferPass
+from taubench_gl.frame.passes.images import (
+    bind,
+    bind_channels,
+    bind_images,
+    channel_images,
+    float_texture,
+    texture_bytes,
+)
 from taubench_gl.frame.passes.lighting import storage_defines
-from taubench_gl.frame.passes.probes import WIDE, ProbeGrid, bind, float_texture, texture_bytes
+from taubench_gl.frame.passes.probes import WIDE, ProbeGrid
+from taubench_gl.frame.records import Placement
 from taubench_gl.frame.scene_buffers import Group, SceneBuffers
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
 from taubench_gl.frame.targets import Targets
@@ -41,6 +53,10 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
+
+
+CHANNEL_UNIT = 4
+"""Image binding of the first of CHANNEL_NAMES where pixels are shaded."""
 
 
 class IndirectPass:
@@ -61,26 +77,33 @@ class IndirectPass:
         rate: str = "full",
         gather_each: bool = False,
         glossy: bool = True,
+        draws: tuple[Draw, ...],
     ):
         """``rate``: shade only part of the pixels; ``gather_each``: the rsm rung gathers at every pixel;
-        ``glossy``: some material has a glossy lobe."""
+        ``glossy``: some material has a glossy lobe; ``draws``: of ``scene``, in the order of their casters.
+
+        Raises GraphicsError where the virtual lights need a larger texture or buffer than the device has.
+        """
         self._rate, self._gather_each, self._glossy = rate, gather_each, glossy
         self._gpu, self._shaders, self._scene, self._size = gpu, shaders, scene, size
         self._lights, self._bounds, self._colored = lights, bounds, colored_materials
         self._probes = settings.indirect == "probes"
         self._storage = storage_defines(settings)
+        self._channels = "\n" + channel_images(CHANNEL_NAMES, CHANNEL_UNIT, settings)
         self._resolution = rsm_resolution(scene, lights, settings.indirect_samples)
         faces = faces_of(scene, None, lights, bounds, self._resolution)
         self._offsets, atlas = pack(faces)
         self._center = 0.5 * (box[0] + box[1])
         self._record = indirect_layout(box, size, settings)
+        count = sum(f.resolution**2 for f in faces)
+        _require_room(gpu, count, len(faces), atlas, self._record, settings)
         ctx = gpu.ctx
         self._depth = gpu.depth_texture(atlas)
         self._atlas = Targets(gpu, atlas, CHANNEL_NAMES, self._depth)
         self._gbuffer = GBufferPass(gpu, shaders, CHANNEL_NAMES, colored_materials)
         self._drawer = FaceDrawer(gpu)
         texels = _texel_table(faces, self._offsets)
-        self.count = len(texels)
+        self.count = count
         self._record["counts"][0], self._record["counts"][2] = self.count, len(faces)
         self._texels = ctx.buffer(texels.tobytes())
         self._rows = FACE.zeros(len(faces))
@@ -89,10 +112,10 @@ class IndirectPass:
         self._virtual = float_texture(gpu, virtual_size(self.count))
         self._parameters = ctx.buffer(reserve=INDIRECT.dtype.itemsize, dynamic=True)
         self._solved: bytes | None = None
-        self._make_programs()
+        self._make_programs(draws)
 
-    def _make_programs(self) -> None:
-        self._group = (32, 1) if self._gpu.software else (8, 8)
+    def _make_programs(self, draws: tuple[Draw, ...]) -> None:
+        self._group = (64, 1) if self._gpu.software else (8, 8)
         preamble = "\n".join(
             (
                 INDIRECT.glsl,
@@ -111,11 +134,14 @@ class IndirectPass:
         self._make_virtual = compute("indirect/vpl.comp.glsl", {"GROUP_X": WIDE, "PROBES": self._probes}, preamble)
         defines = {"PROBES": self._probes, "GATHER_EACH": self._gather_each, "GLOSSY": self._glossy}
         defines["SHADING_RATE"] = RATES.index(self._rate)
-        self._apply = compute("indirect/apply.comp.glsl", {**defines, **group, **self._storage}, preamble)
+        pixels = preamble + self._channels
+        self._apply = compute("indirect/apply.comp.glsl", {**defines, **group, **self._storage}, pixels)
         if self._probes:
-            self._grid = ProbeGrid(self._gpu, self._shaders, self._record, self._center, self.count, preamble)
+            record, center = self._record, self._center
+            shaders, scene = self._shaders, self._scene
+            self.grid = ProbeGrid(self._gpu, shaders, record, center, self.count, preamble, scene, draws)
         else:
-            self._gather = compute("indirect/gather.comp.glsl", group, preamble)
+            self._gather = compute("indirect/gather.comp.glsl", group, pixels)
             self._irradiance = float_texture(self._gpu, tuple(int(n) for n in self._record["size"][2:]))
 
     @property
@@ -124,7 +150,7 @@ class IndirectPass:
         width, height = self._atlas.size
         texel = 4 + sum(CHANNELS[n].components * int(CHANNELS[n].dtype[1]) for n in CHANNEL_NAMES)
         own = texture_bytes(self._virtual) + width * height * texel
-        return own + (self._grid.bytes if self._probes else texture_bytes(self._irradiance))
+        return own + (self.grid.bytes if self._probes else texture_bytes(self._irradiance))
 
     def run(
         self,
@@ -134,6 +160,7 @@ class IndirectPass:
         scene: SceneBuffers,
         materials: MaterialTable,
         casters: Casters,
+        placement: Placement,
         textures: Mapping[str, moderngl.Texture],
         frame: int = 0,
         *,
@@ -148,7 +175,7 @@ class IndirectPass:
         key = casters.key() + lit + b"".join(face.key for face in faces)
         if key != self._solved:
             self._solved = key
-            self._solve(faces, view, light_rows, scene, materials, casters)
+            self._solve(faces, view, light_rows, scene, materials, casters, placement)
         if write:
             self._write(textures)
 
@@ -160,6 +187,7 @@ class IndirectPass:
         scene: SceneBuffers,
         materials: MaterialTable,
         casters: Casters,
+        placement: Placement,
     ) -> None:
         """Virtual lights of this moment, and with ``probes`` what they give every probe."""
         # A light that is off has no virtual lights: its faces are cleared.
@@ -177,42 +205,39 @@ class IndirectPass:
         self._faces.write(self._rows.tobytes())
         self._light_table.write(light_rows)
         if self._probes:
-            self._grid.fill(view, scene, materials, casters, self._drawer, self._parameters)
+            self.grid.fill(view, scene, materials, casters, placement, self._drawer, self._parameters)
         self._parameters.bind_to_uniform_block(0)
-        self._virtual.bind_to_image(0, read=False, write=True)
         self._texels.bind_to_storage_buffer(3)
         self._faces.bind_to_storage_buffer(5)
         sampled = {name: self._atlas.textures[name] for name in CHANNEL_NAMES}
         sampled["light_table"] = self._light_table.texture
-        if self._probes:
-            sampled["voxels"] = self._grid.voxels
         bind(self._make_virtual, sampled)
+        bind_images(out=self._virtual)
+        if self._probes:
+            bind_images(bricks=self.grid.bricks)
         self._make_virtual.run(-(-self.count // WIDE))
         self._gpu.ctx.memory_barrier()
         if self._probes:
-            self._grid.light(self._virtual, self._parameters)
+            self.grid.light(self._virtual, self._parameters)
 
     def _write(self, textures: Mapping[str, moderngl.Texture]) -> None:
         self._parameters.bind_to_uniform_block(0)
         columns, rows = invocations(self._rate, self._size)
         tiles = -(-columns // self._group[0]), -(-rows // self._group[1])
-        sampled = {name: textures[name] for name in CHANNEL_NAMES}
+        bind_channels(CHANNEL_NAMES, CHANNEL_UNIT, textures)
         if self._probes:
-            sampled["probes"] = self._grid.probes
+            bind_images(probes=self.grid.probes)
         else:
-            sampled["virtual_lights"] = self._virtual
+            bind_images(virtual_lights=self._virtual)
             if not self._gather_each:
-                self._gather_coarsely(textures)
-                sampled["irradiance"] = self._irradiance
-        bind(self._apply, sampled)
-        textures["indirect"].bind_to_image(0, read=False, write=True)
+                self._gather_coarsely()
+                bind(self._apply, {"irradiance": self._irradiance})
+        bind_images(out=textures["indirect"])
         self._apply.run(*tiles)
         self._gpu.ctx.memory_barrier()
 
-    def _gather_coarsely(self, textures: Mapping[str, moderngl.Texture]) -> None:
-        sampled = {"position": textures["position"], "normal": textures["normal"], "virtual_lights": self._virtual}
-        bind(self._gather, sampled)
-        self._irradiance.bind_to_image(0, read=False, write=True)
+    def _gather_coarsely(self) -> None:
+        bind_images(out=self._irradiance)
         small = self._irradiance.size
         self._gather.run(-(-small[0] // self._group[0]), -(-small[1] // self._group[1]))
         self._gpu.ctx.memory_barrier()
@@ -227,6 +252,11 @@ class IndirectPass:
     def virtual_texture(self) -> moderngl.Texture:
         """``count`` VIRTUAL records of this frame, a texel for each field, VIRTUAL_ROW of them in a row."""
         return self._virtual
+
+    @property
+    def record(self) -> Array:
+        """The INDIRECT record of this frame."""
+        return self._record
 
     @property
     def scene_from_relative(self) -> Array:
@@ -248,9 +278,29 @@ class IndirectPass:
             self._light_table,
             self._virtual,
             self._parameters,
-            self._grid if self._probes else self._irradiance,
+            self.grid if self._probes else self._irradiance,
         ):
             item.release()
+
+
+def _require_room(gpu: Gpu, count: int, faces: int, atlas: tuple[int, int], record: Array, settings: Settings) -> None:
+    """Raise GraphicsError where ``count`` virtual lights need a texture or buffer larger than the device has."""
+    what = f"{count} virtual lights in {faces} reflective shadow map{'s' * (faces != 1)}"
+    hint = "lower --shadow-lights or indirect_samples"
+    limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
+    for width, height in (atlas, virtual_size(count)):
+        if max(width, height) > limit:
+            needed = f"{width}x{height} texels"
+            raise GraphicsError(f"{what} would need {needed}, this device's textures end at {limit}", hint=hint)
+    if settings.indirect != "probes":
+        return
+    probes = int(np.prod(record["probe_counts"][:3]))
+    needed, limit = visibility_bytes(probes, count), gpu.ctx.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
+    if needed > limit:
+        raise GraphicsError(
+            f"what {probes} probes see of {what} needs {needed} bytes, this device's buffers end at {limit}",
+            hint="lower probes or indirect_samples",
+        )
 
 
 def _texel_table(faces: list[Face], offsets: list[tuple[int, int]]) -> Array:

@@ -1,4 +1,4 @@
-"""Direct light and colour: per-tile light lists, the lighting pass, and tone mapping."""
+"""Direct light: per-tile light lists and the lighting pass."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.errors import GraphicsError
+from taubench_gl.frame.flow import SURFACE
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
+from taubench_gl.frame.listed_lights import LightBlocks, Listing
 from taubench_gl.frame.passes.shadows import ShadowPass
 from taubench_gl.frame.plan import TILE
 from taubench_gl.frame.shadow_faces import FACE
@@ -19,7 +21,7 @@ from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.brdf import ALBEDO_TABLE, MIN_ALPHA, albedo_table
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
-from taubench_gl.settings import TONE_MAPS, Settings
+from taubench_gl.settings import Settings
 
 LIGHTING = Struct(
     "LightingRecord",
@@ -30,15 +32,12 @@ LIGHTING = Struct(
     Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, before exposure"),
     Field("phase", "int", "which part of the picture a shading rate other than full shades"),
 )
-COLOR = Struct(
-    "ColorRecord",
-    Field("sky", "vec4", "xyz: uniform sky radiance, linear"),
-    Field("size", "ivec4", "xy: pixels"),
-    Field("exposure", "float", "factor on radiance before tone mapping"),
-)
 
 MAX_LIGHTS = 30_000
 """Twice over all lights and once over a tile's pixels: a shader of llvmpipe stops, silently, after 65,535 turns."""
+
+LIGHT_IMAGE = 3
+"""Binding of the light table in this pass's shaders, after the images they write."""
 
 SHADOW_BIAS = 0.5
 """In texels of the map, along the light: what is left for curved and creased surfaces, planes need none."""
@@ -94,9 +93,11 @@ class LightingPass:
         *,
         split: bool = False,
         rate: str = "full",
+        listing: Listing | None = None,
     ):
         """``effects``: names of those that are on; ``split``: write each lobe too; ``rate``: shade only part of the
-        pixels (``metrics.shading_rate``), the others keep what they held."""
+        pixels (``metrics.shading_rate``), the others keep what they held; ``listing``: lights to compile one by one,
+        all of the scene's or all that have shadow maps."""
         self._rate = rate
         if light_count > MAX_LIGHTS:
             raise GraphicsError(f"the scene has {light_count} lights, at most {MAX_LIGHTS} can be drawn")
@@ -104,10 +105,12 @@ class LightingPass:
         self._tiled = "light_culling" in effects and light_count > 0
         self._group = (32, 1) if gpu.software else (8, 8)
         self._split, self._shadows = split, "shadows" in effects and light_count > 0
-        preamble = lighting_preamble()
+        listing = listing or Listing()
+        preamble = f"{lighting_preamble()}\n{listing.glsl}"
         group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
         defines = {"SHADOWS": self._shadows, "TILED": self._tiled, "SPLIT_LOBES": split, **group}
-        defines["SHADING_RATE"] = RATES.index(rate)
+        defines |= listing.defines | {"UNLISTED_LIGHTS": len(listing.rows) < light_count}
+        defines |= {"SHADING_RATE": RATES.index(rate), "BRANCHES": not gpu.software, "LIGHT_IMAGE": LIGHT_IMAGE}
         switches = ("sky", "glossy", "point_lights", "spot_lights", "directional_lights")
         defines |= {name.upper(): name in effects for name in switches}
         if self._shadows:
@@ -119,12 +122,14 @@ class LightingPass:
         ctx = gpu.ctx
         self._parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
         self._lights = LightTexture(gpu, light_count)
+        self._listed = LightBlocks(gpu, listing) if listing.rows else None
         self._albedos = None
         if {"sky", "glossy"} <= effects:
             self._albedos = ctx.texture((ALBEDO_TABLE, ALBEDO_TABLE), 4, albedo_table().tobytes(), dtype="f4")
         self._cull = self._tile_counts = self._tile_lists = None
         if self._tiled:
-            self._cull = shaders.compute("lighting/cull.comp.glsl", {"GLOSSY": "glossy" in effects}, preamble)
+            only = {"GLOSSY": "glossy" in effects, "SHADOWED_LISTED": bool(listing.rows), "LIGHT_IMAGE": LIGHT_IMAGE}
+            self._cull = shaders.compute("lighting/cull.comp.glsl", only, lighting_preamble())
             self._tile_counts = ctx.buffer(reserve=4 * self._tiles[1])
             self._tile_lists = ctx.buffer(reserve=4 * self._tiles[1] * light_count)
 
@@ -152,28 +157,28 @@ class LightingPass:
         self._parameters.write(record.tobytes())
         self._lights.write(light_rows)
         self._parameters.bind_to_uniform_block(0)
-        self._lights.texture.use(7)
-        inputs = ("position", "normal", "geometric_normal", "base_color", "material")
-        for unit, name in enumerate(inputs):
+        self._lights.texture.bind_to_image(LIGHT_IMAGE, read=True, write=False)
+        for unit, name in enumerate(SURFACE):
             textures[name].use(unit)
         if self._cull is not None:
             self._tile_counts.bind_to_storage_buffer(2)
             self._tile_lists.bind_to_storage_buffer(3)
-            for name in inputs:
+            for name in SURFACE:
                 if name in self._cull:  # without a glossy lobe no material matters
-                    self._cull[name] = inputs.index(name)
-            self._cull["light_table"] = 7
+                    self._cull[name] = SURFACE.index(name)
             self._cull.run(-(-self._tiles[1] // 8))
             self._gpu.ctx.memory_barrier()
-        for unit, name in enumerate(inputs):
+        for unit, name in enumerate(SURFACE):
             if name in self._program:
                 self._program[name] = unit
-        if "light_table" in self._program:
-            self._program["light_table"] = 7
         if self._shadows:
             shadow.atlas.use(5)
-            shadow.faces.use(8)
-            self._program["shadow_atlas"], self._program["shadow_faces"] = 5, 8
+            shadow.faces.use(7)
+            for name, unit in (("shadow_atlas", 5), ("shadow_faces", 7)):
+                if name in self._program:
+                    self._program[name] = unit
+        if self._listed is not None:
+            self._listed.bind(light_rows, shadow.rows if self._shadows else None)
         if self._albedos is not None:
             self._albedos.use(6)
             self._program["albedo_table"] = 6
@@ -191,54 +196,17 @@ class LightingPass:
         return np.frombuffer(self._tile_counts.read(), np.uint32).reshape(-1, self._tiles[0])
 
     def tile_lists(self) -> list[np.ndarray] | None:
-        """Rows of the light table that each tile keeps, tiles row by row from the bottom; None without culling."""
+        """Rows of the light table that each tile keeps, tiles row by row from the bottom; None without culling.
+
+        Listed lights are in none.
+        """
         if self._tile_lists is None:
             return None
         lists = np.frombuffer(self._tile_lists.read(), np.uint32).reshape(-1, self._count)
         return [row[:count] for row, count in zip(lists, self.tile_counts().ravel(), strict=True)]
 
     def release(self) -> None:
-        for buffer in (self._parameters, self._lights, self._tile_counts, self._tile_lists, self._albedos):
+        lists = (self._tile_counts, self._tile_lists)
+        for buffer in (self._parameters, self._lights, self._listed, self._albedos, *lists):
             if buffer is not None:
                 buffer.release()
-
-
-class ColorPass:
-    """Writes ``color``: direct + indirect + emission (those named in ``inputs``), exposed, tone-mapped, encoded."""
-
-    def __init__(
-        self, gpu: Gpu, shaders: ShaderCache, size: tuple[int, int], settings: Settings, inputs: tuple[str, ...]
-    ):
-        self._gpu, self._size = gpu, size
-        self._group = (32, 1) if gpu.software else (8, 8)
-        self._inputs, self._settings = ("position", *inputs), settings
-        self._parameters = gpu.ctx.buffer(reserve=COLOR.dtype.itemsize, dynamic=True)
-        self._program = shaders.compute(
-            "color/color.comp.glsl",
-            {
-                "HAS_DIRECT": "direct" in inputs,
-                "HAS_INDIRECT": "indirect" in inputs,
-                "HAS_EMISSION": "emission" in inputs,
-                "TONE_MAP": TONE_MAPS.index(settings.tone_map),
-                "GROUP_X": self._group[0],
-                "GROUP_Y": self._group[1],
-                **storage_defines(settings),
-            },
-            COLOR.glsl,
-        )
-
-    def run(self, textures: Mapping[str, moderngl.Texture]) -> None:
-        record = COLOR.zeros()
-        record["sky"][:3], record["size"][:2] = self._settings.sky, self._size
-        record["exposure"] = self._settings.exposure
-        self._parameters.write(record.tobytes())
-        self._parameters.bind_to_uniform_block(0)
-        for unit, name in enumerate(self._inputs):
-            textures[name].use(unit)
-            self._program[name] = unit
-        textures["color"].bind_to_image(0, read=False, write=True)
-        self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
-        self._gpu.ctx.memory_barrier()
-
-    def release(self) -> None:
-        self._parameters.release()

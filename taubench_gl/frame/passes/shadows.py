@@ -13,6 +13,7 @@ from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.materials import MaterialKey, MaterialTable
 from taubench_gl.frame.passes.faces import AnchoredRecords, Casters, FaceDrawer, Program
 from taubench_gl.frame.passes.gbuffer import geometry_preamble
+from taubench_gl.frame.passes.held_faces import HeldFaces, Rect
 from taubench_gl.frame.records import Placement
 from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
@@ -42,12 +43,12 @@ class ShadowPass:
         self._gpu, self._shaders, self._scene = gpu, shaders, scene
         self._lights, self._bounds = lights, bounds
         self._resolution, self._colored = resolution, colored_materials
-        self._drawn: list[bytes] = []
         self.redrawn = 0  # faces drawn in the last run
         faces = faces_of(scene, None, lights, bounds, resolution)
+        self.first_faces = {face.light: i for i, face in reversed(list(enumerate(faces)))}  # row -> first of its faces
         self._offsets, size = pack(faces)
         _require_room(gpu, faces, size)
-        self._drawn = [b""] * len(faces)
+        self._held = HeldFaces(len(faces))
         self.atlas = gpu.depth_texture(size)
         self.atlas.compare_func = ""
         self.atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -79,25 +80,25 @@ class ShadowPass:
         """Redraw stale faces and fill in the face table and the lights' shadow fields for this frame's camera."""
         faces = faces_of(self._scene, state, self._lights, self._bounds, self._resolution)
         light_rows["color"][:, 3] = -1.0
-        light_rows["spot"][:, 2] = 0.0
         stale: list[tuple[Face, tuple[int, int], Array]] = []
+        parts: list[Rect] = []
+        for row, first in self.first_faces.items():
+            light_rows["color"][row, 3] = first
         for i, face in enumerate(faces):
             self._fill(i, face, view)
-            if light_rows["color"][face.light, 3] < 0:
-                light_rows["color"][face.light, 3] = i
-            light_rows["spot"][face.light, 2] += 1
             if not np.any(light_rows["color"][face.light, :3]):
                 continue  # off: nobody asks its map
-            seen, key = casters.seen_by(face)
-            if key != self._drawn[i]:
-                self._drawn[i] = key
-                stale.append((face, self._offsets[i], seen))
+            renewed = self._held.renew(i, face, casters)
+            if renewed is not None:
+                parts.append(renewed[0])
+                stale.append((face, self._offsets[i], renewed[1]))
         self.faces.write(self.rows.tobytes())
         self.redrawn = len(stale)
         if stale:
             self._anchor.update(placement, scene.order)
         program_of = partial(self._program, materials=materials)
-        self._drawer.draw(stale, self._framebuffer, view, scene, materials, program_of, anchor=self._anchor)
+        anchored = {"anchor": self._anchor, "parts": parts}
+        self._drawer.draw(stale, self._framebuffer, view, scene, materials, program_of, **anchored)
 
     def _fill(self, i: int, face: Face, view: View) -> None:
         row, (x, y) = self.rows[i], self._offsets[i]

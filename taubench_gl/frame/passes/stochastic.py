@@ -8,8 +8,10 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.frame.flow import SURFACE
 from taubench_gl.frame.indirect_layout import VIRTUAL, VIRTUAL_ROW
 from taubench_gl.frame.lights import LightTexture
+from taubench_gl.frame.passes.images import IMAGE_UNITS
 from taubench_gl.frame.passes.lighting import LIGHTING, lighting_preamble, lighting_record, storage_defines
 from taubench_gl.frame.passes.shadows import ShadowPass
 from taubench_gl.frame.shading import Shading
@@ -27,7 +29,6 @@ STOCHASTIC = Struct(
     Field("draws", "uvec4", "x: frame, y: seed, z: lights drawn per pixel, w: virtual lights drawn per pixel"),
     Field("counts", "ivec4", "x: lights, 0 if all are off, y: virtual lights, z: phase of the shading rate"),
 )
-INPUTS = ("position", "normal", "geometric_normal", "base_color", "material")
 
 
 class StochasticPass:
@@ -108,7 +109,7 @@ class StochasticPass:
         self._lights.texture.use(8)
         if "light_table" in self._program:
             self._program["light_table"] = 8
-        for unit, name in enumerate(INPUTS):
+        for unit, name in enumerate(SURFACE):
             textures[name].use(unit)
             if name in self._program:
                 self._program[name] = unit
@@ -121,8 +122,7 @@ class StochasticPass:
             self._program["albedo_table"] = 6
         textures["direct"].bind_to_image(0, read=False, write=True)
         if self._indirect:
-            virtual.use(7)
-            self._program["virtual_lights"] = 7
+            virtual.bind_to_image(IMAGE_UNITS["virtual_lights"], read=True, write=False)
             textures["indirect"].bind_to_image(1, read=False, write=True)
         columns, rows = invocations(shading.rate, self._size)
         self._program.run(-(-columns // self._group[0]), -(-rows // self._group[1]))

@@ -1,0 +1,140 @@
+"""What probes see: bricks against the voxels they pack, rays against an exact test in float64, and what is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import pytest
+
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.frame.geometry import build_geometry
+from taubench_gl.frame.indirect_layout import BRICKS, GRID, fixed_draws
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, morphed, quad, turn_y
+from taubench_gl.settings import Settings
+
+FAR = 4  # bricks, as indirect/bricks.comp.glsl
+SETTINGS = Settings(width=48, height=32, indirect="probes", indirect_samples=256, probes=150)
+
+
+def crowded() -> Scene:
+    """A room with pillars askew, one of which walks under a lamp that moves, and a block that bends."""
+    s = SceneBuilder()
+    grey = s.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
+    s.node(mesh=s.mesh(box((3.0, 1.5, 2.0), inside=True, material=grey)))
+    for i in range(3):
+        pillar = s.mesh(box((0.2, 1.2, 0.3), material=grey))
+        s.node(mesh=pillar, translation=(1.3 * i - 1.6, -0.2, 0.7 - 0.6 * i), rotation=turn_y(17.0 + 31.0 * i))
+    walker = s.node(mesh=s.mesh(box((0.25, 0.9, 0.2), material=grey)), translation=(0.0, -0.5, 1.3))
+    s.animate(walker, "translation", [0.0, 1.0], [[-2.0, -0.5, 1.3], [2.0, -0.5, 1.0]])
+    soft = box((0.3, 0.3, 0.3), material=grey)
+    bent = s.node(mesh=s.mesh(morphed(soft, 0.4 * soft.positions), weights=(0.0,)), translation=(0.7, -1.0, -1.0))
+    s.animate(bent, "weights", [0.0, 1.0], [[0.0], [1.0]])
+    lamp = s.light(kind="point", intensity=4.0, translation=(-1.0, 1.0, 0.0))
+    s.animate(lamp, "translation", [0.0, 1.0], [[-1.0, 1.0, 0.0], [1.0, 1.0, 0.3]])
+    eye = s.camera(translation=(-2.6, 0.3, 1.6), rotation=turn_y(-50.0), yfov=1.2, znear=0.05)
+    s.animate(eye, "translation", [0.0, 1.0], [[-2.6, 0.3, 1.6], [-2.0, 0.5, 1.4]])
+    return s.build()
+
+
+@pytest.fixture(scope="module")
+def gpu() -> Iterator[Gpu]:
+    with open_gpu() as device:
+        yield device
+
+
+def source_of(gpu: Gpu, scene: Scene) -> RasterSource:
+    return RasterSource(gpu, scene, choose_camera(scene), SETTINGS, poser=Poser(scene))
+
+
+def test_bricks_hold_the_voxels_and_the_way_to_the_next(gpu):
+    source = source_of(gpu, crowded())
+    source.advance(5)
+    grid = source.light.indirect.grid
+    voxels = grid.occupancy()
+    texels = np.frombuffer(grid.bricks.read(), np.uint32).reshape(BRICKS, BRICKS, BRICKS, 4)
+    source.release()
+    bits = np.unpackbits(np.ascontiguousarray(texels[..., :2]).view(np.uint8), axis=-1, bitorder="little")
+    cells = bits.reshape(BRICKS, BRICKS, BRICKS, 4, 4, 4).transpose(0, 3, 1, 4, 2, 5).reshape(GRID, GRID, GRID)
+    assert voxels.any() and np.array_equal(cells.astype(bool), voxels)
+    filled = np.argwhere(bits.any(axis=-1))
+    places = np.stack(np.meshgrid(*[np.arange(BRICKS)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    away = np.array([np.abs(filled - p).max(axis=1).min() for p in places]).reshape(BRICKS, BRICKS, BRICKS)
+    assert set(np.unique(away)) >= set(range(FAR + 1))
+    assert np.array_equal(texels[..., 2], np.minimum(away, FAR))
+
+
+def meets(start: np.ndarray, end: np.ndarray, cells: np.ndarray, grow: float) -> bool:
+    """Does a segment (voxels, float64) meet any of ``cells`` (K, 3), each grown by ``grow`` on every side?  Slabs."""
+    d = np.where(np.abs(end - start) < 1e-12, 1e-12, end - start)
+    a, b = (cells - grow - start) / d, (cells + 1 + grow - start) / d
+    first, last = np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
+    return bool(np.any(np.maximum(first, 0.0) < np.minimum(last, 1.0)))
+
+
+def test_rays_that_stride_see_what_an_exact_test_of_every_voxel_sees(gpu):
+    source = source_of(gpu, crowded())
+    source.advance(5)
+    indirect = source.light.indirect
+    seen, cells = indirect.grid.visibility(), np.argwhere(indirect.grid.occupancy())[:, ::-1].astype(np.float64)
+    record, lights = indirect.record, source.light.virtual_lights()
+    source.release()
+    counts = record["probe_counts"][:3]
+    low, voxel = record["grid_origin"][:3].astype(np.float64), float(record["grid_origin"][3])
+    rng = np.random.default_rng(4)
+    told = {True: 0, False: 0}
+    for _ in range(3000):
+        i, k = rng.integers(len(seen)), rng.integers(len(lights))
+        at = np.array([i % counts[0], i // counts[0] % counts[1], i // (counts[0] * counts[1])])
+        probe = record["probe_origin"][:3] + at * record["probe_step"][:3].astype(np.float64)
+        (*place, area), (*normal, lift) = (lights[f][k].astype(np.float64) for f in ("position", "normal"))
+        facing = np.dot(normal, place - probe)
+        if area <= 0.0 or facing >= -1e-5:
+            assert facing > -1e-4 or area <= 0.0 or not seen[i, k]
+            continue
+        a, b = (probe - low) / voxel, (np.array(place) + lift * np.array(normal) - low) / voxel
+        way = (b - a) / np.linalg.norm(b - a)
+        start, end = a + 0.5 * way, b - (0.5 if lift > voxel else 0.0) * way
+        blocked = {meets(start, end, cells, grow) for grow in (-1e-3, 1e-3)}
+        if len(blocked) == 1:  # else it grazes a voxel, and rounding decides
+            told[seen[i, k]] += 1
+            assert seen[i, k] != blocked.pop(), f"probe {i}, virtual light {k}"
+    assert min(told.values()) > 200, told
+
+
+@pytest.mark.parametrize("make", [crowded, partial(busy_room, lamps=2)], ids=["crowded", "busy"])
+def test_what_is_kept_is_what_would_be_drawn_again(gpu, make):
+    """Frames one after the other, and each by a source that has seen no other: the same bits, whatever moved."""
+    scene = make()
+    kept = source_of(gpu, scene)
+    for frame in (0, 1, 2, 9, 3):
+        kept.advance(frame)
+        alone = source_of(gpu, scene)
+        alone.advance(frame)
+        one, other = kept.light.indirect.grid, alone.light.indirect.grid
+        assert np.array_equal(one.occupancy(), other.occupancy())
+        assert np.array_equal(one.visibility(), other.visibility())
+        assert np.array_equal(kept.read("indirect"), alone.read("indirect"))
+        alone.release()
+    kept.release()
+
+
+def test_draws_below_an_animated_node_are_not_fixed():
+    s = SceneBuilder()
+    parent = s.node(name="moves")
+    mesh = s.mesh(quad(1.0, 1.0))
+    for above in (-1, parent):
+        s.node(above, mesh=mesh)
+    s.animate(parent, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(90.0)])
+    hidden = s.node(mesh=mesh)
+    s.animate(hidden, "visible", [0.0], [[0.0]], interpolation="STEP")
+    plain = quad(1.0, 1.0)
+    s.node(mesh=s.mesh(morphed(plain, plain.positions), weights=(0.0,)))
+    scene = s.build()
+    draws = build_geometry(scene).draws
+    fixed = {d.node: bool(f) for d, f in zip(draws, fixed_draws(scene, draws), strict=True)}
+    assert fixed == {1: True, 2: False, 3: False, 4: False}

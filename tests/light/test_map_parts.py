@@ -1,0 +1,61 @@
+"""Redrawing part of a shadow map: the texels a sphere covers, and maps kept over frames against maps drawn anew."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from light_tools import opened, shoot
+from test_shadow_cache import SIZE, street
+
+from taubench_gl.frame.listed_lights import MAX_LISTED, Listing, list_lights
+from taubench_gl.frame.shadow_faces import light_faces
+from taubench_gl.scene.model import Light
+
+
+@pytest.mark.parametrize("kind", ["point", "spot", "directional"])
+def test_no_point_of_a_sphere_falls_outside_what_it_covers(kind):
+    """Ten thousand points on spheres before, beside and around the light, projected in float64."""
+    rng = np.random.default_rng(7)
+    light = Light(kind=kind, outer_cone=np.radians(40.0))
+    where, direction = np.array([0.3, 2.0, -0.4]), np.array([0.6, -0.8, 0.0])
+    centers, radii = rng.uniform(-4.0, 4.0, (200, 3)), rng.uniform(0.01, 1.5, 200)
+    on_sphere = rng.normal(size=(200, 50, 3))
+    on_sphere /= np.linalg.norm(on_sphere, axis=-1, keepdims=True)
+    points = centers[:, None] + radii[:, None, None] * on_sphere
+    tried = 0
+    for face in light_faces(0, light, where, direction, (np.zeros(3), 8.0), 128):
+        low, high = face.cover(centers, radii)
+        assert low.min() >= 0 and high.max() <= 128
+        clip = points @ face.clip_from_relative(np.zeros(3))[:, :3].T + face.clip_from_relative(np.zeros(3))[:, 3]
+        ahead = clip[..., 3] > 0
+        texel = np.floor((clip[..., :2] / np.where(ahead, clip[..., 3], 1.0)[..., None] * 0.5 + 0.5) * 128)
+        inside = ahead & np.all((texel >= 0) & (texel < 128), axis=-1)
+        covered = np.all((texel >= low[:, None]) & (texel < high[:, None]), axis=-1)
+        assert covered[inside].all()
+        tried += inside.sum()
+        small = (radii < 0.1) & face.sees(centers, radii) & (np.linalg.norm(centers - where, axis=1) > 2.0)
+        assert ((high - low)[small] < 40).all(), "a small thing far away must not cost the whole map"
+    assert tried > 500
+
+
+@pytest.mark.parametrize("move_light", [False, True])
+def test_maps_kept_over_frames_are_those_drawn_anew(gpu, move_light):
+    """Bit by bit, while a box moves through them: what is not redrawn must have been true."""
+    scene = street(move_box=True, move_light=move_light)
+    with opened(gpu, scene, **SIZE) as kept:
+        for frame in range(5):
+            shoot(kept, frame)
+            with opened(gpu, scene, **SIZE) as fresh:
+                shoot(fresh, frame)
+                anew = fresh.light.shadow_depths().copy()
+            assert np.array_equal(kept.light.shadow_depths(), anew)
+            assert kept.light.redrawn_faces == (8 if move_light or frame == 0 else 3)
+
+
+def test_who_is_listed():
+    """All of a few lights; of many those with shadow maps; nobody where these are many too."""
+    assert list_lights((0, 2), {1: 0}, 1) == Listing((0, 1), (0, 2), (-1, 0), 1)
+    many = (0,) * (MAX_LISTED + 1)
+    assert list_lights(many, {5: 6, 2: 0}, 12) == Listing((2, 5), (0, 0), (0, 6), 12)
+    assert list_lights(many, {i: 6 * i for i in range(len(many))}, 54) == Listing()
+    assert list_lights(many, {}, 0) == Listing()
