@@ -14,16 +14,28 @@
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
 // A uniform block, not a storage buffer: Mesa's llvmpipe loads the latter lane by lane, and half the pass went into that.
-layout(std140, binding = 0) uniform Parameters { Reprojection P; };
+layout(std140, binding = 0) uniform Parameters { Reprojection block; };
+#if SOFTWARE
+Reprojection P; // ``block``, kept in registers and on the stack: see hoist()
+#else
+#define P block
+#endif
 layout(std430, binding = 1) coherent buffer Combos { uint combos[]; };
 layout(std430, binding = 2) coherent buffer Histograms { uint histograms[]; };
 
-uniform sampler2D position;
-uniform sampler2D normal;
-uniform sampler2D history_position;
-uniform sampler2D history_normal;
+#if GEOMETRY_IMAGES // 32-bit floats on llvmpipe: an image's texel costs it less than a texture's, which is a function call
+#define GEOMETRY(unit) layout(rgba32f, binding = unit) readonly uniform image2D
+#define FETCH_GEOMETRY(channel, at) imageLoad(channel, at)
+#else
+#define GEOMETRY(unit) uniform sampler2D
+#define FETCH_GEOMETRY(channel, at) texelFetch(channel, at, 0)
+#endif
+GEOMETRY(2) position;
+GEOMETRY(3) normal;
+GEOMETRY(4) history_position;
+GEOMETRY(5) history_normal;
 #if MOTION
-uniform sampler2D prev_position;
+GEOMETRY(6) prev_position;
 #endif
 #if CUTS
 uniform usampler2D ids;
@@ -59,8 +71,8 @@ bool is_surface(vec4 p) { return p.w > 0.0; }
 
 Sample fetch_current(ivec2 at) {
     Sample s;
-    s.position = texelFetch(position, at, 0);
-    s.normal = texelFetch(normal, at, 0).xyz;
+    s.position = FETCH_GEOMETRY(position, at);
+    s.normal = FETCH_GEOMETRY(normal, at).xyz;
 #if HAS_DIRECT
     s.direct = texelFetch(direct, at, 0).xyz;
 #endif
@@ -75,8 +87,8 @@ Sample fetch_current(ivec2 at) {
 
 Sample fetch_history(ivec2 at) {
     Sample s;
-    s.position = texelFetch(history_position, at, 0);
-    s.normal = texelFetch(history_normal, at, 0).xyz;
+    s.position = FETCH_GEOMETRY(history_position, at);
+    s.normal = FETCH_GEOMETRY(history_normal, at).xyz;
 #if HAS_DIRECT
     s.direct = texelFetch(history_direct, at, 0).xyz;
 #endif
@@ -169,23 +181,23 @@ uint compare(Sample now, vec3 q, Sample before) {
     bool surface = is_surface(now.position), history_surface = is_surface(before.position);
     float inf = uintBitsToFloat(0x7f800000u);
     if (!history_surface) mask |= HISTORY_SKY;
+    float moved = 0.0, turned = 0.0; // 0 where neither has a surface: bin 0, which is not counted
     if (surface != history_surface) {
         mask |= POSITION | NORMAL | (surface ? OCCLUDING : DISOCCLUDED);
-        count_distance(FEATURE_POSITION, inf);
-        count_distance(FEATURE_NORMAL, inf);
+        moved = turned = inf;
     } else if (surface) {
-        float moved = distance(q, before.position.xyz);
+        moved = distance(q, before.position.xyz);
         if (moved > P.threshold_position) {
             mask |= POSITION;
             float nearer = length(q) - length(before.position.xyz);
             if (nearer > P.threshold_position) mask |= DISOCCLUDED;
             else if (-nearer > P.threshold_position) mask |= OCCLUDING;
         }
-        count_distance(FEATURE_POSITION, moved);
-        float turned = distance(now.normal, before.normal);
+        turned = distance(now.normal, before.normal);
         if (turned > P.threshold_normal) mask |= NORMAL;
-        count_distance(FEATURE_NORMAL, turned);
     }
+    count_distance(FEATURE_POSITION, moved); // once for both branches: llvmpipe runs both, atomics lane by lane
+    count_distance(FEATURE_NORMAL, turned);
 #if HAS_DIRECT
     vec3 change = (now.direct - before.direct) * P.exposure;
     float direct_distance = length(change);
@@ -226,7 +238,7 @@ uint judge(ivec2 pixel, out vec2 motion) {
     if (surface) {
         p = vec4(now.position.xyz, 1.0);
 #if MOTION
-        q = vec4(texelFetch(prev_position, pixel, 0).xyz, 1.0);
+        q = vec4(FETCH_GEOMETRY(prev_position, pixel).xyz, 1.0);
         if (non_finite(q)) return INVALID;
 #else
         q = vec4(now.position.xyz + P.camera_delta.xyz, 1.0);
@@ -253,8 +265,40 @@ uint judge(ivec2 pixel, out vec2 motion) {
     return mask | compare(now, q.xyz, before);
 }
 
+#if SOFTWARE
+// llvmpipe loads a uniform at every use, with a test of its bounds and a broadcast, and cannot take that out of the loop
+// over pixels: counting might write the block, for all it knows.  Half of the pass went there.  What is computed stays
+// computed, so each value is xor-ed with a zero that no compiler can see.
+vec4 hoist(vec4 v) { return uintBitsToFloat(floatBitsToUint(v) ^ uint(block.size.z)); }
+float hoist(float v) { return uintBitsToFloat(floatBitsToUint(v) ^ uint(block.size.z)); }
+mat4 hoist(mat4 m) { return mat4(hoist(m[0]), hoist(m[1]), hoist(m[2]), hoist(m[3])); }
+
+void hoist_parameters() {
+    P = block;
+    P.clip_from_current = hoist(block.clip_from_current);
+    P.prev_clip_from_prev = hoist(block.prev_clip_from_prev);
+    P.sky_origin = hoist(block.sky_origin);
+    P.sky_dx = hoist(block.sky_dx);
+    P.sky_dy = hoist(block.sky_dy);
+    P.prev_forward = hoist(block.prev_forward);
+    P.camera_delta = hoist(block.camera_delta);
+    P.prev_near = hoist(block.prev_near);
+    P.near = hoist(block.near);
+    P.guard_px = hoist(block.guard_px);
+    P.threshold_position = hoist(block.threshold_position);
+    P.threshold_normal = hoist(block.threshold_normal);
+    P.threshold_direct = hoist(block.threshold_direct);
+    P.threshold_indirect = hoist(block.threshold_indirect);
+    P.threshold_color = hoist(block.threshold_color);
+    P.exposure = hoist(block.exposure);
+}
+#endif
+
 // An invocation judges PIXELS_EACH pixels, a group's width apart, and counts runs of equal words with one atomic.
 void main() {
+#if SOFTWARE
+    hoist_parameters();
+#endif
     ivec2 pixel = ivec2(gl_WorkGroupID.x * GROUP_X * PIXELS_EACH + gl_LocalInvocationID.x, gl_GlobalInvocationID.y);
     uint word = 0u, run = 0u;
     for (int i = 0; i < PIXELS_EACH; ++i, pixel.x += GROUP_X) {

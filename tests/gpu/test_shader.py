@@ -99,6 +99,7 @@ def test_a_program_is_compiled_once(gpu) -> None:
     cache = ShaderCache(gpu.ctx)
     defines = dict.fromkeys(("MOTION", "BILINEAR", "HAS_DIRECT", "HAS_INDIRECT", "HAS_COLOR"), False)
     defines |= {"WRITE_MASK": False, "WRITE_MOTION": False, "GROUP_X": 8, "GROUP_Y": 8, "PIXELS_EACH": 4}
+    defines |= {"SOFTWARE": False, "GEOMETRY_IMAGES": False}
     first = cache.compute("masks/masks.comp.glsl", defines, preamble())
     assert cache.compute("masks/masks.comp.glsl", dict(reversed(defines.items())), preamble()) is first
     assert cache.compute("masks/masks.comp.glsl", defines | {"MOTION": True}, preamble()) is not first
@@ -115,6 +116,7 @@ def test_every_mask_variant_compiles(gpu) -> None:
     for values in itertools.product((False, True), repeat=len(switches)):
         defines = dict(zip(switches, values, strict=True))
         defines |= {"WRITE_MASK": values[0], "WRITE_MOTION": values[1], "GROUP_X": 8, "GROUP_Y": 8, "PIXELS_EACH": 4}
+        defines |= {"SOFTWARE": values[2], "GEOMETRY_IMAGES": values[1]}
         cache.compute("masks/masks.comp.glsl", defines, preamble())
     assert len(cache) == 32
     cache.release()

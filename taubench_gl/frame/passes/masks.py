@@ -24,7 +24,7 @@ REPROJECTION = Struct(
     Field("sky_dy", "vec4", "its step per pixel up"),
     Field("prev_forward", "vec4", "xyz: unit, where the previous camera looked"),
     Field("camera_delta", "vec4", "xyz: current - previous camera position, metres"),
-    Field("size", "ivec4", "xy: pixels"),
+    Field("size", "ivec4", "xy: pixels; z: 0"),
     Field("prev_near", "float", "metres, previous camera's near plane less NEAR_GUARD"),
     Field("near", "float", "metres, current camera's near plane"),
     Field("guard_px", "float", "pixels, guard of the outside test"),
@@ -38,7 +38,8 @@ REPROJECTION = Struct(
 )
 COMBOS = 1 << 16
 RADIANCE = ("direct", "indirect", "color")
-_MASK_IMAGE, _MOTION_IMAGE = 0, 1
+GEOMETRY = ("position", "normal", "history_position", "history_normal", "prev_position")
+_MASK_IMAGE, _MOTION_IMAGE, _GEOMETRY_IMAGES = 0, 1, 2
 
 
 def preamble(histogram_bits: int = HISTOGRAM_MANTISSA_BITS) -> str:
@@ -93,21 +94,22 @@ class MaskPass:
         self._reprojection, self._radiance, self._cuts = reprojection, radiance, cuts
         # llvmpipe: one vector of lanes along a row, and few work groups, whose start costs as much as several pixels.
         # GPUs want square tiles, and enough of them.
-        self._group, self._pixels_each = ((8, 1), 32) if gpu.software else ((8, 8), 4)
-        self._program = shaders.compute(
-            "masks/masks.comp.glsl",
-            {
-                "MOTION": reprojection == "motion",
-                "BILINEAR": sampling == "bilinear",
-                **{f"HAS_{name.upper()}": name in radiance for name in RADIANCE},
-                "CUTS": cuts,
-                "WRITE_MASK": write_mask,
-                "WRITE_MOTION": write_motion,
-                "GROUP_X": self._group[0],
-                "GROUP_Y": self._group[1],
-                "PIXELS_EACH": self._pixels_each,
-            },
-            preamble(histogram_bits),
+        self._group, self._pixels_each = ((8, 1), 60) if gpu.software else ((8, 8), 4)
+        self._programs: dict[bool, moderngl.ComputeShader] = {}  # by whether geometry is read as images
+        defines = {
+            "MOTION": reprojection == "motion",
+            "BILINEAR": sampling == "bilinear",
+            **{f"HAS_{name.upper()}": name in radiance for name in RADIANCE},
+            "CUTS": cuts,
+            "WRITE_MASK": write_mask,
+            "WRITE_MOTION": write_motion,
+            "GROUP_X": self._group[0],
+            "GROUP_Y": self._group[1],
+            "PIXELS_EACH": self._pixels_each,
+            "SOFTWARE": gpu.software,
+        }
+        self._compile = lambda images: shaders.compute(
+            "masks/masks.comp.glsl", {**defines, "GEOMETRY_IMAGES": images}, preamble(histogram_bits)
         )
         self._bins = histogram_bins(histogram_bits)
         ctx = gpu.ctx
@@ -147,27 +149,38 @@ class MaskPass:
         for binding, buffer in enumerate(self._counters[self._runs % 2], start=1):
             buffer.clear()
             buffer.bind_to_storage_buffer(binding)
-        self._bind_textures(current, history)
+        program = self._bind_channels(current, history)
         if self.mask is not None:
             self.mask.bind_to_image(_MASK_IMAGE, read=False, write=True)
         if self.motion is not None:
             self.motion.bind_to_image(_MOTION_IMAGE, read=False, write=True)
         w, h = self._size
-        self._program.run(-(-w // (self._group[0] * self._pixels_each)), -(-h // self._group[1]))
+        program.run(-(-w // (self._group[0] * self._pixels_each)), -(-h // self._group[1]))
         self._gpu.ctx.memory_barrier()
         return self._runs
 
-    def _bind_textures(self, current: Mapping[str, moderngl.Texture], history: Mapping[str, moderngl.Texture]) -> None:
+    def _bind_channels(
+        self, current: Mapping[str, moderngl.Texture], history: Mapping[str, moderngl.Texture]
+    ) -> moderngl.ComputeShader:
+        """Bind what is compared; the program that reads it that way."""
         textures = {"position": current["position"], "normal": current["normal"]}
+        textures |= {f"history_{name}": history[name] for name in ("position", "normal", *self._radiance)}
         if self._reprojection == "motion":
             textures["prev_position"] = current["prev_position"]
         if self._cuts:
             textures["ids"] = current["ids"]
-        textures |= {f"history_{name}": history[name] for name in ("position", "normal", *self._radiance)}
         textures |= {name: current[name] for name in self._radiance}
+        images = self._gpu.software and all(textures[n].dtype == "f4" for n in GEOMETRY if n in textures)
+        if images not in self._programs:  # which it is shows only now
+            self._programs[images] = self._compile(images)
+        program = self._programs[images]
         for unit, (name, texture) in enumerate(textures.items()):
-            texture.use(unit)
-            self._program[name] = unit
+            if images and name in GEOMETRY:
+                texture.bind_to_image(_GEOMETRY_IMAGES + GEOMETRY.index(name), read=True, write=False)
+            else:
+                texture.use(unit)
+                program[name] = unit
+        return program
 
     def read(self, run: int | None = None) -> Counts:
         """Wait for a run, the latest or the one before it, and read its counts back.

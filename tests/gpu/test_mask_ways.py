@@ -1,0 +1,51 @@
+"""The mask pass has two ways of reading and counting, one for llvmpipe and one for GPUs: the same bits by both."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import FEATURES
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.paths import ASSETS
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+SIZE = (97, 54)
+"""Neither a multiple of a work group nor of what an invocation judges."""
+
+
+@pytest.mark.parametrize("storage", ["float", "half"])
+@pytest.mark.parametrize("mode", ["camera", "motion"])
+@pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
+def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: str) -> None:
+    scene = load_scene(ASSETS / "demo.glb")
+    settings = Settings(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)
+    source = RasterSource(gpu, scene, choose_camera(scene), settings)
+    views = [source.advance(10), source.advance(14)]
+    shaders = ShaderCache(gpu.ctx)
+    pair = reprojection(views[1], views[0], *SIZE)
+    thresholds = {f: settings.threshold(f) for f in FEATURES}
+    found = []
+    for software in (True, False):
+        masks = MaskPass(
+            dataclasses.replace(gpu, software=software), shaders, SIZE, reprojection=mode, sampling=sampling,
+            radiance=source.radiance, cuts=source.cuts, write_mask=True, write_motion=True,
+        )  # fmt: skip
+        run = masks.run(pair, thresholds, source.current, source.previous)
+        images = read_channel(masks.mask, "mask"), read_channel(masks.motion, "motion")
+        found.append((masks.read(run), *images))
+        masks.release()
+    (one, mask, motion), (other, *images) = found
+    assert one.combos.sum() == SIZE[0] * SIZE[1] and np.count_nonzero(one.combos) > 3 and one.histograms.sum() > 0
+    assert np.array_equal(one.combos, other.combos) and np.array_equal(one.histograms, other.histograms)
+    assert np.array_equal(mask, images[0]) and motion.tobytes() == images[1].tobytes()
+    shaders.release()
+    source.release()
