@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.report.study_grid import Grid, ms_text, ratio_text
-from taubench_gl.report.study_tables import error_text, grids, heading, spoken
+from taubench_gl.report.study_tables import front_errors, grids, heading, spoken, worst_of
 
-STUDIES = ("cesiumman", "fox", "sponza", "demo", "ladder")
+STUDIES = ("cesiumman", "fox", "truck", "lamp", "sponza", "demo", "ladder")
 INTRODUCTION = """# What accuracy costs: measured
 
 Made by `DOCS=1 tools/cost_study`; what the words mean is in [cost.md](cost.md). Every study names its machine, its
@@ -61,16 +61,16 @@ def section(name: str, study: dict[str, Any], methods: bool) -> str:
 
 
 def fronts(study: dict[str, Any]) -> list[Grid]:
-    """All settings that are on some front, in one table per column."""
+    """All settings that are on some front, in one table per front."""
     points = {p["name"]: p for p in study["points"]}
     out = []
-    for column in study["columns"]:
+    for name in study["front_columns"]:
         rows = [
-            (p["label"], error_text(p["columns"][column]), ms_text(p), ratio_text(p))
-            for p in (points[n] for n in study["fronts"][column])
+            (p["label"], front_errors(study, name, p), ms_text(p), ratio_text(p))
+            for p in (points[n] for n in study["fronts"][name])
         ]
-        heads = (f"front of {column}", "error, points", "ms/frame", "against the base")
-        out.append(Grid(column, heads, tuple(rows)))
+        title = name if name in study["columns"] else worst_of(study, name)
+        out.append(Grid(name, (f"front of {title}", "error, points", "ms/frame", "against the base"), tuple(rows)))
     return out
 
 

@@ -11,13 +11,14 @@ import click
 
 from taubench_gl.apps.accuracy_options import accuracy_options
 from taubench_gl.apps.evaluate_command import out_folders
-from taubench_gl.apps.options import Frames, Size, Threshold, Words, gpu_options, light_options, scene_options
+from taubench_gl.apps.option_types import Words
+from taubench_gl.apps.options import frame_options, gpu_options, light_options, pair_options, settings_from
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import TaubenchError
-from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
+from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
-    from taubench_gl.study.cost import Step
+    from taubench_gl.study.job import Step
 
 
 @click.command(
@@ -64,20 +65,20 @@ DIR holds study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html
     "--for", "wished", type=Words(*COLUMNS, verb="choose for"), help="Columns the choice is for.  [default: all]"
 )
 @click.option("--repeats", type=int, default=5, show_default=True, help="Visits of every setting, taken in turn.")
+@click.option(
+    "--front",
+    type=int,
+    metavar="N",
+    default=12,
+    show_default=True,
+    help="Settings wanted on the front of each column of --for, and on that of their worst: until they are there, more "
+    "are tried between neighbours.  0: none.",
+)
 @click.option("--fresh", is_flag=True, help="Forget what an earlier study measured in DIR.")
 @click.option("--list-knobs", is_flag=True, is_eager=True, expose_value=False, callback=lambda c, p, v: _list(c, v),
               help="Print the dials and end.")  # fmt: skip
-@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
-@scene_options
-@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
-@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
-@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
-@click.option("--reprojection", type=click.Choice(REPROJECTIONS), default=REPROJECTIONS[0], show_default=True)
-@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of history.")
-@click.option("--threshold", "thresholds", type=Threshold(), multiple=True, help="a_B; may be repeated.")
-@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
-@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
-@click.option("--textures", type=click.Choice(TEXTURES), default=TEXTURES[0], show_default=True)
+@frame_options()
+@pair_options()
 @light_options
 @accuracy_options
 @gpu_options
@@ -86,21 +87,14 @@ def cost(scenes: tuple[str, ...], out: Path, knobs: str | None, **options: Any) 
 
     The options below describe the base; each dial is turned away from it, one at a time and in declared combinations.
     Errors are in points, percent of w x h, against the reference.  Times are taken in turn, A B C A B C, after a
-    warm-up; what is within the spread is called no difference.  Several scenes get one folder each inside DIR.
+    warm-up; what is within the spread is called no difference.  Then settings between neighbours on the fronts are
+    tried, and those that hold are timed in turn with all others, anew.  Several scenes get one folder each inside DIR.
     """
-    wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "fresh")}
+    wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "front", "fresh")}
     wishes["choose_for"] = options.pop("wished") or None
     wishes["knobs"] = None if knobs is None else _listed(knobs)
     wishes["method_inputs"] = _listed(options.pop("method_inputs"))
-    width, height = options.pop("size")
-    settings = Settings(
-        width=width,
-        height=height,
-        frames=options.pop("frames") or (None, None),
-        animation=options.pop("animations") or None,
-        thresholds=dict(options.pop("thresholds")),
-        **options,
-    )
+    settings = settings_from(options)
     failed = 0
     for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
         try:

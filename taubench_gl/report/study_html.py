@@ -16,7 +16,7 @@ from taubench_gl.report.study_tables import grids_html, heading
 
 Study = Mapping[str, Any]
 
-METHOD_COLOR = "#7f7f7f"
+METHOD_COLOR, WORST_COLOR = "#7f7f7f", "#9e9e9e"
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
@@ -70,13 +70,16 @@ def study_html(study: Study) -> str:
 
 def _for_script(study: Study) -> dict[str, Any]:
     """What the figure needs."""
-    kept = ("columns", "fronts", "reference")
+    kept = ("columns", "fronts", "front_columns", "reference")
     fields = ("name", "label", "role", "ms", "clock", "against_base", "features", "passes", "bytes")
     points = []
     for p in study["points"]:
         columns = {c: {k: v for k, v in p["columns"][c].items() if k != "reason"} for c in study["columns"]}
+        for name in study["fronts"].keys() - set(study["columns"]):  # a front of several columns: their worst error
+            columns[name] = {"error": p["worst"]["error"], "worst": p["worst"]["column"], "half_width": None}
         points.append({k: p[k] for k in fields} | {"columns": columns})
     told = {k: study[k] for k in kept} | {"colors": {c: hex_of(c) for c in study["columns"]}, "measures": []}
+    told["colors"] |= dict.fromkeys(study["fronts"].keys() - set(study["columns"]), WORST_COLOR)
     quality = study["quality"]
     if quality is not None:  # measures stand beside the columns in the chooser, with marks of their own
         told["measures"] = list(quality["measures"])

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from taubench_gl.report.palette import hex_of
 from taubench_gl.report.plots import _figure, _save
+from taubench_gl.report.study_tables import worst_of
 
 Study = Mapping[str, Any]
 
-MARKERS = {"base": "s", "best": "*", "one": "o", "combined": "^", "rung": "D"}
+MARKERS = {"base": "s", "best": "*", "one": "o", "combined": "^", "between": "v", "rung": "D"}
 NAMES = {"base": "as asked", "best": "all at their best", "one": "one dial turned", "combined": "several dials",
-         "rung": "path-traced"}  # fmt: skip
+         "between": "found between neighbours", "rung": "path-traced"}  # fmt: skip
+WORST_COLOR = "#9e9e9e"
 
 
 def plot_fronts(study: Study, folder: Path) -> list[Path]:
-    """``front_COLUMN`` for every measured column and ``fronts``, all in one, as PNG and SVG.  Raises OutputError."""
+    """``front_NAME`` for every front (columns, and the worst of all) and ``fronts``, all in one, as PNG and SVG.
+
+    Raises OutputError."""
     written = []
-    for column in study["columns"]:
+    for name in study["front_columns"]:
         figure, axes = _figure(8.6, 5.2)
-        _draw(axes, study, column, full=True)
-        axes.set_title(_title(study, f"What accuracy costs, {column} column"), fontsize=10)
-        written += _save(figure, folder / f"front_{column}")
+        _draw(axes, study, name, full=True)
+        what = f"{name} column" if name in study["columns"] else worst_of(study, name)
+        axes.set_title(_title(study, f"What accuracy costs, {what}"), fontsize=10)
+        written += _save(figure, folder / f"front_{name}")
     if study["columns"]:
         written += _all(study, folder / "fronts")
     for measure in (study["quality"] or {}).get("measures", ()):
@@ -61,7 +67,7 @@ def _methods(study: Study, measure: str, path: Path) -> list[Path]:
 def _all(study: Study, path: Path) -> list[Path]:
     import math
 
-    columns = study["columns"]
+    columns = list(study["front_columns"])
     rows = math.ceil(len(columns) / 2)
     figure, _ = _figure(11.0, 3.6 * rows)
     figure.clear()
@@ -70,7 +76,7 @@ def _all(study: Study, path: Path) -> list[Path]:
     for axes, column in zip(flat, columns):
         _style(axes)
         _draw(axes, study, column, full=False)
-        axes.set_title(column, fontsize=10)
+        axes.set_title(column if column in study["columns"] else worst_of(study, column), fontsize=10)
     handles, labels = flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=9)
     for axes in flat[len(columns) :]:
@@ -88,15 +94,15 @@ def _style(axes: Any) -> None:
 def _draw(axes: Any, study: Study, column: str, full: bool) -> None:
     """Points with their spread, the front as steps: between two points only the cheaper one can be had."""
     points = [
-        p for p in study["points"] if p["role"] != "question" and p["ms"] and p["columns"][column]["error"] is not None
+        p for p in study["points"] if p["role"] != "question" and p["ms"] and _error(study, p, column) is not None
     ]
-    color = hex_of(column)
+    color = hex_of(column) if column in study["columns"] else WORST_COLOR
     for role, marker in MARKERS.items():
         shown = [p for p in points if p["role"] == role]
         if not shown:
             continue
         x = [p["ms"]["median"] for p in shown]
-        y = [p["columns"][column]["error"] for p in shown]
+        y = [_error(study, p, column) for p in shown]
         spread = [p["ms"]["spread"] or 0.0 for p in shown]
         look = {"fmt": marker, "ms": 10 if role == "best" else 6, "mec": "black", "mew": 0.6, "ecolor": "#888888"}
         axes.errorbar(
@@ -113,31 +119,38 @@ def _draw(axes: Any, study: Study, column: str, full: bool) -> None:
     by_name = {p["name"]: p for p in points}
     front = [by_name[name] for name in study["fronts"][column]]
     x = [p["ms"]["median"] for p in front]
-    y = [p["columns"][column]["error"] for p in front]
+    y = [_error(study, p, column) for p in front]
     axes.step(x, y, where="post", color="black", linewidth=1.4, label="front", zorder=0)
-    linear = _linear_below(points, column)
+    linear = _linear_below(study, points, column)
     axes.set(xscale="log", yscale="symlog", xlabel="ms per frame (log)", ylabel="error, points (straight near 0)")
     axes.set_yscale("symlog", linthresh=linear)
-    axes.set_ylim(-0.12 * linear, 2.0 * max([linear, *(p["columns"][column]["error"] for p in points)]))
-    floor = study["reference"]["floor"][column]["points"]
+    axes.set_ylim(-0.12 * linear, 2.0 * max([linear, *(_error(study, p, column) for p in points)]))
+    floor = study["reference"]["floor"].get(column, {}).get("points")
     if floor:
         axes.axhline(floor, color="#555555", linewidth=0.9, linestyle="--", label="noise floor of the reference")
     if full:
-        _label(axes, front, column)
+        _label(axes, list(zip(front, y)))
         axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     _readable_ticks(axes)
 
 
-def _label(axes: Any, front: list[Any], column: str) -> None:
-    for i, p in enumerate(front):
-        at = (p["ms"]["median"], p["columns"][column]["error"])
-        offset = (6, 6) if i % 2 == 0 else (6, 16)
-        axes.annotate(p["label"], at, textcoords="offset points", xytext=offset, fontsize=7)
+def _error(study: Study, point: Study, front: str) -> float | None:
+    """Points of one column, or of the worst of several."""
+    return point["columns"][front]["error"] if front in study["columns"] else point["worst"]["error"]
 
 
-def _linear_below(points: list[Any], column: str) -> float:
+def _label(axes: Any, front: list[tuple[Any, float]]) -> None:
+    """The front's settings by number along the steps, their names in a list below the figure's corner."""
+    for i, (p, error) in enumerate(front, start=1):
+        at = (p["ms"]["median"], error)
+        axes.annotate(str(i), at, textcoords="offset points", xytext=(5, 5), fontsize=8, fontweight="bold")
+    names = "\n".join(f"{i}  {textwrap.fill(p['label'], 46)}" for i, (p, _) in enumerate(front, start=1))
+    axes.text(1.02, 0.0, names, transform=axes.transAxes, fontsize=7, va="bottom", linespacing=1.25)
+
+
+def _linear_below(study: Study, points: list[Any], column: str) -> float:
     """Where the error axis turns linear, so that 0 has a place: the smallest error that is not 0, within reason."""
-    errors = [p["columns"][column]["error"] for p in points]
+    errors = [_error(study, p, column) for p in points]
     positive = [e for e in errors if e > 1e-9]
     return max(min(positive, default=1e-3), 1e-3)
 

@@ -52,16 +52,18 @@ def error_text(entry: Mapping[str, Any]) -> str:
     """Points; of a sampled run with the half width of its interval."""
     if entry["points"] is None:
         return NONE
-    value = abs(entry["points"])
+    return _points(abs(entry["points"]), entry["half_width"])
+
+
+def _points(value: float, half: float | None) -> str:
     text = "0" if value < 5e-10 else "<0.001" if value < 5e-4 else f"{value:.3f}"
-    half = entry["half_width"]
     return text if half is None else f"{text} (±{half:.2f})"
 
 
 def grids(study: Study) -> list[Grid]:
     """All tables of the study, in reading order."""
     points = {p["name"]: p for p in study["points"]}
-    out = [_front(study, points, column) for column in study["columns"]]
+    out = [_front(study, points, name) for name in study["front_columns"]]
     asked = [p for p in study["points"] if p["role"] != "question"]
     out.append(_errors(study, asked))
     out.append(_features(asked))
@@ -70,15 +72,37 @@ def grids(study: Study) -> list[Grid]:
     return out + method_grids(study)
 
 
-def _front(study: Study, points: Mapping[str, Any], column: str) -> Grid:
+def front_errors(study: Study, name: str, point: Mapping[str, Any]) -> str:
+    """What a point on front ``name`` is held to get wrong, a sample never less than its half width; of several columns
+    the worst, and which."""
+    column = name if name in study["columns"] else point["worst"]["column"]
+    entry = point["columns"][column]
+    text = _points(entry["error"], entry["half_width"])
+    return text if text == "0" or column == name else f"{text}, {column}"
+
+
+def worst_of(study: Study, name: str) -> str:
+    """A front of several columns in words, short enough for a title."""
+    columns = study["front_columns"][name]
+    return f"worst of {', '.join(columns) if len(columns) < 4 else f'{len(columns)} columns'}"
+
+
+def _front(study: Study, points: Mapping[str, Any], name: str) -> Grid:
     rows = []
-    for name in study["fronts"][column]:
-        p = points[name]
-        rows.append((p["label"], error_text(p["columns"][column]), ms_text(p), ratio_text(p)))
-    count = sum(p["role"] != "question" and p["columns"][column]["points"] is not None for p in study["points"])
-    percent = study["reference"]["percent"][column]
-    title = f"Front of the {column} column: reference {percent:.3f} %, {count} settings measured"
-    return Grid(title, ("setting", "error, points", "ms/frame", "against the base"), tuple(rows))
+    for p in (points[n] for n in study["fronts"][name]):
+        rows.append((p["label"], front_errors(study, name, p), ms_text(p), ratio_text(p)))
+    columns = study["front_columns"][name]
+    count = sum(
+        p["role"] != "question" and all(p["columns"][c]["points"] is not None for c in columns) for p in study["points"]
+    )
+    if name in study["columns"]:
+        percent = study["reference"]["percent"][name]
+        title = f"Front of the {name} column: reference {percent:.3f} %, {count} settings measured"
+    else:
+        title = f"Front of the {worst_of(study, name)}: {count} settings measured"
+    notes = ["of a sample (±) the error is at least the half width of its 95 % interval"]
+    notes += [] if study["search"] is None else [f"on the front: {study['search']['fronts'][name]}"]
+    return Grid(title, ("setting", "error, points", "ms/frame", "against the base"), tuple(rows), tuple(notes))
 
 
 def _errors(study: Study, points: Sequence[Mapping[str, Any]]) -> Grid:
@@ -147,6 +171,11 @@ def spoken(study: Study) -> list[str]:
     if study["quality"] is not None:
         lines.append("Reuse methods, by their pictures (another quantity than the columns):")
         lines += [f"  {words}" for words in study["quality"]["recommendations"]]
+    search = study["search"]
+    if search is not None:
+        tried = f"settings tried between neighbours: {len(search['tried'])}, in laps: {search['laps']}"
+        lines.append(f"Fronts ({tried}; timed with all others: {search['kept']}):")
+        lines += [f"  {name}: {words}" for name, words in search["fronts"].items()]
     check = study["check"]
     if check is not None:
         errors = ", ".join(f"{c} {e:.3g}" for c, e in check["errors"].items())
@@ -161,7 +190,9 @@ def spoken(study: Study) -> list[str]:
     faults = [s for s in study["sanity"] if not s["holds"]]
     held = len(study["sanity"]) - len(faults)
     lines.append(f"more exact dials give smaller errors, within noise: {held} of {len(study['sanity'])} series")
-    lines += [f"  not {s['knob']} for {s['column']}: {s['words']}" for s in faults]
+    for s in faults:
+        lines.append(f"  not {s['knob']} for {s['column']}: {s['words']}")
+        lines += [f"    {s['explanation']}"] if s["explanation"] else []
     if study["skipped"]:
         lines.append("not measured, as it changes nothing here or cannot be had:")
         lines += [f"  {name}: {reason}" for name, reason in study["skipped"].items()]
@@ -221,6 +252,12 @@ def study_csv(study: Study) -> str:
             cells = ["" if v is None else v for v in (*values, front, ms["median"], ms["spread"], ms["samples"])]
             tail = (p["clock"], "" if p["bytes"] is None else p["bytes"], e["reason"] or "")
             writer.writerow((p["name"], p["label"], p["role"], column, *cells, *tail))
+        for name in study["fronts"].keys() - set(study["columns"]):  # the worst of several columns
+            values = ["", "", "", "", "" if p["worst"]["error"] is None else p["worst"]["error"]]
+            cells = (*values, int(p["name"] in study["fronts"][name]), ms["median"], ms["spread"], ms["samples"])
+            size = "" if p["bytes"] is None else p["bytes"]
+            tail = (p["clock"], size, f"worst column: {p['worst']['column']}" if p["worst"]["column"] else "")
+            writer.writerow((p["name"], p["label"], p["role"], name, *("" if c is None else c for c in cells), *tail))
     return out.getvalue()
 
 

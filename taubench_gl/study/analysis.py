@@ -36,7 +36,7 @@ class Point:
 
     name: str
     label: str
-    role: str  # base | one | combined | best | question | rung
+    role: str  # base | one | combined | between | best | question | rung
     choice: Mapping[str, Any]
     columns: Mapping[str, ColumnError]
     time: Time | None
@@ -51,24 +51,30 @@ class Point:
         return self.columns[column].error if column in self.columns else None
 
 
-def compared(points: Sequence[Point], column: str) -> list[Point]:
+def compared(points: Sequence[Point], column: str | Sequence[str]) -> list[Point]:
     """Points that stand on the plot of ``column``: they answer the same question, and were measured and timed."""
-    return [p for p in points if p.role != "question" and p.error(column) is not None and p.time is not None]
+    columns = _listed(column)
+    return [p for p in points if p.role != "question" and worst_error(p, columns) is not None and p.time is not None]
 
 
-def pareto_front(points: Sequence[Point], column: str) -> list[Point]:
-    """Points of ``column`` that no other dominates, fastest first.
+def pareto_front(points: Sequence[Point], column: str | Sequence[str]) -> list[Point]:
+    """Points of ``column`` that no other dominates, fastest first.  Several columns: by the worst of their errors.
 
     Of points with the same error the fastest stays, or, of those that are no slower (``clock.RULE``), the first in
     ``points`` (the base, then single changes).  Of these a point leaves the front if one with a smaller error is no
     slower.  So noise in the times alone puts nothing on the front.
     """
+    columns = _listed(column)
     groups: dict[float, list[Point]] = {}
-    for p in compared(points, column):
-        groups.setdefault(round(p.error(column), DIGITS), []).append(p)
+    for p in compared(points, columns):
+        groups.setdefault(round(worst_error(p, columns), DIGITS), []).append(p)
     best = [_first_of_the_fastest(group) for _, group in sorted(groups.items())]
     front = [p for i, p in enumerate(best) if all(slower_by(q.time, p.time) > 0 for q in best[:i])]
     return sorted(front, key=lambda p: p.time.median)
+
+
+def _listed(column: str | Sequence[str]) -> tuple[str, ...]:
+    return (column,) if isinstance(column, str) else tuple(column)
 
 
 def _first_of_the_fastest(group: Sequence[Point]) -> Point:
@@ -196,6 +202,8 @@ class Sanity:
     errors: tuple[tuple[Any, float], ...]  # value -> error, coarse to exact
     holds: bool
     words: str
+    faults: tuple[tuple[Any, Any], ...] = ()  # (coarse, fine) where it rises
+    explanation: str | None = None  # of the rises, by their pixels (``explain``)
 
 
 def rises(

@@ -137,9 +137,9 @@ def _short_curves(curves: Mapping[str, Any]) -> dict[str, Any]:
     return {f: {"counts": c["counts"], "comparable": c["comparable"]} for f, c in curves.items()}
 
 
-def feature_frames(frames: range) -> tuple[int, int]:
-    """Frames A .. B-1 whose pixels are compared: FEATURE_PAIRS pairs from the middle, or all there are."""
-    count = min(FEATURE_PAIRS + 1, len(frames))
+def feature_frames(frames: range, pairs: int = FEATURE_PAIRS) -> tuple[int, int]:
+    """Frames A .. B-1 whose pixels are compared: ``pairs`` pairs from the middle, or all there are."""
+    count = min(pairs + 1, len(frames))
     start = frames.start + (len(frames) - count) // 2
     return start, start + count
 
@@ -177,8 +177,14 @@ def _resized(arrays: Channels, shape: Sequence[int]) -> Channels:
     h, w = arrays["position"].shape[:2]
     if (h, w) == tuple(shape):
         return arrays
-    rows = np.minimum(((np.arange(shape[0]) + 0.5) * h / shape[0]).astype(int), h - 1)
-    columns = np.minimum(((np.arange(shape[1]) + 0.5) * w / shape[1]).astype(int), w - 1)
+    rows, columns = nearest_pixels((h, w), shape)
     out = {n: a if a.ndim == 1 else a[rows[:, None], columns] for n, a in arrays.items()}
     out["motion"] = out["motion"] * np.float32([shape[1] / w, shape[0] / h])
     return out
+
+
+def nearest_pixels(shape: Sequence[int], wanted: Sequence[int]) -> tuple[Array, Array]:
+    """Row and column of a picture of ``shape`` that each pixel centre of one of shape ``wanted`` falls into."""
+    found = (np.minimum(((np.arange(n) + 0.5) * m / n).astype(int), m - 1) for m, n in zip(shape, wanted))
+    rows, columns = found
+    return rows, columns

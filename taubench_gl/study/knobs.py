@@ -7,14 +7,17 @@ and printed apart; they never stand on a front and never get into a preset.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import Effect
+from taubench_gl.evaluation import pair_schedule
 from taubench_gl.frame.shadow_faces import faces_of, pack
 from taubench_gl.metrics.pair_sample import draw_sample
 from taubench_gl.scene.model import Scene
@@ -56,6 +59,9 @@ class Knob:
     field: str | None = None  # of Settings; None: as ``name``
     idle: Callable[[Situation], str | None] = lambda s: None  # why it changes nothing here
     useless: Callable[[Situation, Any], str | None] = lambda s, v: None  # why one value does not
+    between: Callable[[Situation, Any, Any], Any] = lambda s, a, b: None  # a value in the middle; None: there is none
+    a_frame: bool = True  # whether what it costs is in the time of a frame
+    place: Callable[[Situation, Any], float | None] = lambda s, v: None  # where a value lies on a scale; None: nowhere
 
     def current(self, settings: Settings) -> Any:
         """The value that ``settings`` has.  ``scale`` is relative: 1."""
@@ -91,6 +97,53 @@ def _too_few(situation: Situation, value: str) -> str | None:
     return f"{value} draws all pairs" if len(sample.positions) == situation.pairs else None
 
 
+def _drawn_share(situation: Situation, value: str) -> float | None:
+    """Of the frames of the sequence, how many a sample of its pairs draws."""
+    scheme, _, number = value.partition(":")
+    positions = draw_sample(situation.pairs, scheme, int(number or 1)).positions
+    return len(pair_schedule(range(situation.pairs + 1), positions)) / (situation.pairs + 1)
+
+
+def _pairs_between(situation: Situation, a: str, b: str) -> str | None:
+    """The sample whose number of drawn frames is nearest to the geometric middle.  Strata first: they have no blind
+    spot."""
+    low, high = sorted((_drawn_share(situation, a), _drawn_share(situation, b)))
+    most = situation.pairs // 2
+    values = [f"strata:{h}" for h in range(2, most + 1)] + [f"every:{k}" for k in range(2, most + 1)]
+    shares = {v: _drawn_share(situation, v) for v in values if _too_few(situation, v) is None}
+    inside = [v for v, share in shares.items() if low < share < high]
+    return min(inside, key=lambda v: abs(math.log(shares[v] ** 2 / (low * high))), default=None)
+
+
+def _middle(step: float) -> Callable[[Situation, float, float], Any]:
+    """The geometric middle, on a multiple of ``step``."""
+
+    def between(situation: Situation, a: float, b: float) -> float | None:
+        low, high = sorted((a, b))
+        if low <= 0:
+            return None
+        found = round(math.sqrt(low * high) / step) * step
+        found = found if isinstance(step, int) else round(found, 6)
+        return found if low < found < high else None
+
+    return between
+
+
+def _samples_between(situation: Situation, a: int, b: int) -> int | None:
+    """Of the numbers whose grid of cells is at most twice as wide as high the one nearest to the geometric middle."""
+    inside = [n for n in range(min(a, b) + 1, max(a, b)) if np.prod(_grid(n) / _grid(n).max()) >= 0.5]
+    return min(inside, key=lambda n: abs(math.log(n * n / (a * b))), default=None)
+
+
+def _grid(samples: int) -> np.ndarray:
+    """Cells across and down.  (2,) float64."""
+    return np.array([len(np.unique(axis)) for axis in grid_offsets(samples).T], dtype=np.float64)
+
+
+def _on_a_log_scale(situation: Situation, value: float) -> float | None:
+    return math.log(value) if value > 0 else None
+
+
 def _more_than_there_are(situation: Situation, value: int) -> str | None:
     lights = len(situation.scene.light_nodes)
     below = [v for v in KNOBS["shadow_lights"].values if v < value]
@@ -116,11 +169,16 @@ def _only(rung: str) -> Callable[[Situation], str | None]:
     return idle
 
 
+def _ordinal(number: str) -> str:
+    teens = number[-2:-1] == "1"
+    return number + ("th" if teens else {"1": "st", "2": "nd", "3": "rd"}.get(number[-1:], "th"))
+
+
 def _phrase_pairs(value: str) -> str:
     scheme, _, number = value.partition(":")
     return {
         "all": "all pairs",
-        "every": f"every {number}th pair" if number != "2" else "every other pair",
+        "every": {"2": "every other pair", "3": "every third pair"}.get(number, f"every {_ordinal(number)} pair"),
         "strata": f"two pairs from each of {number} stretches",
     }[scheme]
 
@@ -134,16 +192,18 @@ KNOBS: dict[str, Knob] = {
             "scale", "resolution of the picture, as a share of the size asked for; a larger pixel is also another "
             "question: whatever crosses the border takes a whole row of pixels with it", (0.25, 0.5, 0.75, 1.0), 1.0,
             COLUMNS, _DRAWN,
-            lambda v: f"{100 * v:g} % resolution",
+            lambda v: f"{100 * v:g} % resolution", between=_middle(0.01), place=_on_a_log_scale,
         ),
         Knob(
             "pairs", "pairs looked at: every k-th, or two drawn from each of H stretches; the error is at least the "
             "half width of the confidence interval", ("every:8", "strata:2", "every:4", "strata:4", "strata:8",
-            "every:2", "all"), "all", COLUMNS, (), _phrase_pairs, useless=_too_few,
+            "every:2", "all"), "all", COLUMNS, (), _phrase_pairs, useless=_too_few, between=_pairs_between,
+            place=lambda s, v: math.log(_drawn_share(s, v)),
         ),
         Knob(
             "samples_per_pixel", "places within a pixel at which both frames are drawn and judged",
             (1, 4), 16, COLUMNS, (), lambda v: f"{v} samples per pixel" if v > 1 else "1 sample per pixel",
+            between=_samples_between, place=_on_a_log_scale,
         ),
         Knob(
             "storage", "of channels between passes: half, float, or float judged in double by the CPU twin",
@@ -154,6 +214,7 @@ KNOBS: dict[str, Knob] = {
             "summation", "of pixel counts over pairs: float32 plainly, float32 compensated, or integers",
             ("plain", "compensated", "integer"), "integer", COLUMNS, (),
             lambda v: {"plain": "plain float32 sums", "compensated": "compensated float32 sums"}.get(v, "integer sums"),
+            a_frame=False,
         ),
         Knob(
             "histogram_bits", "2^bits bins per octave of the discard-versus-threshold curves; the table does not use "
@@ -163,6 +224,7 @@ KNOBS: dict[str, Knob] = {
         Knob(
             "shadow_size", "texels along a shadow map", (256, 512, 1024, 2048), 2048, LIGHT, LIGHT,
             lambda v: f"shadow maps {v}", idle=lambda s: s.off("shadows"), useless=_too_large_an_atlas,
+            between=_middle(16), place=_on_a_log_scale,
         ),
         Knob(
             "shadow_filter", "one texel decides, or four, weighted", ("hard", "bilinear"), "bilinear", LIGHT, LIGHT,
@@ -171,11 +233,12 @@ KNOBS: dict[str, Knob] = {
         Knob(
             "shadow_lights", "lights that cast shadows, the most significant first", (1, 4, 8, 16), 16, LIGHT, LIGHT,
             lambda v: f"{v} shadowed light{'s' * (v != 1)}", idle=lambda s: s.off("shadows"),
-            useless=_more_than_there_are,
+            useless=_more_than_there_are, between=_middle(1), place=_on_a_log_scale,
         ),
         Knob(
             "light_error", "radiance that light culling may leave out of a tile", (0.1, 0.01, 0.001, 0.0), 0.0, LIGHT,
             LIGHT, lambda v: f"light error {v:g}" if v else "no light left out", idle=lambda s: s.off("light_culling"),
+            between=_middle(0.0001), place=_on_a_log_scale,
         ),
         Knob(
             "indirect", "rung of indirect light", ("none", "rsm", "probes"), "probes", ("indirect", "color"),
@@ -184,11 +247,11 @@ KNOBS: dict[str, Knob] = {
         ),
         Knob(
             "indirect_samples", "virtual lights", (256, 1024, 4096), 4096, ("indirect", "color"), ("indirect", "color"),
-            lambda v: f"{v} virtual lights", idle=_only("any"),
+            lambda v: f"{v} virtual lights", idle=_only("any"), between=_middle(16), place=_on_a_log_scale,
         ),
         Knob(
             "probes", "irradiance probes", (96, 768, 3072), 3072, ("indirect", "color"), ("indirect", "color"),
-            lambda v: f"{v} probes", idle=_only("probes"),
+            lambda v: f"{v} probes", idle=_only("probes"), between=_middle(16), place=_on_a_log_scale,
         ),
         Knob(
             "fps", "frames per second: other steps between frames, so other discards", (12.0, 24.0, 48.0), None,

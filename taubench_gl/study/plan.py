@@ -32,7 +32,7 @@ COMBINATIONS: tuple[Mapping[str, Any], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One row of the study.  ``role``: base | one | combined | best | question."""
+    """One row of the study.  ``role``: base | one | combined | between | best | question."""
 
     name: str
     role: str
@@ -107,22 +107,22 @@ def _one_at_a_time(name: str, situation: Situation, skipped: dict[str, str]) -> 
             skipped[f"{name}={value}"] = reason
             continue
         role = "question" if knob.kind == "question" else "one"
-        out.append(_setting(role, {name: value}, situation.base))
+        out.append(setting_of(role, {name: value}, situation.base))
     return out
 
 
 def _combinations(active: Sequence[str], situation: Situation) -> list[Setting]:
     out = []
     for choice in COMBINATIONS:
-        if not set(choice) <= set(active) or any(_useless(choice, n, situation) for n in choice):
+        if not set(choice) <= set(active) or any(useless_beside(choice, n, situation) for n in choice):
             continue
         choice = {n: v for n, v in choice.items() if v != KNOBS[n].current(situation.base)}
         if len(choice) > 1:
-            out.append(_setting("combined", choice, situation.base))
+            out.append(setting_of("combined", choice, situation.base))
     return out
 
 
-def _useless(choice: Mapping[str, Any], name: str, situation: Situation) -> str | None:
+def useless_beside(choice: Mapping[str, Any], name: str, situation: Situation) -> str | None:
     """Why ``name`` of ``choice`` cannot be had beside the others."""
     base = situation.base
     for other, value in choice.items():
@@ -130,7 +130,8 @@ def _useless(choice: Mapping[str, Any], name: str, situation: Situation) -> str 
     return KNOBS[name].useless(replace(situation, base=base), choice[name])
 
 
-def _setting(role: str, choice: Mapping[str, Any], base: Settings) -> Setting:
+def setting_of(role: str, choice: Mapping[str, Any], base: Settings) -> Setting:
+    """``base`` with the dials of ``choice``, named by them in their order."""
     settings = base
     for name, value in choice.items():
         settings = KNOBS[name].apply(settings, value)

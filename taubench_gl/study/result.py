@@ -24,6 +24,7 @@ from taubench_gl.study.analysis import (
     measured_columns,
     pareto_front,
     rises,
+    worst_error,
 )
 from taubench_gl.study.clock import RULE, Time, slower_by, time_of
 from taubench_gl.study.knobs import KNOBS
@@ -34,6 +35,9 @@ from taubench_gl.study.quality import MethodPoint, quality_json
 from taubench_gl.study.rungs import Ladder
 
 COST_SCHEMA = "taubench-gl/cost/1"
+ALL = "all"
+"""Name of the front of the worst error over the columns asked for."""
+
 STUDY_FILE, PRESET_FILE = "study.json", "preset.toml"
 
 
@@ -49,6 +53,8 @@ class CostStudy:
     chosen: Choice | None = None  # what ``within`` and ``budget_ms`` asked for
     checked: dict[str, Any] | None = None
     methods: list[MethodPoint] = field(default_factory=list)
+    asked: tuple[str, ...] = ()  # columns that the choice is for, () for all
+    search: dict[str, Any] | None = None  # what was tried between neighbours on the fronts; None: nothing was to be
     out: Path | None = None
 
     @property
@@ -59,13 +65,19 @@ class CostStudy:
     def point(self, name: str) -> Point:
         return next(p for p in self.points if p.name == name)
 
-    def front(self, column: str) -> list[Point]:
-        """The Pareto front of ``column``, fastest first."""
-        return pareto_front(self.points, column)
+    @property
+    def fronts(self) -> dict[str, tuple[str, ...]]:
+        """Every front's columns: one each, and ``ALL``, the worst of those asked for, where these are several."""
+        return fronts_of(self.columns, self.asked)
+
+    def front(self, name: str) -> list[Point]:
+        """The Pareto front of a column (or of ``ALL``), fastest first."""
+        return pareto_front(self.points, self.fronts.get(name, name))
 
     def with_choices(self, within: float | None, budget_ms: float | None, columns: Sequence[str] | None) -> CostStudy:
         """Recommendations of every column on its own, and of the wish, if there is one."""
-        wished = tuple(columns or self.columns)
+        self.asked = tuple(columns or ())
+        wished = self.asked or tuple(self.columns)
         one_each = 0.5 if within is None and budget_ms is None else within
         self.choices = [choose(self.points, (c,), within=one_each, budget_ms=budget_ms) for c in self.columns]
         if within is not None or budget_ms is not None:
@@ -88,13 +100,24 @@ class CostStudy:
             **self.about,
             "rule": RULE,
             "columns": self.columns,
-            "points": [_point_json(p) | {"against_base": self._against_base(p)} for p in self.points],
-            "fronts": {c: [p.name for p in self.front(c)] for c in self.columns},
+            "points": [self._point_json(p) for p in self.points],
+            "fronts": {name: [p.name for p in self.front(name)] for name in self.fronts},
+            "front_columns": {name: list(columns) for name, columns in self.fronts.items()},
+            "search": self.search,
             "recommendations": [_choice_json(c) for c in self.choices],
             "chosen": None if self.chosen is None else _choice_json(self.chosen),
             "check": self.checked,
             "sanity": [asdict(s) for s in self.sanity],
             "quality": quality_json(self.methods),
+        }
+
+    def _point_json(self, p: Point) -> dict[str, Any]:
+        columns = self.fronts.get(ALL, ())
+        worst = None if p.role == "question" else worst_error(p, columns)
+        column = None if worst is None else max(columns, key=p.error)
+        return _point_json(p) | {
+            "worst": {"error": worst, "column": column},
+            "against_base": self._against_base(p),
         }
 
     def _against_base(self, point: Point) -> dict[str, Any] | None:
@@ -159,21 +182,38 @@ class CostStudy:
         }
 
 
+def fronts_of(columns: Sequence[str], asked: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
+    """Fronts of a study that measures ``columns``, of which ``asked`` (all) count for its choice: name -> columns."""
+    every = tuple(c for c in (asked or columns) if c in columns)
+    return {c: (c,) for c in columns} | ({ALL: every} if len(every) > 1 else {})
+
+
 def assemble(
-    about: Mapping[str, Any], plan: Plan, ladder: Ladder | None, records: Sequence[Mapping[str, Any]], repeats: int
+    about: Mapping[str, Any],
+    plan: Plan,
+    ladder: Ladder | None,
+    records: Sequence[Mapping[str, Any]],
+    repeats: int,
+    passed: int = 0,
 ) -> CostStudy:
-    """Points out of records.  ``records``: lines of kind ``error`` and ``time``; the first ``repeats`` times count."""
+    """Points out of records.  ``records``: lines of kind ``error``, ``features`` and ``time``; of the times the first
+    ``repeats`` of pass number ``passed`` count, which hold every setting in turn."""
     errors = {r["setting"]: r for r in records if r["kind"] == "error"}
+    for record in records:
+        if record["kind"] == "features":
+            errors[record["setting"]] = errors[record["setting"]] | {"features": record["features"]}
     times: dict[str, list[Mapping[str, Any]]] = {}
     for record in records:
-        if record["kind"] == "time" and len(times.setdefault(record["setting"], [])) < repeats:
-            times[record["setting"]].append(record)
+        if record["kind"] == "time" and record.get("pass", 0) == passed:
+            times.setdefault(record["setting"], []).append(record)
     reference_name = BEST if ladder is None else ladder.reference.name
     reference = errors[reference_name]
     floor = reference.get("floor") or {}
-    points = [_point(s, errors[s.name], times.get(s.name, []), reference, about["clock"]) for s in plan.settings]
+    points = [
+        _point(s, errors[s.name], times.get(s.name, [])[:repeats], reference, about["clock"]) for s in plan.settings
+    ]
     for rung in () if ladder is None else ladder.rungs:
-        columns = _columns(errors[rung.name], reference, same_pairs=True)
+        columns = column_errors(errors[rung.name], reference, same_pairs=True)
         time = time_of(rung.frame_ms, in_turn=False) if rung.frame_ms else None
         label = f"path-traced, {rung.samples} spp"
         features = errors[rung.name].get("features") or {}
@@ -212,7 +252,7 @@ def _point(
         setting.label,
         setting.role,
         setting.choice,
-        _columns(record, reference, same_pairs=setting.role != "question"),
+        column_errors(record, reference, same_pairs=setting.role != "question"),
         time_of([v["frame_ms"] for v in visits]) if visits else None,
         clock,
         usable=not setting.twin,
@@ -223,7 +263,8 @@ def _point(
     )
 
 
-def _columns(record: Mapping[str, Any], reference: Mapping[str, Any], same_pairs: bool) -> dict[str, ColumnError]:
+def column_errors(record: Mapping[str, Any], reference: Mapping[str, Any], same_pairs: bool) -> dict[str, ColumnError]:
+    """What every column of one ``error`` record is off by.  ``same_pairs``: pair by pair, too."""
     out = {}
     for column in COLUMNS:
         here, there = record["columns"][column], reference["columns"][column]
@@ -292,12 +333,13 @@ def _there(chain: Sequence[tuple[Any, Any]], reference: Any, column: str) -> boo
 def _sanity(knob: str, column: str, chain: Sequence[tuple[Any, Any]], reference: Any) -> Sanity:
     truth = reference["columns"][column]
     errors = tuple((v, abs(r["columns"][column]["percent"] - truth["percent"])) for v, r in chain)
-    faults = []
+    said, faults = [], []
     for (coarse, a), (fine, b) in pairwise(chain):
         rise, error = rises(a["columns"][column]["pairs"], b["columns"][column]["pairs"], truth["pairs"])
         if rise > max(2.0 * error, 1e-9):
-            faults.append(f"{fine} is {rise:.2g} ± {error:.2g} points per pair further off than {coarse}")
-    return Sanity(knob, column, errors, not faults, "; ".join(faults))
+            said.append(f"{fine} is {rise:.2g} ± {error:.2g} points per pair further off than {coarse}")
+            faults.append((coarse, fine))
+    return Sanity(knob, column, errors, not faults, "; ".join(said), tuple(faults))
 
 
 def _point_json(p: Point) -> dict[str, Any]:

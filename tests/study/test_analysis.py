@@ -139,6 +139,18 @@ def test_several_columns_are_judged_by_their_worst():
     assert choose([a], ("direct",), within=1.0).point is a
 
 
+def test_a_front_of_several_columns_is_that_of_their_worst():
+    a, b, c = (point("a", 0.1, 10.0, role="base"), point("b", 0.5, 5.0), point("c", 0.4, 7.0))
+    for p, other in ((a, 0.2), (b, 0.1), (c, 0.6)):
+        p.columns["normal"] = ColumnError(5.0, other)
+    assert names(pareto_front([a, b, c], ("direct", "normal"))) == ["b", "a"], (
+        "c's worst is 0.6, and slower than b's 0.5"
+    )
+    assert names(pareto_front([a, b, c], "direct")) == ["b", "c", "a"]
+    del c.columns["normal"]
+    assert names(pareto_front([a, b, c], ("direct", "normal"))) == ["b", "a"]
+
+
 def test_rises_weighs_pairs():
     reference = {str(i): 5.0 for i in range(10)}
     near = {k: 5.1 for k in reference}

@@ -18,6 +18,7 @@ def test_the_notebook_runs(tmp_path):
     done = client.execute()
     text = "".join(o.get("text", "") for cell in done.cells for o in cell.get("outputs", []))
     assert "ms/frame" in text and "points" in text and "preset.toml" in text
+    assert "all: " in text and "settings" in text
     pictures = [o for cell in done.cells for o in cell.get("outputs", []) if "image/png" in o.get("data", {})]
     tables = [o for cell in done.cells for o in cell.get("outputs", []) if "text/html" in o.get("data", {})]
     assert pictures and "Front of the position column" in tables[0]["data"]["text/html"]

@@ -93,7 +93,7 @@ class Clock:
 def test_a_study_keeps_its_budget_by_a_clock_of_ours(demo, tmp_path, then, kept):
     clock = Clock(then)
     study = cost(
-        demo, out=tmp_path, width=24, height=14, frames=(20, 23), columns=("frustum", "position"), repeats=3,
+        demo, out=tmp_path, width=24, height=14, frames=(20, 23), columns=("frustum", "position"), repeats=3, front=0,
         knobs=("scale", "storage"), choose_for=("position",), budget_ms=18.5, now=clock, progress=clock.listen,
     )  # fmt: skip
     named = {p.name: p for p in study.points}

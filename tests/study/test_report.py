@@ -63,6 +63,18 @@ def test_every_measured_setting_has_a_mark(page, small_study):
     assert bright == {p.name for p in study.front("position")}
 
 
+def test_the_page_has_the_front_that_recommendations_rest_on(page, small_study):
+    _, study = small_study
+    page.select_option("#column", "all")
+    options = page.locator("#column option")
+    assert [o.get_attribute("value") for o in options.all()] == [*study.columns, "all"]
+    assert options.last.inner_text() == "worst of position, normal"
+    bright = {m.get_attribute("data-name") for m in page.locator("#plot .mark:not(.off)").all()}
+    assert bright == {p.name for p in study.front("all")}
+    page.locator('#plot .mark[data-name="best"]').hover()
+    assert "worst of position, normal: " in page.inner_text("#told")
+
+
 def test_the_time_axis_is_logarithmic(page, values):
     times = {p["name"]: p["ms"]["median"] for p in values["points"]}
     page.select_option("#column", "position")
@@ -118,6 +130,11 @@ def test_tables_hold_the_front(small_study):
     for column in study.columns:
         rows = by_title[f"Front of the {column} column"].rows
         assert [r[0] for r in rows] == [p.label for p in study.front(column)]
+    several = next(g for g in grids(values) if g.title.startswith("Front of the worst of position, normal"))
+    assert [r[0] for r in several.rows] == [p.label for p in study.front("all")]
+    for grid in (by_title["Front of the position column"], several):
+        errors = [float(r[1].split()[0].rstrip(",").lstrip("<")) for r in grid.rows]
+        assert errors == sorted(errors, reverse=True), "what counts is printed: of a sample at least its half width"
     base = next(r for r in by_title["All settings"].rows if r[0] == "as asked")
     assert base[-2] == "1x"
     assert "| as asked |" in study_markdown(values)

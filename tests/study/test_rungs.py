@@ -10,7 +10,9 @@ import pytest
 
 from taubench_gl.errors import TruthError
 from taubench_gl.settings import Settings
+from taubench_gl.study import cost
 from taubench_gl.study.errors import feature_frames, from_run
+from taubench_gl.study.explain import apart, masks_of_rung
 from taubench_gl.study.rungs import find_ladder, fitting, floor_of, run_rung, rung_channels
 
 STORED = Path(__file__).resolve().parents[1] / "cycles" / "references" / "rigid"
@@ -69,3 +71,31 @@ def test_what_is_no_ladder_is_said(tmp_path):
     (make_rung(tmp_path / "a", 4) / "provenance.json").unlink()
     with pytest.raises(TruthError, match="does not say how it was rendered"):
         find_ladder(f"exr:{tmp_path}")
+
+
+def test_rungs_stand_on_the_plot_of_a_study(ladder_folder, data, tmp_path):
+    scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
+    study = cost(
+        scene, out=tmp_path / "study", reference=f"exr:{ladder_folder}", columns=("position", "normal"), repeats=3,
+        knobs=("samples_per_pixel",), front=3,
+    )  # fmt: skip
+    study.save()
+    rungs = [p for p in study.points if p.role == "rung"]
+    assert [p.choice["spp"] for p in rungs] == [1, 4, 16]
+    for p in rungs:
+        assert p.error("position") == 0.0 and p.time.median == pytest.approx(525.0 * p.choice["spp"])
+    front = study.front("all")
+    assert front[-1] is rungs[0], "two frames have no spread: of equally exact renders the first"
+    values = json.loads((tmp_path / "study" / "study.json").read_text())
+    assert values["fronts"]["all"] == [p.name for p in front]
+    assert values["search"]["fronts"]["all"].startswith(f"{len(front)} of 3 settings")
+    assert (tmp_path / "study" / "front_all.png").stat().st_size > 5000
+    assert rungs[0].label in (tmp_path / "study" / "study.html").read_text()
+
+
+def test_masks_of_rungs_are_compared_pixel_by_pixel(ladder_folder):
+    ladder = find_ladder(f"exr:{ladder_folder}")
+    settings = fitting(Settings(), ladder)
+    one, best = (masks_of_rung(rung, settings, (20, 22)) for rung in (ladder.rungs[0], ladder.reference))
+    assert list(one) == [21] and apart(one, best, "position").otherwise == 0.0, "the same files"
+    assert apart(one, {21: 0 * one[21]}, "position").wrong > 0.0

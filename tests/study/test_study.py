@@ -21,7 +21,18 @@ from taubench_gl.settings import Settings
 from taubench_gl.study import KNOBS, cost, load_preset
 from taubench_gl.study.store import RECORDS_FILE, Records
 
-COMMAND = ["--size", "48x28", "--frames", "20:29", "--columns", "frustum,position,normal", "--repeats", "3"]
+COMMAND = [
+    "--size",
+    "48x28",
+    "--frames",
+    "20:29",
+    "--columns",
+    "frustum,position,normal",
+    "--repeats",
+    "3",
+    "--front",
+    "0",
+]
 KNOB_LIST = "storage,histogram_bits,scale,summation"
 
 
@@ -86,7 +97,12 @@ def test_files_say_the_same(small_study):
     values = json.loads((out / "study.json").read_text())
     assert values == json.loads(json.dumps(study.as_json()))
     rows = list(csv.DictReader((out / "study.csv").open()))
-    assert len(rows) == len(study.points) * len(COLUMNS)
+    assert len(rows) == len(study.points) * (len(COLUMNS) + 1), "every column, and the worst of those asked for"
+    worst = next(r for r in rows if r["setting"] == "scale=0.5" and r["column"] == "all")
+    point = study.point("scale=0.5")
+    assert float(worst["error"]) == max(point.error("position"), point.error("normal"))
+    assert values["front_columns"]["all"] == ["position", "normal"]
+    assert values["fronts"]["all"] == [p.name for p in study.front("all")]
     row = next(r for r in rows if r["setting"] == "scale=0.5" and r["column"] == "position")
     assert float(row["points"]) == study.point("scale=0.5").columns["position"].points
     text = (out / "study.txt").read_text()

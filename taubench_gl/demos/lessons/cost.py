@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
 from taubench_gl.demos.lessons.feature_scenes import BALL, BALL_AT, YFOV, moving_ball, walls
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
+from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Stage
 from taubench_gl.scene.model import Scene
 from taubench_gl.study.analysis import Point
@@ -23,6 +24,7 @@ Size = tuple[int, int]
 FPS, REPEATS = 4.0, 3
 SCALES = (0.25, 0.5, 1.0)
 KNOBS = ("scale", "samples_per_pixel")
+DOT_PT = 17.0
 FINER = 6  # rays per pixel and axis for the exact share
 FACETS = 0.003  # points: the ball that is drawn has 64 x 128 facets, and lies within the sphere
 
@@ -113,7 +115,7 @@ def measured(stage: Stage) -> list[Point]:
     """The study itself: every setting of KNOBS, its mean percentage and its time."""
     settings = stage.settings(fps=FPS, columns=("frustum", "position"))
     with tempfile.TemporaryDirectory() as folder:
-        return cost(scene(), settings, out=folder, knobs=KNOBS, repeats=REPEATS, check=False).points
+        return cost(scene(), settings, out=folder, knobs=KNOBS, repeats=REPEATS, front=0, check=False).points
 
 
 def percent(points: list[Point], name: str) -> float:
@@ -143,16 +145,46 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
     line = front([(time, error) for _, time, error in found])
     axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="front: no setting is better in both")
     top = sheet.grid_bottom + 48
-    for i, (point, time, error) in enumerate(sorted(found, key=lambda f: f[1]), start=1):
+    found.sort(key=lambda f: f[1])
+    for i, (point, time, error) in enumerate(found, start=1):
         color = ORANGE if (time, error) in line else BLUE
-        axes.plot([time], [error], "o", color=color, markeredgecolor="black", markersize=17, zorder=4)
-        axes.text(
-            time, error, str(i), color="white", fontsize=11, fontweight="bold", ha="center", va="center", zorder=5
-        )
+        axes.plot([time], [error], "o", color=color, markeredgecolor="black", markersize=DOT_PT, zorder=4)
         text = f"{i}   {_name(point)}: {error:.3f} points, {time:.1f} ms"
         sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)
     axes.margins(x=0.08, y=0.25)
     axes.legend(frameon=False, fontsize=12, loc="upper right")
+    _number(axes, [(time, error) for _, time, error in found])
+
+
+def _number(axes: Any, dots: list[tuple[float, float]]) -> None:
+    """1, 2, ... on the dots; beside those that lie on one another."""
+    axes.get_xlim(), axes.get_ylim()  # settles the scales that the places depend on
+    places = 72.0 / axes.figure.dpi * axes.transData.transform(dots)
+    for i, (dot, (dx, dy)) in enumerate(zip(dots, beside(places, DOT_PT)), start=1):
+        color = "white" if (dx, dy) == (0.0, 0.0) else INK
+        axes.annotate(
+            str(i), dot, (dx, dy), textcoords="offset points", color=color, fontsize=11, fontweight="bold", ha="center",
+            va="center", zorder=5,
+        )  # fmt: skip
+
+
+def beside(places: Array, diameter: float) -> list[tuple[float, float]]:
+    """Where a label of each dot goes, from its centre: (0, 0), or away from the dots that it overlaps.
+
+    ``places`` (n, 2) and ``diameter`` in one unit.  Dots in the same place are parted to left and right.
+    """
+    out = []
+    for i, place in enumerate(places):
+        apart = np.linalg.norm(places - place, axis=1) < diameter
+        if apart.sum() == 1:
+            out.append((0.0, 0.0))
+            continue
+        away = place - places[apart].mean(axis=0)
+        length = float(np.linalg.norm(away))
+        first = i == int(np.argmax(apart))
+        unit = away / length if length > 1e-6 * diameter else np.array([-1.0 if first else 1.0, 0.0])
+        out.append((float(diameter * unit[0]), float(diameter * unit[1])))
+    return out
 
 
 def _name(point: Point) -> str:

@@ -5,8 +5,8 @@ const plot = document.getElementById("plot"), told = document.getElementById("to
 const chooser = document.getElementById("column"), roles = document.getElementById("roles");
 const LEFT = 76, RIGHT = 20, TOP = 16, BOTTOM = 52;
 let W = 1000, H = 520;  // CSS pixels, as wide as the page has room: letters stay readable on a phone
-const SHAPES = { base: "square", best: "star", one: "circle", combined: "triangle", rung: "diamond", method: "circle" };
-const NAMES = { base: "as asked", best: "all at their best", one: "one dial turned", combined: "several dials", rung: "path-traced", method: "reuse method" };
+const SHAPES = { base: "square", best: "star", one: "circle", combined: "triangle", between: "wedge", rung: "diamond", method: "circle" };
+const NAMES = { base: "as asked", best: "all at their best", one: "one dial turned", combined: "several dials", between: "found between neighbours", rung: "path-traced", method: "reuse method" };
 
 function element(name, attributes, parent, text) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -59,6 +59,7 @@ function shapePath(role, x, y) {
   switch (SHAPES[role]) {
     case "square": return `M${corners(4, Math.PI / 4, 1.3)}Z`;
     case "diamond": return `M${corners(4, 0, 1.2)}Z`;
+    case "wedge": return `M${corners(3, Math.PI, 1.25)}Z`;
     case "triangle": return `M${corners(3, 0, 1.25)}Z`;
     case "star": return "M" + Array.from({ length: 10 }, (_, i) => at(Math.PI * i / 5, i % 2 ? 0.45 : 1.2)).join("L") + "Z";
     default: return `M${x - r},${y}a${r},${r} 0 1 0 ${2 * r},0a${r},${r} 0 1 0 ${-2 * r},0Z`;
@@ -72,6 +73,7 @@ function describe(p, column) {
   const base = p.role === "method" ? "no reuse" : "the base";
   const against = p.against_base === null || p.against_base.ratio === 1 ? "" : p.against_base.different ? `, ${digits(p.against_base.ratio)}x ${base}` : `, no difference from ${base}`;
   const wrong = p.role === "method" ? `${column}: ${digits(e.error)}` :
+    e.worst !== undefined ? `worst of ${study.front_columns[column].join(", ")}: ${e.worst}, ${digits(e.error)} points from the reference` :
     `${column}: ${digits(e.percent)} %, ${e.points >= 0 ? "+" : ""}${digits(e.points)} points from the reference${half}`;
   const lines = [
     `${p.label}${study.fronts[column].includes(p.name) ? "  [on the front]" : ""}`,
@@ -147,7 +149,9 @@ plot.addEventListener("keydown", (event) => {
   marks[(at + step + marks.length) % marks.length].focus();
 });
 
-for (const column of study.columns) chooser.append(new Option(column, column));
+for (const [name, columns] of Object.entries(study.front_columns))
+  chooser.append(new Option(study.columns.includes(name) ? name : `worst of ${columns.length < 4 ? columns.join(", ") : `${columns.length} columns`}`, name));
+chooser.value = Object.keys(study.front_columns).find((name) => !study.columns.includes(name)) ?? chooser.value;
 for (const measure of study.measures) chooser.append(new Option(`${measure} of reuse methods`, measure));
 for (const role of Object.keys(NAMES)) {
   if (!study.points.some((p) => p.role === role)) continue;
