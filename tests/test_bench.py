@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -100,6 +101,7 @@ def test_missing_peers_are_rows_not_crashes(tmp_path: Path) -> None:
         sys.executable,
         ROOT / "tools" / "bench",
         "masks",
+        "--no-install",
         "--size",
         "64x36",
         "--repeats",
@@ -109,4 +111,30 @@ def test_missing_peers_are_rows_not_crashes(tmp_path: Path) -> None:
     ]
     done = subprocess.run(command, capture_output=True, text=True, env=bare)
     assert done.returncode == 0, done.stderr
-    assert "PyTorch grid_sample: " in (tmp_path / "bench.md").read_text() and "does not run" in done.stdout
+    text = (tmp_path / "bench.md").read_text()
+    assert "PyTorch grid_sample: " in text and "does not run" in done.stdout
+    told = json.loads((tmp_path / "bench.json").read_text())
+    numpy = [claim for claim in told["claims"] if claim["what"].endswith("faster than NumPy")]
+    assert len(numpy) == 2 and all(claim["measured"] > 0 and claim["target"] == 5 for claim in numpy)
+    assert text.index("## Claims") < text.index("## Masks against")
+
+
+def test_claims_hold_or_do_not_and_say_which() -> None:
+    from bench_claims import Claim, claim_cells, claim_lines, unmeasured
+
+    fast, slow = Claim("a", ">=", 5.0, 5.0, 4.0, 6.0), Claim("b", "<=", 0.3, 0.31, note="at 4x4")
+    absent = unmeasured("c", ">=", 30.0, "no bpy")
+    assert [c.holds for c in (fast, slow, absent)] == [True, False, None]
+    assert claim_cells(fast) == ["a", ">= 5 x", "5 x", "4 to 6", "yes"]
+    assert claim_cells(slow) == ["b (at 4x4)", "<= 0.3 x", "0.31 x", "–", "NO"]
+    assert claim_cells(absent) == ["c (no bpy)", ">= 30 x", "–", "–", "not measured"]
+    assert len(claim_lines([fast, slow, absent])) == 5
+
+
+def test_ratios_of_what_was_taken_in_turn() -> None:
+    from benches import ratios
+
+    ratio, low, high = ratios([2.0, 4.0, 6.0], [1.0, 2.0, 3.0])  # a machine that slows down slows both
+    assert ratio == low == high == 2.0
+    ratio, low, high = ratios([1.0, 1.0, 10.0], [1.0, 1.0, 1.0])
+    assert ratio == 1.0 and low == 1.0 and high > 8.0

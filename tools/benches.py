@@ -19,6 +19,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from bench_claims import HEADS as CLAIM_HEADS
+from bench_claims import Claim, claim_cells, claim_lines
 from rich.console import Console
 from rich.table import Table
 
@@ -51,13 +53,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Result:
-    """``base``: the row whose ratio is 1; -1: rows that have their own ratios, named by ``unit``."""
+    """``base``: the row whose ratio is 1; -1: rows that have their own ratios, named by ``unit``.
+
+    ``claims``: what this bench is the proof of, whether it holds or not.
+    """
 
     title: str
     rows: list[Row]
     notes: list[str]
     base: int = 0
     unit: str = "ratio"
+    claims: tuple[Claim, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,7 @@ class Options:
     size: tuple[int, int]
     repeats: int
     quick: bool = False
+    alone: bool = False  # the only bench of this run
     out: Path = field(default_factory=lambda: ROOT / "out" / "bench")
 
     @property
@@ -119,6 +126,21 @@ def with_ratios(result: Result) -> Result:
     return replace(result, rows=rows)
 
 
+def ratios(over: list[float], under: list[float]) -> tuple[float, float, float]:
+    """Median of ``over`` over median of ``under``, and the 10th and 90th percentile of sample over sample.
+
+    Samples that were taken in turn share what else the machine did then, so that each pair is a ratio of its own.
+    """
+    each = np.array(over) / np.array(under)
+    low, high = np.percentile(each, [10, 90])
+    return float(np.median(over) / np.median(under)), float(low), float(high)
+
+
+def cpu_seconds() -> float:
+    """Processor time of this process and of the children it has waited for."""
+    return sum(os.times()[:4])
+
+
 def peak_rss_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
@@ -155,6 +177,7 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--repeats", type=int, help="rounds after the warm-up (default 3; quick 1)")
     parser.add_argument("--backend", default="auto")
+    parser.add_argument("--no-install", action="store_true", help="do not put missing peers into .venv")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here as well")
     parser.add_argument("--out", type=Path, help="folder of bench.json and bench.md (default out/bench)")
     group = parser.add_argument_group("agreement (needs Blender as a Python module; not part of all)")
@@ -168,22 +191,25 @@ def main(arguments: list[str]) -> int:
     hurried = options.which == "quick"
     out = options.out or ROOT / "out" / "bench"
     repeats = options.repeats if options.repeats is not None else 1 if hurried else 3
-    chosen = Options(options.size or (QUICK_SIZE if hurried else FULL_SIZE), max(repeats, 1), hurried, out)
-    report = run(
-        console, {"quick": QUICK, "all": list(BENCHES)}.get(options.which, [options.which]), chosen, options.backend
-    )
+    size, alone = options.size or (QUICK_SIZE if hurried else FULL_SIZE), options.which in BENCHES
+    names = {"quick": QUICK, "all": list(BENCHES)}.get(options.which, [options.which])
     out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(report, indent=2) + "\n"
-    for path in (out / "bench.json", options.json):
-        if path is not None:
-            write_atomically(path, text)
-    write_atomically(out / "bench.md", markdown(report))
+
+    def save(report: dict) -> None:
+        text = json.dumps(report, indent=2) + "\n"
+        for path in (out / "bench.json", options.json):
+            if path is not None:
+                write_atomically(path, text)
+        write_atomically(out / "bench.md", markdown(report))
+
+    run(console, names, Options(size, max(repeats, 1), hurried, alone, out), options.backend, save)
     console.print(f"written to {out / 'bench.json'} and bench.md", markup=False, highlight=False)
     return 0
 
 
-def run(console: Console, names: list[str], options: Options, backend: str) -> dict:
-    """Run benches one after another and show each; everything measured with where and by which clock."""
+def run(console: Console, names: list[str], options: Options, backend: str, save: Callable[[dict], None]) -> None:
+    """Run benches one after another and show each; ``save`` takes everything measured so far, with where and by which
+    clock, after each of them."""
     gpu = open_gpu(backend)
     with gpu:
         told = provenance(gpu, PassTimer.clock)
@@ -191,19 +217,28 @@ def run(console: Console, names: list[str], options: Options, backend: str) -> d
         machine = (f"{gpu.renderer}, {gpu.backend}; clock: {told['clock']}; {os.cpu_count()} cores, load {load:.1f}; "
                    f"Python {platform.python_version()}, NumPy {np.__version__}")  # fmt: skip
         console.print(machine, markup=False)
-        results = {}
+        results: dict[str, dict] = {}
+        claims: list[Claim] = []
+        report = {
+            "machine": machine, "provenance": told, "cores": os.cpu_count(), "load": load, "size": list(options.size),
+            "repeats": options.repeats, "claims": [], "benches": results,
+        }  # fmt: skip
         for name in names:
-            started = time.perf_counter()
+            started, spent = time.perf_counter(), cpu_seconds()
             try:
                 result = with_ratios(BENCHES[name](gpu, options))
             except TaubenchError as error:  # one bench that cannot run here does not take the others with it
                 result = Result(name, [missing(name, str(error))], [])
             results[name] = asdict(result) | {
-                "seconds": time.perf_counter() - started, "load": os.getloadavg()[0], "peak_rss_mib": peak_rss_mb(),
+                "seconds": time.perf_counter() - started, "cpu_seconds": cpu_seconds() - spent,
+                "load": os.getloadavg()[0], "peak_rss_mib": peak_rss_mb(),
             }  # fmt: skip
+            claims += result.claims
+            report["claims"] = [asdict(claim) | {"holds": claim.holds} for claim in claims]
             show(console, result)
+            save(report)
         gpu.check("the benches")
-    return {"machine": machine, "provenance": told, "cores": os.cpu_count(), "load": load, "benches": results}
+    show_claims(console, claims)
 
 
 def agreement(console: Console, options: argparse.Namespace) -> int:
@@ -245,12 +280,30 @@ def show(console: Console, result: Result) -> None:
         console.print(f"  {note}", markup=False, highlight=False)
 
 
+def show_claims(console: Console, claims: list[Claim]) -> None:
+    if not claims:
+        return
+    table = Table(title="Claims", title_justify="left")
+    for head in CLAIM_HEADS:
+        table.add_column(head, justify="left" if head in ("claim", "holds") else "right")
+    for claim in claims:
+        table.add_row(*claim_cells(claim))
+    console.print(table)
+
+
 def markdown(report: dict) -> str:
-    """The same tables for people who read files."""
-    lines = ["# Speed", "", report["machine"], ""]
-    for result in report["benches"].values():
+    """The same tables for people who read files, the claims first."""
+    benches = report["benches"].values()
+    size, minutes = "x".join(map(str, report["size"])), sum(result["seconds"] for result in benches) / 60
+    lines = ["# Speed", "", report["machine"], "", f"{size}, {report['repeats']} rounds, {minutes:.1f} minutes", ""]
+    if report["claims"]:
+        fields = Claim.__dataclass_fields__
+        claims = [Claim(**{name: told[name] for name in fields}) for told in report["claims"]]
+        lines += ["## Claims", "", *claim_lines(claims), ""]
+    for result in benches:
         lines += [f"## {result['title']}", "", f"| | {result['unit']} | {' | '.join(HEADS)} |", "|---|" + "---:|" * 5]
         lines += [f"| {' | '.join(c.replace('|', '/') for c in cells(r))} |" for r in result["rows"]]
         lines += ["", *(f"- {note}" for note in result["notes"])]
-        lines += [f"- took {result['seconds']:.0f} s; machine's load at the end {result['load']:.1f}", ""]
+        spent = f"{result['seconds']:.0f} s, {result['cpu_seconds']:.0f} s of processor time"
+        lines += [f"- took {spent}; the machine's load at the end {result['load']:.1f}", ""]
     return "\n".join(lines)

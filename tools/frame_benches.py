@@ -3,21 +3,39 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from benches import EIGHT, FPS, Options, Result, Row, Stopwatch, bench, missing, quick, real_scene, row
+from bench_claims import Claim
+from benches import (
+    EIGHT,
+    FPS,
+    Options,
+    Result,
+    Row,
+    Stopwatch,
+    bench,
+    missing,
+    quick,
+    ratios,
+    real_scene,
+    row,
+)
 from mask_benches import MaskBench, Walk
+from peers import Peer
 
 from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.channels import CHANNELS
+from taubench_gl.conventions import FEATURES
 from taubench_gl.datasets.stand_ins import make_stand_in
 from taubench_gl.evaluation import count_pairs
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.read_back import ChannelReader
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -69,12 +87,14 @@ def _cases(folder: Path, options: Options) -> list[tuple[str, Scene, CameraTrack
     return out
 
 
+WAITS, AT_ONCE, LATE = "waits for every pass", "reads each pair's counts at once", "reads counts one pair late"
+
+
 @bench
 def overlap(gpu: Gpu, options: Options) -> Result:
-    """A run of frames in which every pass is waited for, as if all were timed, against one that runs ahead."""
+    """A run of frames in which every pass is waited for, one that waits for counts alone, and one that runs ahead."""
     path = real_scene("khronos/CesiumMan/CesiumMan.glb")
     scene = load_scene(path)
-    camera = choose_camera(scene)
     count = 13
     settings = Settings(
         width=options.size[0],
@@ -84,22 +104,85 @@ def overlap(gpu: Gpu, options: Options) -> Result:
         columns=GEOMETRY,
         reprojection="motion",
     )
-    ways = {"waits for every pass": True, "runs ahead": False}
-    samples: dict[str, list[float]] = {name: [] for name in ways}
-    for turn in range(options.repeats + 1):
-        for name, waits in ways.items():
-            timer = PassTimer(gpu, enabled=waits)
-            source = RasterSource(gpu, scene, camera, settings, timer=timer)
-            source.advance(0)  # compiles
-            gpu.finish()
-            start = time.perf_counter()
-            count_pairs(gpu, source, range(count), settings, name, timer)
-            if turn:
-                samples[name].append((time.perf_counter() - start) * 1e3 / (count - 1))
-            source.release()
+    timers = {name: PassTimer(gpu, enabled=name == WAITS) for name in (WAITS, AT_ONCE, LATE)}
+    camera = choose_camera(scene)
+    sources = {name: RasterSource(gpu, scene, camera, settings, timer=timer) for name, timer in timers.items()}
+    shaders = ShaderCache(gpu.ctx)
+    masks = MaskPass(gpu, shaders, options.size, reprojection="motion")
+    watch = Stopwatch(gpu)
+    for _ in range(3 * options.repeats + 1):  # what is to be seen is small: many rounds
+        for name, source in sources.items():
+            watch.time(name, partial(_run_ahead, source, masks, settings, timers[name], late=name == LATE))
+    for part in (*sources.values(), masks, shaders):
+        part.release()
     gpu.collect()
+    samples = {name: [ms / (count - 1) for ms in watch.samples[name][1:]] for name in sources}
     rows = [row(name, ms) for name, ms in samples.items()]
-    return Result("A pair of a run", rows, [f"{path.name}, {options.size_text}, {count - 1} pairs a run"])
+    notes = [f"{path.name}, {options.size_text}, {count - 1} pairs a run; the wall's clock: waiting costs no processor"]
+    for name in (WAITS, AT_ONCE):
+        gain, low, high = ratios(samples[name], samples[LATE])
+        notes.append(f"{name} : {LATE} = {gain:.3f} x ({low:.3f} to {high:.3f} round by round)")
+    return Result("A pair of a run", rows, notes)
+
+
+def _run_ahead(source: RasterSource, masks: MaskPass, settings: Settings, timer: PassTimer, *, late: bool) -> None:
+    """Frames and counts as an evaluation makes them; ``late``: as it reads them."""
+    thresholds = {f: settings.threshold(f) for f in FEATURES}
+    before, waiting = None, None
+    for frame in range(*settings.frames):
+        view = source.advance(frame)
+        if before is not None:
+            with timer.measure("masks"):
+                pair = reprojection(view, before, *source.size)
+                run = masks.run(pair, thresholds, source.current, source.previous)
+            if not late:
+                masks.read(run)
+            elif waiting is not None:
+                masks.read(waiting)
+            waiting = run
+        before = view
+    if late:
+        masks.read(waiting)
+
+
+READS = ("position", "normal", "base_color")
+
+
+@bench
+def readback(gpu: Gpu, options: Options) -> Result:
+    """Frames whose images go to the CPU: read at once, against copied to a pixel buffer and read one frame late."""
+    path = real_scene("sponza/Sponza.gltf")
+    scene = load_scene(path)
+    camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
+    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY)
+    source = RasterSource(gpu, scene, camera, settings, extra=READS)
+    watch, ways = Stopwatch(gpu), {"at once": False, "pixel buffers, one frame late": True}
+    readers = {name: ChannelReader(gpu, buffered=buffered) for name, buffered in ways.items()}
+
+    def run(reader: ChannelReader) -> None:
+        waiting = None
+        for frame in range(READ_FRAMES):
+            source.advance(frame)
+            pending = [reader.start(source.current[name], name) for name in READS]
+            for image in waiting or ():
+                image.get()
+            waiting = pending
+        for image in waiting:
+            image.get()
+
+    for _ in range(options.repeats + 1):
+        for name, reader in readers.items():
+            watch.time(name, partial(run, reader))
+    for part in (*readers.values(), source):
+        part.release()
+    gpu.collect()
+    rows = [row(name, [ms / READ_FRAMES for ms in watch.samples[name][1:]]) for name in ways]
+    chosen = "pixel buffers" if ChannelReader(gpu).buffered else "at once"
+    notes = [f"{path.name}, {options.size_text}, {', '.join(READS)} of every frame; exports here read: {chosen}"]
+    return Result("A frame whose images are read", rows, notes)
+
+
+READ_FRAMES = 5
 
 
 @bench
@@ -141,3 +224,33 @@ def bandwidth(gpu: Gpu, options: Options) -> Result:
 
 def _bytes(channel: str) -> int:
     return CHANNELS[channel].components * BYTES[CHANNELS[channel].dtype]
+
+
+STEADY_SECONDS, STEADY_GROWTH = 6.0, 0.05
+STEADY = "memory that a run of frames adds after its first quarter, over what it had then"
+
+
+@bench
+def steady(gpu: Gpu, options: Options) -> Result:
+    """A stand-in with all columns: does a run's memory grow with its frames?  In ``all`` half a second of it.
+
+    By its own name (``tools/bench steady``) it is six seconds, 360 frames at 60 a second.
+    """
+    seconds = STEADY_SECONDS if options.alone else STEADY_SECONDS / 12
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "valley.glb"
+        make_stand_in("eternal-valley-fps", path)
+        run = Peer.start("long_run.py", str(path), *map(str, options.size), str(int(60 * seconds)), "60")
+        run.close()
+    if run.missing is not None:
+        return Result("A long run", [missing("a frame", run.missing)], [])
+    resident = run.hello["resident_mib"]
+    quarter = len(resident) // 4
+    before, after = max(resident[: quarter + 1]), max(resident[quarter:])
+    rows = [row("a frame", [run.hello["frame_ms"]], "start included")]
+    notes = [
+        f"valley stand-in, {len(resident)} pairs, all columns, {options.size_text}, a process of its own; resident "
+        f"after a quarter {before:.0f} MiB, at most {after:.0f} MiB later, {resident[-1]:.0f} MiB at the end"
+    ]
+    claim = Claim(STEADY, "<=", STEADY_GROWTH, after / before - 1, note=f"{len(resident)} pairs of a stand-in")
+    return Result("A long run", rows, notes, claims=(claim,))

@@ -21,7 +21,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import lamp_field
 from taubench_gl.settings import Settings
 
-LIGHT_FRAMES = 3
+LIGHT_FRAMES = 2
 """Frames per round: a frame under 690 lights without ranges takes seconds on llvmpipe."""
 
 
@@ -169,7 +169,7 @@ def _saved(gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...], r
     """Differences in ms, frame by frame, and in bytes."""
     pair = [Subject(gpu, scene, settings), Subject(gpu, scene, settings, force)]
     try:
-        for _ in range(1 + 7 * repeats):
+        for _ in range(1 + 2 * repeats):
             for subject in pair:
                 subject.advance()
         without, forced = (np.array(subject.samples("frame")) for subject in pair)

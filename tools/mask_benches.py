@@ -5,7 +5,22 @@ from __future__ import annotations
 import importlib.util
 
 import numpy as np
-from benches import EIGHT, FPS, Options, Result, Row, Stopwatch, bench, missing, peak_rss_mb, quick, real_scene, row
+from bench_claims import Claim, unmeasured
+from benches import (
+    EIGHT,
+    FPS,
+    Options,
+    Result,
+    Row,
+    Stopwatch,
+    bench,
+    missing,
+    peak_rss_mb,
+    quick,
+    ratios,
+    real_scene,
+    row,
+)
 from peers import Peer, torch_python
 
 from taubench_gl.animation import choose_camera
@@ -53,17 +68,17 @@ class MaskBench:
 
         return numba_masks(current, history, pair, self.thresholds, reprojection=self.mode)[0]
 
-    def round(self, watch: Stopwatch, *, twins: bool) -> None:
-        """Seven frames, six pairs."""
+    def round(self, watch: Stopwatch, *, frames: int = 7, twins: int = 0) -> None:
+        """``frames`` less one pairs; the twins, which are slow, are asked for every ``twins``-th of them (0: none)."""
         view = None
-        for frame in range(7):
+        for frame in range(frames):
             watch.time("g-buffer", lambda f=frame: self.renderer.draw(f / FPS, (f - 1) / FPS))
             before, view = view, self.renderer.view(frame / FPS)[1]
             if before is None:
                 continue
             pair = reprojection(view, before, *self.size)
             counts = watch.time("masks and counts", lambda p=pair: self.run_masks(p))
-            if twins:
+            if twins and frame % twins == 1 % twins:
                 self._ask_twins(watch, pair, counts)
 
     def _ask_twins(self, watch: Stopwatch, pair: Reprojection, counts: Counts) -> None:
@@ -100,14 +115,14 @@ def masks(gpu: Gpu, options: Options) -> Result:
         for mode in ("camera", "motion")
     }
     for subject in modes.values():
-        subject.round(Stopwatch(gpu), twins=False)
+        subject.round(Stopwatch(gpu))
     memory = peak_rss_mb()  # what an evaluation needs: the twin's float64 arrays come on top
     for subject in modes.values():
-        subject.round(Stopwatch(gpu), twins=True)  # compiles Numba's
+        subject.round(Stopwatch(gpu), frames=2, twins=1)  # compiles Numba's
     watches = {mode: Stopwatch(gpu) for mode in modes}
     for _ in range(options.repeats):
         for mode, subject in modes.items():
-            subject.round(watches[mode], twins=True)
+            subject.round(watches[mode], twins=2)
     held = sum(subject.renderer.bytes for subject in modes.values()) / len(modes)
     for subject in modes.values():
         subject.release()
@@ -132,7 +147,17 @@ def masks(gpu: Gpu, options: Options) -> Result:
         rows.append(missing("Numba", NO_NUMBA))
     if torch.missing is not None:
         rows.append(missing("PyTorch grid_sample", torch.missing))
-    return Result("Masks against NumPy, Numba and PyTorch", rows, notes, base=-1, unit="x masks")
+    claims = [_claim(mode, peer, target, watch) for mode, watch in watches.items()
+              for peer, target in (("NumPy", 5.0), ("Numba", 1.0))]  # fmt: skip
+    return Result("Masks against NumPy, Numba and PyTorch", rows, notes, base=-1, unit="x masks", claims=tuple(claims))
+
+
+def _claim(mode: str, peer: str, target: float, watch: Stopwatch) -> Claim:
+    what = f"masks and counts, {mode} reprojection, faster than {peer}"
+    if not watch.samples.get(peer):
+        return unmeasured(what, ">=", target, NO_NUMBA)
+    own = watch.samples["masks and counts"][:: len(watch.samples["masks and counts"]) // len(watch.samples[peer])]
+    return Claim(what, ">=", target, *ratios(watch.samples[peer], own))
 
 
 def _relative(r: Row, base: Row) -> Row:

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import Frames, Size, Threshold, gpu_options, light_options, scene_options
-from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
+from taubench_gl.apps.option_types import OutPath
+from taubench_gl.apps.options import frame_options, gpu_options, light_options, pair_options, settings_from
 
 
 class _Names(click.ParamType):
@@ -35,7 +35,7 @@ indirect, color), lobes (direct_diffuse, direct_glossy), flow (motion, motion_fo
 prev_position, all."""
 )
 @click.argument("scene_path", metavar="SCENE")
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the files.")
+@click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the files.")
 @click.option(
     "--format",
     type=click.Choice(["exr", "npz", "zarr", "sintel"]),
@@ -61,23 +61,8 @@ prev_position, all."""
     help="Sub-pixel offset of each frame's samples; motion is without it.",
 )
 @click.option("--overwrite", is_flag=True, help="Replace an export with other settings that is in DIR.")
-@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
-@scene_options
-@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
-@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
-@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
-@click.option(
-    "--reprojection",
-    type=click.Choice(REPROJECTIONS),
-    default=REPROJECTIONS[0],
-    show_default=True,
-    help="Of the mask, as in 'evaluate'; motion follows surfaces always.",
-)
-@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of the mask.")
-@click.option("--threshold", "thresholds", type=Threshold(), multiple=True, help="As in 'evaluate'; may be repeated.")
-@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
-@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
-@click.option("--textures", type=click.Choice(TEXTURES), default=TEXTURES[0], show_default=True)
+@frame_options()
+@pair_options(reprojection="Of the mask, as in 'evaluate'; motion follows surfaces always.", sampling="Of the mask.")
 @light_options
 @gpu_options
 def export(
@@ -99,12 +84,7 @@ def export(
     from taubench_gl.apps.screen import ProgressBar
     from taubench_gl.export.run import export_scene
 
-    width, height = options.pop("size")
-    animations, thresholds = options.pop("animations"), dict(options.pop("thresholds"))
-    frames = options.pop("frames") or (None, None)
-    settings = Settings(
-        width=width, height=height, frames=frames, animation=animations or None, thresholds=thresholds, **options
-    )
+    settings = settings_from(options)
     source, row = resolve(scene_path)
     settings = dataclasses.replace(settings, **asked_for(row))
     with ProgressBar(Path(source).name, "frames") as progress:

@@ -12,7 +12,7 @@ from taubench_gl.batch.engines import Engine
 from taubench_gl.batch.lock import FolderLock, holder
 from taubench_gl.batch.merge import job_positions, labelled, write_tables
 from taubench_gl.batch.partition import require_pyarrow
-from taubench_gl.batch.store import Store
+from taubench_gl.batch.store import LOGS, Store
 from taubench_gl.batch.study import Study
 from taubench_gl.batch.units import PairDone
 from taubench_gl.errors import OutputError, SettingsError
@@ -63,14 +63,17 @@ def run_study(
     if chunk is not None and chunk < 1:
         raise SettingsError(f"chunk is {chunk}", hint="give 1 pair or more")
     store, drivers = Store(out), []
-    made = make_engine(engine, workers, store.out / "logs", lambda event: drivers[0].on_pair(event))
+    made = make_engine(engine, workers, store.out / LOGS, lambda event: drivers[0].on_pair(event))
     if study is None:
         study = store.load_study()
+    store.require_ours()  # before anything of ours is there, the lock's file included
     with FolderLock(store.out):
-        store.save_study(study)
+        store.require_ours()
         with made as running:
+            store.save_study(study)
             if listener is not None:
-                listener.say(f"{len(study.jobs)} jobs on {running.describe()}")
+                jobs = len(study.jobs)
+                listener.say(f"{jobs} job{'' if jobs == 1 else 's'} on {running.describe()}")
             drivers.append(Driver(study, store, running, listener, chunk))
             return drivers[0].run()
 

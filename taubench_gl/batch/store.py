@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl import __version__
+from taubench_gl.batch.lock import LOCK_FILE
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
 from taubench_gl.batch.study import Job, Study, settings_dict, settings_from
 from taubench_gl.errors import OutputError
@@ -29,6 +30,9 @@ from taubench_gl.outputs import write_atomically
 
 STUDY_SCHEMA = "taubench-gl/batch-study/1"
 STUDY_FILE = "study.json"
+LOGS = "logs"
+BEGUN = (LOCK_FILE, LOGS)
+"""What is there before the study is: workers may be killed while they start."""
 
 
 class Store:
@@ -48,21 +52,24 @@ class Store:
         return self.job(job) / "pairs"
 
     def log_file(self, job: str) -> Path:
-        return self.out / "logs" / f"{job}.log"
+        return self.out / LOGS / f"{job}.log"
 
     # ------------------------------------------------------------------------------------------------------ study
+    def require_ours(self) -> None:
+        """Raise OutputError where the folder holds anything but a batch of this version; a new one may be made."""
+        if (self.out / STUDY_FILE).exists():
+            self._study_values()
+        elif self.out.is_dir() and any(p.name not in BEGUN for p in self.out.iterdir()):
+            raise OutputError("holds other files and no batch", where=str(self.out), hint="give --out a new folder")
+
     def save_study(self, study: Study) -> None:
         """Remember the jobs.  Folders of jobs that an earlier study had are left alone and no longer counted."""
-        old = self.out / STUDY_FILE
-        if old.exists():
-            self._study_values()  # refuse to write into what is not ours
-        elif self.out.is_dir() and any(p.name != ".lock" for p in self.out.iterdir()):
-            raise OutputError("holds other files and no batch", where=str(self.out), hint="give --out a new folder")
         jobs = [
             {"id": job.id, "scene": job.scene, "settings": settings_dict(job.settings), "sweep": dict(job.sweep)}
             for job in study.jobs
         ]
-        self.write_json(old, {"schema": STUDY_SCHEMA, "version": __version__, "name": study.name, "jobs": jobs})
+        values = {"schema": STUDY_SCHEMA, "version": __version__, "name": study.name, "jobs": jobs}
+        self.write_json(self.out / STUDY_FILE, values)
 
     def load_study(self) -> Study:
         """The study this folder was last given.  Raises OutputError where there is none."""
@@ -111,7 +118,8 @@ class Store:
 
     def save_head(self, job: Job, data: bytes) -> dict[str, Any]:
         """Keep a head.  Pairs of a scene that has changed since are of no more use and go."""
-        values = json.loads(data) | {"file": file_stamp(job.scene)}
+        values = json.loads(data)
+        values["file"] = file_stamp(job.scene) if values.get("one_file", True) else None
         before = self.known_head(job.id)
         if before is None or before["facts"] != values["facts"] or before["frames"] != values["frames"]:
             self.forget(job.id)

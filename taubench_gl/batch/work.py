@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import os
 import platform
@@ -14,9 +16,9 @@ import numpy as np
 
 from taubench_gl import __version__
 from taubench_gl.animation import Poser, choose_camera
-from taubench_gl.batch.partition import PairRecord, encode
+from taubench_gl.batch.partition import PairRecord, encode, require_pyarrow
 from taubench_gl.batch.units import Unit
-from taubench_gl.errors import GraphicsError, SceneError
+from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
     count_pairs,
     frame_range,
@@ -117,6 +119,12 @@ class Workbench:
                 loaded.gpu.collect()
 
 
+def warm_up() -> None:
+    """Imports that the first unit would wait for, beside this module's own.  No context: studies name their device."""
+    with contextlib.suppress(TaubenchError):  # told when a unit needs what is missing, with the unit
+        require_pyarrow()
+
+
 def open_context(settings: Settings) -> Gpu:
     """The worker's GL context.  Raises NoOpenGL, or GraphicsError where the study itself names the backend."""
     try:
@@ -135,12 +143,21 @@ def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
     values = {
         "schema": HEAD_SCHEMA,
         "version": __version__,
+        "one_file": _in_one_file(scene),
         "frames": [frames.start, frames.stop],
         "facts": scene_facts(scene, camera, frames, settings, poser),
         "positions": [view.position.tolist() for view in views],
         "rotations": [view.world_from_view.tolist() for view in views],
     }
     return (json.dumps(values, default=_plain) + "\n").encode()
+
+
+def _in_one_file(scene: Scene) -> bool:
+    """Is the scene's file all there is of it?  A .glb may have pictures and buffers beside it."""
+    if scene.path is None:
+        return False
+    with scene.path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == scene.sha256
 
 
 def where_it_ran(seconds: float) -> dict[str, Any]:

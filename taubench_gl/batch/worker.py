@@ -18,8 +18,9 @@ def main(arguments: list[str]) -> None:
 
     from taubench_gl.batch.engines.inprocess import attempt
     from taubench_gl.batch.units import NoGraphics, PairDone
-    from taubench_gl.batch.work import NoOpenGL, Workbench
+    from taubench_gl.batch.work import NoOpenGL, Workbench, warm_up
 
+    warm_up()  # beside the head of the first job, which one worker makes and the others wait for
     bench = Workbench()
     while True:
         try:

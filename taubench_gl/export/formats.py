@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ import numpy as np
 from taubench_gl.errors import SettingsError
 from taubench_gl.export.channels import EXPORTS, stored_as
 from taubench_gl.export.frames import ExportFrame
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import cannot_write, plain_text
 
 Array = np.ndarray
 
@@ -109,7 +110,10 @@ class ExrWriter(_PerFrame):
                 planes[exr] = np.ascontiguousarray(values[..., i])
         header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         header |= exr_attributes(self.spec, frame)
-        write_file(self.path(frame.number), lambda partial: OpenEXR.File(header, planes).write(str(partial)))
+        # Through memory: OpenEXR's own writing takes no path that is not UTF-8, and does not say why a disk refuses.
+        data = io.BytesIO()
+        OpenEXR.File(header, planes).write(data)
+        write_bytes(self.path(frame.number), data.getvalue())
 
 
 def exr_attributes(spec: Spec, frame: ExportFrame) -> dict[str, Any]:
@@ -125,8 +129,8 @@ def exr_attributes(spec: Spec, frame: ExportFrame) -> dict[str, Any]:
         "taubench.jitterPx": camera["jitter_px"],
         "taubench.frame": frame.number,
         "taubench.timeSeconds": float(frame.time_s),
-        "taubench.scene": spec.scene,
-        "taubench.positions": "relative to the camera, world axes, metres",
+        "taubench.scene": plain_text(spec.scene),
+        "taubench.positions": "relative to the camera, world axes, scene units",
     }
 
 

@@ -19,8 +19,9 @@ from taubench_gl.conventions import FEATURES, Reason
 from taubench_gl.export.camera import matrices
 from taubench_gl.export.channels import RADIANCE
 from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.targets import History, read_channel
+from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.scene.model import Scene
@@ -32,6 +33,7 @@ NO_MOTION = int(Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.BEHIND)
 """Pixels without a place in the other frame."""
 
 FORWARD = ("motion_forward", "mask_forward")
+_ALL_COMPONENTS = ("base_color", "material", "ids", "mask", "mask_forward")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,19 @@ class ExportFrame:
     channels: dict[str, Array]
     camera: dict[str, Array]
     view: View
+
+
+@dataclass(frozen=True, slots=True)
+class _Submitted:
+    """A frame that is drawn, its images on the way: ``images`` of channels, or of what they are made of (``_arrays``).
+
+    ``moved``: motion -> its mask.
+    """
+
+    number: int
+    view: View
+    images: dict[str, Image]
+    moved: dict[str, tuple[Image, Image]]
 
 
 class FrameSource:
@@ -58,9 +73,11 @@ class FrameSource:
         names: tuple[str, ...],
         count: int,
         jitter: str = "none",
+        buffered: bool | None = None,
     ):
-        """``count``: frames of the whole sequence; ``jitter``: of JITTERS."""
+        """``count``: frames of the whole sequence; ``jitter``: of JITTERS; ``buffered``: as ``ChannelReader``."""
         self._gpu, self._camera, self._count = gpu, camera, count
+        self._reader = ChannelReader(gpu, buffered=buffered)
         self._poser = Poser(scene)
         self._jitter = halton_jitter if jitter == "halton" else None
         columns = settings.columns if "mask" in names else ("frustum",)
@@ -102,56 +119,67 @@ class FrameSource:
         return view if self._jitter is None else replace(view, jitter_px=self._jitter(frame))
 
     def frames(self, numbers: Iterable[int]) -> Iterator[ExportFrame]:
-        """Draw these frames, ascending."""
+        """Draw these frames, ascending.  Through pixel buffers each is collected when the next one is under way."""
+        waiting: _Submitted | None = None
         for frame in numbers:
-            yield self._frame(frame)
+            submitted = self._submit(frame)
+            if waiting is not None:
+                yield self._collect(waiting)
+            waiting = submitted
+            if not self._reader.buffered:
+                yield self._collect(waiting)
+                waiting = None
+        if waiting is not None:
+            yield self._collect(waiting)
 
-    def _frame(self, frame: int) -> ExportFrame:
+    def _submit(self, frame: int) -> _Submitted:
         if frame > 0 and self._drawn != frame - 1:
             self._advance(frame - 1)
         self._advance(frame)
-        width, height = self.source.size
-        arrays = self._read()
-        arrays |= self._backward(frame)
-        arrays |= self._forward(frame)
+        submitted = _Submitted(frame, self._views[-1], self._start(), {})
+        self._backward(submitted)
+        self._forward(submitted)
+        return submitted
+
+    def _collect(self, submitted: _Submitted) -> ExportFrame:
+        arrays = {name: image.get() for name, image in submitted.images.items()}
+        arrays = _arrays(arrays) | {name: _motion(*images) for name, images in submitted.moved.items()}
         out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
-        view = self._views[-1]
-        return ExportFrame(frame, frame / self._settings.fps, out, matrices(view, width, height), view)
+        number, view = submitted.number, submitted.view
+        camera = matrices(view, *self.source.size)
+        return ExportFrame(number, number / self._settings.fps, out, camera, view)
 
     def _advance(self, frame: int) -> None:
         self._views = [*self._views[-1:], self.source.advance(frame)]
         self._drawn = frame
 
-    def _read(self) -> dict[str, Array]:
-        out = {}
-        for name in self.source.channels:
-            if name == "position" or name in self.names:
-                out[name] = self.source.read(name)
-        position = out["position"]
-        out["position"], out["depth"] = position[..., :3], position[..., 3:]
-        return {n: a[..., :3] if n not in ("base_color", "material", "ids", "depth") else a for n, a in out.items()}
+    def _start(self) -> dict[str, Image]:
+        wanted = {"position" if name == "depth" else name for name in self.names}
+        current = self.source.current
+        return {name: self._reader.start(current[name], name) for name in self.source.channels if name in wanted}
 
-    def _backward(self, frame: int) -> dict[str, Array]:
-        out: dict[str, Array] = {}
-        declared = 0 if frame > 0 else int(Reason.FIRST)
+    def _start_motion(self) -> tuple[Image, Image]:
+        return self._reader.start(self._motion.motion, "motion"), self._reader.start(self._motion.mask, "mask")
+
+    def _backward(self, submitted: _Submitted) -> None:
+        declared = 0 if submitted.number > 0 else int(Reason.FIRST)
         now, before = self._views[-1], self._views[-1 if declared else -2]
         current, previous = self.source.current, self.source.current if declared else self.source.previous
         if "mask" in self.names:
             pair = reprojection(now, before, *self.source.size)
             exposure = self._settings.exposure
             self._masks.run(pair, self._thresholds, current, previous, declared, exposure)
-            out["mask"] = read_channel(self._masks.mask, "mask")
+            submitted.images["mask"] = self._reader.start(self._masks.mask, "mask")
         if "motion" in self.names:
             # Of the surface alone: the jitter of either frame is no motion.
             pair = reprojection(now, before, *self.source.size, jitter=False)
             self._motion.run(pair, self._thresholds, current, previous, declared)
-            out["motion"] = self._read_motion()
-        return out
+            submitted.moved["motion"] = self._start_motion()
 
-    def _forward(self, frame: int) -> dict[str, Array]:
+    def _forward(self, submitted: _Submitted) -> None:
         if self._ahead is None:
-            return {}
-        fps, renderer = self._settings.fps, self.source.renderer
+            return
+        frame, fps, renderer = submitted.number, self._settings.fps, self.source.renderer
         last = frame + 1 >= self._count
         here, there = self.view(frame), self.view(frame if last else frame + 1)
         own, renderer.history = renderer.history, self._ahead
@@ -163,15 +191,24 @@ class FrameSource:
         pair = reprojection(here, there, *self.source.size, jitter=False)
         textures = self._ahead.current.textures, self._ahead.previous.textures
         self._motion.run(pair, self._thresholds, *textures, int(Reason.FIRST) if last else 0)
-        return {"motion_forward": self._read_motion(), "mask_forward": read_channel(self._motion.mask, "mask")}
-
-    def _read_motion(self) -> Array:
-        motion = read_channel(self._motion.motion, "motion")
-        motion[(read_channel(self._motion.mask, "mask")[..., 0] & NO_MOTION) != 0] = np.nan
-        return motion
+        submitted.moved["motion_forward"] = self._start_motion()
+        submitted.images["mask_forward"] = self._reader.start(self._motion.mask, "mask")
 
     def release(self) -> None:
-        for part in (self._masks, self._motion, self._shaders, self._ahead, self.source):
+        for part in (self._reader, self._masks, self._motion, self._shaders, self._ahead, self.source):
             if part is not None:
                 part.release()
         self._gpu.collect()
+
+
+def _arrays(images: dict[str, Array]) -> dict[str, Array]:
+    """Channels as they are exported: position and depth apart, no padding."""
+    out = {n: a if n in _ALL_COMPONENTS else a[..., :3] for n, a in images.items()}
+    return out | ({"depth": images["position"][..., 3:]} if "position" in images else {})
+
+
+def _motion(motion: Image, mask: Image) -> Array:
+    """NaN where a pixel has no place in the other frame."""
+    values = motion.get()
+    values[(mask.get()[..., 0] & NO_MOTION) != 0] = np.nan
+    return values

@@ -12,7 +12,7 @@ from typing import Any
 from taubench_gl import __version__
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import frame_range, require_triangles
+from taubench_gl.evaluation import frame_range, frame_total, require_triangles
 from taubench_gl.export.camera import sidecar_pose
 from taubench_gl.export.channels import PRECISIONS, choose_channels
 from taubench_gl.export.formats import ExrWriter, NpzWriter, Spec, Writer, ZarrWriter, write_bytes
@@ -20,6 +20,7 @@ from taubench_gl.export.frames import JITTERS, FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.gpu.context import open_gpu
+from taubench_gl.outputs import text_bytes
 from taubench_gl.reference.camera import camera_file_text
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
@@ -73,7 +74,7 @@ def export_scene(
     require_triangles(loaded)
     camera = choose_camera(loaded, settings.camera)
     frames = frame_range(loaded, camera, settings)
-    count = len(frame_range(loaded, camera, dataclasses.replace(settings, frames=(None, None))))
+    count = frame_total(loaded, camera, settings)
     gpu = open_gpu(settings.backend, settings.device)
     with gpu:
         source = FrameSource(gpu, loaded, camera, settings, names, count, jitter)
@@ -83,9 +84,9 @@ def export_scene(
                 raise SettingsError(f"the scene gives none of these channels: {why}")
             spec = Spec(loaded.name, source_size(settings), settings.fps, frames, source.names, precision)
             writer = FORMATS[format](out, spec)
-            _claim(out, manifest(spec, settings, format, jitter, loaded.sha256, source.unmeasured), overwrite)
+            whole = _claim(out, manifest(spec, settings, format, jitter, loaded.sha256, source.unmeasured), overwrite)
             writer.prepare()
-            held = [frame for frame in range(count) if frame in frames or writer.done(frame)]
+            held = [frame for frame in whole if frame in frames or writer.done(frame)]
             _write_cameras(out, {frame: source.view(frame) for frame in held}, spec)
             missing = [frame for frame in frames if not writer.done(frame)]
             done = _write_all(source, writer, missing, loaded.name, progress)
@@ -144,9 +145,11 @@ def manifest(
     )
 
 
-def _claim(out: Path, told: dict[str, Any], overwrite: bool) -> None:
-    """Write the manifest, or find that the folder's is the same.  Raises OutputError."""
+def _claim(out: Path, told: dict[str, Any], overwrite: bool) -> range:
+    """Write the manifest, or find that the folder's is the same; the frames it speaks of.  Raises OutputError."""
     path = out / MANIFEST
+    if out.exists() and not out.is_dir():
+        raise OutputError("is not a folder", where=str(out), hint="give --out another name")
     before = _read_manifest(path)
     if before is None and out.is_dir() and any(out.iterdir()):
         raise OutputError("holds other files and no export", where=str(out), hint="give --out a new folder")
@@ -164,7 +167,8 @@ def _claim(out: Path, told: dict[str, Any], overwrite: bool) -> None:
         names = tuple(before["channels"])
         old = Spec(before["scene"], size, before["settings"]["fps"], range(*before["frames"]), names, "native")
         FORMATS[before["format"]](out, old).remove()
-    write_bytes(path, (json.dumps(told, indent=2, ensure_ascii=False) + "\n").encode())
+    write_bytes(path, text_bytes(json.dumps(told, indent=2, ensure_ascii=False) + "\n"))
+    return range(*told["frames"])
 
 
 def _read_manifest(path: Path) -> dict[str, Any] | None:
@@ -185,4 +189,4 @@ def _different(before: dict[str, Any], told: dict[str, Any]) -> list[str]:
 def _write_cameras(out: Path, views: dict[int, View], spec: Spec) -> None:
     """camera.json: the sidecar that ``evaluate exr: --camera-file`` reads, for every format."""
     text = camera_file_text({frame: sidecar_pose(view) for frame, view in views.items()}, spec.fps, spec.size)
-    write_bytes(out / CAMERA_FILE, text.encode())
+    write_bytes(out / CAMERA_FILE, text_bytes(text))

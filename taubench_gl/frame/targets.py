@@ -76,12 +76,21 @@ class History:
 
 
 def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
-    """A channel as (h, w, components), row 0 at the top: the one flip of the package; motion turns +y down here."""
-    info = CHANNELS[name]
-    width, height = texture.size
-    out = np.empty((height, width, info.components), dtype=_NUMPY[texture.dtype])
+    """A channel as (h, w, components), row 0 at the top."""
+    out = raw_image(texture)
     texture.read_into(out)
-    out = out[::-1]
+    return from_gl(out, name)
+
+
+def raw_image(texture: moderngl.Texture) -> np.ndarray:
+    """An array that a texture can be read into, (h, w, components) of its own type; not filled."""
+    width, height = texture.size
+    return np.empty((height, width, texture.components), dtype=_NUMPY[texture.dtype])
+
+
+def from_gl(raw: np.ndarray, name: str) -> np.ndarray:
+    """What GL gave of a channel, row 0 at the top: the one flip of the package; motion turns +y down here."""
+    out = raw[::-1]
     if name == "motion":
         out = out * np.float32([1, -1])
         out[out == 0] = 0.0  # no negative zeros

@@ -13,7 +13,7 @@ from batch_tools import DEMO, SMALL, study_of, write_study
 from taubench_gl.apps import cli
 from taubench_gl.batch.lock import FolderLock, holder
 from taubench_gl.batch.run import make_engine, run_study, study_status
-from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.errors import OutputError, SettingsError, TaubenchError
 from taubench_gl.scene import load_scene
 
 
@@ -72,6 +72,22 @@ def test_other_peoples_folders_are_left_alone(tmp_path):
     (tmp_path / "thesis.tex").touch()
     with pytest.raises(OutputError, match="holds other files and no batch"):
         run_study(study_of(tmp_path, f'scenes = ["{DEMO}"]'), tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["study.toml", "thesis.tex"]
+
+
+def test_what_a_killed_start_leaves_is_no_other_peoples_folder(tmp_path):
+    """Workers' logs and the lock are there before the study is: a driver killed then must not lock its folder out."""
+    (tmp_path / "out" / "logs").mkdir(parents=True)
+    (tmp_path / "out" / ".lock").touch()
+    study = study_of(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:1"\n{SMALL}')
+    assert run_study(study, tmp_path / "out").summary["done"] == 1
+
+
+def test_an_engine_that_does_not_start_leaves_no_study(tmp_path):
+    study = study_of(tmp_path, f'scenes = ["{DEMO}"]\n{SMALL}')
+    with pytest.raises(TaubenchError, match="no Dask scheduler answers"):
+        run_study(study, tmp_path / "out", engine="dask://not a host")
+    assert not (tmp_path / "out" / "study.json").exists()
 
 
 def test_another_version_is_not_mixed_in(tmp_path, monkeypatch):

@@ -31,13 +31,14 @@ def export(out: Path, format: str, **changes: Any) -> Exported:
     return export_scene(DEMO, out, settings(**changes), format=format, **({"channels": ("all",)} | own))
 
 
-def drawn(numbers, names=tuple(EXPORTS), jitter="none", **changes: Any) -> list[ExportFrame]:
+def drawn(numbers, names=tuple(EXPORTS), jitter="none", buffered=None, **changes: Any) -> list[ExportFrame]:
     """Frames as they are before any file format has seen them."""
     scene, gpu = load_scene(DEMO), open_gpu()
     camera = choose_camera(scene)
     count = len(frame_range(scene, camera, settings(frames=(None, None))))
     with gpu:
-        source = FrameSource(gpu, scene, camera, settings(**changes), choose_channels(tuple(names)), count, jitter)
+        names = choose_channels(tuple(names))
+        source = FrameSource(gpu, scene, camera, settings(**changes), names, count, jitter, buffered)
         try:
             return list(source.frames(numbers))
         finally:

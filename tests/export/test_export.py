@@ -103,7 +103,7 @@ def test_other_peoples_folders_are_left_alone(tmp_path):
     (tmp_path / "thesis.tex").touch()
     with pytest.raises(OutputError, match="holds other files and no export"):
         export(tmp_path, "exr", overwrite=True)
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="is not a folder"):
         export(tmp_path / "thesis.tex", "exr")
 
 

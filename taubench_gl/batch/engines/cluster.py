@@ -10,7 +10,7 @@ from typing import Any
 from taubench_gl.batch.engines.inprocess import attempt
 from taubench_gl.batch.engines.processes import THREADS_VARIABLE, available_cores
 from taubench_gl.batch.units import ATTEMPTS, Event, Lost, NoGraphics, Slot, Unit
-from taubench_gl.batch.work import NoOpenGL, Workbench
+from taubench_gl.batch.work import NoOpenGL, Workbench, warm_up
 from taubench_gl.errors import TaubenchError
 
 CONNECT_SECONDS = 30
@@ -46,7 +46,11 @@ class DaskCluster:
                 one = {"distributed.nanny.pre-spawn-environ": {THREADS_VARIABLE: "1", "OMP_NUM_THREADS": "1"}}
                 with dask.config.set(one):
                     self._cluster = distributed.LocalCluster(
-                        n_workers=self._count, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
+                        n_workers=self._count,
+                        threads_per_worker=1,
+                        processes=True,
+                        dashboard_address="127.0.0.1:0",
+                        preload=[__name__],
                     )
                 self._client = distributed.Client(self._cluster)
             else:
@@ -71,8 +75,8 @@ class DaskCluster:
 
     def describe(self) -> str:
         if self._address is None:
-            return f"{self._count} Dask workers here, one GL thread each"
-        return f"Dask at {self._address}, {len(self._workers())} workers"
+            return f"{self._count} Dask worker{'' if self._count == 1 else 's'} here, one GL thread each"
+        return f"Dask at {self._address}, workers: {len(self._workers())}"
 
     def width(self) -> int:
         return max(len(self._workers()), 1)
@@ -136,6 +140,11 @@ class DaskCluster:
 
 _bench = Workbench()
 _thread = ThreadPoolExecutor(1, thread_name_prefix="taubench-gl")
+
+
+def dask_setup(worker: Any) -> None:
+    """Dask calls this on workers started with ``--preload`` and this module's name: all is imported when they join."""
+    warm_up()
 
 
 def run_on_worker(unit: Unit) -> Event:

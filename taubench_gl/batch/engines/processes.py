@@ -72,7 +72,8 @@ class Processes:
 
     def describe(self) -> str:
         threads = worker_environment(self._count)[THREADS_VARIABLE]
-        return f"{self._count} worker processes, {threads} GL threads each"
+        processes = "process" if self._count == 1 else "processes"
+        return f"{self._count} worker {processes}, GL threads of each: {threads}"
 
     def width(self) -> int:
         return self._count

@@ -1,0 +1,59 @@
+"""Pixel buffers that are read one frame late give what reading at once gives, bit for bit, and are used again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from export_tools import drawn, same
+
+from taubench_gl.channels import CHANNELS
+from taubench_gl.export.channels import EXPORTS
+from taubench_gl.frame.read_back import ChannelReader
+from taubench_gl.frame.targets import write_channel
+
+
+@pytest.mark.parametrize("jitter", ["none", "halton"])
+def test_late_frames_are_the_same_frames(jitter: str) -> None:
+    numbers = (0, 1, 2, 9, 10, 60)  # the first, a gap, and the last, which has no next
+    late, now = (drawn(numbers, jitter=jitter, buffered=buffered) for buffered in (True, False))
+    assert [frame.number for frame in late] == [frame.number for frame in now] == list(numbers)
+    for one, other in zip(late, now, strict=True):
+        assert set(one.channels) == set(other.channels) == set(EXPORTS)
+        for name in one.channels:
+            same(one.channels[name], other.channels[name])
+        for name in one.camera:
+            same(one.camera[name], other.camera[name])
+    assert not np.array_equal(now[1].channels["color"], now[2].channels["color"])  # or being late would not show
+
+
+def test_only_what_is_asked_for_is_read() -> None:
+    (frame,) = drawn([3], names=("depth",), buffered=True)
+    (whole,) = drawn([3], buffered=True)
+    assert set(frame.channels) == {"depth"}
+    same(frame.channels["depth"], whole.channels["depth"])
+
+
+def test_an_image_is_of_the_moment_it_was_started_at(gpu, monkeypatch) -> None:
+    size = (7, 5)
+    texture = gpu.ctx.texture(size, CHANNELS["normal"].components, dtype="f4")
+    reader, rng = ChannelReader(gpu, buffered=True), np.random.default_rng(1)
+    values = [rng.random((5, 7, 4), dtype=np.float32) for _ in range(4)]
+    images = []
+    for one in values[:2]:
+        write_channel(texture, "normal", one)
+        images.append(reader.start(texture, "normal"))
+    write_channel(texture, "normal", values[2])
+    for image, one in zip(images, values[:2], strict=True):
+        assert np.array_equal(image.get(), one)
+    monkeypatch.setattr(gpu.ctx, "buffer", lambda **_: pytest.fail("a buffer was made although two are free"))
+    write_channel(texture, "normal", values[3])
+    assert np.array_equal(reader.start(texture, "normal").get(), values[3])
+    reader.release()
+    texture.release()
+
+
+def test_which_way_is_the_devices(gpu) -> None:
+    from dataclasses import replace
+
+    assert ChannelReader(replace(gpu, software=False)).buffered
+    assert not ChannelReader(replace(gpu, software=True)).buffered
