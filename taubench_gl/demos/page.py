@@ -46,6 +46,7 @@ nav.demo { display: flex; flex-wrap: wrap; gap: .6rem 1.6rem; margin: 2.4rem 0 0
 .cards div { padding: .7rem .9rem .9rem; } .cards h2 { font-size: 1.08rem; margin: 0 0 .3rem; }
 .cards p { margin: 0; font-size: .9rem; }
 @media (max-width: 40rem) {
+  .picture { overflow-x: auto; } .picture img { width: 46rem; max-width: none; }
   .findings .wide-only, .findings thead { display: none; }
   .findings tr, .findings td { display: block; padding: .1rem .75rem; } .findings tr { padding: .5rem 0; }
   .findings tbody tr + tr { border-top: 1px solid var(--line); } .findings tbody tr + tr > * { border-top: 0; }
@@ -60,8 +61,8 @@ def demo_page(demo: Demo, result: Result, around: tuple[Demo | None, Demo | None
     first = result.findings[0]
     look = "".join(f"<li>{escape(item)}</li>" for item in demo.look_for)
     figures = "".join(
-        f"<figure><img src='{_inline(f.path.read_bytes())}' alt='{escape(f.caption, quote=True)}'>"
-        f"<figcaption>{escape(f.caption)}</figcaption></figure>"
+        f"<figure><div class='picture' tabindex='0'><img src='{_inline(f.path.read_bytes())}'"
+        f" alt='{escape(f.caption, quote=True)}'></div><figcaption>{escape(f.caption)}</figcaption></figure>"
         for f in result.figures
     )
     body = f"""

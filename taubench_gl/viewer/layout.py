@@ -9,6 +9,11 @@ SIDE, BAR = 300, 64
 LEAST_SIDE_WINDOW = 480
 """Narrower windows have no room for a side panel."""
 
+START = (1600, 960)
+"""A new window is not made larger than this to show small pictures larger."""
+LEAST_START = 640
+"""Height at which a new window shows most of its side panel."""
+
 Rect = tuple[float, float, float, float]  # x, y, width, height
 
 
@@ -26,6 +31,12 @@ class Layout:
         if not (width > 0 and height > 0 and left <= x < left + width and top <= y < top + height):
             return None
         return min(int((x - left) * size[0] / width), size[0] - 1), min(int((y - top) * size[1] / height), size[1] - 1)
+
+
+def start_size(size: tuple[int, int]) -> tuple[int, int]:
+    """The window a picture of ``size`` pixels is first shown in: pixel for pixel, small pictures two or more times."""
+    times = max(1, min((START[0] - SIDE) // size[0], (START[1] - BAR) // size[1]))
+    return size[0] * times + SIDE, max(size[1] * times + BAR, LEAST_START)
 
 
 def arrange(window: tuple[int, int], size: tuple[int, int], panels: bool) -> Layout:

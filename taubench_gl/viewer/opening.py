@@ -57,7 +57,8 @@ def open_feed(gpu: Gpu, asked: Asked, timer: Any) -> Opened:
         text, settings = _scene_of(run, asked)
         if is_sequence(text):
             return Opened(TruthFeed(gpu, text, settings, asked.options), worst_frame(run))
-        return Opened(_scene_feed(gpu, text, settings, timer), worst_frame(run), (_said(run),))
+        feed = _scene_feed(gpu, text, settings, timer)
+        return Opened(feed, worst_frame(run), (_said(run, feed.scene.sha256),))
     text, settings = asked.text, asked.settings
     if asked.resolve is not None:
         text, row = asked.resolve(text)
@@ -93,8 +94,23 @@ def _scene_of(run: Run, asked: Asked) -> tuple[str, Settings]:
     for name in ("width", "height"):
         if "size" not in asked.given and name in kept:
             values[name] = int(kept[name])
-    truth = run.summary.get("truth") is not None
-    return (f"exr:{path}" if truth else str(path)), dataclasses.replace(asked.settings, **values)
+    truth, path = run.summary.get("truth") is not None, scene_path(run.out, str(path))
+    return (f"exr:{path}" if truth else path), dataclasses.replace(asked.settings, **values)
+
+
+def scene_path(out: Path | None, path: str) -> str:
+    """Where the scene of the run in ``out`` is: ``path`` as the run was given it, else from a folder above the run's.
+
+    A run keeps the path that it was given, often relative to a folder that nobody remembers.  Raises OutputError.
+    """
+    if Path(path).exists() or any(sign in path for sign in "*?[%@"):  # patterns are for the reader of sequences
+        return path
+    above = () if out is None or Path(path).is_absolute() else (out.resolve(), *out.resolve().parents)
+    found = next((folder / path for folder in above if (folder / path).exists()), None)
+    if found is None:
+        hint = "start in the folder it was evaluated from, or open the scene itself"
+        raise OutputError(f"the run's scene {path} is not here", where=str(out), hint=hint)
+    return str(found)
 
 
 def worst_frame(run: Run) -> int | None:
@@ -105,5 +121,8 @@ def worst_frame(run: Run) -> int | None:
     return int(max(rows, key=lambda row: sum(row.get(n) or 0 for n in ("frustum", *FEATURE_BIT)))["frame"])
 
 
-def _said(run: Run) -> str:
-    return f"run of {run.summary['scene'].get('name', '?')}: its most discarded pair"
+def _said(run: Run, sha256: str | None) -> str:
+    scene = run.summary["scene"]
+    changed = scene.get("sha256") is not None and scene["sha256"] != sha256
+    told = "the scene has changed since" if changed else "its most discarded pair"
+    return f"run of {scene.get('name', '?')}: {told}"

@@ -191,8 +191,9 @@ class Panels:
                 continue
             high = 2.0 if feature in ("normal", "color") else 10.0
             flags = imgui.SliderFlags_.logarithmic.value
+            shown = "%.4f m" if feature == "position" else "%.4f"
             changed, value = imgui.slider_float(
-                f"{feature}##threshold", s.thresholds[feature], 1e-4, high, "%.4f", flags
+                f"{feature}##threshold", s.thresholds[feature], 1e-4, high, shown, flags
             )
             self._place(f"threshold.{feature}", slider=True)
             if changed:
@@ -212,8 +213,8 @@ class Panels:
         imgui.text_wrapped(found.reason)
         for name, f in found.features.items():
             distance = "-" if f.distance is None else f"{f.distance:.4g}"
-            sign = ">" if f.discarded else "<="
-            imgui.text(f"{name}: {distance}" + ("" if f.distance is None else f" {sign} {f.threshold:.4g}"))
+            sign, unit = ">" if f.discarded else "<=", " m" if name == "position" else ""
+            imgui.text(f"{name}: {distance}" + ("" if f.distance is None else f" {sign} {f.threshold:.4g}{unit}"))
             self._faint(f"  now {_triple(f.current)}")
             if f.history is not None:
                 self._faint(f"  was {_triple(f.history)}")

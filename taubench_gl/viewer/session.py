@@ -8,7 +8,7 @@ from pathlib import Path
 
 from taubench_gl.viewer import prefs
 from taubench_gl.viewer.app import Viewer
-from taubench_gl.viewer.layout import BAR, SIDE
+from taubench_gl.viewer.layout import BAR, SIDE, start_size
 from taubench_gl.viewer.opening import Asked
 from taubench_gl.viewer.script import ScriptRunner, parse
 from taubench_gl.viewer.window import Window
@@ -34,7 +34,9 @@ def run_session(session: Session) -> None:
     automatic = lines is not None or session.bench is not None
     kept = prefs.load(session.folder)[0].window if session.folder is not None else None
     settings = session.asked.settings
-    size = session.window or kept or (settings.width + SIDE, settings.height + BAR)
+    picture = (settings.width, settings.height)
+    exact = (picture[0] + SIDE, picture[1] + BAR)  # scripts and benchmarks count on a window that fits the picture
+    size = session.window or kept or (exact if automatic else start_size(picture))
     window = Window(size, vsync=not automatic)
     viewer = None
     try:

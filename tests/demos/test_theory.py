@@ -11,6 +11,7 @@ import pytest
 from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.demos import theory
+from taubench_gl.demos.lessons.cost import beside
 from taubench_gl.demos.lessons.half import half_step
 from taubench_gl.demos.lessons.noise import law_of_many_draws, law_of_one_draw
 from taubench_gl.selftest.scenes import turn
@@ -96,3 +97,11 @@ def test_the_inmost_pixel_of_a_region():
     assert row == 5 and 6 <= x <= 16
     with pytest.raises(ValueError, match="no inmost"):
         theory.inmost(np.zeros((3, 3), dtype=bool))
+
+
+def test_labels_of_dots_that_overlap_stand_apart():
+    alone, pair, same = (0.0, 0.0), [(100.0, 0.0), (106.0, 8.0)], [(50.0, 50.0)] * 2
+    where = beside(np.array([alone, *pair, *same]), 17.0)
+    assert where[0] == (0.0, 0.0)
+    assert where[1] == pytest.approx((-10.2, -13.6)) and where[2] == pytest.approx((10.2, 13.6))  # along (3, 4) / 5
+    assert where[3:] == [(-17.0, 0.0), (17.0, 0.0)]

@@ -264,6 +264,26 @@ def test_paper_gets_everything_and_no_controls(browser, page_file):
         playwright.expect(closed).to_have_count(before)
 
 
+def test_the_picture_is_there_when_the_page_has_loaded(browser, page_file):
+    """A page that is printed as soon as it has loaded, as ``chromium --print-to-pdf`` does, has its picture."""
+    context = browser.new_context()
+    page = context.new_page()
+    page.add_init_script("addEventListener('load', () => { atLoad = document.querySelector('.stage').dataset.frame; })")
+    page.goto(page_file.as_uri())
+    assert page.evaluate("atLoad") == page.evaluate("document.querySelector('.stage').dataset.frame") is not None
+    context.close()
+
+
+def test_table_titles_are_read_whole_on_a_phone(browser, page_file):
+    for page in opened(browser, page_file, viewport={"width": 375, "height": 700}, is_mobile=True):
+        rights = page.evaluate("[...document.querySelectorAll('caption')].map(e => e.getBoundingClientRect().right)")
+        assert len(rights) == 4 and max(rights) <= 375
+        names = "[...document.querySelectorAll('.wide tbody th')].map(e => e.getBoundingClientRect().left)"
+        before = page.evaluate(names)
+        page.evaluate("document.querySelectorAll('.wide').forEach(e => e.scrollTo(150, 0))")
+        assert page.evaluate(names) == before  # names stay beside the numbers
+
+
 def test_tab_reaches_every_control_and_focus_shows(page):
     names = set()
     for _ in range(60):

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.viewer import prefs, variables
 from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.keys import KEYS, MOVEMENT, help_lines, key_words, markdown, split_chord
-from taubench_gl.viewer.layout import arrange
+from taubench_gl.viewer.layout import arrange, start_size
+from taubench_gl.viewer.opening import scene_path
 from taubench_gl.viewer.state import OVERLAYS, ViewerState
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
@@ -150,6 +151,32 @@ def test_panels_never_cover_the_picture(window, size, panels):
             px, py, pw, ph = panel
             assert px >= x + w or py >= y + h or px + pw <= x or py + ph <= y
     assert abs(w * size[1] - h * size[0]) <= max(size) or min(w, h) == 1  # the picture's aspect, to the pixel
+
+
+@pytest.mark.parametrize(
+    ("size", "times", "window"),
+    [((480, 270), 2, (1260, 640)), ((640, 360), 2, (1580, 784)), ((64, 36), 20, (1580, 784)),
+     ((1920, 1080), 1, (2220, 1144)), ((16, 1000), 1, (316, 1064))],
+)  # fmt: skip
+def test_a_new_window_shows_small_pictures_large(size, times, window):
+    assert start_size(size) == window
+    shown = arrange(window, size, panels=True).picture
+    assert shown[2:] == (size[0] * times, size[1] * times) or window[0] < 480  # whole pixels
+
+
+def test_the_scene_of_a_run_is_found_from_elsewhere(tmp_path, monkeypatch):
+    scene, out = tmp_path / "a" / "assets" / "s.glb", tmp_path / "a" / "runs" / "one"
+    for folder in (scene.parent, out, tmp_path / "b"):
+        folder.mkdir(parents=True)
+    scene.touch()
+    monkeypatch.chdir(tmp_path / "a")
+    assert scene_path(Path("runs/one"), "assets/s.glb") == "assets/s.glb"
+    monkeypatch.chdir(tmp_path / "b")
+    assert scene_path(Path("../a/runs/one"), "assets/s.glb") == str(scene)
+    assert scene_path(out, "folder/name*.obj@30") == "folder/name*.obj@30"
+    for gone in ("assets/t.glb", str(tmp_path / "t.glb")):
+        with pytest.raises(OutputError, match=r"one: the run's scene .*t\.glb is not here"):
+            scene_path(out, gone)
 
 
 def test_picture_pixels_under_the_mouse():

@@ -38,6 +38,8 @@ METHODS = {
     "position and normal tested": ("bmfr_temporal", BLUE, "^"),
     "oracle: the paper's masks": ("oracle", GREEN, "D"),
 }
+MARKER_PT = (6, 14, 9, 4)
+"""Of the curves, in the order of METHODS: the three cures lie on one another, and each shows around the next."""
 
 
 def scene() -> Scene:
@@ -134,20 +136,20 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(0.0, 0.1, "every pixel the ball left is a position discard")),
     )  # fmt: skip
     caption = f"A ball after {FRAMES - 1} frames of flight, in four ways to reuse history, and how its ghost fades."
-    # The curves of the cures lie on one another: the first and the last one drawn can be seen.
-    colors = {name: tuple(int(METHODS[name][1][i : i + 2], 16) for i in (1, 3, 5)) for name in (first, oracle)}
+    colors = {name: tuple(int(color[i : i + 2], 16) for i in (1, 3, 5)) for name, (_, color, _) in METHODS.items()}
     return Result(findings, (Figure(path, caption, colors),))
 
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
     axes = sheet.plot(
         80, sheet.grid_bottom + 44, 1160, 222, xlabel="frames since the ball went", ylabel="ball's light left, %",
-        title="How a ghost fades", ylim=(-4, 104),
+        title="How a ghost fades", ylim=(-9, 104),
     )  # fmt: skip
     k = np.linspace(1, FRAMES, 200)
     axes.plot(k, 100 * (1 - ALPHA) ** k, color="#444", linewidth=1.4, linestyle="--", label=f"theory: (1 - {ALPHA})^k")
-    for name, trail in trails.items():
+    for i, (name, trail) in enumerate(trails.items()):
         _, color, marker = METHODS[name]
-        ages = sorted(trail.weights)
-        axes.plot(ages, [100 * trail.weights[a] for a in ages], marker=marker, color=color, linewidth=2, label=name)
+        ages, size = sorted(trail.weights), MARKER_PT[i]
+        values = [100 * trail.weights[a] for a in ages]
+        axes.plot(ages, values, marker=marker, markersize=size, color=color, linewidth=size / 3, label=name)
     axes.legend(frameon=False, fontsize=12, loc="upper right")

@@ -105,7 +105,7 @@ function makeCurves(box, state) {
     const put = () => {
       node.setAttribute("transform", `translate(${x(edges[all])} ${bottom + 24})`);
       node.setAttribute("aria-valuenow", all);
-      node.setAttribute("aria-valuetext", `all at ${short(edges[all])}`);
+      node.setAttribute("aria-valuetext", `all at ${short(edges[all], 4)}`);
     };
     if (!all) all = edges.findIndex((t) => t >= (lines[0].used || 0.1));
     slide(node, (event) => {
@@ -147,11 +147,11 @@ function makeCurves(box, state) {
     if (line.handle) {
       line.handle.setAttribute("transform", `translate(${x(stop.t)} ${y(stop.value)})`);
       line.handle.setAttribute("aria-valuenow", line.at);
-      line.handle.setAttribute("aria-valuetext", `${short(stop.t)}${unit(line)}: ${percent(stop.value)}`);
+      line.handle.setAttribute("aria-valuetext", `${short(stop.t, 4)}${unit(line)}: ${percent(stop.value)}`);
     }
     if (!line.cells) return;
     const change = stop.value - line.exact;
-    line.cells[0].textContent = short(stop.t) + unit(line);
+    line.cells[0].textContent = short(stop.t, 4) + unit(line);
     line.cells[1].textContent = percent(stop.value);
     line.cells[1].dataset.percent = stop.value;
     line.cells[1].dataset.threshold = stop.t;

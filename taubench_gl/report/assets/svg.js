@@ -27,13 +27,13 @@ function percent(value) {
   return value.toFixed(2) + " %";
 }
 
-function short(value) {
+function short(value, digits = 3) {
   if (value === null || value === undefined || !isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
   if (size >= 1000) return value.toFixed(0);
   if (size < 0.0001) return value.toExponential(1).replace("e-", "e−");
-  return String(Number(value.toPrecision(3)));
+  return String(Number(value.toPrecision(digits)));
 }
 
 function linear(from, to, a, b) {

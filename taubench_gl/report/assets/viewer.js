@@ -32,8 +32,12 @@ function makeViewer(box, state) {
     if (!pics.cache) pics.cache = new Map();
     if (!pics.cache.has(key)) {
       const image = new Image();
-      image.src = pics.items[index][part];
-      pics.cache.set(key, image.decode().then(() => image));
+      // Not decode(): the page's own load event waits for an image that loads, so a page printed at once has its picture.
+      pics.cache.set(key, new Promise((done, failed) => {
+        image.onload = () => done(image);
+        image.onerror = () => failed(new Error(`${part} of frame ${pics.items[index].n} is damaged`));
+        image.src = pics.items[index][part];
+      }));
       if (pics.cache.size > 90) pics.cache.delete(pics.cache.keys().next().value);
     }
     return pics.cache.get(key);
