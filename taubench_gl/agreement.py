@@ -148,7 +148,9 @@ def _features(a: Run, b: Run, frames: list[int]) -> dict[str, Any]:
     pairs = saved_pairs(a.out, b.out, frames, _CHANNELS)
     if not pairs:
         return {"reason": NO_CHANNELS}
-    errors = FeatureErrors(same_place_m=b.summary["settings"]["thresholds"]["position"])
+    told = b.summary["settings"]
+    scale = told.get("unit_scale") or 1.0
+    errors = FeatureErrors(same_place_m=told["thresholds"]["position"] / scale, unit_scale=scale)
     for _, first, second in pairs:
         errors.add(first, second)
     return errors.summary()

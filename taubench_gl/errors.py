@@ -48,5 +48,9 @@ class OutputError(TaubenchError):
 
 
 def _one_line(text: str) -> str:
-    """Collapse line breaks and control characters: names inside files are not ours to trust."""
+    """Collapse line breaks and control characters: names inside files are not ours to trust.
+
+    Bytes of a path that are no UTF-8 stay to be seen, as ``outputs.text_bytes`` writes them.
+    """
+    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())

@@ -14,10 +14,10 @@ import numpy as np
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES, SUMMARY_SCHEMA
+from taubench_gl.conventions import FEATURES
 from taubench_gl.cycles.render import read_render
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import Pair, count_pairs
+from taubench_gl.evaluation import Pair, assemble_summary, count_pairs, finish_run
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.noise import noise_floor
 from taubench_gl.frame.passes.masks import MaskPass
@@ -26,8 +26,6 @@ from taubench_gl.frame.truth_source import TruthSource
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.metrics.activity import camera_activity, summarize
-from taubench_gl.metrics.cuts import detect_cuts
 from taubench_gl.provenance import provenance
 from taubench_gl.reference.mapping import BOUNCES, LOBES
 from taubench_gl.reference.sequence import TruthSequence, is_sequence
@@ -129,11 +127,10 @@ def _run(
                 gpu, source, frames, settings, sequence.name, timer, writer, progress, watched
             )
             gpu.check("evaluation")
-            summary = _summary(sequence, frames, settings, views, stats) | source.describe()
+            facts = _facts(sequence, frames, settings, camera, _notes(source, camera))
+            summary = assemble_summary(facts, frames, settings, views, stats) | source.describe()
             folder = sequence.path if sequence.path.is_dir() else sequence.path.parent
             summary["truth"]["render"] = read_render(folder, frames)
-            summary["camera"]["source"] = camera.describe()
-            summary["notes"] = _notes(source, camera)
             if lobes is not None:
                 summary["lobes"] = lobes.summary()
             if options.second_seed is not None:
@@ -150,24 +147,14 @@ def _run(
             gpu.collect()
         summary["timing"] = timer.summary()
         summary["provenance"] = provenance(gpu, timer.clock)
-    cuts = set(summary["camera"]["cuts"])
-    for row in rows:
-        row["camera_cut"] = row["frame"] in cuts
-    if writer is not None:
-        writer.rewrite_rows(rows)
-        writer.write_summary(summary)
-    return Run(summary, rows, None if writer is None else writer.out)
+    return finish_run(summary, rows, writer)
 
 
-def _summary(
-    sequence: TruthSequence, frames: range, settings: Settings, views: list[View], stats: SequenceStats
+def _facts(
+    sequence: TruthSequence, frames: range, settings: Settings, camera: TruthCamera, notes: list[str]
 ) -> dict[str, Any]:
-    positions = np.array([v.position for v in views]).reshape(-1, 3)
-    rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
-    activity = camera_activity(positions, rotations)
-    cuts = detect_cuts(activity, settings.unit_scale)
+    """As ``evaluation.scene_facts``, of files that do not say what they show."""
     return {
-        "schema": SUMMARY_SCHEMA,
         "scene": {
             "name": sequence.name,
             "path": str(sequence.path),
@@ -175,13 +162,9 @@ def _summary(
             "duration_s": (len(frames) - 1) / settings.fps,
             "playing": [],
         },
-        "settings": settings.as_summary(frames),
-        "pairs": stats.pairs,
         "census": {"reason": NO_SCENE},
-        "camera": summarize(activity, cuts, settings.fps, frames[0]),
-        "discard": stats.discard(cuts),
-        "classes": stats.classes(),
-        "curves": stats.curves(),
+        "camera_source": camera.describe(),
+        "notes": notes,
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import os
 from pathlib import Path
 
@@ -11,30 +12,65 @@ import numpy as np
 
 from taubench_gl.errors import OutputError
 
+_writes = itertools.count()  # tells the partial files of one process's threads apart
+
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:
     """The OutputError for a system error met while writing ``path``."""
     return OutputError(f"cannot be written: {error.strerror or error}", where=str(path))
 
 
-def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
-    """Write ``data`` (text as UTF-8) beside ``path`` and rename: readers see the old file or the new, whole.
-
-    ``parents``: make the folder where there is none.  Raises OutputError.
+def text_bytes(text: str) -> bytes:
+    """``text`` as UTF-8.  A byte of a path that is no UTF-8 (a lone surrogate in Python) becomes a literal ``\\udce9``:
+    in JSON that is the escape of the same surrogate, so that reading gives the path back; elsewhere it can be read.
     """
-    partial = path.with_name(f".{path.name}.partial")
+    return text.encode("utf-8", "backslashreplace")
+
+
+def plain_text(text: str) -> str:
+    """``text`` for those who take UTF-8 alone, such as font renderers and file headers: as ``text_bytes`` writes it."""
+    return text_bytes(text).decode("utf-8")
+
+
+def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
+    """Write ``data`` (text by ``text_bytes``) beside ``path`` and rename: readers see the old file or the new, whole.
+
+    Writers of one path do not meet: the last to finish wins.  ``parents``: make the folder where there is none.
+    Raises OutputError.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}.partial")
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
         with open(partial, "wb") as file:
-            file.write(data.encode("utf-8") if isinstance(data, str) else data)
+            file.write(text_bytes(data) if isinstance(data, str) else data)
             file.flush()
             os.fsync(file.fileno())
         os.replace(partial, path)
-    except OSError as error:
+    except BaseException as error:  # an interrupt leaves nothing behind either
         with contextlib.suppress(OSError):  # where its folder is no folder either
             partial.unlink()
-        raise cannot_write(path, error) from None
+        if isinstance(error, OSError):
+            raise cannot_write(path, error) from None
+        raise
+
+
+def make_folders(path: Path) -> list[Path]:
+    """Make ``path`` with all above it; those that were not there, the innermost first.  Raises OSError, with none."""
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        remove_folders(made)
+        raise
+    return made
+
+
+def remove_folders(made: list[Path]) -> None:
+    """Take away folders of ``make_folders``, innermost first, as far as they are empty."""
+    for folder in made:
+        with contextlib.suppress(OSError):  # not empty, or not there
+            folder.rmdir()
 
 
 def write_png(path: Path, picture: np.ndarray) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
@@ -12,7 +13,7 @@ from typing import Any
 
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import cannot_write, make_folders, remove_folders, text_bytes, write_atomically
 
 SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
@@ -95,8 +96,9 @@ class RunWriter:
     """Writes a run while it happens.  A context manager; ``with`` creates the folder or raises OutputError.
 
     ``frames.csv`` grows by one whole line per finished pair, each handed to the system at once: what is interrupted
-    keeps its finished pairs.  ``summary.json`` appears only when it is complete, by renaming; one left by an earlier
-    run is removed first, so that it never stands beside the rows of another.
+    keeps its finished pairs; what fails before the first one leaves nothing.  ``summary.json`` appears only when it is
+    complete, by renaming; one left by an earlier run is removed first, so that it never stands beside the rows of
+    another.
     """
 
     def __init__(self, out: str | Path, frame_columns: Sequence[str] = FRAME_COLUMNS):
@@ -104,24 +106,44 @@ class RunWriter:
         self.columns = tuple(frame_columns)
         self.rows = 0
         self._file: io.FileIO | None = None
+        self._begun = False
+        self._made: list[Path] = []
 
     def __enter__(self) -> RunWriter:
         try:
-            self.out.mkdir(parents=True, exist_ok=True)
+            self._made = make_folders(self.out)
             self.path(SUMMARY_FILE).unlink(missing_ok=True)
             # Unbuffered: one write call per row, so no row can be cut in two by an interrupt between flushes.
             self._file = open(self.path(FRAMES_FILE), "wb", buffering=0)
+            self._begun = True
             self._write_line(self.columns)
         except (FileExistsError, NotADirectoryError):
+            self._forget()
             raise OutputError("is not a folder", where=str(self.out), hint="give --out another name") from None
         except OSError as error:
+            self._forget()
             raise cannot_write(self.out, error) from None
         return self
 
     def __exit__(self, *exc: Any) -> None:
+        begun = self._file is not None
+        self._close()
+        if begun and exc[0] is not None and not self.rows:
+            self._forget()
+
+    def _close(self) -> None:
         if self._file is not None:
             self._file.close()
             self._file = None
+
+    def _forget(self) -> None:
+        """Take away a frames.csv without rows, and the folders made for it where nothing else is in them."""
+        begun, self._begun = self._begun, False
+        self._close()
+        with contextlib.suppress(OSError):
+            if begun:
+                (self.out / FRAMES_FILE).unlink(missing_ok=True)
+            remove_folders(self._made)
 
     def path(self, name: str) -> Path:
         """Where a further output called ``name`` goes; its folder exists on return.  Raises OutputError."""
@@ -149,9 +171,7 @@ class RunWriter:
         for row in rows:
             self._check(row)
         lines = [_line(self.columns), *(_line([_cell(row.get(name)) for name in self.columns]) for row in rows)]
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        self._close()
         write_atomically(self.path(FRAMES_FILE), "".join(lines))
         self.rows = len(rows)
 
@@ -163,7 +183,7 @@ class RunWriter:
     def _write_line(self, cells: Sequence[Any]) -> None:
         if self._file is None:
             raise ValueError("frames.csv is not open: rows belong in the with block, before rewrite_rows")
-        self._file.write(_line(cells).encode())
+        self._file.write(text_bytes(_line(cells)))
 
     def _check(self, row: Mapping[str, Any]) -> None:
         unknown = row.keys() - set(self.columns)

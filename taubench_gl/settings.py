@@ -25,6 +25,8 @@ SUMMATIONS = ("integer", "compensated", "plain")
 PAIR_SAMPLES = ("all", "every:K", "strata:H")
 _PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
 MAX_SIZE = 16384
+MAX_FRAMES = 1_000_000
+"""Frames of one evaluation: more than eleven hours at 24 fps.  What is kept per frame fits in memory up to here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +122,7 @@ class Settings:
                 raise SettingsError(f"threshold of {name} is {value}", hint="give a finite number of at least 0")
 
     def threshold(self, feature: str) -> float:
-        """a_B of ``feature`` as the masks use it: position in metres times ``unit_scale``."""
+        """a_B of ``feature`` as the masks use it: position in scene units, metres times ``unit_scale``."""
         value = float(self.thresholds.get(feature, DEFAULT_THRESHOLD))
         return value * self.unit_scale if feature == "position" else value
 
@@ -134,16 +136,26 @@ class Settings:
         """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration fps (1 + 2^-23) + 1e-6).
 
         Key times are float32: n / fps rounded down would lose frame n from n = 50 on at 24 fps without the factor.
+        Any number, however large.  Raises SettingsError where a float64 cannot count them.
         """
+        if not duration * self.fps < 2.0**53:
+            what = f"{duration:g} s at {self.fps:g} fps have no countable frames"
+            raise SettingsError(what, hint="give a lower --fps")
         return math.floor(duration * self.fps * (1.0 + 2.0**-23) + 1e-6) + 1
 
     def frame_range(self, duration: float) -> range:
-        """Frame numbers to evaluate, as ``frames`` slices them."""
+        """Frame numbers to evaluate, as ``frames`` slices them.  Raises SettingsError for more than MAX_FRAMES."""
         first, stop = self.frames
-        return range(self.frame_count(duration))[slice(first, stop)]
+        count = self.frame_count(duration)
+        frames = range(count)[slice(first, stop)]
+        if frames.stop - frames.start > MAX_FRAMES:
+            what = f"{frames.stop - frames.start} frames are more than {MAX_FRAMES}"
+            hint = f"the scene has {count} at {self.fps:g} fps"
+            raise SettingsError(f"{what}: give --frames A:B", hint=hint)
+        return frames
 
     def as_summary(self, frames: range) -> dict[str, Any]:
-        """The ``settings`` block of summary.json (SPEC section 6)."""
+        """The ``settings`` block of summary.json (SPEC section 6); ``thresholds``: as the masks use them."""
         return {
             "width": self.width,
             "height": self.height,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -61,11 +62,18 @@ class Machine:
             (self.state / fact).touch()
 
     def setup(self) -> subprocess.CompletedProcess[str]:
+        process = self.start()
+        out, err = process.communicate(timeout=60)
+        return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+    def start(self) -> subprocess.Popen[str]:
         (self.state / "log").write_text("")
         script = f"set -euo pipefail; source {self.root}/tools/setup.sh; echo ready"
         environment = {"PATH": str(self.bin), "STATE": str(self.state)}
         bash = str(shutil.which("bash"))
-        return subprocess.run([bash, "-c", script], env=environment, capture_output=True, text=True, timeout=60)
+        return subprocess.Popen(
+            [bash, "-c", script], env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
 
     def calls(self, program: str) -> list[str]:
         lines = (self.state / "log").read_text().splitlines()
@@ -165,3 +173,22 @@ def test_scripts_are_executable_and_parse():
         assert os.access(ROOT / name, os.X_OK), name
         subprocess.run(["bash", "-n", ROOT / name], check=True, timeout=60)
     assert "tools/test" in (ROOT / ".ci" / "run").read_text()
+
+
+@pytest.mark.skipif(shutil.which("flock") is None, reason="flock is not installed")
+def test_the_second_of_two_waits_for_the_first(machine):
+    os.symlink(shutil.which("flock"), machine.bin / "flock")
+    machine.has("gl")
+    first = os.open(machine.root, os.O_RDONLY)
+    fcntl.flock(first, fcntl.LOCK_EX)
+    second = machine.start()
+    try:
+        assert "waiting for another tools/demo or tools/test" in second.stderr.readline()
+        assert machine.calls("python") == [], "nothing is looked at, let alone installed, before its turn"
+        os.close(first)  # the first has ended, in whatever way
+        out, err = second.communicate(timeout=60)
+    finally:
+        second.kill()
+    assert (second.returncode, out) == (0, "ready\n"), err
+    assert len(machine.pip_calls()) == 2
+    assert "waiting" not in machine.setup().stderr, "the lock was given back"

@@ -97,14 +97,21 @@ ensure_gl() {
   "$py" "$root/tools/gl_probe.py" >&2 || stop "OpenGL still cannot be opened (see above)"
 }
 
-# ensure_test_programs: a screen for the viewer and a browser for the reports.  Without them those tests skip by name.
+# ensure_test_programs: a screen for the viewer, a browser for the reports, a second way to OpenGL.  Without them those
+# tests skip by name.
 ensure_test_programs() {
   local missing=()
   command -v Xvfb >/dev/null || missing+=(xvfb)
   command -v chromium >/dev/null || missing+=(chromium)
-  if [ ${#missing[@]} -eq 0 ]; then return 0; fi
-  say "installing for the tests: ${missing[*]}"
-  apt_install "${missing[@]}" || say "note: could not install ${missing[*]}; the tests that need them will be skipped"
+  if [ ${#missing[@]} -gt 0 ]; then
+    say "installing for the tests: ${missing[*]}"
+    apt_install "${missing[@]}" || say "note: could not install ${missing[*]}; the tests that need them will be skipped"
+  fi
+  # Where the distribution still has it: Mesa 25.1 dropped it.
+  if ! ldconfig -p | grep -q libOSMesa && apt-cache show libosmesa6 >/dev/null 2>&1; then
+    say "installing for the tests: libosmesa6"
+    apt_install libosmesa6 || say "note: could not install libosmesa6; the tests that need it will be skipped"
+  fi
 }
 
 # ensure_validator: the Khronos glTF validator, where npm can get it.  Without it its tests skip by name.
@@ -117,6 +124,20 @@ ensure_validator() {
   export GLTF_VALIDATOR=$folder
 }
 
+# one_at_a_time: waits for whoever is setting up this checkout already; two pips in one environment break it.  The lock is
+# on the checkout's folder, so that no file is left behind; it ends with done_setting_up, or with this process.
+one_at_a_time() {
+  command -v flock >/dev/null || return 0 # carry on: not every system has it
+  exec 9<"$root"
+  flock -n 9 2>/dev/null && return 0
+  say "waiting for another tools/demo or tools/test that is setting up .venv"
+  flock 9 || say "note: this folder cannot be locked; carrying on"
+}
+
+done_setting_up() { exec 9<&-; }
+
+one_at_a_time
 ensure_venv
 ensure_packages
 ensure_gl
+done_setting_up

@@ -12,9 +12,13 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation.state import FrameState
 from taubench_gl.animation.timeline import Timeline
+from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Camera, Light, Primitive, Scene
 
 Array = np.ndarray
+
+LARGEST = 1e18
+"""Largest entry of a world transform, scene units: its square is a float32 still, as lighting and distances need."""
 
 
 class Poser:
@@ -29,6 +33,7 @@ class Poser:
         self._weights = _default_weights(scene)
         for weights in self._weights.values():
             weights.flags.writeable = False  # handed out with every state
+        self._used = _used_nodes(scene)
 
     @property
     def duration(self) -> float:
@@ -63,11 +68,28 @@ class Poser:
         # glTF forbids animating a node that has a matrix; where a file does so anyway, its matrix stays.
         local[self._fixed] = nodes.matrix[self._fixed]
         world, visible = local, own
-        for level in self._levels[1:]:
-            parent = nodes.parent[level]
-            world[level] = world[parent] @ local[level]
-            visible[level] &= visible[parent]
+        with np.errstate(over="ignore", invalid="ignore"):  # told of below, where it matters
+            for level in self._levels[1:]:
+                parent = nodes.parent[level]
+                world[level] = world[parent] @ local[level]
+                visible[level] &= visible[parent]
+        if not (np.abs(world[self._used]) <= LARGEST).all():
+            self._refuse(t, world)
         return FrameState(float(t), world, visible & nodes.in_scene, weights, tuple(cameras), tuple(lights))
+
+    def overflowing(self, world: Array, of: Array | None = None) -> Array:
+        """Nodes of ``of`` (None: all of the scene) whose transforms are beyond LARGEST, or no numbers.  (n,) int64."""
+        of = np.flatnonzero(self.scene.nodes.in_scene) if of is None else of
+        return of[~(np.abs(world[of]) <= LARGEST).all(axis=(1, 2))]
+
+    def _refuse(self, t: float, world: Array) -> None:
+        scene, node = self.scene, int(self.overflowing(world, self._used)[0])
+        name = scene.nodes.names[node] or f"number {node}"
+        raise SceneError(
+            f"node {name!r} lies or reaches beyond {LARGEST:g} at {t:g} s",
+            where=str(scene.path or scene.name),
+            hint="scales multiply from parent to child: mend the scale or translation of the node or of one above it",
+        )
 
 
 def sample(scene: Scene, t: float) -> FrameState:
@@ -159,6 +181,16 @@ def _default_weights(scene: Scene) -> dict[int, Array]:
             own = scene.nodes.weights.get(node)
             out[node] = _fit(scene.meshes[mesh].weights if own is None else own, count)
     return out
+
+
+def _used_nodes(scene: Scene) -> Array:
+    """Nodes of the scene whose place is looked at: meshes, their joints, cameras and lights.  (n,) int64."""
+    nodes = scene.nodes
+    skins = {int(s) for s in nodes.skin[scene.mesh_nodes] if s >= 0}
+    joints = [np.asarray(scene.skins[s].joints, dtype=np.int64) for s in skins]
+    return np.unique(
+        np.concatenate([scene.mesh_nodes, scene.camera_nodes, scene.light_nodes, *joints]).astype(np.int64)
+    )
 
 
 def _fit(weights: Array, count: int) -> Array:

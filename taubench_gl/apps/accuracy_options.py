@@ -7,55 +7,28 @@ from typing import Any
 
 import click
 
+from taubench_gl.apps.options import of_settings, with_options
 from taubench_gl.settings import STORAGES, SUMMATIONS, Settings
 
 
 def accuracy_options(command: Any) -> Any:
     """``--storage``, ``--samples-per-pixel``, ``--pairs``, ``--summation`` and ``--histogram-bits``."""
-    default = Settings()
-    for option in reversed(
-        (
-            click.option(
-                "--storage",
-                type=click.Choice(STORAGES),
-                default=default.storage,
-                show_default=True,
-                help="Of channels between passes: 32 or 16 bits a component.",
-            ),
-            click.option(
-                "--samples-per-pixel",
-                type=int,
-                metavar="N",
-                default=default.samples_per_pixel,
-                show_default=True,
-                help="Places within a pixel at which both frames of a pair are drawn and judged.",
-            ),
-            click.option(
-                "--pairs",
-                metavar="all|every:K|strata:H",
-                default=default.pairs,
-                show_default=True,
-                help="Pairs looked at: every K-th, or two from each of H stretches; with confidence intervals.",
-            ),
-            click.option(
-                "--summation",
-                type=click.Choice(SUMMATIONS),
-                default=default.summation,
-                show_default=True,
-                help="Of pixel counts over pairs: exact, or in float32.",
-            ),
-            click.option(
-                "--histogram-bits",
-                type=int,
-                metavar="B",
-                default=default.histogram_bits,
-                show_default=True,
-                help="2^B bins per octave of the discard-versus-threshold curves.",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
+    return with_options(
+        command,
+        of_settings("--storage", "Of channels between passes: 32 or 16 bits a component.", type=click.Choice(STORAGES)),
+        of_settings(
+            "--samples-per-pixel",
+            "Places within a pixel at which both frames of a pair are drawn and judged.",
+            metavar="N",
+        ),
+        of_settings(
+            "--pairs",
+            "Pairs looked at: every K-th, or two from each of H stretches; with confidence intervals.",
+            metavar="all|every:K|strata:H",
+        ),
+        of_settings("--summation", "Of pixel counts over pairs: exact, or in float32.", type=click.Choice(SUMMATIONS)),
+        of_settings("--histogram-bits", "2^B bins per octave of the discard-versus-threshold curves.", metavar="B"),
+    )
 
 
 def preset_option(command: Any) -> Any:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import click
 
+from taubench_gl.apps.option_types import OutPath
+
 
 @click.command(
     epilog="""\b
@@ -20,7 +22,7 @@ Examples:
 @click.argument("first", metavar="RUN_A")
 @click.argument("second", metavar="RUN_B")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Also write text, JSON, HTML, a picture.")
+@click.option("--out", type=OutPath(), metavar="DIR", help="Also write text, JSON, HTML, a picture.")
 def agree(first: str, second: str, as_json: bool, out: Path | None) -> None:
     """How far RUN_A agrees with RUN_B (folders that 'taubench-gl evaluate --out' wrote).
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from taubench_gl.apps.option_types import OutPath
+
 if TYPE_CHECKING:
     from taubench_gl.batch.driver import Outcome
     from taubench_gl.batch.study import Study
@@ -66,7 +68,7 @@ Examples:
   taubench-gl batch run study.toml --out results --workers 4"""
 )
 @click.argument("study", type=click.Path(path_type=Path), metavar="STUDY.toml")
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the results.")
+@click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the results.")
 @engine_options
 def run(study: Path, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
     """Run STUDY.toml into DIR, or what is missing of it there.

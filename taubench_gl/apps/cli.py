@@ -5,9 +5,11 @@ Every command imports its work when it runs, so ``--help`` needs neither OpenGL 
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import sys
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 import click
 
@@ -34,6 +36,8 @@ from taubench_gl.errors import TaubenchError
 
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
+_REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What a system says that has no room, or no disk any more."""
 
 
 @click.group(
@@ -88,8 +92,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
             stream.reconfigure(errors="replace")
     try:
         code = cli.main(args=arguments, prog_name="taubench-gl", standalone_mode=False)
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, where a full disk can still be told of
     except TaubenchError as error:
-        if os.environ.get("TAUBENCH_DEBUG", "") not in ("", "0"):
+        if _debugging():
             raise
         click.echo(f"taubench-gl: error: {error}", err=True)
         code = EXIT_ERROR
@@ -100,7 +106,29 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         click.echo("taubench-gl: interrupted", err=True)
         code = EXIT_INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has closed it (as head does); the interpreter must not try to flush it again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # Whoever read our output has closed it (as head does).
+        _drop_output(sys.stdout)
         code = 1
+    except OSError as error:
+        if error.errno not in _REFUSED or _debugging():
+            raise
+        _drop_output(sys.stdout)
+        with contextlib.suppress(OSError):  # where the messages go to the same disk
+            what = f"{error.filename or 'output'} cannot be written: {error.strerror}"
+            click.echo(f"taubench-gl: error: {what}", err=True)
+        code = EXIT_ERROR
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _debugging() -> bool:
+    return os.environ.get("TAUBENCH_DEBUG", "") not in ("", "0")
+
+
+def _drop_output(stream: TextIO) -> None:
+    """Let what ``stream`` can no longer write go nowhere: the interpreter would try, and complain, once more."""
+    try:
+        stream.flush()
+        return
+    except OSError:
+        pass
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

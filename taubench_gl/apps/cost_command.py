@@ -11,7 +11,7 @@ import click
 
 from taubench_gl.apps.accuracy_options import accuracy_options
 from taubench_gl.apps.evaluate_command import out_folders
-from taubench_gl.apps.option_types import Words
+from taubench_gl.apps.option_types import OutPath, Words
 from taubench_gl.apps.options import frame_options, gpu_options, light_options, pair_options, settings_from
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import TaubenchError
@@ -36,7 +36,7 @@ DIR holds study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html
 --budget-ms preset.toml, and records.jsonl: killed and called again, a study goes on where it stopped."""
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder of the study.")
+@click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the study.")
 @click.option(
     "--knobs",
     metavar="LIST",

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from taubench_gl.apps.options import Size, gpu_options
+from taubench_gl.apps.option_types import OutPath, Size
+from taubench_gl.apps.options import gpu_options
 from taubench_gl.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ Jupyter notebooks.  docs/demos.md says what each demo shows."""
 )
 @click.argument("names", nargs=-1, metavar="[NAME|NUMBER]...")
 @click.option("--all", "every", is_flag=True, help="All demos, and a page that leads to them.")
-@click.option("--out", type=click.Path(path_type=Path), default="demos", show_default=True, metavar="DIR",
+@click.option("--out", type=OutPath(), default="demos", show_default=True, metavar="DIR",
               help="Where pictures and pages go.")  # fmt: skip
 @click.option("--list", "listing", is_flag=True, help="Say what there is, as without a name.")
 @click.option("--notebook", is_flag=True, help="Write Jupyter notebooks instead of running the demos.")

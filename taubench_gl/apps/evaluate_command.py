@@ -13,21 +13,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.accuracy_options import accuracy_options, preset_option, with_preset
+from taubench_gl.apps.option_types import OutPath, Words
 from taubench_gl.apps.options import (
-    Frames,
-    Size,
-    Threshold,
-    Words,
+    frame_options,
     gpu_options,
     light_options,
-    scene_options,
+    pair_options,
+    settings_from,
     truth_options,
 )
 from taubench_gl.errors import SettingsError, TaubenchError
-from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
 
 if TYPE_CHECKING:
     from taubench_gl.run import Run
+    from taubench_gl.settings import Settings
 
 SAVE = ("masks", "channels")
 
@@ -49,36 +48,9 @@ With --out, DIR holds summary.json and frames.csv (one row per finished pair, al
 tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one folder each inside DIR."""
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
-@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
-@scene_options
-@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
-@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
-@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
-@click.option(
-    "--reprojection",
-    type=click.Choice(REPROJECTIONS),
-    default=REPROJECTIONS[0],
-    show_default=True,
-    help="camera: as the paper, surfaces count as still.  motion: follow moving surfaces.",
-)
-@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of history.")
-@click.option(
-    "--threshold",
-    "thresholds",
-    type=Threshold(),
-    multiple=True,
-    help="a_B of color, position (metres), normal, direct or indirect; may be repeated.  [default: 32/255]",
-)
-@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
-@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
-@click.option(
-    "--textures",
-    type=click.Choice(TEXTURES),
-    default=TEXTURES[0],
-    show_default=True,
-    help="finest: without mipmaps, as 'truth render --crisp' samples them.",
-)
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
+@frame_options()
+@pair_options()
+@click.option("--out", type=OutPath(), metavar="DIR", help="Write results here, not only print.")
 @click.option("--save", type=Words(*SAVE), default="", help="Also write masks, channels (comma-separated) per pair.")
 @click.option("--report", is_flag=True, help="Also write report.html, one page to look at, and its pictures.")
 @preset_option
@@ -101,7 +73,7 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
     truth = {
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
-    settings = _settings(with_preset(options, options.pop("preset")))
+    settings = settings_from(with_preset(options, options.pop("preset")))
     folders = out_folders(scenes, out)
     runs: list[Run] = []
     failed = 0
@@ -151,20 +123,6 @@ def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:
         taken.add(name.lower())
         folders.append(out / name)
     return folders
-
-
-def _settings(options: dict[str, Any]) -> Settings:
-    width, height = options.pop("size")
-    animations, thresholds = options.pop("animations"), options.pop("thresholds")
-    frames = options.pop("frames") or (None, None)
-    return Settings(
-        width=width,
-        height=height,
-        frames=frames,
-        animation=animations or None,
-        thresholds=dict(thresholds),
-        **options,
-    )
 
 
 def _evaluate_one(

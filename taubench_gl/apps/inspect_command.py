@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import scene_options
+from taubench_gl.apps.options import scene_options, unit_scale_option
 from taubench_gl.conventions import DEFAULT_FPS
 
 if TYPE_CHECKING:
     from taubench_gl.scene.model import Scene
+
+MAX_INSPECTED = 10_000
+"""Frames at which the census looks for changes: seven minutes at 24 fps, and seconds of work."""
 
 
 @click.command(
@@ -24,8 +27,9 @@ Examples:
 @click.argument("path", metavar="SCENE")
 @scene_options
 @click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Rate at which changes are looked for.")
+@unit_scale_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def inspect(path: str, scene: str | None, animations: tuple[str, ...], fps: float, as_json: bool) -> None:
+def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: bool, **options: float) -> None:
     """Show what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
     Needs no OpenGL.
@@ -35,8 +39,8 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], fps: floa
     from taubench_gl.settings import Settings
 
     path, row = resolve(path)
-    fps = asked_for(row).get("fps", fps)
-    facts = describe(load_scene(path, scene, animations or None), Settings(fps=fps))
+    settings = Settings(**{name: asked_for(row).get(name, value) for name, value in options.items()})
+    facts = describe(load_scene(path, scene, animations or None), settings)
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -44,16 +48,21 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], fps: floa
 
 
 def describe(scene: Scene, settings: Any) -> dict[str, Any]:
-    """Facts of a scene as plain values fit for JSON; lengths in metres, angles in degrees, times in seconds."""
+    """Facts of a scene as plain values fit for JSON; lengths in metres, angles in degrees, times in seconds.
+
+    Of more than MAX_INSPECTED frames the census looks at so many, evenly spaced (``frames_inspected``).
+    """
     from taubench_gl.animation import Poser, bounding_sphere, choose_camera
     from taubench_gl.effects.census import census
     from taubench_gl.frame.plan import FramePlan
 
     poser = Poser(scene)
     frames = settings.frame_count(scene.duration)
-    counts = census(scene, (i / settings.fps for i in range(frames)), poser)
+    inspected = min(frames, MAX_INSPECTED)
+    chosen = (i if inspected == frames else i * (frames - 1) // (inspected - 1) for i in range(inspected))
+    counts = census(scene, (i / settings.fps for i in chosen), poser)
     center, radius = bounding_sphere(poser, [0.0])
-    nodes = scene.nodes
+    nodes, unit = scene.nodes, settings.unit_scale
     return {
         "name": scene.name,
         "path": None if scene.path is None else str(scene.path),
@@ -63,10 +72,11 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "duration_s": scene.duration,
         "fps": settings.fps,
         "frames": frames,
-        "bounds": {"center": center.tolist(), "radius_m": radius},
+        "frames_inspected": inspected,
+        "bounds": {"center": (center / unit).tolist(), "radius_m": radius / unit},
         "census": counts,
         "camera": choose_camera(scene).describe(),
-        "cameras": [_camera(scene, int(node)) for node in scene.camera_nodes],
+        "cameras": [_camera(scene, int(node), unit) for node in scene.camera_nodes],
         "animations": [
             {
                 "name": animation.name,
@@ -84,7 +94,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
                 "color": list(light.color),
                 "intensity": light.intensity,
                 "unit": "lx" if light.kind == "directional" else "cd",
-                "range_m": light.range if math.isfinite(light.range) else None,
+                "range_m": light.range / unit if math.isfinite(light.range) else None,
             }
             for node in map(int, scene.light_nodes)
         ],
@@ -95,14 +105,15 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     }
 
 
-def _camera(scene: Scene, node: int) -> dict[str, Any]:
+def _camera(scene: Scene, node: int, unit: float) -> dict[str, Any]:
     camera = scene.cameras[scene.nodes.camera[node]]
     facts: dict[str, Any] = {"node": scene.nodes.names[node], "name": camera.name, "kind": camera.kind}
     if camera.kind == "perspective":
         facts["yfov_deg"] = math.degrees(camera.yfov)
     else:
-        facts |= {"xmag_m": camera.xmag, "ymag_m": camera.ymag}
-    return facts | {"near_m": camera.znear, "far_m": camera.zfar if math.isfinite(camera.zfar) else None}
+        facts |= {"xmag_m": camera.xmag / unit, "ymag_m": camera.ymag / unit}
+    far = camera.zfar / unit if math.isfinite(camera.zfar) else None
+    return facts | {"near_m": camera.znear / unit, "far_m": far}
 
 
 def _show(facts: dict[str, Any]) -> None:
@@ -124,7 +135,10 @@ def _show(facts: dict[str, Any]) -> None:
         },
     )
     counts = {name.replace("_", " "): n for name, n in facts["census"].items() if not isinstance(n, dict | list)}
-    show_pairs(f"Contents (changes looked for at {facts['fps']:g} fps)", counts)
+    looked = f"changes looked for at {facts['fps']:g} fps"
+    if facts["frames_inspected"] < facts["frames"]:
+        looked = f"changes looked for in {facts['frames_inspected']} of the frames, evenly spaced"
+    show_pairs(f"Contents ({looked})", counts)
     for heading, key in (("Cameras", "cameras"), ("Animations", "animations"), ("Lights", "lights")):
         listed = facts[key]
         lines = {f"{i}": _line(entry) for i, entry in enumerate(listed[:20])}

@@ -1,228 +1,218 @@
-"""Option types and the options that several commands have."""
+"""The options that several commands have, and Settings made of them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import click
 
+from taubench_gl.apps.option_types import Color, Frames, Size, Threshold, Words
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.settings import (
+    BACKENDS,
+    CULLINGS,
+    EFFECTS,
+    INDIRECT,
+    REPROJECTIONS,
+    SAMPLINGS,
+    SHADOW_FILTERS,
+    TEXTURES,
+    TONE_MAPS,
+    Settings,
+)
 
-class Size(click.ParamType):
-    """``1920x1080`` -> (1920, 1080)."""
-
-    name = "WxH"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        width, by, height = value.lower().partition("x")
-        if not (by and width.isdecimal() and height.isdecimal()):
-            self.fail(f"{value!r} is not a size such as 1920x1080", param, ctx)
-        return int(width), int(height)
-
-
-class Frames(click.ParamType):
-    """``A:B`` -> (A, B), either end may be missing: a Python slice of frame numbers."""
-
-    name = "A:B"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        first, colon, stop = value.partition(":")
-        try:
-            if not colon:
-                raise ValueError
-            return tuple(int(end) if end.strip() else None for end in (first, stop))
-        except ValueError:
-            self.fail(f"{value!r} is not a range of frames such as 0:24, 100: or :-1", param, ctx)
+Decorator = Callable[[Any], Any]
 
 
-class Threshold(click.ParamType):
-    """``normal=0.1`` -> ("normal", 0.1); the names are checked by Settings."""
-
-    name = "NAME=V"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        name, equals, number = value.partition("=")
-        try:
-            if not equals:
-                raise ValueError
-            return name.strip(), float(number)
-        except ValueError:
-            self.fail(f"{value!r} is not a threshold such as normal=0.1", param, ctx)
+def with_options(command: Any, *options: Decorator) -> Any:
+    """``command`` with ``options``, in the order in which its help lists them."""
+    for option in reversed(options):
+        command = option(command)
+    return command
 
 
-class Color(click.ParamType):
-    """``R,G,B``, or one number for a grey -> (r, g, b) floats; the range is checked by Settings."""
-
-    name = "R,G,B"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        try:
-            numbers = tuple(float(part) for part in value.split(","))
-        except ValueError:
-            numbers = ()
-        if len(numbers) not in (1, 3):
-            self.fail(f"{value!r} is not a radiance such as 0.2,0.4,0.9", param, ctx)
-        return numbers * 3 if len(numbers) == 1 else numbers
+def of_settings(flag: str, help: str, *, field: str | None = None, **attributes: Any) -> Decorator:
+    """An option for a field of Settings, by default the one of its name; default and type are the field's."""
+    name = field or flag.removeprefix("--").replace("-", "_")
+    return click.option(
+        flag, name, help=help, **{"default": getattr(Settings(), name), "show_default": True, **attributes}
+    )
 
 
-class Words(click.ParamType):
-    """A comma-separated choice of ``words`` -> tuple, in the order given, each once."""
+def settings_from(options: dict[str, Any], **more: Any) -> Settings:
+    """Settings of a command's options, ``frame_options`` among them; all that ``options`` holds must be one.
 
-    name = "LIST"
-
-    def __init__(self, *words: str, verb: str = "save"):
-        self.words, self.verb = words, verb
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        chosen = tuple(dict.fromkeys(word.strip() for word in value.split(",") if word.strip()))
-        unknown = [word for word in chosen if word not in self.words]
-        if unknown:
-            self.fail(f"cannot {self.verb} {', '.join(unknown)}; choose from {', '.join(self.words)}", param, ctx)
-        return chosen
+    ``more``: fields that the command decides.  Raises SettingsError for a value that no evaluation can have.
+    """
+    options = dict(options)
+    width, height = options.pop("size")
+    return Settings(
+        width=width,
+        height=height,
+        frames=options.pop("frames") or (None, None),
+        animation=options.pop("animations") or None,
+        thresholds=dict(options.pop("thresholds", ())),
+        **options,
+        **more,
+    )
 
 
 def gpu_options(command: Any) -> Any:
     """``--backend`` and ``--device``."""
-    from taubench_gl.settings import BACKENDS
-
-    command = click.option("--device", type=click.IntRange(min=0), help="EGL device number, see 'taubench-gl doctor'.")(
-        command
+    return with_options(
+        command,
+        of_settings(
+            "--backend",
+            "How OpenGL is opened.",
+            type=click.Choice(BACKENDS),
+            envvar="TAUBENCH_BACKEND",
+            show_envvar=True,
+        ),
+        click.option("--device", type=click.IntRange(min=0), help="EGL device number, see 'taubench-gl doctor'."),
     )
-    return click.option(
-        "--backend",
-        type=click.Choice(BACKENDS),
-        default="auto",
-        envvar="TAUBENCH_BACKEND",
-        show_default=True,
-        show_envvar=True,
-        help="How OpenGL is opened.",
-    )(command)
 
 
 def scene_options(command: Any) -> Any:
     """``--scene`` and ``--animation``: which part of a file."""
-    command = click.option(
-        "--animation",
-        "animations",
-        multiple=True,
-        metavar="NAME|INDEX",
-        help="Animation to play; may be repeated.  [default: all that fit together]",
-    )(command)
-    return click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's own]")(command)
+    return with_options(
+        command,
+        click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's own]"),
+        click.option(
+            "--animation",
+            "animations",
+            multiple=True,
+            metavar="NAME|INDEX",
+            help="Animation to play; may be repeated.  [default: all that fit together]",
+        ),
+    )
+
+
+def frame_options(size: str = "1920x1080", fps: float = Settings().fps) -> Decorator:
+    """Which pictures of a scene: ``--camera``, ``--scene``, ``--animation``, ``--fps``, ``--frames``, ``--size``."""
+
+    def decorate(command: Any) -> Any:
+        return with_options(
+            command,
+            click.option(
+                "--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]"
+            ),
+            scene_options,
+            of_settings("--fps", "Frames per second.", default=fps),
+            click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]"),
+            click.option("--size", type=Size(), default=size, show_default=True, help="Pixels."),
+        )
+
+    return decorate
+
+
+def pair_options(
+    *,
+    reprojection: str = "camera: as the paper, surfaces count as still.  motion: follow moving surfaces.",
+    sampling: str = "Of history.",
+) -> Decorator:
+    """How the two frames of a pair are drawn and judged, from ``--reprojection`` to ``--textures``.
+
+    The arguments are the help texts of the options of their names, where a command uses them in a way of its own.
+    """
+
+    def decorate(command: Any) -> Any:
+        return with_options(
+            command,
+            of_settings("--reprojection", reprojection, type=click.Choice(REPROJECTIONS)),
+            of_settings("--sampling", sampling, type=click.Choice(SAMPLINGS)),
+            threshold_option,
+            unit_scale_option,
+            culling_option,
+            of_settings(
+                "--textures",
+                "finest: without mipmaps, as 'truth render --crisp' samples them.",
+                type=click.Choice(TEXTURES),
+            ),
+        )
+
+    return decorate
+
+
+threshold_option = click.option(
+    "--threshold",
+    "thresholds",
+    type=Threshold(),
+    multiple=True,
+    help="a_B of color, position (metres), normal, direct or indirect; may be repeated.  [default: 32/255]",
+)
+unit_scale_option = of_settings("--unit-scale", "Scene units per metre.")
+culling_option = of_settings("--culling", "Back faces.", type=click.Choice(CULLINGS))
 
 
 def light_options(command: Any) -> Any:
     """What is measured of light, and how it is simulated (docs/light.md)."""
-    from taubench_gl.conventions import COLUMNS
-    from taubench_gl.settings import EFFECTS, INDIRECT, SHADOW_FILTERS, TONE_MAPS, Settings
+    return with_options(
+        command,
+        of_settings(
+            "--columns",
+            f"Columns of Table 4 to measure, of {','.join(COLUMNS)}.  [default: all]",
+            type=Words(*COLUMNS, verb="measure", none=False),
+            default=",".join(COLUMNS),
+            show_default=False,
+        ),
+        of_settings(
+            "--effects",
+            "auto: simulate what scene and columns call for.  all: everything, for comparison.",
+            type=click.Choice(EFFECTS),
+        ),
+        lighting_options,
+    )
 
-    default = Settings()
-    for option in reversed(
-        (
-            click.option(
-                "--columns",
-                type=Words(*COLUMNS, verb="measure"),
-                default=",".join(COLUMNS),
-                help=f"Columns of Table 4 to measure, of {','.join(COLUMNS)}.  [default: all]",
-            ),
-            click.option(
-                "--effects",
-                type=click.Choice(EFFECTS),
-                default=default.effects,
-                show_default=True,
-                help="auto: simulate what scene and columns call for.  all: everything, for comparison.",
-            ),
-            click.option(
-                "--sky", type=Color(), default=default.sky, help="Uniform sky radiance, cd/m2.  [default: 0,0,0]"
-            ),
-            click.option(
-                "--exposure",
-                type=float,
-                metavar="VALUE",
-                default=default.exposure,
-                show_default=True,
-                help="Factor on radiance before thresholds and tone map.",
-            ),
-            click.option(
-                "--tone-map",
-                type=click.Choice(TONE_MAPS),
-                default=default.tone_map,
-                show_default=True,
-                help="From radiance x exposure to the color column.",
-            ),
-            click.option(
-                "--shadow-size",
-                type=int,
-                metavar="TEXELS",
-                default=default.shadow_size,
-                show_default=True,
-                help="Side of a shadow map, texels; directional lights have four times as many.",
-            ),
-            click.option(
-                "--shadow-lights",
-                type=int,
-                metavar="N",
-                default=default.shadow_lights,
-                show_default=True,
-                help="Lights that cast shadows, the most significant first.",
-            ),
-            click.option(
-                "--shadow-filter",
-                type=click.Choice(SHADOW_FILTERS),
-                default=default.shadow_filter,
-                show_default=True,
-                help="hard: one texel decides.  bilinear: four, weighted.",
-            ),
-            click.option(
-                "--light-error",
-                type=float,
-                metavar="RADIANCE",
-                default=default.light_error,
-                show_default=True,
-                help="Largest radiance, cd/m2 before exposure, that light culling may leave out of a pixel.",
-            ),
-            click.option(
-                "--indirect",
-                type=click.Choice(INDIRECT),
-                default=default.indirect,
-                show_default=True,
-                help="Light of two bounces or more: none (column is null), rsm (ignores walls between surfaces and "
-                "later bounces) or probes (auto; four bounces, ignores detail below the probe spacing).",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
+
+def lighting_options(command: Any) -> Any:
+    """How light is simulated: the part of ``light_options`` for commands that choose the columns themselves."""
+    return with_options(
+        command,
+        of_settings("--sky", "Uniform sky radiance, cd/m2.  [default: 0,0,0]", type=Color(), show_default=False),
+        of_settings("--exposure", "Factor on radiance before thresholds and tone map.", metavar="VALUE"),
+        of_settings("--tone-map", "From radiance x exposure to the color column.", type=click.Choice(TONE_MAPS)),
+        of_settings(
+            "--shadow-size",
+            "Side of a shadow map, texels; directional lights have four times as many.",
+            metavar="TEXELS",
+        ),
+        of_settings("--shadow-lights", "Lights that cast shadows, the most significant first.", metavar="N"),
+        of_settings(
+            "--shadow-filter",
+            "hard: one texel decides.  bilinear: four, weighted.",
+            type=click.Choice(SHADOW_FILTERS),
+        ),
+        of_settings(
+            "--light-error",
+            "Largest radiance, cd/m2 before exposure, that light culling may leave out of a pixel.",
+            metavar="RADIANCE",
+        ),
+        of_settings(
+            "--indirect",
+            "Light of two bounces or more: none (column is null), rsm (ignores walls between surfaces and later "
+            "bounces) or probes (auto; four bounces, ignores detail below the probe spacing).",
+            type=click.Choice(INDIRECT),
+        ),
+    )
 
 
 def truth_options(command: Any) -> Any:
     """What path-traced files (``exr:DIR``) need to be told: camera, names of passes, lobes."""
-    for option in reversed(
-        (
-            click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
-            click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures."),
-            click.option(
-                "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML."
-            ),
-            click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
-            click.option("--second-seed", metavar="exr:DIR", help="exr: same frames, other seed, for the noise floor."),
-            click.option(
-                "--lobe",
-                "lobes",
-                multiple=True,
-                type=click.Choice(["diffuse", "glossy", "transmission", "volume"]),
-                help="exr: also measure this lobe of direct and indirect; may be repeated.",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
+    return with_options(
+        command,
+        click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
+        click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures."),
+        click.option(
+            "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML."
+        ),
+        click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
+        click.option("--second-seed", metavar="exr:DIR", help="exr: same frames, other seed, for the noise floor."),
+        click.option(
+            "--lobe",
+            "lobes",
+            multiple=True,
+            type=click.Choice(["diffuse", "glossy", "transmission", "volume"]),
+            help="exr: also measure this lobe of direct and indirect; may be repeated.",
+        ),
+    )

@@ -4,21 +4,33 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from taubench_gl.apps.evaluate_command import out_folders
-from taubench_gl.apps.options import Frames, Size, Threshold, gpu_options, light_options, scene_options
+from taubench_gl.apps.option_types import OutPath
+from taubench_gl.apps.options import (
+    frame_options,
+    gpu_options,
+    lighting_options,
+    of_settings,
+    settings_from,
+    threshold_option,
+    unit_scale_option,
+    with_options,
+)
 from taubench_gl.errors import TaubenchError
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
     from taubench_gl.reuse.evaluate import Evaluation
+    from taubench_gl.reuse.evaluate_output import ReuseFolder
     from taubench_gl.reuse.inputs_kind import InputKind
 
-EXIT_FAILED = 2
+EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
 FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
 METHODS_HELP = "Comma-separated: a shipped name, a folder, file.py or module:Class; settings as NAME@alpha=0.1."
 
@@ -39,15 +51,9 @@ class List(click.ParamType):
 
 def shared_options(command: Any) -> Any:
     """What ``evaluate`` and ``fit`` have in common: frames, inputs, reference, light."""
-    default = Settings()
-    options = (
-        click.option(
-            "--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]"
-        ),
-        scene_options,
-        click.option("--fps", type=float, default=default.fps, show_default=True, help="Frames per second."),
-        click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]"),
-        click.option("--size", type=Size(), default="1280x720", show_default=True, help="Pixels."),
+    return with_options(
+        command,
+        frame_options(size="1280x720"),
         click.option(
             "--input",
             "kind",
@@ -72,38 +78,16 @@ def shared_options(command: Any) -> Any:
         click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
         click.option("--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML."),
         click.option("--cut", "cuts", type=int, multiple=True, help="Declare that this frame begins anew; repeatable."),
-        click.option(
-            "--threshold",
-            "thresholds",
-            type=Threshold(),
-            multiple=True,
-            help="a_B of the masks: color, position (metres), normal, direct, indirect; repeatable.  [default: 32/255]",
-        ),
-        click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre."),
-        _lighting,
-        click.option(
+        threshold_option,
+        unit_scale_option,
+        lighting_options,
+        of_settings(
             "--virtual-lights",
-            "indirect_samples",
-            type=int,
-            default=default.indirect_samples,
-            show_default=True,
-            help="Virtual lights that indirect light starts from; noisy light draws from them, its reference sums all.",
+            "Virtual lights that indirect light starts from; noisy light draws from them, its reference sums all.",
+            field="indirect_samples",
         ),
         gpu_options,
     )
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
-def _lighting(command: Any) -> Any:
-    """The options of light but for what is measured: here every column is."""
-    known = {id(p) for p in getattr(command, "__click_params__", ())}
-    command = light_options(command)
-    command.__click_params__ = [
-        p for p in command.__click_params__ if id(p) in known or p.name not in ("columns", "effects")
-    ]
-    return command
 
 
 @click.command(
@@ -121,7 +105,7 @@ docs/reuse-evaluation.md defines every number."""
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @click.option("--methods", type=List(), required=True, help=METHODS_HELP)
 @click.option("--metrics", type=List(), default=",".join(FIT_METRICS), show_default=True, help="What is measured.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results here, not only print.")
+@click.option("--out", type=OutPath(), metavar="DIR", help="Write results here, not only print.")
 @click.option(
     "--video", type=click.Choice(["mp4", "webm", "none"]), default="mp4", show_default=True, help="With --out."
 )
@@ -168,16 +152,17 @@ def _evaluate_one(
     from taubench_gl.reuse.evaluate import evaluate_methods
     from taubench_gl.reuse.evaluate_output import ReuseFolder
 
-    if folder is None:
-        with ProgressBar(Path(scene).name) as progress:
-            done = evaluate_methods(scene, methods, settings, progress=progress, **request)
-    else:
-        with ReuseFolder(folder, settings.fps, video) as results:
+    results = None if folder is None else ReuseFolder(folder, settings.fps, video)
+    on_frame = None if results is None else results.on_frame
+    try:
+        with results or nullcontext():
             with ProgressBar(Path(scene).name) as progress:
-                done = evaluate_methods(
-                    scene, methods, settings, progress=progress, on_frame=results.on_frame, **request
-                )
-            results.finish(done)
+                done = evaluate_methods(scene, methods, settings, progress=progress, on_frame=on_frame, **request)
+            if results is not None:
+                results.finish(done)
+    except KeyboardInterrupt:
+        _say(_interrupted(results))
+        raise click.exceptions.Exit(EXIT_INTERRUPTED) from None
     if len(done.failed) < len(done.summary["methods"]):
         show_tables(reuse_tables(done.summary))
     if folder is not None:
@@ -204,12 +189,14 @@ Examples:
     help="A setting to search and its range; repeatable: the grid of all.  [default: its own range, 9 values]",
 )
 @click.option(
-    "--metric", type=click.Choice(FIT_METRICS), default="relmse", show_default=True, help="What is minimised."
+    "--metric",
+    type=click.Choice(FIT_METRICS),
+    default="flip",
+    show_default=True,
+    help="What decides; relmse may hang on a single bright pixel.",
 )
 @click.option("--refine", type=int, default=1, show_default=True, help="Finer grids around the best point.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write fit.json, curve.csv, tables, a plot."
-)
+@click.option("--out", type=OutPath(), metavar="DIR", help="Write fit.json, curve.csv, tables, a plot.")
 @shared_options
 def fit(
     path: str, method: str, ranges: tuple[str, ...], metric: str, refine: int, out: Path | None, **options: Any
@@ -235,19 +222,9 @@ def fit(
 
 def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
     """Options of ``shared_options`` as Settings and as what ``evaluate_methods`` takes besides."""
-    width, height = options.pop("size")
     request = {name: options.pop(name) for name in ("reference", "reference_samples", "cuts", "mapping")}
     request["input"] = _input(options)
-    settings = Settings(
-        width=width,
-        height=height,
-        frames=options.pop("frames") or (None, None),
-        animation=options.pop("animations") or None,
-        thresholds=dict(options.pop("thresholds")),
-        reprojection="motion",
-        **options,
-    )
-    return settings, request
+    return settings_from(options, reprojection="motion"), request
 
 
 def _input(options: dict[str, Any]) -> InputKind:
@@ -255,6 +232,14 @@ def _input(options: dict[str, Any]) -> InputKind:
 
     lights, bounces = options.pop("noise_lights"), options.pop("noise_bounces")
     return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=bounces, seed=options.pop("seed"))
+
+
+def _interrupted(results: ReuseFolder | None) -> str:
+    """What is left after an interrupt, said in one line."""
+    if results is None:
+        return "interrupted; nothing was written (--out DIR keeps judged frames)"
+    kept = f"the rows of {results.kept} frames are in {results.out / 'frames.csv'}"
+    return f"interrupted; {kept if results.kept else 'no frame was judged'}"
 
 
 def _say(line: str) -> None:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import Size, gpu_options
+from taubench_gl.apps.option_types import OutPath, Size
+from taubench_gl.apps.options import gpu_options
 
 if TYPE_CHECKING:
     from taubench_gl.datasets.camera_path import CameraSpec
@@ -96,7 +97,7 @@ of lists time, position, rotation.  A rate of 60 fps is what the presets' rows o
 @click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; table and plot go into --out.")
 @click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")
 @click.option("--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: measured.")
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="OUT.glb|DIR")
+@click.option("--out", type=OutPath(), required=True, metavar="OUT.glb|DIR")
 @gpu_options
 def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:
     """Give a scene a camera of asked-for difficulty, or a recorded one, and write it as glTF.

@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import Frames, Size, scene_options
+from taubench_gl.apps.option_types import OutPath
+from taubench_gl.apps.options import culling_option, frame_options, settings_from
 from taubench_gl.settings import Settings
 
 
@@ -27,12 +28,8 @@ Needs Blender as a Python module (bpy), best in an environment of its own; TAUBE
 interpreter that has it.  Interrupted and called again, it goes on with the first missing frame."""
 )
 @click.argument("scene_path", metavar="SCENE")
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder for the frames.")
-@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
-@scene_options
-@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
-@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
-@click.option("--size", type=Size(), default="1920x1080", show_default=True, help="Pixels.")
+@click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder for the frames.")
+@frame_options()
 @click.option("--samples", type=click.IntRange(1), default=64, show_default=True, help="Paths per pixel.")
 @click.option("--bounces", type=click.IntRange(0), default=12, show_default=True, help="Longest path.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise.")
@@ -43,10 +40,10 @@ interpreter that has it.  Interrupted and called again, it goes on with the firs
     help="Independent noise in every frame, or the same pattern in all.",
 )
 @click.option("--crisp", is_flag=True, help="Sample pixel centres only, as a rasterizer does.")
-@click.option("--culling", type=click.Choice(["gltf", "none"]), default="gltf", show_default=True, help="Back faces.")
+@culling_option
 @click.option("--sky", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar="R G B", help="Uniform sky radiance.")
 @click.option("--threads", type=click.IntRange(0), default=0, help="Of Blender.  [default: all cores]")
-def render(scene_path: str, out: Path, size: tuple[int, int], **options: Any) -> None:
+def render(scene_path: str, out: Path, **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
     from taubench_gl.animation import choose_camera
     from taubench_gl.cycles.job import Quality
@@ -54,15 +51,8 @@ def render(scene_path: str, out: Path, size: tuple[int, int], **options: Any) ->
     from taubench_gl.evaluation import frame_range
     from taubench_gl.scene import load_scene
 
-    settings = Settings(
-        width=size[0],
-        height=size[1],
-        fps=options["fps"],
-        frames=options["frames"] or (None, None),
-        camera=options["camera"],
-        scene=options["scene"],
-        animation=options["animations"] or None,
-    )
+    asked = ("camera", "scene", "animations", "fps", "frames", "size", "culling")
+    settings = settings_from({name: options[name] for name in asked})
     scene = load_scene(scene_path, scene=settings.scene, animation=settings.animation)
     camera = choose_camera(scene, settings.camera)
     frames = frame_range(scene, camera, settings)
@@ -72,12 +62,14 @@ def render(scene_path: str, out: Path, size: tuple[int, int], **options: Any) ->
         seed=options["seed"],
         seed_per_frame=options["seed_per_frame"],
         crisp=options["crisp"],
-        cull_back_faces=options["culling"] == "gltf",
+        cull_back_faces=settings.culling == "gltf",
         sky=options["sky"],
         threads=options["threads"],
     )
     said = _Lines()
-    notes = render_truth(scene, camera, frames, out, fps=settings.fps, size=size, quality=quality, progress=said)
+    notes = render_truth(
+        scene, camera, frames, out, fps=settings.fps, size=options["size"], quality=quality, progress=said
+    )
     for note in notes[:10]:
         click.echo(f"note: {note}")
     click.echo(f"{len(frames)} frames in {out}; next: taubench-gl evaluate exr:{out} --camera-file {out / CAMERA_FILE}")

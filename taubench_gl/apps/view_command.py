@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import Frames, Size, Threshold, light_options, scene_options
+from taubench_gl.apps.option_types import Size
+from taubench_gl.apps.options import frame_options, light_options, pair_options, settings_from
 from taubench_gl.errors import SettingsError
-from taubench_gl.settings import CULLINGS, REPROJECTIONS, SAMPLINGS, TEXTURES, Settings
 
 LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}
 MORE_WIDTH, MORE_HEIGHT = 300, 64
@@ -29,23 +29,8 @@ Examples:
 Press ? in the window for the keys; docs/viewer.md lists them, and the commands of scripts."""
 )
 @click.argument("source", metavar="SCENE")
-@click.option("--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]")
-@scene_options
-@click.option("--fps", type=float, default=24.0, show_default=True, help="Frames per second.")
-@click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]")
-@click.option("--size", type=Size(), default="640x360", show_default=True, help="Pixels of the picture.")
-@click.option(
-    "--reprojection",
-    type=click.Choice(REPROJECTIONS),
-    default=REPROJECTIONS[0],
-    show_default=True,
-    help="See evaluate.",
-)
-@click.option("--sampling", type=click.Choice(SAMPLINGS), default=SAMPLINGS[0], show_default=True, help="Of history.")
-@click.option("--threshold", "thresholds", type=Threshold(), multiple=True, help="To start with; may be repeated.")
-@click.option("--unit-scale", type=float, default=1.0, show_default=True, help="Scene units per metre.")
-@click.option("--culling", type=click.Choice(CULLINGS), default=CULLINGS[0], show_default=True, help="Back faces.")
-@click.option("--textures", type=click.Choice(TEXTURES), default=TEXTURES[0], show_default=True, help="See evaluate.")
+@frame_options(size="640x360", fps=24.0)
+@pair_options()
 @light_options
 @click.option("--light/--no-light", default=None, help="Start with light simulated.  [default: where a GPU does it]")
 @click.option("--truth", metavar="exr:DIR", help="Path-traced frames to compare with (split, difference).")
@@ -90,18 +75,10 @@ def _asked(source: str, options: dict[str, Any]) -> Any:
     from taubench_gl.evaluation_truth import TruthOptions
     from taubench_gl.viewer.opening import Asked
 
-    width, height = options["size"]
-    names = ("camera", "scene", "fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "columns",
-             "effects", "sky", "exposure", "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "light_error",
-             "indirect")  # fmt: skip
-    settings = Settings(
-        width=width,
-        height=height,
-        frames=options["frames"] or (None, None),
-        animation=options["animations"] or None,
-        thresholds=dict(options["thresholds"]),
-        **{name: options[name] for name in names if name in options},
-    )
+    names = ("size", "frames", "camera", "scene", "animations", "fps", "reprojection", "sampling", "thresholds",
+             "unit_scale", "culling", "textures", "columns", "effects", "sky", "exposure", "tone_map", "shadow_size",
+             "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
+    settings = settings_from({name: options[name] for name in names})
     truth = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
     return Asked(source, settings, options["truth"], TruthOptions(**truth), _given(options), _resolve)
 

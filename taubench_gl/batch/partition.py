@@ -17,6 +17,7 @@ import numpy as np
 from taubench_gl.conventions import FEATURES, histogram_bins
 from taubench_gl.errors import OutputError
 from taubench_gl.frame.passes.masks import COMBOS, Counts
+from taubench_gl.outputs import plain_text
 from taubench_gl.run import CAMERA_COLUMNS, COUNT_COLUMNS
 
 TOLD = b"taubench-gl"
@@ -98,7 +99,7 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
     columns: dict[str, list[Any]] = {name: [] for name in fields}
     for job, scene, sweep, rows in jobs:
         for row in rows:
-            told = {"job": job, "scene": scene} | {f"sweep_{k}": _text(sweep.get(k)) for k in swept} | dict(row)
+            told = {"job": job, "scene": _text(scene)} | {f"sweep_{k}": _text(sweep.get(k)) for k in swept} | dict(row)
             for name in fields:
                 value = told[name]
                 columns[name].append(bool(value) if name in ("camera_cut", "gimbal") else value)
@@ -114,7 +115,9 @@ _PLAIN = ("frame", "time_s", "gimbal")
 
 
 def _text(value: Any) -> str | None:
-    return value if value is None or isinstance(value, str) else json.dumps(value)
+    if value is None:
+        return None
+    return plain_text(value) if isinstance(value, str) else json.dumps(value)
 
 
 def _fields(pa: Any) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from taubench_gl.animation import CameraTrack
 from taubench_gl.cycles.job import FRAME_NAME, Quality, identity, make_job
 from taubench_gl.cycles.resample import write_resampled
 from taubench_gl.errors import OutputError, TruthError
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import cannot_write, make_folders, remove_folders, write_atomically
 from taubench_gl.reference.camera import camera_file_text
 from taubench_gl.reference.exr import read_header
 from taubench_gl.scene.model import Scene
@@ -81,12 +81,13 @@ def render_truth(
     out, quality, python = Path(out), quality or Quality(), python or blender_python()
     job, poses, notes = make_job(scene, camera, frames, fps, size, quality)
     key = identity(job, scene.sha256)
-    _prepare(out, key)
+    made = _prepare(out, key)
     job["frames"] = [frame for frame in frames if not _is_whole(out / (FRAME_NAME % frame), size)]
     version = _known_version(out)
     if job["frames"]:
         version = blender_version(python)
         if version is None:
+            remove_folders(made)
             raise TruthError(f"{python} cannot import bpy, Blender's Python module", hint=HOW_TO_GET_BPY)
     _merge_cameras(out, poses, fps, size)
     with tempfile.TemporaryDirectory(prefix="taubench-") as folder:
@@ -104,9 +105,10 @@ def render_truth(
     return notes
 
 
-def _prepare(out: Path, key: str) -> None:
+def _prepare(out: Path, key: str) -> list[Path]:
+    """Make the folder, or see that it is this job's; the folders that were made."""
     try:
-        out.mkdir(parents=True, exist_ok=True)
+        made = make_folders(out)
         for leftover in out.glob(".frame_*.partial.exr"):
             leftover.unlink()
     except FileExistsError:
@@ -117,6 +119,7 @@ def _prepare(out: Path, key: str) -> None:
     if known not in (None, key):
         hint = "give --out another folder, or delete this one"
         raise TruthError("holds frames of another scene or with other settings", where=str(out), hint=hint)
+    return made
 
 
 def _is_whole(path: Path, size: tuple[int, int]) -> bool:

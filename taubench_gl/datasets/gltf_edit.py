@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import SettingsError
-from taubench_gl.outputs import write_atomically
+from taubench_gl.outputs import text_bytes, write_atomically
 from taubench_gl.scene.gltf.container import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document
 from taubench_gl.scene.gltf.images import MEDIA_TYPES
 from taubench_gl.scene.gltf.uri import read_uri
@@ -94,7 +94,7 @@ class GltfEditor:
         buffer["byteLength"] = len(blob)
         if path.suffix.lower() == ".gltf":
             buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
-        text = json.dumps(self.root, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+        text = text_bytes(json.dumps(self.root, separators=(",", ":"), ensure_ascii=False, allow_nan=False))
         if path.suffix.lower() == ".glb":
             text += b" " * (-len(text) % 4)
             chunks = struct.pack("<II", len(text), JSON_CHUNK) + text + struct.pack("<II", len(blob), BIN_CHUNK) + blob

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -66,6 +66,15 @@ def write_file(path: Path, write: Callable[[Path], None]) -> None:
 
 def write_bytes(path: Path, data: bytes) -> None:
     write_file(path, lambda partial: partial.write_bytes(data))
+
+
+@contextlib.contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """What the system refuses while ``path`` is written is an OutputError."""
+    try:
+        yield
+    except OSError as error:
+        raise cannot_write(path, error) from None
 
 
 class _PerFrame:
@@ -160,11 +169,15 @@ class ZarrWriter:
             import zarr
         except ImportError:
             raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
-        spec, count = self.spec, len(self.spec.frames)
+        with _told(self.path):
+            self._open(zarr)
+
+    def _open(self, zarr: Any) -> None:
         if (self.path / "zarr.json").is_file():
             self._group = zarr.open_group(self.path, mode="r+")
             if self._group.attrs.get("complete_layout"):
                 return
+        spec, count = self.spec, len(self.spec.frames)
         self._group = group = zarr.open_group(self.path, mode="w", zarr_format=3)
         for name in spec.names:
             info, dtype = EXPORTS[name], stored_as(EXPORTS[name], spec.precision)
@@ -191,11 +204,12 @@ class ZarrWriter:
 
     def write(self, frame: ExportFrame) -> None:
         row = self.spec.frames.index(frame.number)
-        for name in self.spec.names:
-            self._group[name][row] = frame.channels[name].astype(self._group[name].dtype, copy=False)
-        for name, values in frame.camera.items():
-            self._group[name][row] = values
-        self._group["written"][row] = True
+        with _told(self.path):
+            for name in self.spec.names:
+                self._group[name][row] = frame.channels[name].astype(self._group[name].dtype, copy=False)
+            for name, values in frame.camera.items():
+                self._group[name][row] = values
+            self._group["written"][row] = True
 
     def remove(self) -> None:
         import shutil

@@ -17,7 +17,7 @@ from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import Effect, decide, indirect_rung
 from taubench_gl.frame.flow import channels_of, frame_flow
 from taubench_gl.frame.indirect_layout import CHANNEL_NAMES, indirect_bytes
-from taubench_gl.frame.material_slots import SRGB_SLOTS, tests_alpha, texture_of, wanted_slots
+from taubench_gl.frame.material_slots import SRGB_SLOTS, has_plain_uv, tests_alpha, texture_of, wanted_slots
 from taubench_gl.frame.shadow_faces import faces_of, pack
 from taubench_gl.metrics.brdf import ALBEDO_TABLE
 from taubench_gl.scene.model import Material, Primitive, Scene
@@ -229,6 +229,7 @@ class FramePlan:
                 slots = tuple(s for s in slots if s == "base_color" and alpha)
             flags += ["ALPHA_TEST"] if alpha else []
             flags += [f"{slot.upper()}_MAP" for slot in slots]
+            flags += ["PLAIN_UV"] if kind == "gbuffer" and slots and has_plain_uv(self._material(p), slots) else []
             if kind == "gbuffer":
                 flags += [name for name in channels if CHANNELS[name].attachment]
             out.add(_variant(f"gbuffer/gbuffer.vert.glsl + {kind}/{kind}.frag.glsl", *flags))

@@ -15,8 +15,9 @@ from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.effects.decide import as_summary, decide, switch_off, unmeasured
 from taubench_gl.effects.decide import force as force_on
+from taubench_gl.frame.flow import light_flow
 from taubench_gl.frame.light_stage import LightStage
-from taubench_gl.frame.plan import frame_channels, light_channels
+from taubench_gl.frame.plan import frame_channels
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.targets import History
@@ -105,7 +106,7 @@ class RasterSource:
         more = (History(gpu, self.size, self.renderer.channels, settings.storage) for _ in range(self.samples - 1))
         self._histories = [self.renderer.history, *more]
         self.light = None
-        if light_channels(self.effects, extra):
+        if light_flow(self.effects):
             self.light = LightStage(self.renderer, settings, self.effects, timer, shading)
 
     def advance(self, frame: int) -> View:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import importlib.metadata
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,6 +27,7 @@ _INSTALL = {
     "egl": "apt-get install libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri, or a vendor driver with EGL",
     "osmesa": "apt-get install libosmesa6, on distributions that still have it",
 }
+_NO_DEVICE = re.compile(r"requested device index \d+, but found (\d+) devices")  # glcontext's words
 _LIBRARIES = ("moderngl", "glcontext", "numpy", "pyrr", "imageio", "pygltflib", "msgspec", "OpenEXR", "matplotlib")
 _EXTRAS = ("DracoPy", "meshoptimizer", "glfw", "scipy")
 
@@ -120,6 +122,10 @@ def open_gpu(backend: str = "auto", device: int | None = None) -> Gpu:
             gpu = _create(name, device)
         except Exception as error:
             # Drivers and loaders raise anything from OSError to bare Exception; all of it means "not here".
+            if counted := _NO_DEVICE.search(str(error)):
+                there = ", ".join(map(str, range(int(counted[1]))))
+                hint = f"the devices there are: {there}" if there else "there is none"
+                raise GraphicsError(f"no EGL device has number {device}", hint=hint) from None
             faults.append(f"{name}: {error} ({_INSTALL[name]})")
             continue
         _open[name, device] = gpu

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ QUANTITIES = ("position", "yaw", "pitch", "roll", "angle")
 class Activity:
     """Change of a camera per pair (i-1, i).  All arrays are (P,) with P = N - 1 pairs of N frames, or 0."""
 
-    position: Array  # Eq. (1), metres
+    position: Array  # Eq. (1), in the unit of the positions
     yaw: Array  # Eq. (2) about world +Y, degrees in [0, 180]
     pitch: Array  # Eq. (2) about local X, degrees in [0, 180]
     roll: Array  # Eq. (2) about local Z, degrees in [0, 180]
@@ -36,12 +36,17 @@ class Activity:
     def __len__(self) -> int:
         return len(self.position)
 
+    def in_metres(self, unit_scale: float) -> Activity:
+        """The same with ``position`` in metres; ``unit_scale``: units of the positions per metre."""
+        return replace(self, position=self.position / unit_scale)
+
 
 def camera_activity(position: Array, world_from_view: Array) -> Activity:
     """Eqs. (1) and (2) over a camera path.
 
-    ``position`` (N, 3) metres and ``world_from_view`` (N, 3, 3) proper rotations, world space.  Angles are intrinsic
-    Y-X-Z; differences are wrapped to (-180, 180] before their absolute value is taken.  N < 2 gives empty arrays.
+    ``position`` (N, 3) scene units and ``world_from_view`` (N, 3, 3) proper rotations, world space.  Angles are
+    intrinsic Y-X-Z; differences are wrapped to (-180, 180] before their absolute value is taken.  N < 2 gives empty
+    arrays.
     """
     position = np.asarray(position, dtype=np.float64).reshape(-1, 3)
     rotation = np.asarray(world_from_view, dtype=np.float64).reshape(-1, 3, 3)

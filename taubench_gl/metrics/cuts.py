@@ -40,7 +40,7 @@ TURN_RATIO = 12.0
 
 
 def detect_cuts(activity: Activity, unit_scale: float = 1.0) -> Array:
-    """The rule above on one camera's path.  ``unit_scale``: metres' length in scene units.  -> (P,) bool."""
+    """The rule above on one camera's path, in scene units.  ``unit_scale``: of them per metre.  -> (P,) bool."""
     step, turn = activity.position, activity.angle
     if len(activity) < MIN_PAIRS:
         return np.zeros(len(activity), dtype=bool)

@@ -27,11 +27,11 @@ class FeatureErrors:
 
     Positions over pixels where both see a surface; everything else only where those surfaces lie within
     ``same_place_m`` metres of each other (the position threshold): elsewhere different things are seen, which the
-    position error and the masks tell already.
+    position error and the masks tell already.  ``unit_scale``: units of the channels' positions per metre.
     """
 
-    def __init__(self, same_place_m: float):
-        self._same_place = same_place_m
+    def __init__(self, same_place_m: float, unit_scale: float = 1.0):
+        self._same_place, self._unit_scale = same_place_m, unit_scale
         self._values: dict[str, list[Array]] = {}
         self._largest: dict[str, float] = {}
         self._sums: dict[str, Array] = {}  # of |a - b|, of |b|, of pixels
@@ -41,7 +41,7 @@ class FeatureErrors:
         p, q = first["position"], second["position"]
         both = (p[..., 3] > 0) & (q[..., 3] > 0)
         apart = p[..., :3].astype(np.float64) - q[..., :3] + (first["camera_position"] - second["camera_position"])
-        apart = np.linalg.norm(np.where(both[..., None], apart, 0.0), axis=-1)
+        apart = np.linalg.norm(np.where(both[..., None], apart, 0.0), axis=-1) / self._unit_scale
         self._keep("position_mm", 1e3 * apart[both])
         same = both & (apart < self._same_place)
         if "normal" in first and "normal" in second:

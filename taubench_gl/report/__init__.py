@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import cannot_write, write_atomically
 from taubench_gl.report.pictures import mask_overlay, save_mask_picture
 from taubench_gl.report.plots import plot_frames, plot_thresholds
 from taubench_gl.report.render import FORMATS, MIN_WIDTH, TablesView
@@ -44,7 +44,7 @@ def write_report(summary: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, look in _TABLE_FILES.items():
-            (folder / name).write_text(FORMATS[look](tables), encoding="utf-8")
+            write_atomically(folder / name, FORMATS[look](tables))
             written.append(folder / name)
     except OSError as error:
         raise cannot_write(folder, error) from None

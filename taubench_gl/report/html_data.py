@@ -12,7 +12,7 @@ from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Rea
 from taubench_gl.report.frame_store import StoredPictures, spread, stored_pictures
 from taubench_gl.report.palette import FEATURE_COLORS, REASON_COLORS, name_of
 from taubench_gl.report.plots import DASHES
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.tables import length_unit, paper_numbers, thresholds_shown
 
 MAX_PICTURES = 60
 """Pairs pictured per report unless told otherwise, all runs together."""
@@ -87,7 +87,7 @@ def _run(run: ReportRun, label: str, most: int, budget: int) -> dict[str, Any]:
         "height": settings.get("height"),
         "measured": measured,
         "discard": {c: discard.get(c) or {} for c in COLUMNS},
-        "thresholds": settings.get("thresholds") or {},
+        "thresholds": thresholds_shown(summary),
         "curves": {f: _curve(summary, f) for f in FEATURES},
         "rows": _rows(run.frames),
         "cuts": list((summary.get("camera") or {}).get("cuts") or ()),
@@ -112,7 +112,7 @@ def _rows(frames: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
 
 
 def _curve(summary: Mapping[str, Any], feature: str) -> dict[str, Any] | None:
-    """Bin edges and the exact number of pixels at or above each, all pairs together."""
+    """Bin edges (position: metres) and the exact number of pixels at or above each, all pairs together."""
     curve = (summary.get("curves") or {}).get(feature)
     if not curve or not curve.get("counts") or (summary["discard"].get(feature) or {}).get("mean_percent") is None:
         return None
@@ -120,7 +120,8 @@ def _curve(summary: Mapping[str, Any], feature: str) -> dict[str, Any] | None:
     for count in reversed(curve["counts"][1:]):
         total += count
         above.append(total)
-    return {"edges": curve["edges"], "above": above[::-1]}
+    scale = length_unit(summary) if feature == "position" else 1.0
+    return {"edges": [edge / scale for edge in curve["edges"]], "above": above[::-1]}
 
 
 def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -1,7 +1,8 @@
 """One colour per reason and per feature, the same in every picture and plot.
 
-From the palettes of Okabe and Ito (2008) and Paul Tol, which stay apart under the common colour-vision deficiencies.
-The reasons that often touch (frustum, position, normal, direct, color) also differ in lightness.
+From the palettes of Okabe and Ito (2008) and Paul Tol.  Any two are at least 0.05 apart in OKLab, for normal sight and
+for simulated protanopia, deuteranopia and tritanopia (tests/report/test_palette.py).  The reasons that often
+touch (frustum, position, normal, direct, color) also differ in lightness.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ REASON_COLORS: Mapping[Reason, RGB] = {
     Reason.DISOCCLUDED: (0x56, 0xB4, 0xE9),
     Reason.OCCLUDING: (0x33, 0x22, 0x88),
     Reason.LIT: (0xDD, 0xCC, 0x77),
-    Reason.SHADOWED: (0x44, 0xAA, 0x99),
+    Reason.SHADOWED: (0x66, 0x11, 0x00),
     Reason.SKY: (0x88, 0xCC, 0xEE),
     Reason.HISTORY_SKY: (0x99, 0xDD, 0xFF),
 }

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import cannot_write, plain_text
 from taubench_gl.report.palette import DEFAULT_REASONS, color_of, name_of
 
 Array = np.ndarray
@@ -89,6 +89,7 @@ def legend_strip(entries: Sequence[tuple[str, tuple[int, int, int], float]], wid
     pad, gap, line = size // 2, int(1.6 * size), int(1.7 * size)
     items = [(f"{name} {percent:.2f} %", color) for name, color, percent in entries]
     places, x, y = [], pad, pad
+    title = plain_text(title)  # it names a file
     if title:
         y += line
     for text, _ in items:

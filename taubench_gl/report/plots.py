@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import COLUMNS, FEATURES
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import cannot_write, plain_text
 from taubench_gl.report.palette import hex_of
+from taubench_gl.report.tables import length_unit, thresholds_shown
 
 Array = np.ndarray
 Summary = Mapping[str, Any]
@@ -49,7 +51,9 @@ def plot_thresholds(summary: Summary, path: str | Path) -> list[Path]:
         if not curve.get("counts"):
             continue
         thresholds, percent = discard_curve(curve, pixels)
-        used = (settings.get("thresholds") or {}).get(name)
+        if name == "position":
+            thresholds = thresholds / length_unit(summary)
+        used = thresholds_shown(summary).get(name)
         value = (summary.get("discard", {}).get(name) or {}).get("mean_percent")
         label = name if value is None else f"{name}: {value:.2f} % at {used:.3g}{' m' if name == 'position' else ''}"
         axes.plot(thresholds, percent, linewidth=2, label=label, **_line(name))
@@ -130,17 +134,18 @@ def plot_sweep(
         percent = _column(rows, f"{column}_percent")
         if np.isfinite(percent).any():
             axes.plot(speed, percent, linewidth=2, marker="o", markersize=4, label=column, **_line(column))
-    for scene, at, percent in paper:
-        if at <= 1.05 * np.nanmax(speed):
-            axes.plot([at], [percent], "D", color="none", markeredgecolor=hex_of("frustum"), markersize=7)
-            if at > 0.1 * np.nanmax(speed):  # the slow ones lie on top of each other
-                axes.annotate(scene, (at, percent), textcoords="offset points", xytext=(6, -10), fontsize=8)
     sign = "°" if unit == "deg" else " m"
+    within = [point for point in paper if point[1] <= 1.05 * np.nanmax(speed)]
+    for (scene, at, percent), marker in zip(within, itertools.cycle("Ds^vPX")):
+        look = {"color": "none", "markeredgecolor": hex_of("frustum"), "markersize": 7}
+        axes.plot([at], [percent], marker, label=f"{scene}, {at:.3g}{sign}", **look)
     axes.set(xlabel=f"{axis} per frame,{sign}", ylabel="discarded, % of w·h, mean")
     axes.set_title("Discard against camera speed: " + name.replace("$", r"\$"))
     axes.set_ylim(bottom=0)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(frameon=False, fontsize=9, title="diamonds: the paper's frustum", title_fontsize=9)
+        # Beside the plot: in it names would lie on the curves.
+        place = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0), "frameon": False, "fontsize": 9}
+        axes.legend(title="outlined: the paper's frustum" if within else None, title_fontsize=9, **place)
     return _save(figure, Path(path))
 
 
@@ -170,7 +175,11 @@ def _line(name: str) -> dict[str, Any]:
 def _save(figure: Any, path: Path) -> list[Path]:
     files = [path.with_suffix(".png"), path.with_suffix(".svg")]
     import matplotlib
+    from matplotlib.text import Text
 
+    for text in figure.findobj(Text):  # names of files may hold what no font renderer takes
+        if (plain := plain_text(text.get_text())) != text.get_text():
+            text.set_text(plain)
     # No date and no random names in the SVG: the same run gives the same bytes.
     try:
         with matplotlib.rc_context({"svg.hashsalt": "taubench-gl"}):

@@ -203,12 +203,26 @@ def _how(summary: Summary) -> str:
     """Settings on which a discard percentage depends."""
     settings = summary.get("settings") or {}
     thresholds = ", ".join(
-        f"{name} {value:.4g}" + (" m" if name == "position" else "")
-        for name, value in (settings.get("thresholds") or {}).items()
+        f"{name} {value:.4g}{' m' if name == 'position' else ''}" for name, value in thresholds_shown(summary).items()
     )
     size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
     ways = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
     return f"{size}, {ways}; thresholds: {thresholds or 'not recorded'}."
+
+
+def length_unit(summary: Summary) -> float:
+    """Scene units per metre of a run: ``thresholds.position`` and the edges of ``curves.position`` are in scene units,
+    as the masks compare them; everything else that a run calls metres is in metres.
+    """
+    return float((summary.get("settings") or {}).get("unit_scale") or 1.0)
+
+
+def thresholds_shown(summary: Summary) -> dict[str, float]:
+    """Thresholds in the units they are shown in: position in metres."""
+    thresholds = dict((summary.get("settings") or {}).get("thresholds") or {})
+    if thresholds.get("position") is not None:
+        thresholds["position"] /= length_unit(summary)
+    return thresholds
 
 
 def _paper_rate(paper: bool) -> str:

@@ -65,7 +65,8 @@ def evaluate_methods(
     ``input`` as ``parse_input`` reads it; ``reference``: ``max`` (our own best, ``reference_samples`` per pixel) or
     ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``: frames declared to have no history;
     ``mapping``: names of the passes of EXR files.  A method that fails is
-    told of in ``Evaluation.failed`` and harms no other.  Raises TaubenchError for what stops them all.
+    told of in ``Evaluation.failed`` and harms no other.  Raises TaubenchError for what stops them all, and where no
+    method can be run at all.
     """
     settings = settings or Settings(reprojection="motion")
     kind = parse_input(input) if isinstance(input, str) else input
@@ -101,7 +102,7 @@ def check_request(specs: Sequence[MethodSpec], metrics: Collection[str], referen
             raise SettingsError(f"no metric is named {name!r}", hint=f"choose from {', '.join(CHOICES)}")
         module, package = NEEDS.get(name, ("", ""))
         if module and find_spec(module) is None:
-            hint = f"pip install 'taubench-gl[reuse]', or leave {name} out of the metrics"
+            hint = f"pip install 'taubench-gl[reuse]', or choose others than {name}, such as psnr,relmse"
             raise SettingsError(f"metric {name} needs {package}", hint=hint)
     if reference != "max" and not is_sequence(reference):
         raise SettingsError(f"reference is {reference!r}", hint="give max or exr:DIR")

@@ -95,6 +95,7 @@ class Bench:
         self.records: dict[str, MethodRecord] = {}
         self._told: dict[str, dict[str, Any]] = {}
         loaded = self._load(specs, frozenset(metrics))
+        self._require(len(loaded) > 0)
         reads = {name for _, method in loaded for name in method.reads} | set(JUDGED_READS)
         try:
             if kind.files is not None:
@@ -120,6 +121,7 @@ class Bench:
             else:
                 self._reference = FileReference(reference, self._inputs.size, self.frames, settings, mapping)
             self._open(loaded)
+            self._require(len(self.runners) > 0)
         except BaseException:
             self.release()
             raise
@@ -146,6 +148,11 @@ class Bench:
                 runner = MethodRunner(self._gpu, method, self._inputs.size, values, timer=timer)
                 self.runners[spec.label] = runner
                 self._told[spec.label] |= {"settings": dict(runner.values), "memory_bytes": runner.bytes}
+
+    def _require(self, some: bool) -> None:
+        """MethodError with what ails every method, before anything is drawn or written."""
+        if not some:
+            raise MethodError("; ".join(str(record.failed) for record in self.records.values()))
 
     @contextmanager
     def _harmless(self, label: str) -> Iterator[None]:

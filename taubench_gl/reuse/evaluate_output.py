@@ -31,7 +31,8 @@ class ReuseFolder:
     """Collects an evaluation while it runs (``on_frame``) and writes the rest at the end (``finish``).
 
     A video grows as frames come; ``side_by_side.png`` shows the frame with the largest mean error.  Used in a ``with``
-    block: what is left half-written by an error or an interrupt is taken away.
+    block: what is left half-written by an error or an interrupt is taken away.  An interrupt (Ctrl-C) keeps the rows of
+    the frames that were judged, in frames.csv without a reuse.json beside it.
     """
 
     def __init__(self, out: str | Path, fps: float, video: str = "mp4"):
@@ -45,10 +46,13 @@ class ReuseFolder:
         make_folder(self.out)
         self._video = None if video == "none" else Video(self.out / f"side_by_side.{video}", fps, video)
         self._worst, self._worst_picture = -1.0, None
+        self._rows: list[dict[str, Any]] = []
+        self.kept = 0  # frames whose rows are in frames.csv, once that is written
         self._shape: tuple[int, ...] | None = None
 
     def on_frame(self, judged: JudgedFrame) -> None:
         """Look at one frame; give this to ``evaluate_methods``."""
+        self._rows += (dict(row) for row in judged.rows.values())
         if not judged.pictures:
             return
         if self._video is not None:
@@ -65,18 +69,20 @@ class ReuseFolder:
             self._worst, self._worst_picture = error, side_by_side(judged, crop=True)
 
     def finish(self, evaluation: Evaluation) -> list[Path]:
-        """Write everything.  Returns the files.  Raises OutputError."""
-        out, written = self.out, []
+        """Write everything, numbers first: a full disk costs pictures.  Returns the files.  Raises OutputError."""
+        out = self.out
+        written = [out / "frames.csv", out / "reuse.json"]
+        write_atomically(written[0], rows_csv(evaluation.rows, ROW_COLUMNS))
+        write_atomically(written[1], as_json(evaluation.summary))
+        self.kept = len({row["frame"] for row in evaluation.rows})
+        self._rows.clear()  # they are all on disk: an interrupt from here on takes nothing away
+        written += write_tables(out, reuse_tables(evaluation.summary))
         if self._video is not None:
             written += [path for path in (self._video.close(),) if path is not None]
         if self._worst_picture is not None:
             written.append(out / "side_by_side.png")
             write_png(written[-1], self._worst_picture)
-        written += write_tables(out, reuse_tables(evaluation.summary))
-        written += plot_reuse(evaluation.summary, evaluation.rows, out)
-        write_atomically(out / "frames.csv", rows_csv(evaluation.rows, ROW_COLUMNS))
-        write_atomically(out / "reuse.json", as_json(evaluation.summary))
-        return [*written, out / "frames.csv", out / "reuse.json"]
+        return written + plot_reuse(evaluation.summary, evaluation.rows, out)
 
     def __enter__(self) -> ReuseFolder:
         return self
@@ -84,6 +90,10 @@ class ReuseFolder:
     def __exit__(self, *error: Any) -> None:
         if self._video is not None:
             self._video.__exit__(*error)
+        if isinstance(error[1], KeyboardInterrupt) and self._rows:
+            (self.out / "reuse.json").unlink(missing_ok=True)  # an earlier evaluation's
+            write_atomically(self.out / "frames.csv", rows_csv(self._rows, ROW_COLUMNS))
+            self.kept = len({row["frame"] for row in self._rows})
         if error[0] is not None and self._made and not any(self.out.iterdir()):
             self.out.rmdir()
 
@@ -92,12 +102,12 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
     """fit.json, curve.csv, tables and the curve's plot into ``out``.  Returns the files.  Raises OutputError."""
     out = Path(out)
     make_folder(out)
-    written = write_tables(out, [fit_table(fit)]) + plot_fit(fit, out / "curve.png")
+    written = [out / "curve.csv", out / "fit.json"]
     names = list(fit["settings"])
     rows = [p["settings"] | {fit["metric"]: p["value"], "failed": p["failed"]} for p in fit["points"]]
-    write_atomically(out / "curve.csv", rows_csv(rows, (*names, fit["metric"], "failed")))
-    write_atomically(out / "fit.json", as_json(fit))
-    return [*written, out / "curve.csv", out / "fit.json"]
+    write_atomically(written[0], rows_csv(rows, (*names, fit["metric"], "failed")))
+    write_atomically(written[1], as_json(fit))
+    return [*written, *write_tables(out, [fit_table(fit)]), *plot_fit(fit, out / "curve.png")]
 
 
 @contextmanager

@@ -27,6 +27,9 @@ SCHEMA = "taubench-gl/reuse-fit/1"
 METRICS = {name.removesuffix("_db"): name for name in MEASURES}
 """As a user names them -> keys of MEASURES."""
 
+DEFAULT_METRIC = "flip"
+"""Bounded per pixel: one firefly cannot decide a fit, as it can with relMSE."""
+
 DEFAULT_STEPS = 9
 MAX_POINTS = 4096
 TOGETHER = 12
@@ -123,7 +126,7 @@ def fit_setting(
     ranges: Sequence[str | Range],
     settings: Settings | None = None,
     *,
-    metric: str = "relmse",
+    metric: str = DEFAULT_METRIC,
     refine: int = 1,
     progress: Callable[[Progress], None] | None = None,
     **evaluation: Any,

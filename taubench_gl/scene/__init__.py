@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -50,11 +51,15 @@ def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequ
 
     Raises ``SceneError`` for anything missing, unreadable, invalid or not supported.
     """
+    if not str(path):
+        raise SceneError("no scene was named", hint="give a scene file, a folder of numbered .obj files, or exr:DIR")
     if is_sequence(str(path)):
         from taubench_gl.scene.obj.reader import read_obj_sequence
 
         return read_obj_sequence(str(path), scene, animation)
     path = Path(path)
+    if os.path.isdir(path):  # which is False, and no error, for a name that is too long
+        raise _no_scene_in(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         hint = f"known: {', '.join(sorted(READERS))}"
@@ -64,6 +69,23 @@ def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequ
             hint += "; names of scenes: taubench-gl scenes list"
         raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
     return reader(path, scene, animation)
+
+
+def _no_scene_in(folder: Path) -> SceneError:
+    """What to say of a folder that is no sequence: what lies in it, and what to do."""
+    try:
+        found = sorted(p for p in folder.iterdir() if not p.name.startswith("."))
+    except OSError as error:
+        return SceneError(f"cannot be read: {error.strerror}", where=str(folder))
+    scenes = [p for p in found if p.suffix.lower() in READERS]
+    if scenes:
+        more = f" and {len(scenes) - 1} more" if len(scenes) > 1 else ""
+        return SceneError(f"is a folder, with {scenes[0].name}{more} in it", where=str(folder), hint="name one file")
+    if any(p.suffix.lower() == ".exr" for p in found):
+        return SceneError("is a folder of EXR files", where=str(folder), hint=f"path-traced frames are exr:{folder}")
+    what = "is a folder without a scene" if found else "is a folder with nothing in it"
+    hint = f"give a file ({', '.join(sorted(READERS))}), or numbered .obj files"
+    return SceneError(what, where=str(folder), hint=hint)
 
 
 __all__ = ["READERS", "Scene", "load_scene"]

@@ -287,6 +287,4 @@ def _images(masks: MaskPass, pair: Reprojection, current, history, view=None, pr
     counted = masks.read()
     mask = read_channel(masks.mask, "mask")[..., 0]
     motion = read_channel(masks.motion, "motion")
-    return PairImages(
-        mask, motion, counts_of(counted.combos), counted, pair, current, history, view, previous_view
-    )
+    return PairImages(mask, motion, counts_of(counted.combos), counted, pair, current, history, view, previous_view)

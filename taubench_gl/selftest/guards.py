@@ -331,4 +331,3 @@ def all_off(names: tuple[str, ...]) -> Iterator[None]:
             if guard.name in names:
                 stack.enter_context(guard.off())
         yield
-

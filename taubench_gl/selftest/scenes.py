@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.scene.build import NodeList
 from taubench_gl.scene.model import (
     Camera,
     Channel,
@@ -15,7 +16,6 @@ from taubench_gl.scene.model import (
     Material,
     Mesh,
     MorphTarget,
-    Nodes,
     Primitive,
     Scene,
     Skin,
@@ -29,7 +29,7 @@ class SceneBuilder:
     """Collects nodes, meshes and channels; every method returns the index of what it added."""
 
     def __init__(self) -> None:
-        self._nodes: list[dict] = []
+        self._nodes = NodeList()
         self._meshes: list[Mesh] = []
         self._materials: list[Material] = []
         self._skins: list[Skin] = []
@@ -37,26 +37,9 @@ class SceneBuilder:
         self._lights: list[Light] = []
         self._channels: list[Channel] = []
 
-    def node(
-        self,
-        parent: int = -1,
-        *,
-        translation: Sequence[float] = (0.0, 0.0, 0.0),
-        rotation: Sequence[float] = IDENTITY,
-        scale: Sequence[float] = (1.0, 1.0, 1.0),
-        matrix: Array | None = None,
-        mesh: int = -1,
-        skin: int = -1,
-        camera: int = -1,
-        light: int = -1,
-        visible: bool = True,
-        instances: Array | None = None,
-        name: str | None = None,
-    ) -> int:
-        """A node with glTF's defaults; ``instances`` (K, 4, 4) as EXT_mesh_gpu_instancing."""
-        values = {k: v for k, v in locals().items() if k != "self"}
-        self._nodes.append(values)
-        return len(self._nodes) - 1
+    def node(self, parent: int = -1, *, name: str | None = None, **fields: object) -> int:
+        """A node with glTF's defaults; ``fields`` as ``NodeList.add`` takes them."""
+        return self._nodes.add(name or f"node {len(self._nodes)}", parent, **fields)
 
     def mesh(self, *primitives: Primitive, weights: Sequence[float] = ()) -> int:
         self._meshes.append(Mesh(f"mesh {len(self._meshes)}", primitives, np.array(weights, dtype=np.float64)))
@@ -92,30 +75,8 @@ class SceneBuilder:
         self._channels.append(Channel("node", node, path, interpolation, keys, rows))
 
     def build(self) -> Scene:
-        nodes = self._nodes
-
-        def column(name: str, dtype: type = np.float64) -> Array:
-            return np.array([n[name] for n in nodes], dtype=dtype)
-
-        matrices = [n["matrix"] for n in nodes]
-        built = Nodes(
-            names=tuple(n["name"] or f"node {i}" for i, n in enumerate(nodes)),
-            parent=column("parent", np.int32),
-            translation=column("translation"),
-            rotation=column("rotation"),
-            scale=column("scale"),
-            matrix=np.array([np.eye(4) if m is None else m for m in matrices]),
-            has_matrix=np.array([m is not None for m in matrices]),
-            mesh=column("mesh", np.int32),
-            skin=column("skin", np.int32),
-            camera=column("camera", np.int32),
-            light=column("light", np.int32),
-            visible=column("visible", bool),
-            in_scene=np.ones(len(nodes), dtype=bool),
-            instances={i: n["instances"] for i, n in enumerate(nodes) if n["instances"] is not None},
-        )
         return Scene(
-            "made in code", built, tuple(self._meshes), tuple(self._materials), skins=tuple(self._skins),
+            "made in code", self._nodes.nodes(), tuple(self._meshes), tuple(self._materials), skins=tuple(self._skins),
             cameras=tuple(self._cameras), lights=tuple(self._lights), channels=tuple(self._channels),
         )  # fmt: skip
 

@@ -161,13 +161,16 @@ def channels_of(scene: Scene, camera: CameraTrack, settings: Settings, frames: t
     return kept
 
 
-def compare_features(found: Mapping[int, Channels], reference: Mapping[int, Channels], same_place_m: float) -> Any:
+def compare_features(found: Mapping[int, Channels], reference: Mapping[int, Channels], settings: Settings) -> Any:
     """Distribution of every feature's error over the common frames (``metrics.feature_errors``).
+
+    Of ``settings`` the position threshold says which places are one, and the unit scale what a metre is.
 
     A picture of another size is read at the pixel that each pixel centre of the reference falls into; its motion is
     brought to the reference's pixels.
     """
-    errors = FeatureErrors(same_place_m)
+    scale = settings.unit_scale
+    errors = FeatureErrors(settings.threshold("position") / scale, scale)
     for frame in sorted(found.keys() & reference.keys()):
         errors.add(_resized(found[frame], reference[frame]["position"].shape[:2]), reference[frame])
     return errors.summary()

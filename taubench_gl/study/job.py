@@ -264,7 +264,7 @@ class Job:
             found["floor"] = dict(truth.floor_of(run))
         else:
             kept = truth.rung_channels(rung, base, self._window)
-            found["features"] = compare_features(kept, self._channels(), base.threshold("position"))
+            found["features"] = compare_features(kept, self._channels(), base)
         return found
 
     def _feature_errors(self, settings: Settings) -> Any:
@@ -273,8 +273,7 @@ class Job:
         key = repr(plain)  # thresholds are a dict, so settings have no hash
         if key not in self._features:
             found = channels_of(self._scene, self._camera, plain, self._window)
-            place = self._plan.named(BASE).settings.threshold("position")
-            self._features[key] = compare_features(found, self._channels(), place)
+            self._features[key] = compare_features(found, self._channels(), self._plan.named(BASE).settings)
         return self._features[key]
 
     def _channels(self) -> Mapping[int, Any]:

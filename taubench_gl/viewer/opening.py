@@ -87,7 +87,7 @@ def _scene_of(run: Run, asked: Asked) -> tuple[str, Settings]:
         scale = float(values.get("unit_scale", asked.settings.unit_scale))
         limits = {f: float(v) for f, v in kept["thresholds"].items() if f in FEATURES and v is not None}
         if "position" in limits:
-            limits["position"] /= scale  # the summary has it in metres, Settings before the scale
+            limits["position"] /= scale  # the summary has it in scene units, Settings in metres
         values["thresholds"] = limits
     if "frames" not in asked.given and kept.get("first_frame") is not None:
         values["frames"] = (kept["first_frame"], kept["last_frame"] + 1)

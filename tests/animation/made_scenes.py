@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from taubench_gl.scene.build import NodeList
 from taubench_gl.scene.model import Channel, Mesh, Nodes, Primitive, Scene
-
-NODE_FIELDS = {"mesh": -1, "skin": -1, "camera": -1, "light": -1}
 
 
 def make_nodes(parents, **fields) -> Nodes:
-    """Nodes with glTF's defaults; ``fields`` replace whole arrays, e.g. ``translation=[[1, 0, 0]]``."""
-    n = len(parents)
-    given = dict(fields)
-    rotation = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
+    """Nodes with glTF's defaults; ``fields`` are whole columns, e.g. ``translation=[[1, 0, 0]]``.
 
-    def floats(name, default):
-        return np.array(given.pop(name, default), dtype=np.float64).reshape(np.shape(default))
-
-    arrays = {
-        "names": tuple(given.pop("names", [f"n{i}" for i in range(n)])),
-        "parent": np.array(parents, dtype=np.int32),
-        "translation": floats("translation", np.zeros((n, 3))),
-        "rotation": floats("rotation", rotation),
-        "scale": floats("scale", np.ones((n, 3))),
-        "matrix": floats("matrix", np.tile(np.eye(4), (n, 1, 1))),
-        "has_matrix": np.array(given.pop("has_matrix", np.zeros(n)), dtype=bool),
-        "visible": np.array(given.pop("visible", np.ones(n)), dtype=bool),
-        "in_scene": np.array(given.pop("in_scene", np.ones(n)), dtype=bool),
-        "weights": given.pop("weights", {}),
-        "instances": given.pop("instances", {}),
-    }
-    for name, default in NODE_FIELDS.items():
-        arrays[name] = np.array(given.pop(name, np.full(n, default)), dtype=np.int32)
-    assert not given, f"unknown node fields {sorted(given)}"
-    return Nodes(**arrays)
+    A ``matrix`` counts where ``has_matrix`` says so, as in the model; elsewhere it is there to be ignored.
+    """
+    count, nodes = len(parents), NodeList()
+    names = fields.pop("names", [f"n{i}" for i in range(count)])
+    by_node = {name: fields.pop(name, {}) for name in ("weights", "instances")}
+    matrix, has_matrix = fields.pop("matrix", None), fields.pop("has_matrix", [False] * count)
+    assert all(len(column) == count for column in (names, has_matrix, *fields.values()))
+    for i, parent in enumerate(parents):
+        own = {name: column[i] for name, column in fields.items()}
+        own |= {name: given.get(i) for name, given in by_node.items()}
+        nodes.add(names[i], parent, matrix=matrix[i] if has_matrix[i] else None, **own)
+    made = nodes.nodes()
+    return made if matrix is None else replace(made, matrix=np.array(matrix, dtype=np.float64))
 
 
 def make_channel(index, path, times, values, interpolation="LINEAR", target="node") -> Channel:

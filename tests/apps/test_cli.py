@@ -66,6 +66,20 @@ def test_a_reader_that_goes_away_is_no_traceback(tmp_path):
     assert done.returncode == 1 and done.stderr == ""
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a file that is always full")
+@pytest.mark.parametrize("command", [("--version",), ("scenes", "list"), ("doctor", "--help")])
+@pytest.mark.parametrize("buffered", ["", "1"])
+def test_output_on_a_full_disk_is_one_line(command, buffered):
+    environment = os.environ | {"PYTHONUNBUFFERED": buffered}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "taubench_gl", *command],
+            stdout=full, stderr=subprocess.PIPE, text=True, timeout=120, env=environment,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "taubench-gl: error: output cannot be written: No space left on device\n"
+
+
 @pytest.fixture
 def gpu(monkeypatch):
     from taubench_gl.errors import GraphicsError

@@ -116,6 +116,15 @@ def test_interrupt_says_what_is_kept(taubench, evaluate, tmp_path):
     assert len(evaluate.calls) == 2
 
 
+@pytest.mark.parametrize(
+    ("option", "complaint"), [("--out", "the name is empty"), ("--columns", "nothing to measure; choose from frustum")]
+)
+def test_options_that_are_empty(taubench, evaluate, option, complaint, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = taubench("evaluate", "a.glb", option, "")
+    assert code == 2 and complaint in err and not evaluate.calls and not list(tmp_path.iterdir())
+
+
 def test_interrupt_without_a_folder(taubench, evaluate):
     code, _, err = taubench("evaluate", "slow.glb")
     assert code == 130 and "nothing was written" in err

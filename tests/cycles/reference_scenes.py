@@ -151,4 +151,3 @@ def faults(result: dict[str, float]) -> Iterator[str]:
         yield f"motion is off by {result['motion_px']:.3g} px"
     if not result["seen_percent"] > 1.0:
         yield "hardly anything is seen"
-

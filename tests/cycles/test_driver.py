@@ -154,7 +154,8 @@ def test_frames_of_another_job_are_never_mixed(scene, tmp_path):
 def test_without_bpy_one_line_says_how_to_get_it(scene, tmp_path):
     for python in (str(tmp_path / "none"), "false"):
         with pytest.raises(TruthError, match=r"cannot import bpy.*pip install 'bpy==4\.5.*TAUBENCH_BLENDER_PYTHON"):
-            render(scene, tmp_path / "out", python=python)
+            render(scene, tmp_path / "new" / "out", python=python)
+    assert not (tmp_path / "new").exists()
 
 
 def test_qualities_that_cannot_be_meant():

@@ -62,7 +62,8 @@ def test_the_maker_makes_the_same_scene(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("which", ["masks", "geometry"])
 def test_bench_prints_ratios_and_names_its_clock(which: str, tmp_path: Path) -> None:
-    command = [sys.executable, ROOT / "tools" / "bench", which, "--size", "96x54", "--repeats", "1", "--out", tmp_path]
+    command = [sys.executable, ROOT / "tools" / "bench", which, "--no-install", "--size", "96x54", "--repeats", "1"]
+    command += ["--out", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert re.search(r"clock: .*clock|clock: GL timer query", done.stdout)
@@ -75,6 +76,6 @@ def test_bench_prints_ratios_and_names_its_clock(which: str, tmp_path: Path) -> 
         if row["median_ms"] is None:  # a peer that is not installed here
             assert "not installed" in row["note"] and row["ratio"] is None and row["samples"] == 0
             continue
-        assert 0 < row["low_ms"] <= row["median_ms"] <= row["high_ms"] and row["samples"] >= 6
+        assert 0 < row["low_ms"] <= row["median_ms"] <= row["high_ms"] and row["samples"] >= 3
         assert row["ratio"] > 0
     assert (tmp_path / "bench.md").read_text().count("|---|") == 1

@@ -29,7 +29,7 @@ def settings(**changes) -> Settings:
 
 
 def test_the_same_run_twice_gives_the_same_counts() -> None:
-    light = {"columns": (*GEOMETRY, "direct", "color"), "shadow_size": 64}
+    light = {"columns": (*GEOMETRY, "direct", "color"), "shadow_size": 64, "probes": 64, "indirect_samples": 128}
     for changes in ({}, {"reprojection": "motion", "sampling": "bilinear"}, light):
         first, second = (evaluate_scene(DEMO, settings(**changes)) for _ in range(2))
         assert first.frames == second.frames

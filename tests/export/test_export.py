@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 from export_tools import DEMO, HEIGHT, WIDTH, export
 
 from taubench_gl.apps import cli
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.export.run import export_scene
 from taubench_gl.reference.camera import read_camera_file
+from taubench_gl.settings import Settings
 
 FAST = ("position", "depth", "motion", "motion_forward")
 
@@ -43,6 +48,34 @@ def test_interrupted_and_resumed(tmp_path, format):
         assert after == whole
     again = export(tmp_path / "out", format, channels=FAST)
     assert (again.kept, again.written) == (3, 0)
+
+
+@pytest.mark.parametrize("format", ["exr", "npz", "zarr", "sintel"])
+def test_a_full_disk_is_one_line(tmp_path, format):
+    """The system refuses files of more than 4 KiB: exit code 2, one line, no frame and no half of one."""
+    command = ["export", str(DEMO), "--out", str(tmp_path / "out"), "--format", format, "--size", "64x36"]
+    limited = "import resource as r, sys; r.setrlimit(r.RLIMIT_FSIZE, (4096, 4096)); sys.argv[0] = 'taubench-gl'; "
+    limited += "from taubench_gl.apps.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", limited, *command, "--frames", "0:1", "--channels", "position"],
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith(f"taubench-gl: error: {tmp_path / 'out'}") and done.stderr.count("\n") == 1
+    assert "cannot be written: File too large" in done.stderr
+    left = [p for p in (tmp_path / "out").rglob("*") if "partial" in p.name or p.name.startswith("frame_")]
+    assert [p.suffix for p in left] == ([".cam"] if format == "sintel" else [])  # a frame of many files, not done
+
+
+def test_names_that_are_no_text_are_exported(tmp_path):
+    """Scene and folder with a byte that is no UTF-8."""
+    lost = os.fsdecode(b"caf\xe9")
+    (tmp_path / f"{lost}.glb").symlink_to(DEMO)
+    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    export_scene(tmp_path / f"{lost}.glb", tmp_path / lost, settings, channels=FAST)
+    assert json.loads((tmp_path / lost / "export.json").read_text())["scene"] == lost
+    data = (tmp_path / lost / "frame_00000.exr").read_bytes()
+    assert rb"caf\udce9" in data
 
 
 def test_a_killed_writer_leaves_nothing_half(tmp_path, monkeypatch):

@@ -17,7 +17,8 @@ from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.reprojection import Reprojection
-from taubench_gl.scene.model import Camera, Channel, Image, Material, Mesh, Nodes, Primitive, Scene
+from taubench_gl.scene.model import Camera, Channel, Image, Material, Primitive, Scene
+from taubench_gl.selftest.scenes import SceneBuilder, box
 
 Array = np.ndarray
 THRESHOLDS = dict.fromkeys(FEATURES, DEFAULT_THRESHOLD)
@@ -39,16 +40,7 @@ def quad(origin, u, v, **fields) -> Primitive:
 
 def room(half: float = 5.0) -> Primitive:
     """The inside of a cube, facing inwards."""
-    parts = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            u, v = np.roll([1.0, 0, 0], axis + 1), np.roll([1.0, 0, 0], axis + 2)
-            if sign > 0:
-                u, v = v, u
-            normal = np.cross(u, v)
-            parts.append(half * np.array([-normal - u - v, -normal + u - v, -normal + u + v, -normal - u + v]))
-    triangles = [[4 * i + a, 4 * i + b, 4 * i + c] for i in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
-    return primitive(np.concatenate(parts), triangles)
+    return replace(box((half, half, half), inside=True), normals=None)
 
 
 def make_scene(
@@ -60,30 +52,11 @@ def make_scene(
     origin=(0.0, 0.0, 0.0),
 ) -> Scene:
     """A root node at ``origin`` and one child per primitive, placed by ``matrices`` or by animated T, R, S."""
-    count = len(primitives) + 1
-    none = np.full(count, -1, dtype=np.int32)
-    matrix = np.tile(np.eye(4), (count, 1, 1))
-    if matrices is not None:
-        matrix[1:] = matrices
-    translation = np.zeros((count, 3))
-    translation[0] = origin
-    nodes = Nodes(
-        names=tuple(f"node {i}" for i in range(count)),
-        parent=np.array([-1] + [0] * (count - 1), dtype=np.int32),
-        translation=translation,
-        rotation=np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)),
-        scale=np.ones((count, 3)),
-        matrix=matrix,
-        has_matrix=np.array([False] + [matrices is not None] * (count - 1)),
-        mesh=np.arange(-1, count - 1, dtype=np.int32),
-        skin=none,
-        camera=none,
-        light=none,
-        visible=np.ones(count, dtype=bool),
-        in_scene=np.ones(count, dtype=bool),
-    )
-    meshes = tuple(Mesh(f"mesh {i}", (p,)) for i, p in enumerate(primitives))
-    return Scene("made", nodes, meshes=meshes, materials=materials, images=images, channels=channels)
+    b = SceneBuilder()
+    root = b.node(translation=origin)
+    for i, p in enumerate(primitives):
+        b.node(root, mesh=b.mesh(p), matrix=None if matrices is None else matrices[i])
+    return replace(b.build(), materials=materials, images=images, channels=channels)
 
 
 def picture(pixels) -> Image:

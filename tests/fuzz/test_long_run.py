@@ -14,7 +14,7 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.selftest import cases, run_selftest
 from taubench_gl.selftest.runner import DEFAULT_SIZE
 
-RUNNER = '''
+RUNNER = """
 import json, os, resource
 from dataclasses import replace
 import psutil
@@ -41,7 +41,7 @@ with gpu:
     left = gpu.collect()
     error = gpu.ctx.error
 print(json.dumps({{"pairs": run.summary["pairs"], "rss": seen, "left": left, "error": error}}))
-'''
+"""
 
 
 def long_run(frames: int, tmp_path: Path) -> dict:

@@ -47,9 +47,7 @@ class World:
     twins: list = field(default_factory=list)  # places of further, still copies of the first thing
 
 
-things = st.builds(
-    Thing, st.sampled_from(sorted(SHAPES)), places, places, rotations, st.sampled_from([0.25, 0.5, 1.0])
-)
+things = st.builds(Thing, st.sampled_from(sorted(SHAPES)), places, places, rotations, st.sampled_from([0.25, 0.5, 1.0]))
 small_turns = st.builds(turn, axes, st.floats(-25.0, 25.0).map(lambda a: round(a, 3)))
 shifts = st.tuples(*[st.integers(-8, 8).map(lambda i: i / 16)] * 3)
 worlds = st.builds(

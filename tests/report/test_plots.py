@@ -75,6 +75,22 @@ def test_unmeasured_columns_and_one_pair(summary, frames, tmp_path):
     assert len(plot_frames(summary, [row], tmp_path / "frames")) == 2
 
 
+def test_the_papers_names_lie_beside_a_sweep_not_on_its_curves(tmp_path, monkeypatch):
+    from taubench_gl.report import plots
+
+    drawn = []
+    monkeypatch.setattr(plots, "_save", lambda figure, path: drawn.append(figure) or [])
+    rows = [{"mean_yaw_deg": x, "frustum_percent": 2.0 * x, "color_percent": 3.0 * x} for x in (0.0, 4.0, 9.0)]
+    paper = [("Slow", 0.3, 0.1), ("Fast", 8.2, 15.3), ("Beyond", 99.0, 50.0)]
+    plots.plot_sweep(rows, "yaw", "deg", "walk", paper, tmp_path / "sweep")
+    figure = drawn[0]
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names[-2:] == ["Slow, 0.3°", "Fast, 8.2°"] and not axes.texts
+    assert axes.get_legend().get_window_extent().x0 >= axes.get_window_extent().x1
+
+
 def test_report_folder(summary, frames, tmp_path):
     files = {file.name for file in write_report(summary, frames, tmp_path / "out")}
     assert files == {file.name for file in (tmp_path / "out").iterdir()}

@@ -81,6 +81,40 @@ def test_unknown_column_is_a_fault_of_ours(tmp_path):
         writer.write_row({"typo": 1})
 
 
+def test_what_fails_before_its_first_row_leaves_nothing(frames, tmp_path):
+    out = tmp_path / "new" / "run"
+    with pytest.raises(ZeroDivisionError), RunWriter(out):
+        raise ZeroDivisionError
+    assert not os.listdir(tmp_path)
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(ZeroDivisionError), RunWriter(tmp_path / "mine") as writer:
+        writer.path("masks/a")  # what a later output has begun
+        raise ZeroDivisionError
+    assert [p.name for p in tmp_path.rglob("*")] == ["mine", "masks"]
+    with pytest.raises(ZeroDivisionError), RunWriter(out) as writer:
+        writer.write_row(frames[0])
+        raise ZeroDivisionError
+    assert os.listdir(out) == [FRAMES_FILE]
+
+
+def test_names_that_are_no_text_are_written_and_come_back(run, tmp_path):
+    """A path with a byte that is no UTF-8: summary, tables, plots, page."""
+    from taubench_gl.report import write_report
+    from taubench_gl.report.html import ReportRun, write_html_report
+    from taubench_gl.run import Run
+
+    lost = os.fsdecode(b"caf\xe9.glb")
+    summary = run.summary | {"scene": run.summary["scene"] | {"name": lost, "path": lost}, "notes": [lost]}
+    again = load_run(Run(summary, run.frames).save(tmp_path))
+    assert os.fsencode(again.summary["scene"]["path"]) == b"caf\xe9.glb" and again.frames == run.frames
+    write_report(again.summary, again.frames, tmp_path)
+    write_html_report([ReportRun(again.summary, again.frames, tmp_path)], tmp_path / "report.html")
+    for name in ("tables.txt", "tables.md", "tables.csv", "tables.tex", "thresholds.svg", "report.html"):
+        assert r"caf\udce9.glb" in (tmp_path / name).read_bytes().decode("utf-8").replace(r"\_", "_").replace(
+            r"\textbackslash{}", "\\"
+        ), name
+
+
 def test_file_in_the_way(tmp_path):
     (tmp_path / "file").write_text("mine")
     for out in (tmp_path / "file", tmp_path / "file" / "below"):

@@ -10,7 +10,7 @@ import pytest
 from reuse_scenes import SIZE, drifting_checks, looking_around, passing_box, settings, still
 
 import taubench_gl.reuse
-from taubench_gl.errors import GraphicsError, MethodError, SettingsError
+from taubench_gl.errors import GraphicsError, MethodError, OutputError, SettingsError
 from taubench_gl.report.reuse_tables import reuse_tables
 from taubench_gl.reuse.classes import CLASSES
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
@@ -176,6 +176,14 @@ def test_requests_that_cannot_be_meant(request_, says):
         judge(passing_box(), given.pop("methods"), given.pop("frames"), **given)
 
 
+@pytest.mark.parametrize("methods", [["nosuch"], ["nosuch", "none@gamma=3"]])
+def test_without_any_method_nothing_is_drawn_or_written(methods, tmp_path):
+    says = "nosuch" if len(methods) == 1 else "nosuch.*gamma"
+    with pytest.raises(MethodError, match=says), ReuseFolder(tmp_path / "run", 24.0) as folder:
+        judge(passing_box(), methods, (0, 5), on_frame=folder.on_frame)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_settings_are_read_as_the_method_says():
     method = load_method("taa_clamp")
     got = method_settings(method, {"alpha": "0.25", "clamping": "false", "filtering": "nearest"})
@@ -216,6 +224,19 @@ def test_the_folder_is_whole(written):
     assert "accumulate" in table and "no method, folder or file 'nosuch'" in " ".join(table.split())
 
 
+@pytest.mark.parametrize("error", [OutputError("cannot be written: No space left on device"), KeyboardInterrupt()])
+def test_numbers_are_written_before_pictures(written, tmp_path, monkeypatch, error):
+    def full(*_):
+        raise error
+
+    monkeypatch.setattr("taubench_gl.reuse.evaluate_output.plot_reuse", full)
+    with pytest.raises(type(error)), ReuseFolder(tmp_path / "run", 24.0, "none") as folder:
+        folder.on_frame(written[3][0])
+        folder.finish(written[1])
+    assert json.loads((tmp_path / "run" / "reuse.json").read_text()) == written[1].summary
+    assert (tmp_path / "run" / "frames.csv").read_bytes() == (written[0] / "frames.csv").read_bytes()
+
+
 def test_the_video_holds_every_frame_at_its_size(written):
     import imageio_ffmpeg
 
@@ -247,6 +268,52 @@ def test_an_error_on_the_way_leaves_no_half_video(tmp_path):
 
         judge(passing_box(), ["none"], (0, 4), on_frame=seen)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_keeps_the_rows_of_judged_frames(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "reuse.json").write_text("of an earlier evaluation")
+    seen = []
+    with pytest.raises(KeyboardInterrupt), ReuseFolder(tmp_path / "run", 24.0) as folder:
+
+        def interrupted(judged):
+            folder.on_frame(judged)
+            seen.append(judged)
+            if judged.frame == 2:
+                raise KeyboardInterrupt
+
+        judge(passing_box(), ["none", "accumulate"], (0, 9), on_frame=interrupted)
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["frames.csv"]
+    with open(tmp_path / "run" / "frames.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(int(r["frame"]), r["method"]) for r in rows] == [(f, m) for f in range(3) for m in ("none", "accumulate")]
+    assert [float(r["relmse"]) for r in rows] == [row["relmse"] for j in seen for row in j.rows.values()]
+
+
+def test_the_command_line_names_what_an_interrupt_kept(tmp_path, monkeypatch, capsys):
+    from taubench_gl.apps import cli
+
+    def interrupted(scene, methods, settings, *, progress=None, on_frame=None, **request):
+        def seen(judged):
+            if on_frame is not None:
+                on_frame(judged)
+            if judged.frame == 2:
+                raise KeyboardInterrupt
+
+        judge(passing_box(), ["none", "accumulate"], (0, 9), on_frame=seen)
+
+    monkeypatch.setattr("taubench_gl.reuse.evaluate.evaluate_methods", interrupted)
+    for more, says in (
+        (
+            ["--out", str(tmp_path / "run"), "--video", "none"],
+            f"the rows of 3 frames are in {tmp_path / 'run' / 'frames.csv'}",
+        ),
+        ([], "nothing was written (--out DIR keeps judged frames)"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            cli.main(["reuse", "evaluate", "s.glb", "--methods", "none", *more])
+        assert ended.value.code == 130
+        assert capsys.readouterr().err == f"taubench-gl: interrupted; {says}\n"
 
 
 def test_memory_that_does_not_suffice_ends_one_method_alone(monkeypatch):

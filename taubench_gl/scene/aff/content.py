@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from taubench_gl.scene.aff.surfaces import Collector
 from taubench_gl.scene.build import NodeList
+from taubench_gl.scene.identity import Identity
 from taubench_gl.scene.model import Note
 
 Array = np.ndarray
@@ -51,7 +51,7 @@ class AffFile:
     window: tuple[float, float, int] | None = None  # start, end, frames
     ambient: Array = field(default_factory=lambda: np.zeros(3))
     notes: dict[Note, None] = field(default_factory=dict)
-    digest: Any = field(default_factory=sha256)
+    identity: Identity = field(default_factory=Identity)
 
     def note(self, message: str, where: str = "") -> None:
         self.notes[Note(message, where)] = None

@@ -67,7 +67,7 @@ class Parser:
             raise SceneError(f"includes are nested deeper than {MAX_DEPTH}", where=where)
         if resolved not in self._cache:
             self._cache[resolved], data = read_tokens(path, where)
-            self.file.digest.update(data)
+            self.file.identity.add(data)
         cached = self._cache[resolved]
         t = _again(cached)
         depth = len(self.stack)

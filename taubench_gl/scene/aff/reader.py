@@ -76,7 +76,7 @@ class _Assembly:
             playing=(played.name,) if playing else (),
             notes=tuple(file.notes),
             path=self.path,
-            sha256=file.digest.hexdigest(),
+            sha256=file.identity.hexdigest(),
         )
 
     @property
@@ -117,6 +117,7 @@ class _Assembly:
         if fill.texture is not None:
             if fill.texture not in self.images:
                 self.images[fill.texture] = len(self.pictures)
+                self.file.identity.add_file(fill.texture)
                 self.pictures.append(read_image(fill.texture))
             texture = Texture(self.images[fill.texture])
         alpha = float(np.clip(1.0 - fill.transmittance, 0.0, 1.0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import struct
 from pathlib import Path
@@ -32,12 +31,11 @@ def open_document(path: Path) -> Document:
     if extra:
         document.note(f"{extra} bytes after the end of the binary container are ignored")
     _check_version(document)
-    digest = hashlib.sha256(data)
+    document.identity.add(data)
     for index, buffer in enumerate(document.root.buffers or []):
         document.buffers.append(_buffer_bytes(document, buffer, index))
     for external in document.external.values():
-        digest.update(external)
-    document.sha256 = digest.hexdigest()
+        document.identity.add(external)
     return document
 
 

@@ -11,6 +11,7 @@ import msgspec
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.gltf import schema
+from taubench_gl.scene.identity import Identity
 from taubench_gl.scene.model import Note
 
 T = TypeVar("T")
@@ -27,7 +28,7 @@ class Document:
     buffers: list[memoryview | None] = field(default_factory=list)
     external: dict[Path, bytes] = field(default_factory=dict)  # files the buffers lie in, in order of first use
     notes: dict[Note, None] = field(default_factory=dict)  # an ordered set
-    sha256: str = ""
+    identity: Identity = field(default_factory=Identity)
 
     def error(self, what: str, pointer: str = "", hint: str | None = None) -> SceneError:
         """A SceneError that names this file and a JSON pointer.  Returned, so that the caller raises it."""

@@ -46,6 +46,8 @@ def read_image(document: Document, accessors: Accessors, index: int) -> Image:
     bare = Document(document.path, schema.Root(asset=document.root.asset))
     with _open(bare, source, pointer) as opened:
         size = opened.size
+    if isinstance(source, Path):
+        document.identity.add_file(source)
     name = image.name or (source.stem if isinstance(source, Path) else "")
     return Image(name, size, partial(_decode, bare, source, pointer))
 

@@ -55,7 +55,7 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
         playing=playing,
         notes=tuple(document.notes),
         path=path,
-        sha256=document.sha256,
+        sha256=document.identity.hexdigest(),
         scene_names=scene_names,
         stand_in=own.get("stand_in"),
         default_camera=own.get("camera"),

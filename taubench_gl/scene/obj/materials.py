@@ -32,7 +32,7 @@ class Library:
     index: dict[str, int] = field(default_factory=dict)
     notes: dict[Note, None] = field(default_factory=dict)
     data: list[bytes] = field(default_factory=list)  # of the libraries, in order
-    _pictures: dict[Path, int] = field(default_factory=dict)
+    pictures: dict[Path, int] = field(default_factory=dict)  # file -> place in ``images``
     _read: set[Path] = field(default_factory=set)
 
     def note(self, message: str, where: str = "") -> None:
@@ -128,10 +128,10 @@ class Library:
         if isinstance(found, str):
             self.note(f"texture {found}; drawn without it", where)
             return None
-        if found not in self._pictures:
-            self._pictures[found] = len(self.images)
+        if found not in self.pictures:
+            self.pictures[found] = len(self.images)
             self.images.append(read_image(found))
-        return Texture(self._pictures[found])
+        return Texture(self.pictures[found])
 
 
 def _without_options(words: list[str]) -> list[str]:

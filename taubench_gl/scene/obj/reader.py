@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ import numpy as np
 from taubench_gl.errors import SceneError
 from taubench_gl.math3d import normalize
 from taubench_gl.scene.build import NodeList
+from taubench_gl.scene.identity import Identity
 from taubench_gl.scene.model import Animation, Channel, Mesh, MorphTarget, Primitive, Scene
 from taubench_gl.scene.obj.materials import Library
 from taubench_gl.scene.obj.parse import ObjFile, parse_obj
@@ -80,7 +80,7 @@ class _Assembly:
     def __init__(self, files: list[Path], fps: float, folder: Path):
         self.files, self.fps = files, fps
         self.library = Library(folder)
-        self.digest = sha256()
+        self.identity = Identity()
         self.tracks: list[_Track] = []
         self._read()
 
@@ -88,7 +88,7 @@ class _Assembly:
         open_tracks: dict[str, _Track] = {}
         for frame, path in enumerate(self.files):
             file = parse_obj(path)
-            self.digest.update(file.data)
+            self.identity.add(file.data)
             self._notes(file)
             now: dict[str, _Track] = {}
             for name, shape in shapes(file).items():
@@ -142,7 +142,9 @@ class _Assembly:
             times = np.array([0.0, (count - 1) / self.fps])
             channels.append(Channel("node", root, "visible", "STEP", times, np.ones((2, 1))))
         for data in self.library.data:
-            self.digest.update(data)
+            self.identity.add(data)
+        for picture in self.library.pictures:
+            self.identity.add_file(picture)
         played = Animation("sequence", tuple(channels))
         playing = bool(channels) and (animation is None or len(animation) > 0)
         return Scene(
@@ -156,7 +158,7 @@ class _Assembly:
             playing=(played.name,) if playing else (),
             notes=tuple(self.library.notes),
             path=path,
-            sha256=self.digest.hexdigest(),
+            sha256=self.identity.hexdigest(),
             replacements=frozenset(replacements),
         )
 

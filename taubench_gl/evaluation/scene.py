@@ -1,0 +1,99 @@
+"""One scene from file to Run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from taubench_gl.animation import CameraTrack, Poser, choose_camera
+from taubench_gl.errors import SceneError
+from taubench_gl.evaluation.pairs import Pair, count_pairs
+from taubench_gl.evaluation.schedule import frame_range
+from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.provenance import provenance
+from taubench_gl.run import FRAME_COLUMNS, Progress, Run, RunWriter
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+TIMED_FIRST, TIMED_EVERY = 16, 16
+"""Passes of these frames are timed, which keeps the CPU from working ahead of the GPU; all others overlap."""
+
+
+def evaluate_scene(
+    scene: Scene | str | Path,
+    settings: Settings | None = None,
+    *,
+    out: str | Path | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    on_pair: Callable[[Pair], None] | None = None,
+    channels: tuple[str, ...] = (),
+    camera: CameraTrack | None = None,
+) -> Run:
+    """Evaluate every frame pair of one scene.
+
+    ``out`` receives frames.csv row by row and summary.json at the end.  ``on_pair`` sees each pair; ``channels`` are
+    extra channels it wants drawn; ``camera`` takes the place of ``settings.camera``.  Raises TaubenchError for
+    everything a user can cause.
+    """
+    settings = settings or Settings()
+    if not isinstance(scene, Scene):
+        scene = load_scene(scene, scene=settings.scene, animation=settings.animation)
+    camera = camera or choose_camera(scene, settings.camera)
+    frames = frame_range(scene, camera, settings)
+    require_triangles(scene)
+    if out is None:
+        return _run(scene, camera, frames, settings, None, progress, on_pair, channels)
+    with RunWriter(out, FRAME_COLUMNS) as writer:
+        return _run(scene, camera, frames, settings, writer, progress, on_pair, channels)
+
+
+def _run(
+    scene: Scene,
+    camera: CameraTrack,
+    frames: range,
+    settings: Settings,
+    writer: RunWriter | None,
+    progress: Callable[[Progress], None] | None,
+    on_pair: Callable[[Pair], None] | None,
+    extra: tuple[str, ...],
+) -> Run:
+    gpu = open_gpu(settings.backend, settings.device)
+    with gpu:
+        timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
+        source = RasterSource(gpu, scene, camera, settings, extra=extra, timer=timer, poser=poser)
+        try:
+            rows, views, stats = count_pairs(
+                gpu, source, frames, settings, scene.name, timer, writer, progress, on_pair
+            )
+            gpu.check("evaluation")
+            if settings.pairs != "all":  # the camera's activity is that of all frames, drawn or not
+                views = [camera.view_at(poser.sample(frame / settings.fps)) for frame in frames]
+            facts = scene_facts(scene, camera, frames, settings, poser)
+            summary = assemble_summary(facts, frames, settings, views, stats)
+            told = source.describe()
+            summary["notes"] += told.pop("notes")
+            summary |= told
+        finally:
+            source.release()
+            gpu.collect()
+        summary["timing"] = timer.summary()
+        summary["provenance"] = provenance(gpu, timer.clock)
+    return finish_run(summary, rows, writer)
+
+
+def require_triangles(scene: Scene) -> None:
+    """Raises SceneError where there is nothing to draw, saying what there is instead."""
+    if not any(len(p.triangles) for n in scene.mesh_nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives):
+        raise SceneError("no mesh with triangles to draw", where=str(scene.path or scene.name), hint=_what_is_in(scene))
+
+
+def _what_is_in(scene: Scene) -> str:
+    if len(scene.mesh_nodes):
+        return "its meshes hold only points or lines"
+    return (
+        f"it has {len(scene.nodes)} nodes, {len(scene.cameras)} cameras, {len(scene.lights)} lights and no mesh in use"
+    )

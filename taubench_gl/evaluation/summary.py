@@ -1,0 +1,114 @@
+"""From the sums over all pairs to summary.json (SPEC section 6), and the end of a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, OrbitCamera, Poser, View
+from taubench_gl.conventions import SUMMARY_SCHEMA
+from taubench_gl.effects.census import census
+from taubench_gl.evaluation.schedule import sampled_pairs
+from taubench_gl.frame.counting import SequenceStats
+from taubench_gl.metrics.activity import camera_activity, summarize
+from taubench_gl.metrics.cuts import detect_cuts
+from taubench_gl.metrics.pair_sample import PairSample, estimate
+from taubench_gl.run import Run, RunWriter
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+
+def scene_facts(scene: Scene, camera: CameraTrack, frames: range, settings: Settings, poser: Poser) -> dict[str, Any]:
+    """What the summary says of the scene without a frame being drawn: blocks ``scene``, ``census`` and ``notes``, and
+    ``camera_source``.  Plain values, fit for JSON."""
+    notes = [str(note) for note in scene.notes]
+    if isinstance(camera, OrbitCamera):
+        notes.insert(0, f"the camera is a {camera.describe()}")
+    lost = poser.overflowing(poser.sample(frames[0] / settings.fps).world)
+    if len(lost):
+        name = scene.nodes.names[lost[0]] or f"number {lost[0]}"
+        more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
+        notes.append(f"node {name!r}{more}: the world transform overflows; nothing that is drawn hangs on it")
+    return {
+        "scene": {
+            "name": scene.name,
+            "path": None if scene.path is None else str(scene.path),
+            "sha256": scene.sha256,
+            "duration_s": scene.duration,
+            "playing": list(scene.playing),
+            "stand_in": scene.stand_in,
+        },
+        "census": census(scene, (f / settings.fps for f in frames), poser),
+        "camera_source": camera.describe(),
+        "notes": notes,
+    }
+
+
+def assemble_summary(
+    facts: dict[str, Any], frames: range, settings: Settings, views: list[View], stats: SequenceStats
+) -> dict[str, Any]:
+    """summary.json but for effects, timing and provenance, which the caller adds.
+
+    ``facts``: ``scene_facts``; ``views`` of all frames; ``stats`` has taken in all pairs, in order.
+    """
+    positions = np.array([v.position for v in views]).reshape(-1, 3)
+    rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
+    activity = camera_activity(positions, rotations)
+    cuts = detect_cuts(activity, settings.unit_scale)
+    in_metres = activity.in_metres(settings.unit_scale)
+    sample = sampled_pairs(frames, settings)
+    discard = stats.discard(cuts[list(sample.positions)])
+    sampling = _sampling(sample, stats, settings, discard) if settings.pairs != "all" else None
+    return {
+        "schema": SUMMARY_SCHEMA,
+        "scene": facts["scene"],
+        "settings": settings.as_summary(frames),
+        "pairs": stats.pairs,
+        "census": facts["census"],
+        "camera": summarize(in_metres, cuts, settings.fps, frames[0]) | {"source": facts["camera_source"]},
+        "discard": discard,
+        **({} if sampling is None else {"sampling": sampling}),
+        "classes": stats.classes(),
+        "curves": stats.curves(),
+        "notes": [*facts["notes"], *_accuracy_notes(settings, sampling)],
+    }
+
+
+def finish_run(summary: dict[str, Any], rows: list[dict[str, Any]], writer: RunWriter | None) -> Run:
+    """Mark the cuts in the rows, write what there is to write, and hand back all of it."""
+    mark_cuts(rows, summary)
+    if writer is not None:
+        writer.rewrite_rows(rows)
+        writer.write_summary(summary)
+    return Run(summary, rows, None if writer is None else writer.out)
+
+
+def mark_cuts(rows: list[dict[str, Any]], summary: dict[str, Any]) -> None:
+    """A cut shows only against the pairs around it, so this column is filled in at the end."""
+    cuts = set(summary["camera"]["cuts"])
+    for row in rows:
+        row["camera_cut"] = row["frame"] in cuts
+
+
+def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None) -> list[str]:
+    """What a reader of the tables must know of a run that looks at less, or at more, than every pixel centre."""
+    notes = []
+    if sampling is not None:
+        widths = {c: e["half_width_points"] for c, e in sampling["columns"].items()}
+        said = ", ".join(f"{c} ±{w:.2f}" for c, w in widths.items() if w is not None)
+        drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.pairs})"
+        notes.append(f"{drawn}; 95 % intervals, points: {said or 'unknown'}")
+    if settings.samples_per_pixel > 1:
+        notes.append(f"counts and percentages are over {settings.samples_per_pixel} samples per pixel")
+    return notes
+
+
+def _sampling(sample: PairSample, stats: SequenceStats, settings: Settings, discard: dict[str, Any]) -> dict[str, Any]:
+    """The block ``sampling``: confidence intervals of the means.  Puts the weighted means into ``discard``."""
+    columns = {}
+    for column in stats.measured if sample.positions else ():
+        found = estimate(sample, stats.per_pair(column))
+        discard[column]["mean_percent"] = found.mean
+        columns[column] = {"mean_percent": found.mean, "half_width_points": found.half_width, "level": found.level}
+    return {"pairs": settings.pairs, "drawn": len(sample.positions), "total": sample.total, "columns": columns}

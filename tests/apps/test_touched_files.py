@@ -1,0 +1,84 @@
+"""A texture that changes between two calls: ``batch`` and ``cost`` do not mix what was measured before and after."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import PIL.Image
+import pytest
+
+from taubench_gl.paths import PACKAGE
+from taubench_gl.scene import load_scene
+
+pytest.importorskip("pyarrow")
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+
+
+def paint(folder: Path, color: tuple[int, int, int]) -> None:
+    """The picture of ``demo_with_picture``; equally large in every colour."""
+    PIL.Image.new("RGB", (4, 4), color).save(folder / "picture.png")
+
+
+def demo_with_picture(folder: Path, suffix: str) -> Path:
+    """The demo with a base colour texture in a file of its own; as .gltf its buffer is one too."""
+    data = DEMO.read_bytes()
+    (length,) = struct.unpack("<I", data[12:16])
+    root, chunk = json.loads(data[20 : 20 + length]), data[20 + length :]
+    root["images"] = [*root.get("images", []), {"uri": "picture.png"}]
+    root["textures"] = [*root.get("textures", []), {"source": len(root["images"]) - 1}]
+    sampled = {"baseColorTexture": {"index": len(root["textures"]) - 1}}
+    for material in root["materials"]:
+        material["pbrMetallicRoughness"] = material.get("pbrMetallicRoughness", {}) | sampled
+    path = folder / f"demo{suffix}"
+    if suffix == ".gltf":
+        (folder / "demo.bin").write_bytes(chunk[8:])
+        root["buffers"][0]["uri"] = "demo.bin"
+        path.write_text(json.dumps(root), encoding="utf-8")
+    else:
+        text = json.dumps(root).encode()
+        text += b" " * (-len(text) % 4)
+        head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(chunk))
+        path.write_bytes(head + struct.pack("<I4s", len(text), b"JSON") + text + chunk)
+    paint(folder, (200, 40, 40))
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".gltf", ".glb"])
+def test_batch_does_a_touched_scene_again(taubench, tmp_path, suffix):
+    scene = demo_with_picture(tmp_path, suffix)
+    study = tmp_path / "study.toml"
+    study.write_text(
+        f'scenes = ["{scene.name}"]\nframes = "0:3"\nsize = "32x18"\ncolumns = ["frustum", "position", "normal"]\n'
+    )
+
+    def told(*arguments: object) -> dict:
+        code, _, err = taubench("batch", *arguments)
+        assert code == 0, err
+        (found,) = (tmp_path / "out" / "jobs").glob("*/summary.json")
+        return json.loads(found.read_text())
+
+    first = told("run", study, "--out", tmp_path / "out")
+    assert first["scene"]["sha256"] == load_scene(scene).sha256
+    untouched = told("resume", tmp_path / "out")
+    assert untouched == first, "what is finished stays, to the byte"
+    paint(tmp_path, (40, 40, 200))
+    again = told("resume", tmp_path / "out")
+    assert again["scene"]["sha256"] == load_scene(scene).sha256 != first["scene"]["sha256"]
+
+
+def test_cost_refuses_to_go_on_with_a_touched_scene(taubench, tmp_path):
+    scene = demo_with_picture(tmp_path, ".glb")
+    command = ["cost", scene, "--out", tmp_path / "study", "--size", "32x18", "--frames", "0:3", "--repeats", "1"]
+    command += ["--knobs", "histogram_bits", "--columns", "frustum,position"]
+    code, _, err = taubench(*command)
+    assert code == 0, err
+    records = (tmp_path / "study" / "records.jsonl").read_bytes()
+    code, _, err = taubench(*command)
+    assert code == 0, err
+    paint(tmp_path, (40, 40, 200))
+    code, _, err = taubench(*command)
+    assert code == 2 and "scene" in err and len(err.strip().splitlines()) == 1, err
+    assert (tmp_path / "study" / "records.jsonl").read_bytes().startswith(records)

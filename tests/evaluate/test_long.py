@@ -1,0 +1,116 @@
+"""Sequences longer than anyone evaluates: refused in one line, or quick where a few frames are asked for."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taubench_gl.apps.inspect_command import MAX_INSPECTED, describe
+from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.export.run import export_scene
+from taubench_gl.paths import ASSETS
+from taubench_gl.run import Run
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import MAX_FRAMES, Settings
+
+DEMO = ASSETS / "demo.glb"
+SMALL = Settings(width=32, height=18, columns=("frustum",))
+
+
+def late(seconds: float) -> Scene:
+    """The demo with its last keys at ``seconds``."""
+    scene = load_scene(DEMO)
+    return replace(scene, channels=tuple(replace(c, times=np.append(c.times[:-1], seconds)) for c in scene.channels))
+
+
+def test_as_many_as_there_may_be_and_one_more():
+    at = Settings(fps=1.0)
+    assert len(replace(at, frames=(0, MAX_FRAMES)).frame_range(1e15)) == MAX_FRAMES
+    with pytest.raises(SettingsError, match=rf"^{MAX_FRAMES + 1} frames are more than {MAX_FRAMES}: give --frames"):
+        replace(at, frames=(7, MAX_FRAMES + 8)).frame_range(1e15)
+    assert replace(at, frames=(9, 12)).frame_range(1e15) == range(9, 12)
+    assert not replace(at, frames=(5, 2)).frame_range(1e15)
+    with pytest.raises(SettingsError, match="no countable frames"):
+        Settings(fps=1e308).frame_range(10.0)
+
+
+@pytest.mark.parametrize("fps", [1e8, 1e15])
+def test_a_rate_that_cannot_be_meant_is_one_line(fps: float, tmp_path: Path):
+    for run in (evaluate_scene, export_scene):
+        with pytest.raises(SettingsError, match="frames"):
+            run(DEMO, settings=replace(SMALL, fps=fps), out=tmp_path / "x")
+    assert not os.listdir(tmp_path)
+
+
+def test_a_few_frames_of_thirty_years(tmp_path: Path):
+    """Nothing grows with what is not asked for: a list of these frames, or a census of them, would end in no memory."""
+    run = evaluate_scene(late(1e9), replace(SMALL, frames=(2, 5)))
+    assert [row["frame"] for row in run.frames] == [3, 4] and run.summary["settings"]["last_frame"] == 4
+    last = evaluate_scene(late(1e9), replace(SMALL, frames=(-2, None)))
+    assert [row["time_s"] for row in last.frames] == [pytest.approx(1e9, rel=1e-6)]
+
+
+def test_an_export_of_a_few_frames_of_thirty_years_and_a_few_more(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("taubench_gl.export.run.load_scene", lambda *_, **__: late(1e9))
+    for first in (2, 4):
+        export_scene("x.glb", settings=replace(SMALL, frames=(first, first + 2)), out=tmp_path, channels=("depth",))
+    assert [p.name for p in sorted(tmp_path.glob("frame*"))] == [f"frame_{i:05d}.exr" for i in range(2, 6)]
+    assert len(json.loads((tmp_path / "camera.json").read_text())["frames"]) == 4
+
+
+def test_inspect_looks_at_so_many_frames_and_says_so():
+    facts = describe(late(1e9), Settings())
+    assert facts["frames"] > 2e10 and facts["frames_inspected"] == MAX_INSPECTED
+    assert len(facts["census"]["lights_per_frame"]["moved"]) == MAX_INSPECTED - 1
+    short = describe(load_scene(DEMO), Settings())
+    assert short["frames_inspected"] == short["frames"] == len(short["census"]["lights_per_frame"]["moved"]) + 1
+
+
+def grown(scale: float, name: str) -> Scene:
+    """The demo with node ``name`` scaled up at rest."""
+    scene = load_scene(DEMO)
+    scales = scene.nodes.scale.copy()
+    scales[scene.nodes.names.index(name)] = scale
+    return replace(scene, nodes=replace(scene.nodes, scale=scales))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("scale", [1e30, 1e200, 1e308])
+def test_a_drawn_node_that_overflows_is_named_with_its_time(scale: float):
+    scene = load_scene(DEMO)
+    parent = next(int(p) for n, p in enumerate(scene.nodes.parent) if p >= 0 and n in scene.mesh_nodes)
+    huge = grown(scale, scene.nodes.names[parent])
+    with pytest.raises(SceneError, match=r"node '.+' lies or reaches beyond 1e\+18 at 0\.125 s"):
+        evaluate_scene(huge, replace(SMALL, frames=(3, 5)))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_node_nothing_hangs_on_may_overflow_and_is_noted():
+    scene = load_scene(DEMO)
+    nodes, more = scene.nodes, {}
+    for column, value in (
+        ("translation", 0.0),
+        ("rotation", (0.0, 0.0, 0.0, 1.0)),
+        ("scale", 1e200),
+        ("matrix", np.eye(4)),
+    ):
+        old = getattr(nodes, column)
+        more[column] = np.concatenate([old, np.broadcast_to(np.asarray(value), (2, *old.shape[1:]))])
+    for column, value in (("has_matrix", False), ("mesh", -1), ("skin", -1), ("camera", -1), ("light", -1),
+                          ("visible", True), ("in_scene", True)):  # fmt: skip
+        old = getattr(nodes, column)
+        more[column] = np.append(old, np.full(2, value, old.dtype))
+    more |= {"parent": np.append(nodes.parent, [-1, len(nodes)]), "names": (*nodes.names, "above", "below")}
+    run: Run = evaluate_scene(replace(scene, nodes=replace(nodes, **more)), replace(SMALL, frames=(0, 2)))
+    plain = evaluate_scene(scene, replace(SMALL, frames=(0, 2)))
+    assert [n for n in run.summary["notes"] if "overflows" in n] == [
+        "node 'above' and 1 more: the world transform overflows; nothing that is drawn hangs on it"
+    ]
+    assert run.frames == plain.frames and run.summary["census"] == plain.summary["census"]

@@ -1,0 +1,84 @@
+"""What is called metres is metres, whatever a scene's own unit is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from taubench_gl.apps.inspect_command import describe
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.metrics.feature_errors import FeatureErrors
+from taubench_gl.paths import ASSETS
+from taubench_gl.report.html_data import ReportRun, report_data
+from taubench_gl.report.plots import plot_thresholds
+from taubench_gl.report.tables import paper_tables
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+DEMO = ASSETS / "demo.glb"
+SMALL = Settings(width=48, height=27, frames=(0, 5), columns=("frustum", "position", "normal"))
+SCALE = 128.0  # a power of two: division keeps every bit
+
+
+@pytest.fixture(scope="module")
+def runs():
+    from dataclasses import replace
+
+    same_limit = replace(SMALL, unit_scale=SCALE, thresholds={"position": 32 / 255 / SCALE})
+    return evaluate_scene(DEMO, SMALL), evaluate_scene(DEMO, same_limit)
+
+
+def test_camera_steps_are_metres(runs):
+    plain, scaled = runs
+    for key in ("mean", "max", "median", "p95"):
+        assert plain.summary["camera"]["position"][key] > 0
+        assert scaled.summary["camera"]["position"][key] == plain.summary["camera"]["position"][key] / SCALE
+    variance = scaled.summary["camera"]["position"]["variance"]
+    assert variance == pytest.approx(plain.summary["camera"]["position"]["variance"] / SCALE**2, rel=1e-12)
+    steps = [[row["translation_m"] for row in run.frames] for run in runs]
+    np.testing.assert_array_equal(np.array(steps[1]), np.array(steps[0]) / SCALE)
+    assert scaled.summary["camera"]["angle"] == plain.summary["camera"]["angle"]
+
+
+def test_masks_and_the_schema_stay_in_scene_units(runs):
+    """The same limit in scene units discards the same, and the summary holds it as the masks compare it."""
+    plain, scaled = runs
+    assert scaled.summary["settings"]["thresholds"]["position"] == plain.summary["settings"]["thresholds"]["position"]
+    assert scaled.summary["discard"] == plain.summary["discard"]
+    assert scaled.summary["curves"] == plain.summary["curves"]
+
+
+def test_tables_plots_and_the_page_show_metres(runs, tmp_path: Path):
+    scaled = runs[1]
+    shown = [" ".join(paper_tables([run.summary])[3].notes) for run in runs]
+    assert "position 0.1255 m" in shown[0] and f"position {32 / 255 / SCALE:.4g} m" in shown[1]
+    assert f"at {32 / 255 / SCALE:.3g} m" in _svg_text(plot_thresholds(scaled.summary, tmp_path / "a"))
+    pages = [report_data([ReportRun(run.summary, run.frames)], ["a"])["runs"][0] for run in runs]
+    assert pages[1]["thresholds"]["position"] == pages[0]["thresholds"]["position"] / SCALE
+    edges = [np.array(page["curves"]["position"]["edges"]) for page in pages]
+    np.testing.assert_array_equal(edges[1], edges[0] / SCALE)
+    assert pages[1]["curves"]["normal"] == pages[0]["curves"]["normal"]
+
+
+def _svg_text(files: list[Path]) -> str:
+    import re
+
+    return " ".join(re.findall(r"<!-- (.*?) -->", files[1].read_text(encoding="utf-8")))  # matplotlib's own, per text
+
+
+def test_inspect_shows_metres():
+    scene = load_scene(DEMO)
+    plain, scaled = (describe(scene, Settings(unit_scale=unit)) for unit in (1.0, SCALE))
+    assert scaled["bounds"]["radius_m"] == plain["bounds"]["radius_m"] / SCALE
+    assert scaled["bounds"]["center"] == [x / SCALE for x in plain["bounds"]["center"]]
+    assert [c["near_m"] * SCALE for c in scaled["cameras"]] == [c["near_m"] for c in plain["cameras"]]
+
+
+def test_position_errors_between_runs_are_millimetres():
+    one = {"position": np.ones((2, 2, 4)), "camera_position": np.zeros(3)}
+    other = {"position": np.ones((2, 2, 4)), "camera_position": np.array([0.5, 0.0, 0.0])}
+    errors = FeatureErrors(same_place_m=0.1, unit_scale=100.0)
+    errors.add(one, other)
+    assert errors.summary()["position_mm"]["median"] == pytest.approx(5.0)

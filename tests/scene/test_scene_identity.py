@@ -1,0 +1,111 @@
+"""``Scene.sha256`` covers every file that a scene is read from, and nothing else."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+from gltf_builders import png
+from gltf_files import Gltf
+
+from taubench_gl.errors import SceneError
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.identity import Identity
+
+
+def gltf(folder: Path) -> Path:
+    """A triangle with two pictures beside it; the third belongs to the file, but no material samples it."""
+    made = Gltf()
+    for index, name in enumerate(("color.png", "glow.png", "idle.png")):
+        (folder / name).write_bytes(png(color=(index, 0, 0)))
+        made.add("textures", {"source": made.add("images", {"uri": name})})
+    texture = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "emissiveFactor": [1, 1, 1]}
+    made.add("materials", texture | {"emissiveTexture": {"index": 1}})
+    made.node(mesh=made.mesh())
+    made.json["meshes"][0]["primitives"][0]["material"] = 0
+    return made.save(folder)
+
+
+def obj(folder: Path) -> Path:
+    (folder / "color.png").write_bytes(png())
+    (folder / "idle.png").write_bytes(png())
+    (folder / "colors.mtl").write_text("newmtl one\nKd 1 1 1\nmap_Kd color.png\n")
+    path = folder / "scene.obj"
+    path.write_text("mtllib colors.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl one\nf 1 2 3\n")
+    return path
+
+
+def aff(folder: Path) -> Path:
+    (folder / "color.png").write_bytes(png())
+    (folder / "idle.png").write_bytes(png())
+    (folder / "part.aff").write_text("tt color.png 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\n")
+    path = folder / "scene.aff"
+    path.write_text("i 0 part.aff\n")
+    return path
+
+
+CASES = [
+    pytest.param(gltf, "color.png", True, id="glTF texture"),
+    pytest.param(gltf, "glow.png", True, id="glTF second texture"),
+    pytest.param(gltf, "idle.png", False, id="glTF picture that nothing samples"),
+    pytest.param(obj, "colors.mtl", True, id="OBJ materials"),
+    pytest.param(obj, "color.png", True, id="OBJ texture"),
+    pytest.param(obj, "idle.png", False, id="file beside an OBJ"),
+    pytest.param(aff, "part.aff", True, id="AFF include"),
+    pytest.param(aff, "color.png", True, id="AFF texture"),
+    pytest.param(aff, "idle.png", False, id="file beside an AFF"),
+]
+
+
+@pytest.mark.parametrize(("make", "name", "counts"), CASES)
+def test_a_changed_file_changes_the_identity(
+    tmp_path: Path, make: Callable[[Path], Path], name: str, counts: bool
+) -> None:
+    path = make(tmp_path)
+    before = load_scene(path).sha256
+    old = (tmp_path / name).read_bytes()
+    # Of the same size, as a stored stamp of size and time might not tell; the text formats take it for a comment.
+    new = png(color=(200, 100, 50)) if name.endswith(".png") else old + b"# another\n"
+    assert new != old
+    (tmp_path / name).write_bytes(new)
+    assert (load_scene(path).sha256 != before) == counts
+    (tmp_path / name).write_bytes(old)
+    assert load_scene(path).sha256 == before
+
+
+@pytest.mark.parametrize("make", [gltf, obj, aff])
+def test_the_identity_is_that_of_the_bytes_not_of_the_place(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+    (tmp_path / "here").mkdir()
+    path = make(tmp_path / "here")
+    shutil.copytree(tmp_path / "here", tmp_path / "there")
+    assert load_scene(path).sha256 == load_scene(tmp_path / "there" / path.name).sha256
+
+
+def test_two_pictures_that_change_places_are_another_scene(tmp_path: Path) -> None:
+    path = gltf(tmp_path)
+    before = load_scene(path).sha256
+    color, glow = ((tmp_path / name).read_bytes() for name in ("color.png", "glow.png"))
+    (tmp_path / "color.png").write_bytes(glow)
+    (tmp_path / "glow.png").write_bytes(color)
+    assert load_scene(path).sha256 != before
+
+
+def test_a_scene_in_one_file_has_the_checksum_of_the_file(tmp_path: Path) -> None:
+    made = Gltf()
+    made.node(mesh=made.mesh())
+    path = made.save(tmp_path)
+    assert load_scene(path).sha256 == sha256(path.read_bytes()).hexdigest()
+
+
+def test_a_file_counts_once_and_bytes_in_order(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"a" * (3 << 20))  # more than is read at once
+    identity = Identity()
+    identity.add(b"first")
+    for _ in range(2):
+        identity.add_file(tmp_path / "a")
+    assert identity.hexdigest() == sha256(b"first" + b"a" * (3 << 20)).hexdigest()
+    with pytest.raises(SceneError, match="gone: cannot be read"):
+        identity.add_file(tmp_path / "gone")
