@@ -50,6 +50,8 @@ out vec4 texcoord;
 out vec4 vertex_color;
 #endif
 
+invariant gl_Position; // the depth that is laid down first covers exactly the pixels of the channels
+
 void main() {
     ids = record_ids;
 #if POSED

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from taubench_gl.scene.model import Material, Texture
 
 SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
@@ -12,6 +14,9 @@ SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
 
 SRGB_SLOTS = ("base_color", "emissive")
 """Slots whose texels are sRGB-encoded."""
+
+MIRRORED_REPEAT = 33648
+"""The wrap mode that OpenGL's samplers here are not asked for: the shaders fold the coordinates instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +26,7 @@ class MaterialKey:
     slots: tuple[str, ...]  # textures sampled
     alpha_test: bool
     double_sided: bool
+    plain_uv: bool = False  # ``has_plain_uv`` of those slots
 
 
 def texture_of(material: Material, slot: str) -> Texture | None:
@@ -38,6 +44,17 @@ def wanted_slots(channels: Iterable[str], material: Material, *, normal_maps: bo
         "occlusion": "material" in channels and material.occlusion_strength != 0.0,
     }
     return tuple(s for s in SLOTS if needs[s] and texture_of(material, s) is not None)
+
+
+def has_plain_uv(material: Material, slots: Iterable[str]) -> bool:
+    """Whether these textures all lie on the first texture coordinates as they are: not transformed, not mirrored."""
+    textures = [texture_of(material, slot) for slot in slots]
+    return all(
+        t.texcoord == 0
+        and np.array_equal(t.uv_transform, np.eye(2, 3))
+        and MIRRORED_REPEAT not in (t.sampler.wrap_s, t.sampler.wrap_t)
+        for t in textures
+    )
 
 
 def tests_alpha(material: Material) -> bool:

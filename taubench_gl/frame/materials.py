@@ -10,9 +10,11 @@ import numpy as np
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.material_slots import (
+    MIRRORED_REPEAT,
     SLOTS,
     SRGB_SLOTS,
     MaterialKey,
+    has_plain_uv,
     tests_alpha,
     texture_of,
     wanted_slots,
@@ -22,7 +24,6 @@ from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.scene.model import Material, Scene, Texture
 
 _GL_SRGB8_ALPHA8 = 0x8C43
-_MIRRORED_REPEAT, _CLAMP = 33648, 33071
 BLEND_CUTOFF = 0.5
 """Blended surfaces are present where alpha >= 0.5 and absent elsewhere: Cycles' default for its data passes."""
 
@@ -73,7 +74,7 @@ class MaterialTable:
 
     def _key(self, material: Material, channels: tuple[str, ...]) -> MaterialKey:
         slots = wanted_slots(channels, material, normal_maps=self._normal_maps)
-        return MaterialKey(slots, tests_alpha(material), material.double_sided)
+        return MaterialKey(slots, tests_alpha(material), material.double_sided, has_plain_uv(material, slots))
 
     def _upload(self, scene: Scene, used: set[int]) -> None:
         wanted = {
@@ -153,5 +154,5 @@ def _fill(row: np.ndarray, m: Material) -> None:
         if texture is None:
             continue
         row["uv_x"][i] = (*texture.uv_transform[0], texture.texcoord)
-        mirrored = (texture.sampler.wrap_s == _MIRRORED_REPEAT) + 2 * (texture.sampler.wrap_t == _MIRRORED_REPEAT)
+        mirrored = (texture.sampler.wrap_s == MIRRORED_REPEAT) + 2 * (texture.sampler.wrap_t == MIRRORED_REPEAT)
         row["uv_y"][i] = (*texture.uv_transform[1], mirrored)

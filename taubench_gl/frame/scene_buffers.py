@@ -61,6 +61,7 @@ class SceneBuffers:
         self.groups: list[Group] = []
         self.seen_groups: list[Group] = []
         self.shown: Array | None = None  # (commands,) bool: which the camera may see
+        self.shown_triangles = 0  # of those commands, every instance counted
         self._table = np.array(
             [(d.index_count, 1, d.first_index, d.base_vertex, 0) for d in self._draws], dtype=COMMAND
         ).reshape(-1)
@@ -116,6 +117,7 @@ class SceneBuffers:
         self.shown = shown
         commands = self._whole.copy()
         commands["instances"][~shown] = 0
+        self.shown_triangles = int(commands["count"].astype(np.int64) @ commands["instances"]) // 3
         self.seen_groups = [g for g in self.groups if shown[g.first : g.first + g.count].any()]
         if len(commands):
             self._commands.write(commands.tobytes())
@@ -220,6 +222,7 @@ def variant(key: MaterialKey, posed: bool, channels: tuple[str, ...], colors: bo
         "POSED": posed,
         "TANGENTS": "normal" in slots,
         "TEXCOORDS": bool(slots),
+        "PLAIN_UV": bool(slots) and key.plain_uv,
         "COLORS": colors,
         "ALPHA_TEST": key.alpha_test,
         "PREV_POSITION": "prev_position" in channels,

@@ -1,0 +1,3 @@
+// Depth alone, before the geometry pass: no outputs.
+
+void main() {}
