@@ -1,0 +1,30 @@
+"""Frames whose passes are not waited for must come out as those that are: no pass may read what is still being drawn."""
+
+from __future__ import annotations
+
+import pytest
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.evaluation import count_pairs
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.paths import ASSETS
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+FRAMES = range(20, 24)
+
+
+@pytest.mark.parametrize("reprojection", ["camera", "motion"])
+def test_passes_that_run_ahead_count_the_same(gpu: Gpu, reprojection: str) -> None:
+    scene = load_scene(ASSETS / "demo.glb")
+    settings = Settings(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
+    rows = []
+    for waits in (True, False, False):
+        timer = PassTimer(gpu, enabled=waits)
+        source = RasterSource(gpu, scene, choose_camera(scene), settings, timer=timer)
+        rows.append(count_pairs(gpu, source, FRAMES, settings, scene.name, timer)[0])
+        source.release()
+    assert len(rows[0]) == 3 and all(row["direct"] > 0 and row["normal"] > 0 for row in rows[0])
+    assert rows[0] == rows[1] == rows[2]
