@@ -59,7 +59,7 @@ class Store:
         """Raise OutputError where the folder holds anything but a batch of this version; a new one may be made."""
         if (self.out / STUDY_FILE).exists():
             self._study_values()
-        elif self.out.is_dir() and any(p.name not in BEGUN for p in self.out.iterdir()):
+        elif self.out.is_dir() and any(not _begun(p.name) for p in self.out.iterdir()):
             raise OutputError("holds other files and no batch", where=str(self.out), hint="give --out a new folder")
 
     def save_study(self, study: Study) -> None:
@@ -183,6 +183,11 @@ class Store:
     def write_json(self, path: Path, values: Mapping[str, Any], indent: int | None = 2) -> None:
         text = json.dumps(values, indent=indent, ensure_ascii=False, allow_nan=False)
         write_atomically(path, text + "\n", parents=True)
+
+
+def _begun(name: str) -> bool:
+    """Whether a start that was killed leaves it: also the file that the study was being written to."""
+    return name in BEGUN or (name.startswith(f".{STUDY_FILE}.") and name.endswith(".partial"))
 
 
 def file_stamp(scene: str) -> list[int] | None:

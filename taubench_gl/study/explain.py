@@ -40,17 +40,13 @@ class Apart:
     wrong: float  # discarded here, not there
     missed: float  # discarded there, not here
     border: float  # share of both, 0..1, within one pixel (of the coarser picture) of the picture's border
+    left: float  # of both in the column: |wrong - missed| of each pair
     pairs: int
 
     @property
     def otherwise(self) -> float:
         """Pixels judged otherwise, either way."""
         return self.wrong + self.missed
-
-    @property
-    def net(self) -> float:
-        """What is left of them in the column."""
-        return self.wrong - self.missed
 
 
 def masks_of(scene: Scene, camera: CameraTrack, settings: Settings, frames: tuple[int, int]) -> dict[int, Array]:
@@ -76,17 +72,18 @@ def _keep(pair: Pair, kept: dict[int, Array]) -> None:
 def apart(found: Mapping[int, Array], reference: Mapping[int, Array], column: str) -> Apart:
     """Masks of another size are read at the pixel that each pixel centre of the reference falls into."""
     bits = int(FRUSTUM if column == "frustum" else Reason[column.upper()])
-    wrong, missed, border, frames = 0.0, 0.0, 0.0, sorted(found.keys() & reference.keys())
+    wrong, missed, border, left = 0.0, 0.0, 0.0, 0.0
+    frames = sorted(found.keys() & reference.keys())
     for frame in frames:
         there = (reference[frame] & bits) != 0
         rows, columns = nearest_pixels(found[frame].shape, there.shape)
         here = (found[frame] & bits)[rows[:, None], columns] != 0
-        wrong += float(np.mean(here & ~there))
-        missed += float(np.mean(there & ~here))
+        more, less = float(np.mean(here & ~there)), float(np.mean(there & ~here))
+        wrong, missed, left = wrong + more, missed + less, left + abs(more - less)
         border += float(np.mean((here != there) & _border(found[frame].shape, there.shape)))
     share = 100.0 / max(len(frames), 1)
     both = wrong + missed
-    return Apart(share * wrong, share * missed, border / both if both else 0.0, len(frames))
+    return Apart(share * wrong, share * missed, border / both if both else 0.0, share * left, len(frames))
 
 
 def _border(coarse: Sequence[int], shape: Sequence[int]) -> Array:
@@ -104,16 +101,18 @@ def explained(sanity: Sanity, series: Mapping[Any, Apart]) -> str:
     words = []
     for coarse, fine in sanity.faults:
         a, b = series[coarse], series[fine]
-        if b.otherwise < a.otherwise and abs(b.net) > abs(a.net):
+        where = f"at pixel centres of {a.pairs} pair{'s' * (a.pairs != 1)}"
+        if (a.wrong, a.missed) == (b.wrong, b.missed):  # samples per pixel, sums: what no pixel centre shows
+            text = f"not explained: {where} both judge {_percent(a.otherwise)} otherwise than the reference"
+        elif b.otherwise < a.otherwise and b.left > a.left:
             text = (
                 f"explained: fewer pixels are judged otherwise than in the reference, {_percent(a.otherwise)} at "
-                f"{coarse}, "
-                f"{_percent(b.otherwise)} at {fine}; but at {coarse} more of them cancel ({_sides(a)}) than at {fine} "
-                f"({_sides(b)})"
+                f"{coarse}, {_percent(b.otherwise)} at {fine} ({where}); but at {coarse} more of them cancel "
+                f"({_sides(a)}) than at {fine} ({_sides(b)})"
             )
         else:
             text = (
-                f"not explained: of the pixels, {_percent(a.otherwise)} are judged otherwise at {coarse}, "
+                f"not explained: {where}, {_percent(a.otherwise)} are judged otherwise at {coarse}, "
                 f"{_percent(b.otherwise)} at {fine} ({_sides(a)}; {_sides(b)})"
             )
         near = [f"{100 * x.border:.0f} % of them at {v}" for v, x in ((coarse, a), (fine, b)) if x.border >= BORDER]

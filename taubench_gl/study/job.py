@@ -196,16 +196,16 @@ class Job:
         """What the pixels say to a series that is not monotone; they are compared once."""
         if sanity.holds:
             return sanity
-        known = {(r["setting"], r["column"]): r for r in self._records.of("masks")}
+        known = {(r["setting"], r["column"]): r for r in self._records.of("pixels")}
         series = {}
         for value in dict.fromkeys(v for fault in sanity.faults for v in fault):
             name = self._named(sanity.knob, value)
             if (name, sanity.column) not in known:
                 self._say(f"pixels: {name}, {sanity.column}", count=False)
                 found = asdict(apart(self._masks(name), self._masks(None), sanity.column))
-                self._records.add({"kind": "masks", "setting": name, "column": sanity.column, **found})
+                self._records.add({"kind": "pixels", "setting": name, "column": sanity.column, **found})
                 known[name, sanity.column] = found
-            fields = ("wrong", "missed", "border", "pairs")
+            fields = ("wrong", "missed", "border", "left", "pairs")
             series[value] = Apart(**{k: known[name, sanity.column][k] for k in fields})
         return replace(sanity, explanation=explained(sanity, series))
 

@@ -89,11 +89,15 @@ class Laps:
         old = self.passes[-1]["kept"] if self.passes else []
         new = worth_keeping(self.seen(), self._fronts, [n for n in self._tried() if n not in old], self._margin())
         if new:
-            self._records.add({"kind": "pass", "wanted": self.wanted, "kept": [*old, *new]})
+            told = {"wanted": self.wanted, "fronts": list(self._search.fronts), "kept": [*old, *new]}
+            self._records.add({"kind": "pass", **told})
         return bool(new)
 
     def _passes_used(self) -> bool:
-        return sum(p["wanted"] == self.wanted for p in self.passes) >= PASSES
+        """For what is wanted now: another number, or a front not asked for before, has passes of its own."""
+        asked = set(self._search.fronts)
+        same = [p for p in self.passes if p["wanted"] == self.wanted and asked <= set(p.get("fronts", asked))]
+        return len(same) >= PASSES
 
     def seen(self) -> list[Seen]:
         """Everything that was measured, with the times of the last pass, and trials since, over the base's."""
@@ -163,7 +167,11 @@ class Laps:
         return [self._search.name(self._off_base(s.choice)) for s in self._plan.settings]
 
     def _timed(self) -> list[dict[str, Any]]:
-        return [r for r in self._records.of("time") if r.get("pass", 0) == len(self.passes)]
+        """Visits of the last pass.  Of the first only the rounds before the search: a study whose search finds nothing
+        makes the others after it, and must not decide otherwise when it is called again."""
+        last = len(self.passes)
+        visits = [r for r in self._records.of("time") if r.get("pass", 0) == last]
+        return visits if last else [r for r in visits if r["round"] < ROUGH]
 
     def _log_ratios(self) -> dict[str, list[float]]:
         """Setting -> log of its time over the base's of the same round."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.errors import SettingsError
-from taubench_gl.outputs import write_atomically
+from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.settings import Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
@@ -70,7 +70,8 @@ def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)  # JSON strings are TOML basic strings
+        # JSON strings are TOML basic strings, but for lone surrogates (a path that is no UTF-8).
+        return json.dumps(plain_text(value), ensure_ascii=False)
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{json.dumps(str(k))} = {_toml(v)}" for k, v in value.items()) + " }"
     if isinstance(value, (list, tuple)):

@@ -86,6 +86,7 @@ class Viewer:
         state = ViewerState(
             first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.fps, size=feed.size, effects=feed.switchable,
             thresholds=dict(limits), default_thresholds=limits, channel=channel,
+            unit_scale=feed.settings.unit_scale,
         )  # fmt: skip
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)

@@ -191,7 +191,7 @@ class Panels:
                 continue
             high = 2.0 if feature in ("normal", "color") else 10.0
             flags = imgui.SliderFlags_.logarithmic.value
-            shown = "%.4f m" if feature == "position" else "%.4f"
+            shown = f"%.4f{s.unit(feature)}"
             changed, value = imgui.slider_float(
                 f"{feature}##threshold", s.thresholds[feature], 1e-4, high, shown, flags
             )
@@ -213,7 +213,7 @@ class Panels:
         imgui.text_wrapped(found.reason)
         for name, f in found.features.items():
             distance = "-" if f.distance is None else f"{f.distance:.4g}"
-            sign, unit = ">" if f.discarded else "<=", " m" if name == "position" else ""
+            sign, unit = ">" if f.discarded else "<=", s.unit(name)
             imgui.text(f"{name}: {distance}" + ("" if f.distance is None else f" {sign} {f.threshold:.4g}{unit}"))
             self._faint(f"  now {_triple(f.current)}")
             if f.history is not None:

@@ -53,6 +53,7 @@ class ViewerState:
     thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
     default_thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
     feature: str = "position"  # whose threshold the keys change
+    unit_scale: float = 1.0  # scene units per metre
     comparison: str = "off"
     split: float = 0.5  # of the picture's width
     gain: float = 4.0  # of the difference view
@@ -105,6 +106,10 @@ class ViewerState:
 
     def set_threshold(self, feature: str, value: float) -> None:
         self.thresholds[feature] = min(max(float(value), 0.0), MAX_THRESHOLD)
+
+    def unit(self, feature: str) -> str:
+        """What follows a threshold or a distance: positions are in scene units, which may be metres."""
+        return "" if feature != "position" else " m" if self.unit_scale == 1.0 else " units"
 
     def scale_threshold(self, factor: float) -> None:
         """Multiply the selected threshold; 0 starts again from the smallest."""

@@ -78,7 +78,8 @@ def test_other_peoples_folders_are_left_alone(tmp_path):
 def test_what_a_killed_start_leaves_is_no_other_peoples_folder(tmp_path):
     """Workers' logs and the lock are there before the study is: a driver killed then must not lock its folder out."""
     (tmp_path / "out" / "logs").mkdir(parents=True)
-    (tmp_path / "out" / ".lock").touch()
+    for name in (".lock", ".study.json.123-0.partial"):
+        (tmp_path / "out" / name).touch()
     study = study_of(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:1"\n{SMALL}')
     assert run_study(study, tmp_path / "out").summary["done"] == 1
 

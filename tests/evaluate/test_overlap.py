@@ -1,4 +1,4 @@
-"""Frames whose passes are not waited for must come out as those that are: no pass may read what is still being drawn."""
+"""Frames whose passes are not waited for come out as those that are: no pass reads what is still being drawn."""
 
 from __future__ import annotations
 

@@ -9,7 +9,8 @@ import pytest
 from study_tools import SMALL, ModelClock, situation_of
 
 from taubench_gl.errors import SettingsError
-from taubench_gl.study import between, cost
+from taubench_gl.settings import Settings
+from taubench_gl.study import between, cost, load_preset, save_preset
 from taubench_gl.study.between import Forecast, Gap, Search, Seen, closed, rough_front, spread_of, told, worth_keeping
 from taubench_gl.study.knobs import KNOBS
 from taubench_gl.study.store import RECORDS_FILE
@@ -211,7 +212,16 @@ def test_a_preset_may_be_one_that_was_found(filled):
     chosen = {f: studies[f].chosen.point for f in (0, 10)}
     assert chosen[10].time.median <= chosen[0].time.median * 1.02, "more to choose from is never slower"
     assert studies[10].checked["errors_kept"] and studies[10].checked["setting"] == chosen[10].name
-    assert studies[10].plan.named(chosen[10].name).settings
+
+
+def test_every_setting_that_was_found_can_be_a_preset(filled, tmp_path):
+    _, studies = filled
+    found = [s for s in studies[10].plan.settings if s.role == "between"]
+    for setting in found:
+        save_preset(tmp_path / "preset.toml", setting.settings, {})
+        again = Settings(**load_preset(tmp_path / "preset.toml"), frames=setting.settings.frames)
+        assert again == setting.settings
+    assert found
 
 
 def test_a_search_that_was_killed_goes_on_and_ends_alike(filled, demo, tmp_path):

@@ -23,8 +23,13 @@ def mask(rows, reason=Reason.POSITION):
 def test_wrong_and_missed_pixels_by_hand():
     found = apart({3: mask(["##..", "....", "..#.", "...."])}, {3: mask([".#..", "....", ".##.", "...."])}, "position")
     assert (found.wrong, found.missed, found.pairs) == (100 / 16, 100 / 16, 1)
-    assert found.net == 0.0 and found.otherwise == 200 / 16, "they cancel in the column, not in the pixels"
+    assert found.left == 0.0 and found.otherwise == 200 / 16, "they cancel in the column, not in the pixels"
     assert found.border == 0.5, "one of the two lies at the edge of the picture"
+
+
+def test_what_one_pair_lacks_does_not_cancel_what_another_has_too_much():
+    found = apart({1: mask(["#."]), 2: mask([".."])}, {1: mask([".."]), 2: mask(["#."])}, "position")
+    assert (found.wrong, found.missed, found.left) == (25.0, 25.0, 50.0)
 
 
 def test_other_columns_do_not_count():
@@ -54,11 +59,11 @@ FAULT = Sanity("scale", "position", ((0.25, 0.1), (0.5, 1.0)), False, "0.5 is fu
     ("coarse", "fine", "begins"),
     [
         # Fewer pixels are wrong, but they no longer cancel.
-        (Apart(3.0, 2.9, 0.0, 4), Apart(1.5, 0.5, 0.0, 4), "explained: fewer pixels"),
+        (Apart(3.0, 2.9, 0.0, 0.1, 4), Apart(1.5, 0.5, 0.0, 1.0, 4), "explained: fewer pixels"),
         # More pixels are wrong: the finer setting is worse.
-        (Apart(0.5, 0.4, 0.0, 4), Apart(1.5, 0.5, 0.0, 4), "not explained"),
+        (Apart(0.5, 0.4, 0.0, 0.1, 4), Apart(1.5, 0.5, 0.0, 1.0, 4), "not explained"),
         # Fewer pixels are wrong, and less is left of them at these pixel centres: it does not explain a rise.
-        (Apart(3.0, 2.0, 0.0, 4), Apart(1.5, 1.4, 0.0, 4), "not explained"),
+        (Apart(3.0, 2.0, 0.0, 1.0, 4), Apart(1.5, 1.4, 0.0, 0.1, 4), "not explained"),
     ],
 )
 def test_what_is_said_of_a_rise(coarse, fine, begins):
@@ -66,8 +71,14 @@ def test_what_is_said_of_a_rise(coarse, fine, begins):
     assert words.startswith(begins) and f"{coarse.wrong:.3g} wrongly discarded" in words and "border" not in words
 
 
+def test_what_no_pixel_centre_shows_is_not_told_as_a_difference():
+    same = Apart(0.5, 0.25, 0.0, 0.25, 4)
+    words = explained(FAULT, {0.25: same, 0.5: same})
+    assert words == "not explained: at pixel centres of 4 pairs both judge 0.75 % otherwise than the reference"
+
+
 def test_the_border_is_named_where_most_of_it_lies_there():
-    words = explained(FAULT, {0.25: Apart(3.0, 2.9, 0.8, 4), 0.5: Apart(1.5, 0.5, 0.2, 4)})
+    words = explained(FAULT, {0.25: Apart(3.0, 2.9, 0.8, 0.1, 4), 0.5: Apart(1.5, 0.5, 0.2, 1.0, 4)})
     assert words.endswith("next to the border lie 80 % of them at 0.25")
 
 

@@ -18,7 +18,7 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.settings import Settings
-from taubench_gl.study import KNOBS, cost, load_preset
+from taubench_gl.study import KNOBS, cost, load_preset, save_preset
 from taubench_gl.study.store import RECORDS_FILE, Records
 
 COMMAND = [
@@ -149,6 +149,12 @@ def test_broken_presets_are_refused(tmp_path, text, complaint):
     path.write_text(text)
     with pytest.raises(SettingsError, match=complaint):
         load_preset(path)
+
+
+def test_a_preset_of_a_scene_whose_name_is_no_utf8_can_be_read(tmp_path):
+    save_preset(tmp_path / "p.toml", Settings(width=48, height=28), {"scene": 'caf\udce9 "1"'})
+    assert load_preset(tmp_path / "p.toml") == {"width": 48, "height": 28}
+    assert "caf\\\\udce9" in (tmp_path / "p.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.long

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.run import Run
+from taubench_gl.settings import Settings
 from taubench_gl.viewer import prefs, variables
 from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.keys import KEYS, MOVEMENT, help_lines, key_words, markdown, split_chord
 from taubench_gl.viewer.layout import arrange, start_size
-from taubench_gl.viewer.opening import scene_path
+from taubench_gl.viewer.opening import Asked, _scene_of, scene_path
 from taubench_gl.viewer.state import OVERLAYS, ViewerState
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
@@ -177,6 +179,20 @@ def test_the_scene_of_a_run_is_found_from_elsewhere(tmp_path, monkeypatch):
     for gone in ("assets/t.glb", str(tmp_path / "t.glb")):
         with pytest.raises(OutputError, match=r"one: the run's scene .*t\.glb is not here"):
             scene_path(out, gone)
+
+
+def test_limits_of_a_run_are_metres_whatever_scale_is_asked_for(tmp_path):
+    kept = {"unit_scale": 2.0, "thresholds": {"position": 0.5, "normal": 0.25}}
+    run = Run({"scene": {"path": str(tmp_path)}, "settings": kept}, [], tmp_path)
+    for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):
+        _, found = _scene_of(run, Asked("run", Settings(unit_scale=100.0), given=given))
+        assert found.unit_scale == scale and found.thresholds == {"position": 0.25, "normal": 0.25}
+        assert found.threshold("position") == 0.25 * scale
+
+
+def test_only_metres_are_called_metres():
+    assert [state().unit(f) for f in ("position", "normal")] == [" m", ""]
+    assert [state(unit_scale=100.0).unit(f) for f in ("position", "normal")] == [" units", ""]
 
 
 def test_picture_pixels_under_the_mouse():

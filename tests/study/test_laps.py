@@ -1,0 +1,68 @@
+"""What the search decides from the records alone: the same again when a study is called again."""
+
+from __future__ import annotations
+
+from study_tools import situation_of
+
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.study.between import Search
+from taubench_gl.study.laps import PASSES, ROUGH, Laps
+from taubench_gl.study.plan import make_plan
+
+MS = {"base": 20.0, "best": 320.0, "scale=0.5": 5.0, "samples_per_pixel=4": 80.0}
+OFF = {"base": 0.2, "best": 0.0, "scale=0.5": 1.0, "samples_per_pixel=4": 0.05}
+
+
+class Lines:
+    """Records of a study without its file."""
+
+    def __init__(self, *lines):
+        self.lines = list(lines)
+
+    def of(self, kind):
+        return [line for line in self.lines if line["kind"] == kind]
+
+    def add(self, line):
+        self.lines.append(line)
+
+
+def error(name):
+    columns = {c: {"percent": None, "reason": "not asked for"} for c in COLUMNS}
+    percent = 10.0 + OFF[name]
+    return {"kind": "error", "setting": name, "columns": columns | {"direct": {"percent": percent, "pairs": {}}}}
+
+
+def visits(rounds, factor=1.0):
+    return [
+        {"kind": "time", "setting": n, "pass": 0, "round": r, "frame_ms": ms * (1.0 if n == "base" else factor**r)}
+        for r in rounds
+        for n, ms in MS.items()
+    ]
+
+
+def laps(records, fronts=("direct",), wanted=6):
+    situation = situation_of(pairs=40)
+    plan = make_plan(situation, ("scale", "samples_per_pixel"))
+    best = plan.named("best").choice
+    search = Search(situation, plan.knobs, fronts, wanted, dict.fromkeys(fronts, 1e-4), best)
+    return Laps(search, plan, {f: ("direct",) for f in fronts}, records, "best", None)
+
+
+def test_rounds_after_the_search_do_not_change_what_it_found():
+    records = Lines(*map(error, MS), *visits(range(ROUGH)))
+    before = laps(records).seen()
+    records.lines += visits(range(ROUGH, 7), factor=1.3)  # all that a study without a second pass still makes
+    assert laps(records).seen() == before
+    assert laps(records)._margin() == laps(Lines(*map(error, MS), *visits(range(ROUGH))))._margin()
+
+
+def test_passes_are_used_up_for_the_fronts_that_were_asked_for():
+    told = {"kind": "pass", "wanted": 6, "fronts": ["direct", "all"], "kept": []}
+    again = [v | {"pass": PASSES} for v in visits(range(ROUGH))]
+
+    def next_lap(**asked):
+        return laps(Lines(*map(error, MS), *visits(range(ROUGH)), *[told] * PASSES, *again), **asked).lap()
+
+    assert next_lap() == [], "asked for before"
+    assert next_lap(wanted=7), "more are wanted"
+    assert next_lap(fronts=("color",)), "another front"
