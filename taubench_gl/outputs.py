@@ -6,6 +6,7 @@ import contextlib
 import io
 import itertools
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -32,27 +33,47 @@ def plain_text(text: str) -> str:
     return text_bytes(text).decode("utf-8")
 
 
-def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
-    """Write ``data`` (text by ``text_bytes``) beside ``path`` and rename: readers see the old file or the new, whole.
+def partial_name(path: Path, suffix: str = "") -> Path:
+    """Where ``path`` is written to until it is whole: beside it, hidden, of no other writer.
 
-    Writers of one path do not meet: the last to finish wins.  ``parents``: make the folder where there is none.
-    Raises OutputError.
+    ``suffix``: for libraries that tell a format by a name's end.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}.partial")
+    return path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}.partial{suffix}")
+
+
+def is_partial_of(path: Path, other: Path) -> bool:
+    """Whether ``other`` is what a killed writer of ``path`` left behind."""
+    return other.name.startswith(f".{path.name}.") and ".partial" in other.name
+
+
+@contextlib.contextmanager
+def replacing(path: Path, *, parents: bool = False, suffix: str = "") -> Iterator[Path]:
+    """A file to write (``partial_name``) that takes the place of ``path`` in the end: readers see the old file or the
+    new, whole.
+
+    Writers of one path do not meet: the last to finish wins.  Whatever goes wrong, an interrupt too, leaves nothing
+    behind.  ``parents``: make the folder where there is none.  Raises OutputError for system errors.
+    """
+    partial = partial_name(path, suffix)
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
-        with open(partial, "wb") as file:
-            file.write(text_bytes(data) if isinstance(data, str) else data)
-            file.flush()
+        yield partial
+        with open(partial, "rb+") as file:
             os.fsync(file.fileno())
         os.replace(partial, path)
-    except BaseException as error:  # an interrupt leaves nothing behind either
+    except BaseException as error:
         with contextlib.suppress(OSError):  # where its folder is no folder either
             partial.unlink()
         if isinstance(error, OSError):
             raise cannot_write(path, error) from None
         raise
+
+
+def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
+    """Write ``data`` (text by ``text_bytes``), whole or not at all (``replacing``).  Raises OutputError."""
+    with replacing(path, parents=parents) as partial:
+        partial.write_bytes(text_bytes(data) if isinstance(data, str) else data)
 
 
 def make_folders(path: Path) -> list[Path]:

@@ -26,7 +26,7 @@ from taubench_gl.batch.lock import LOCK_FILE
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
 from taubench_gl.batch.study import Job, Study, settings_dict, settings_from
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import write_atomically
+from taubench_gl.outputs import is_partial_of, write_atomically
 
 STUDY_SCHEMA = "taubench-gl/batch-study/1"
 STUDY_FILE = "study.json"
@@ -187,7 +187,7 @@ class Store:
 
 def _begun(name: str) -> bool:
     """Whether a start that was killed leaves it: also the file that the study was being written to."""
-    return name in BEGUN or (name.startswith(f".{STUDY_FILE}.") and name.endswith(".partial"))
+    return name in BEGUN or is_partial_of(Path(STUDY_FILE), Path(name))
 
 
 def file_stamp(scene: str) -> list[int] | None:

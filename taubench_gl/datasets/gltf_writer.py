@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import pygltflib as gl
 from PIL import Image
 
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import replacing
 
 _COMPONENT = {"f4": gl.FLOAT, "u4": gl.UNSIGNED_INT, "u2": gl.UNSIGNED_SHORT, "u1": gl.UNSIGNED_BYTE}
 _TYPE = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4, 16: gl.MAT4}
@@ -158,12 +157,5 @@ def save_document(gltf: gl.GLTF2, path: Path) -> None:
 
     Raises OutputError.
     """
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path, parents=True) as partial:
         gltf.save_binary(str(partial))
-        partial.replace(path)
-    except OSError as error:
-        with contextlib.suppress(OSError):  # where its folder is no folder either
-            partial.unlink()
-        raise cannot_write(path, error) from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from taubench_gl.errors import SettingsError
 from taubench_gl.export.channels import EXPORTS, stored_as
 from taubench_gl.export.frames import ExportFrame
-from taubench_gl.outputs import cannot_write, plain_text
+from taubench_gl.outputs import cannot_write, plain_text, replacing, write_atomically
 
 Array = np.ndarray
 
@@ -50,22 +49,8 @@ class Writer(Protocol):
 
 def write_file(path: Path, write: Callable[[Path], None]) -> None:
     """``write`` makes a file beside ``path``, which is then renamed: nobody sees half of it.  Raises OutputError."""
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path, parents=True, suffix=path.suffix) as partial:
         write(partial)
-        with open(partial, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-    except OSError as error:
-        raise cannot_write(path, error) from None
-    finally:
-        with contextlib.suppress(OSError):  # where its folder is no folder either
-            partial.unlink()
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    write_file(path, lambda partial: partial.write_bytes(data))
 
 
 @contextlib.contextmanager
@@ -122,7 +107,7 @@ class ExrWriter(_PerFrame):
         # Through memory: OpenEXR's own writing takes no path that is not UTF-8, and does not say why a disk refuses.
         data = io.BytesIO()
         OpenEXR.File(header, planes).write(data)
-        write_bytes(self.path(frame.number), data.getvalue())
+        write_atomically(self.path(frame.number), data.getvalue(), parents=True)
 
 
 def exr_attributes(spec: Spec, frame: ExportFrame) -> dict[str, Any]:

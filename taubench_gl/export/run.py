@@ -15,12 +15,12 @@ from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import frame_range, frame_total, require_triangles
 from taubench_gl.export.camera import sidecar_pose
 from taubench_gl.export.channels import PRECISIONS, choose_channels
-from taubench_gl.export.formats import ExrWriter, NpzWriter, Spec, Writer, ZarrWriter, write_bytes
+from taubench_gl.export.formats import ExrWriter, NpzWriter, Spec, Writer, ZarrWriter
 from taubench_gl.export.frames import JITTERS, FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.gpu.context import open_gpu
-from taubench_gl.outputs import text_bytes
+from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.reference.camera import camera_file_text
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
@@ -151,7 +151,7 @@ def _claim(out: Path, told: dict[str, Any], overwrite: bool) -> range:
     if out.exists() and not out.is_dir():
         raise OutputError("is not a folder", where=str(out), hint="give --out another name")
     before = _read_manifest(path)
-    if before is None and out.is_dir() and any(out.iterdir()):
+    if before is None and out.is_dir() and not all(is_partial_of(path, p) for p in out.iterdir()):
         raise OutputError("holds other files and no export", where=str(out), hint="give --out a new folder")
     different = [] if before is None else _different(before, told)
     # Another range of frames adds to what is there (``frames``: from the first to the last of both), but where the
@@ -167,7 +167,7 @@ def _claim(out: Path, told: dict[str, Any], overwrite: bool) -> range:
         names = tuple(before["channels"])
         old = Spec(before["scene"], size, before["settings"]["fps"], range(*before["frames"]), names, "native")
         FORMATS[before["format"]](out, old).remove()
-    write_bytes(path, text_bytes(json.dumps(told, indent=2, ensure_ascii=False) + "\n"))
+    write_atomically(path, json.dumps(told, indent=2, ensure_ascii=False) + "\n", parents=True)
     return range(*told["frames"])
 
 
@@ -189,4 +189,4 @@ def _different(before: dict[str, Any], told: dict[str, Any]) -> list[str]:
 def _write_cameras(out: Path, views: dict[int, View], spec: Spec) -> None:
     """camera.json: the sidecar that ``evaluate exr: --camera-file`` reads, for every format."""
     text = camera_file_text({frame: sidecar_pose(view) for frame, view in views.items()}, spec.fps, spec.size)
-    write_bytes(out / CAMERA_FILE, text_bytes(text))
+    write_atomically(out / CAMERA_FILE, text, parents=True)

@@ -21,8 +21,9 @@ import numpy as np
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError
 from taubench_gl.export.camera import extrinsics
-from taubench_gl.export.formats import Spec, write_bytes, write_file
+from taubench_gl.export.formats import Spec, write_file
 from taubench_gl.export.frames import ExportFrame
+from taubench_gl.outputs import write_atomically
 
 Array = np.ndarray
 TAG = 202021.25
@@ -91,11 +92,11 @@ class SintelWriter:
                 hidden, invalid = masks_of(frame.channels["mask_forward"][..., 0])
                 _write_png(path, 255 * (hidden if kind == "occlusions" else invalid).astype(np.uint8))
             elif kind == "flow":
-                write_bytes(path, flo_bytes(frame.channels["motion_forward"]))
+                write_atomically(path, flo_bytes(frame.channels["motion_forward"]), parents=True)
             elif kind == "depth":
-                write_bytes(path, dpt_bytes(frame.channels["depth"][..., 0]))
+                write_atomically(path, dpt_bytes(frame.channels["depth"][..., 0]), parents=True)
             else:
-                write_bytes(path, cam_bytes(frame.camera["intrinsics"], extrinsics(frame.view)))
+                write_atomically(path, cam_bytes(frame.camera["intrinsics"], extrinsics(frame.view)), parents=True)
 
     def remove(self) -> None:
         for kind in ("flow", "occlusions", "invalid", "depth", "camdata_left", "clean"):

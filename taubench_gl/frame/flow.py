@@ -38,6 +38,8 @@ def frame_flow(effects: Mapping[str, Effect], extra: Iterable[str] = ()) -> tupl
     extra = tuple(extra)
     after = (*light_flow(effects, extra), _masks(effects))
     wanted = {name for p in after for name in (*p.reads, *p.history)} | set(extra)
+    if "emission" in wanted:
+        wanted.add("base_color")  # what is unlit sends out its base colour
     attachments = tuple(name for name, info in CHANNELS.items() if info.attachment and name in wanted)
     flow = (PassFlow("gbuffer", writes=attachments), *after)
     faults = faults_of(flow)
@@ -59,9 +61,7 @@ def light_flow(effects: Mapping[str, Effect], extra: Iterable[str] = ()) -> tupl
         out.append(PassFlow("indirect", reads=CHANNEL_NAMES, writes=("indirect",)))
     if effects["color"].on:
         sums = tuple(name for name in ("direct", "indirect", "emission") if effects[name].on)
-        # What is unlit sends out its base colour.
-        unlit = ("base_color",) if effects["emission"].on else ()
-        out.append(PassFlow("color", reads=("position", *sums, *unlit), writes=("color",)))
+        out.append(PassFlow("color", reads=("position", *sums), writes=("color",)))
     return tuple(out)
 
 

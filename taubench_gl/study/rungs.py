@@ -63,7 +63,7 @@ def find_ladder(spec: str) -> Ladder:
     if not root.is_dir():
         raise TruthError("is no folder", where=str(root), hint="give exr:DIR, a render or a folder of renders")
     folders = [root, *sorted(p for p in root.iterdir() if p.is_dir())]
-    rungs = [_rung(folder) for folder in folders if any(folder.glob("*.exr"))]
+    rungs = [_rung(folder) for folder in folders if any(folder.glob("[!.]*.exr"))]
     if not rungs:
         raise TruthError("holds no renders", where=str(root), hint="'taubench-gl truth render' makes them")
     rungs.sort(key=lambda r: (r.samples, r.seed))

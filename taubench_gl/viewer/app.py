@@ -152,7 +152,7 @@ class Viewer:
         """A file was dropped on the window: open it."""
         if paths:
             path = Path(paths[0])
-            exr = path.is_dir() and any(path.glob("*.exr"))
+            exr = path.is_dir() and any(path.glob("[!.]*.exr"))
             self.reopen(dataclasses.replace(self._asked, text=f"exr:{path}" if exr else str(path), truth=None))
 
     def screenshot(self, path: Path, window: bool = False) -> bool:

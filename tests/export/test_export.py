@@ -12,7 +12,7 @@ from export_tools import DEMO, HEIGHT, WIDTH, export
 
 from taubench_gl.apps import cli
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.export.run import export_scene
+from taubench_gl.export.run import MANIFEST, export_scene
 from taubench_gl.reference.camera import read_camera_file
 from taubench_gl.settings import Settings
 
@@ -163,3 +163,17 @@ def test_the_command(tmp_path, capsys):
                   "--channels", "depth,motion", "--format", "npz"])  # fmt: skip
     assert caught.value.code == 0
     assert "2 frames written: depth, motion" in capsys.readouterr().out
+
+
+def test_a_start_that_was_killed_locks_nobody_out(tmp_path):
+    """What a killed writer of the manifest leaves is ours; anything else in a folder without one is not."""
+    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / f".{MANIFEST}.123-0.partial").write_text("half")
+    assert export_scene(DEMO, out, settings, channels=FAST).written == 1
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match="holds other files"):
+        export_scene(DEMO, other, settings, channels=FAST)

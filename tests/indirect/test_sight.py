@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,7 @@ from taubench_gl.frame.geometry import build_geometry
 from taubench_gl.frame.indirect_layout import BRICKS, GRID, fixed_draws
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu, open_gpu
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Channel, Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, morphed, quad, turn_y
 from taubench_gl.settings import Settings
 
@@ -121,6 +122,30 @@ def test_what_is_kept_is_what_would_be_drawn_again(gpu, make):
         assert np.array_equal(kept.read("indirect"), alone.read("indirect"))
         alone.release()
     kept.release()
+
+
+@pytest.mark.parametrize(
+    ("path", "values"), [("range", [2.0, 9.0]), ("inner_cone", [0.0, 0.6]), ("outer_cone", [0.7, 1.2])]
+)
+def test_a_lamp_that_changes_its_reach_or_cone_gives_other_indirect_light(gpu, path, values):
+    """Nothing moves but one number of a light, back and forth: as a source that has seen no other frame."""
+    s = SceneBuilder()
+    grey = s.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
+    s.node(mesh=s.mesh(box((3.0, 1.5, 2.0), inside=True, material=grey)))
+    s.light(kind="spot", intensity=40.0, range=9.0, inner_cone=0.0, outer_cone=0.7, translation=(0.0, 0.5, 1.0))
+    s.camera(translation=(-2.6, 0.3, 1.6), rotation=turn_y(-50.0), yfov=1.2, znear=0.05)
+    change = Channel("light", 0, path, "LINEAR", np.array([0.0, 1.0]), np.array(values)[:, None])
+    scene = replace(s.build(), channels=(change,))
+    kept, seen = source_of(gpu, scene), []
+    for frame in (0, 20, 10):
+        kept.advance(frame)
+        alone = source_of(gpu, scene)
+        alone.advance(frame)
+        assert np.array_equal(kept.read("indirect"), alone.read("indirect")), frame
+        seen.append(kept.read("indirect").sum())
+        alone.release()
+    kept.release()
+    assert len(set(seen)) == 3
 
 
 def test_draws_below_an_animated_node_are_not_fixed():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from light_tools import facing, floor, lambert, look, look_down, opened, shoot
+from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot
 from shadow_tools import Case, on_plane
 
 from taubench_gl.conventions import Reason
@@ -122,6 +122,13 @@ def test_color_is_its_twin(gpu, tone_map, exposure):
     # Emission is apart from direct: what glows or is unlit does not scatter its own light.
     green = shot["emission"][..., 1] > 2.0
     assert green.any() and np.all(shot.direct[shot["material"][..., 3] < 0] == 0)
+
+
+def test_emission_alone_is_emission_beside_base_color(gpu):
+    """What is unlit sends out its base colour, whether or not somebody wants that channel too."""
+    asked = ("emission",), ("emission", "base_color")
+    alone, beside = (picture(gpu, bulbs(), extra=extra, columns=("frustum",))["emission"] for extra in asked)
+    assert np.array_equal(alone, beside) and np.isclose(alone[..., 0], 0.9, atol=1e-3).any()
 
 
 def test_the_color_mask_is_cut_from_encoded_color(gpu):

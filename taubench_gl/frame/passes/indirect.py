@@ -171,7 +171,8 @@ class IndirectPass:
         self._record["scene_from_relative"][:3] = view.position - self._center
         self._parameters.write(self._record.tobytes())
         faces = faces_of(self._scene, state, self._lights, self._bounds, self._resolution)
-        lit = light_rows["color"][self._lights, :3].tobytes()
+        rows = light_rows[self._lights]
+        lit = b"".join(a.tobytes() for a in (rows["color"][:, :3], rows["position"][:, 3], rows["spot"][:, :2]))
         key = casters.key() + lit + b"".join(face.key for face in faces)
         if key != self._solved:
             self._solved = key

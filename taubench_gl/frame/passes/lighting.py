@@ -198,7 +198,7 @@ class LightingPass:
     def tile_lists(self) -> list[np.ndarray] | None:
         """Rows of the light table that each tile keeps, tiles row by row from the bottom; None without culling.
 
-        Listed lights are in none.
+        Listed lights that have shadow maps are in none.
         """
         if self._tile_lists is None:
             return None
