@@ -26,8 +26,8 @@ from taubench_gl.study.store import Records
 ROUGH = 3
 """Visits of a setting before it is decided whether it is timed beside all others."""
 
-PASSES = 2
-"""Times that a study goes over all its settings with new ones among them: the second fills what noise left open."""
+PASSES = 3
+"""Times that a study goes over all its settings with new ones among them: the later ones fill what noise left open."""
 
 
 class Laps:

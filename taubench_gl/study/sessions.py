@@ -26,6 +26,10 @@ from taubench_gl.study.plan import Setting
 TIMED, WARM = 4, 2
 """Frames timed in a visit, and frames drawn before them that are not."""
 
+VISIT_MS, TURNS = 100.0, 8
+"""Short frames are drawn over and over until they have taken this long together, at most so many times: of each frame
+the median counts, so that what else the machine does for a moment does not decide between settings."""
+
 MEMORY_SHARE = 0.4
 """Of the memory that is free, what settings held ready may take together."""
 
@@ -89,13 +93,21 @@ class Session:
         if self._fresh:  # shaders are compiled at their first draw, some only at their second frame
             self._draw_window()
             self._fresh = False
-        drawn = self._draw_window()
+        drawn = self._draw_repeatedly()
         means = {kind: [ms for judged, ms in drawn if judged is kind] for kind in (True, False)}
         cost = 0.0
         for kind, share in self._share.items():
             cost += share * float(np.mean(means[kind] or means[not kind]))
         passes = {name: float(v.sum()) / len(drawn) for name, v in self._timer.samples_ms().items()}
         return {"frame_ms": cost, "drawn_ms": [ms for _, ms in drawn], "passes": passes}
+
+    def _draw_repeatedly(self) -> list[tuple[bool, float]]:
+        """(judged, milliseconds) of every frame, medians over as many turns as ``VISIT_MS`` asks for."""
+        turns: list[list[tuple[bool, float]]] = []
+        while not turns or (len(turns) < TURNS and sum(ms for turn in turns for _, ms in turn) < VISIT_MS):
+            turns.append(self._draw_window())
+        medians = np.median([[ms for _, ms in turn] for turn in turns], axis=0)
+        return [(judged, float(ms)) for (judged, _), ms in zip(turns[0], medians, strict=True)]
 
     def _draw_window(self) -> list[tuple[bool, float]]:
         """(judged, milliseconds) of the frames after the warm ones; the timer holds their passes alone."""
