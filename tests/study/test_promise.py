@@ -64,7 +64,8 @@ MS = {"base": 20.0, "best": 50.0, "scale=0.5": 6.0, "storage=half": 15.0}
 class Clock:
     """Seconds, and a listener to what is measured: each reading takes what the setting in hand is said to take.
 
-    The machine gets 0.02 % slower with every reading; ``then``: factor on a setting once the study runs its choice again.
+    The machine gets 0.02 % slower with every reading; ``then``: factor on a setting once the study runs its choice
+    again.
     """
 
     def __init__(self, then):
