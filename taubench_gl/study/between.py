@@ -31,7 +31,7 @@ GAPS_A_LAP = 3
 """Gaps of one front looked into at once: what is found in the widest ones decides where to look next."""
 
 TRIES, TRIES_A_FRONT = 8, 3
-"""Settings tried at most, in all and for one front, for every one that is wanted."""
+"""Settings tried at most before each pass, in all and for one front, for every one that is wanted."""
 
 SPARE = 2
 """Settings looked for beyond those wanted: what few visits put on a front, more of them may take off it."""

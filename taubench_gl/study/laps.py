@@ -68,7 +68,7 @@ class Laps:
             names = [t["setting"] for t in lap["tries"]]
             if lap["after"] == after and any(self.visits(n) < ROUGH for n in names):
                 return [self.setting(n) for n in names]
-        left = self.wanted * TRIES - len(self._tried())
+        left = self.wanted * TRIES - sum(len(lap["tries"]) for lap in self._laps_since_the_pass())
         found = self._search.propose(self.seen(), self._known(), self._attempts(), self._margin())[: max(left, 0)]
         if not found or self._passes_used():
             return []
@@ -155,9 +155,13 @@ class Laps:
         return {t["setting"]: t["choice"] for lap in self._records.of("lap") for t in lap["tries"]}
 
     def _attempts(self) -> Counter[tuple[str, ...]]:
-        """Settings tried: in all for a front, by (front,), and in a gap, by its ends."""
-        tries = [t for lap in self._records.of("lap") for t in lap["tries"]]
-        return Counter(key for t in tries for key in ((t["front"],), tuple(t["gap"])))
+        """Settings tried: since the last pass for a front, by (front,), and in all in a gap, by its ends."""
+        found = Counter(tuple(t["gap"]) for lap in self._records.of("lap") for t in lap["tries"])
+        return found + Counter((t["front"],) for lap in self._laps_since_the_pass() for t in lap["tries"])
+
+    def _laps_since_the_pass(self) -> list[dict[str, Any]]:
+        """Each pass shows anew where gaps are, so tries are counted from there."""
+        return [lap for lap in self._records.of("lap") if lap["after"] == len(self.passes)]
 
     def _known(self) -> set[str]:
         return {*self._tried(), *(s.name for s in self._plan.settings), *self._same_as_declared()}
