@@ -66,16 +66,12 @@ class LightStage:
             self._bounds = DrawBounds(scene, renderer.draws)
         split = "direct_diffuse" in renderer.history.current.textures
         on = frozenset(name for name, effect in effects.items() if effect.on)
+        direct = (gpu, renderer.shaders, renderer.size, len(self.table), settings, on)
         self.lighting = None
         if effects["direct"].on and not shading.stochastic:
             maps = ({}, 0) if self._shadow is None else (self._shadow.first_faces, len(self._shadow.rows))
             self.lighting = LightingPass(
-                gpu,
-                renderer.shaders,
-                renderer.size,
-                len(self.table),
-                settings,
-                on,
+                *direct,
                 split=split,
                 rate=shading.rate,
                 listing=list_lights(self.table.kinds, *maps),
@@ -102,12 +98,7 @@ class LightStage:
         self._stochastic = None
         if effects["direct"].on and shading.stochastic:
             self._stochastic = StochasticPass(
-                gpu,
-                renderer.shaders,
-                renderer.size,
-                len(self.table),
-                settings,
-                on,
+                *direct,
                 shading,
                 indirect=self.indirect is not None,
             )
