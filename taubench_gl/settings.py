@@ -27,6 +27,13 @@ _PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
 MAX_SIZE = 16384
 MAX_FRAMES = 1_000_000
 """Frames of one evaluation: more than eleven hours at 24 fps.  What is kept per frame fits in memory up to here."""
+_FLOAT32_MAX = 3.4e38
+
+
+def scheme_of(pairs: str) -> tuple[str, int]:
+    """``Settings.pairs`` as (all | every | strata, number)."""
+    scheme, _, number = pairs.partition(":")
+    return scheme, int(number or 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +127,10 @@ class Settings:
                 raise SettingsError(f"no feature is named {name!r}", hint=f"choose from {', '.join(FEATURES)}")
             if not (math.isfinite(value) and value >= 0):
                 raise SettingsError(f"threshold of {name} is {value}", hint="give a finite number of at least 0")
+        for name in FEATURES:
+            if self.threshold(name) > _FLOAT32_MAX:
+                what = f"threshold of {name} is {self.threshold(name):g} with unit scale {self.unit_scale:g}"
+                raise SettingsError(what, hint=f"masks compare float32, give at most {_FLOAT32_MAX:g}")
 
     def threshold(self, feature: str) -> float:
         """a_B of ``feature`` as the masks use it: position in scene units, metres times ``unit_scale``."""
@@ -129,8 +140,7 @@ class Settings:
     @property
     def pair_scheme(self) -> tuple[str, int]:
         """``pairs`` as (all | every | strata, number)."""
-        scheme, _, number = self.pairs.partition(":")
-        return scheme, int(number or 1)
+        return scheme_of(self.pairs)
 
     def frame_count(self, duration: float) -> int:
         """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration fps (1 + 2^-23) + 1e-6).
@@ -155,7 +165,7 @@ class Settings:
         return frames
 
     def as_summary(self, frames: range) -> dict[str, Any]:
-        """The ``settings`` block of summary.json (SPEC section 6); ``thresholds``: as the masks use them."""
+        """The ``settings`` block of summary.json; ``thresholds``: as the masks use them."""
         return {
             "width": self.width,
             "height": self.height,

@@ -87,8 +87,9 @@ def cost(scenes: tuple[str, ...], out: Path, knobs: str | None, **options: Any) 
 
     The options below describe the base; each dial is turned away from it, one at a time and in declared combinations.
     Errors are in points, percent of w x h, against the reference.  Times are taken in turn, A B C A B C, after a
-    warm-up; what is within the spread is called no difference.  Then settings between neighbours on the fronts are
-    tried, and those that hold are timed in turn with all others, anew.  Several scenes get one folder each inside DIR.
+    warm-up; what is within the spread is called no difference.  Then errors of settings between neighbours on the
+    fronts are measured; what is expected to stand there is tried, and what holds is timed in turn with all others, anew.
+    Several scenes get one folder each inside DIR.
     """
     wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "front", "fresh")}
     wishes["choose_for"] = options.pop("wished") or None

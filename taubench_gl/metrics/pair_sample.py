@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -97,3 +98,20 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate
         return Estimate(mean, 0.0, level, count, sample.total)
     t = student_quantile(0.5 + 0.5 * level, variance**2 / spread)
     return Estimate(mean, t * math.sqrt(variance), level, count, sample.total)
+
+
+def half_width_of_draws(sample: PairSample, population: Array, level: float = 0.95) -> float:
+    """How far the mean of such a sample may be from the population's, over all draws, where all values are known.
+
+    ``population``: (N,).  variance = sum_h W_h^2 (1 - n_h / N_h) S_h^2 / n_h with the S_h of the strata themselves
+    (Cochran Eq. 5.6); half width = z sqrt(variance), z of the normal distribution.  One draw may show less spread than
+    there is; this does not depend on the draw.
+    """
+    values = np.asarray(population, dtype=np.float64)
+    variance, start = 0.0, 0
+    for size, drawn in sample.strata:
+        part = values[start : start + size]
+        start += size
+        if len(drawn) < size:
+            variance += (size / sample.total) ** 2 * (1.0 - len(drawn) / size) * float(part.var(ddof=1)) / len(drawn)
+    return NormalDist().inv_cdf(0.5 + 0.5 * level) * math.sqrt(variance)

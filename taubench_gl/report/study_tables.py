@@ -173,8 +173,10 @@ def spoken(study: Study) -> list[str]:
         lines += [f"  {words}" for words in study["quality"]["recommendations"]]
     search = study["search"]
     if search is not None:
-        tried = f"settings tried between neighbours: {len(search['tried'])}, in laps: {search['laps']}"
-        lines.append(f"Fronts ({tried}; timed with all others: {search['kept']}):")
+        lines.append(
+            f"Fronts (settings between neighbours of which the errors were known: {search['known']}, after "
+            f"{search['screened']} runs more; tried: {len(search['tried'])}; timed with all others: {search['kept']}):"
+        )
         lines += [f"  {name}: {words}" for name, words in search["fronts"].items()]
     check = study["check"]
     if check is not None:

@@ -5,8 +5,8 @@
 >>> study.table()  # doctest: +SKIP
 
 Knobs (what may be turned) > plan (which settings) > errors and sessions (what is measured) > store (what is kept) >
-analysis and result (what it says) > between and laps (what else to try, until the fronts are full) > explain (why a
-finer dial may err more) > job (all of it in order).
+column_errors, analysis and result (what it says) > forecast, gaps, search and laps (what else to measure, until the
+fronts are full) > explain (why a finer dial may err more) > job (all of it in order).
 """
 
 from taubench_gl.study.analysis import Point, choose, pareto_front

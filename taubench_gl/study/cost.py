@@ -25,13 +25,14 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 from taubench_gl.study import quality
 from taubench_gl.study import rungs as truth
-from taubench_gl.study.between import FRONT, Search
 from taubench_gl.study.clock import pass_timer
+from taubench_gl.study.column_errors import column_errors
 from taubench_gl.study.job import Job, Progress
 from taubench_gl.study.knobs import KNOBS, Situation
 from taubench_gl.study.laps import ROUGH, Laps, nothing_tried
 from taubench_gl.study.plan import BASE, BEST, Plan, fingerprint, identity, make_plan
-from taubench_gl.study.result import ALL, CostStudy, assemble, column_errors, fronts_of
+from taubench_gl.study.result import ALL, CostStudy, assemble, fronts_of
+from taubench_gl.study.search import FRONT, Search
 from taubench_gl.study.store import RECORDS_FILE, Records
 
 REFERENCE_BEST = "best"
@@ -63,7 +64,7 @@ def cost(
     all accuracy knobs at their best, or ``exr:DIR``, path-traced renders (``study.rungs``).  ``within`` points and
     ``budget_ms`` choose the preset, for ``choose_for`` (all columns).  ``repeats``: visits of each setting.
     ``front``: settings wanted on the front of each of those columns and of their worst; until they are there, settings
-    between neighbours on the fronts are tried (``study.between``).  0: the declared ones alone.
+    between neighbours on the fronts are tried (``study.search``).  0: the declared ones alone.
     ``knobs``: names of ``KNOBS`` (None: all of them) and ``method:NAME@setting=VALUES``, reuse methods judged by their
     pictures on each of ``method_inputs`` (``study.quality``).
     ``out`` holds the records: called again, the study goes on where it stopped; ``fresh`` starts anew.  ``check`` runs

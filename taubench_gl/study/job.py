@@ -106,7 +106,8 @@ class Job:
         return [r for r in self._records.of("time") if r.get("pass", 0) == passed]
 
     def fill(self, laps: Laps) -> int:
-        """Try settings between neighbours until every front holds as many as are wanted, or nothing is left to try.
+        """Measure errors of settings between neighbours, and time those that would fill the fronts, until every front
+        holds as many as are wanted, or nothing is left to try.
 
         Those that may stand on a front are then timed with all others in turn, a new pass.  Returns the number of the
         last pass, whose times count.
@@ -116,11 +117,14 @@ class Job:
         else:
             self._take_up(laps)
         while True:
-            while lap := laps.lap():
+            if bodies := laps.screen():
+                self._screen(bodies)
+            elif lap := laps.lap():
                 self._try(lap, laps)
-            if not laps.begin_pass():
+            elif laps.begin_pass():
+                self._take_up(laps)
+            else:
                 break
-            self._take_up(laps)
         if not laps.passes:
             self.measure_times()
         return len(laps.passes)
@@ -140,15 +144,20 @@ class Job:
                 self._records.add({"kind": "features", "setting": setting.name, "features": found})
         self.measure_times(passed)
 
-    def _try(self, lap: Sequence[Setting], laps: Laps) -> None:
-        """Errors of every setting of a lap, and a few visits of each, in turn with the base."""
+    def _screen(self, settings: Sequence[Setting]) -> None:
+        """Errors of settings that may be timed later."""
         known = {r["setting"] for r in self._records.of("error")}
-        due = [s for s in lap if s.name not in known]
-        self._total += len(due) + sum(max(ROUGH - laps.visits(s.name), 0) for s in lap)
+        due = [s for s in settings if s.name not in known]
+        self._total += len(due)
         for setting in due:
             self._say(f"errors: {setting.name}")
             found = measure_errors(self._gpu, self._scene, self._camera, setting)
             self._records.add({"kind": "error", "setting": setting.name} | found)
+
+    def _try(self, lap: Sequence[Setting], laps: Laps) -> None:
+        """Errors of every setting of a lap, and a few visits of each, in turn with the base."""
+        self._total += sum(max(ROUGH - laps.visits(s.name), 0) for s in lap)
+        self._screen(lap)
         base, after = self._plan.named(BASE), len(laps.passes)
         with self._gpu:
             pool = self._pool()

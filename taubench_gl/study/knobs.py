@@ -7,6 +7,7 @@ and printed apart; they never stand on a front and never get into a preset.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -21,11 +22,14 @@ from taubench_gl.evaluation import pair_schedule
 from taubench_gl.frame.shadow_faces import faces_of, pack
 from taubench_gl.metrics.pair_sample import draw_sample
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import Settings, scheme_of
 
 GEOMETRY = ("position", "normal", "motion")
 LIGHT = ("direct", "indirect", "color")
 DOUBLE = "double"
+
+ALIKE = 0.03
+"""Log of the ratio of drawn frames below which two samples of a sequence's pairs cost the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,32 +91,46 @@ def _at_rate(settings: Settings, fps: float) -> Settings:
     return replace(settings, fps=fps, frames=(start, end))
 
 
+@functools.lru_cache(maxsize=4096)
+def _drawn(pairs: int, value: str) -> tuple[int, float]:
+    """How many of ``pairs`` pairs a sample looks at, and what share of their frames it draws."""
+    positions = draw_sample(pairs, *scheme_of(value)).positions
+    return len(positions), len(pair_schedule(range(pairs + 1), positions)) / (pairs + 1)
+
+
 def _too_few(situation: Situation, value: str) -> str | None:
-    scheme, _, number = value.partition(":")
-    sample = draw_sample(situation.pairs, scheme, int(number or 1))
-    if scheme == "all":
+    count, _ = _drawn(situation.pairs, value)
+    if value == "all":
         return None
-    if len(sample.positions) < 3:
+    if count < 3:
         return f"{situation.pairs} pairs are too few for {value}"
-    return f"{value} draws all pairs" if len(sample.positions) == situation.pairs else None
+    return f"{value} draws all pairs" if count == situation.pairs else None
 
 
-def _drawn_share(situation: Situation, value: str) -> float | None:
-    """Of the frames of the sequence, how many a sample of its pairs draws."""
-    scheme, _, number = value.partition(":")
-    positions = draw_sample(situation.pairs, scheme, int(number or 1)).positions
-    return len(pair_schedule(range(situation.pairs + 1), positions)) / (situation.pairs + 1)
+def _drawn_place(situation: Situation, value: str) -> float:
+    return math.log(_drawn(situation.pairs, value)[1])
+
+
+def pair_samples(situation: Situation) -> list[str]:
+    """Samples that the pairs of a sequence allow, strata (which have no blind spot) first: of samples of one kind that
+    draw nearly as many frames, ``ALIKE``, the first."""
+    most = situation.pairs // 2
+    found = []
+    for kind in ("strata", "every"):
+        last = math.inf
+        for value in (f"{kind}:{n}" for n in range(2, most + 1)):
+            place = _drawn_place(situation, value)
+            if _too_few(situation, value) is None and place < 0.0 and abs(place - last) >= ALIKE:
+                found.append(value)
+                last = place
+    return found
 
 
 def _pairs_between(situation: Situation, a: str, b: str) -> str | None:
-    """The sample whose number of drawn frames is nearest to the geometric middle.  Strata first: they have no blind
-    spot."""
-    low, high = sorted((_drawn_share(situation, a), _drawn_share(situation, b)))
-    most = situation.pairs // 2
-    values = [f"strata:{h}" for h in range(2, most + 1)] + [f"every:{k}" for k in range(2, most + 1)]
-    shares = {v: _drawn_share(situation, v) for v in values if _too_few(situation, v) is None}
-    inside = [v for v, share in shares.items() if low < share < high]
-    return min(inside, key=lambda v: abs(math.log(shares[v] ** 2 / (low * high))), default=None)
+    """The sample whose number of drawn frames is nearest to the geometric middle."""
+    low, high = sorted((_drawn_place(situation, a), _drawn_place(situation, b)))
+    inside = [v for v in pair_samples(situation) if low < _drawn_place(situation, v) < high]
+    return min(inside, key=lambda v: abs(2.0 * _drawn_place(situation, v) - low - high), default=None)
 
 
 def _middle(step: float) -> Callable[[Situation, float, float], Any]:
@@ -198,7 +216,7 @@ KNOBS: dict[str, Knob] = {
             "pairs", "pairs looked at: every k-th, or two drawn from each of H stretches; the error is at least the "
             "half width of the confidence interval", ("every:8", "strata:2", "every:4", "strata:4", "strata:8",
             "every:2", "all"), "all", COLUMNS, (), _phrase_pairs, useless=_too_few, between=_pairs_between,
-            place=lambda s, v: math.log(_drawn_share(s, v)),
+            place=_drawn_place,
         ),
         Knob(
             "samples_per_pixel", "places within a pixel at which both frames are drawn and judged",

@@ -1,8 +1,9 @@
-"""The search of ``between`` as records: what was tried, what it showed, what is tried next.
+"""The search that fills fronts as records: what was measured and tried, what it showed, what comes next.
 
-Three kinds of lines: ``lap`` (settings about to be tried, and after which pass), ``trial`` (a visit of one of them,
-with the base's in the same round) and ``pass`` (all settings timed in turn from then on).  Whatever is decided follows
-from the lines before it, so a study that was killed decides the same again.
+Four kinds of lines: ``screen`` (settings of which the errors are about to be measured, and after which pass), ``lap``
+(settings about to be timed), ``trial`` (a visit of one of them, with the base's in the same round) and ``pass`` (all
+settings timed in turn from then on).  Whatever is decided follows from the lines before it, so a study that was killed
+decides the same again.
 """
 
 from __future__ import annotations
@@ -16,15 +17,20 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.study.analysis import DIGITS, Point, pareto_front
-from taubench_gl.study.between import TRIES, Gap, Search, Seen, spread_of, told, worth_keeping
-from taubench_gl.study.knobs import KNOBS
+from taubench_gl.study.column_errors import column_errors, sampled
+from taubench_gl.study.forecast import Forecast, Seen
+from taubench_gl.study.gaps import Gap, spread_of, told, worth_keeping
+from taubench_gl.study.knobs import KNOBS, pair_samples
 from taubench_gl.study.plan import BASE, Plan, Setting, setting_of
-from taubench_gl.study.result import column_errors
 from taubench_gl.study.rungs import Ladder
+from taubench_gl.study.search import Proposal, Search
 from taubench_gl.study.store import Records
 
 ROUGH = 3
 """Visits of a setting before it is decided whether it is timed beside all others."""
+
+BODIES, TRIES = 6, 8
+"""For every setting that is wanted: how many errors are measured in all, how many settings are tried before a pass."""
 
 PASSES = 3
 """Times that a study goes over all its settings with new ones among them: the later ones fill what noise left open."""
@@ -44,6 +50,7 @@ class Laps:
     ):
         self._search, self._plan, self._fronts, self._records = search, plan, fronts, records
         self._reference, self._ladder = reference, ladder
+        self._known_errors: dict[tuple[str, str | None], dict[str, float]] = {}
 
     @property
     def wanted(self) -> int:
@@ -59,25 +66,43 @@ class Laps:
         return [self.setting(name) for name in names]
 
     def setting(self, name: str) -> Setting:
-        return setting_of("between", self._tried()[name], self._search.situation.base)
+        return setting_of("between", (self._screened() | self._tried())[name], self._search.situation.base)
+
+    def screen(self) -> list[Setting]:
+        """Settings of which the errors are to be measured now: those of the line that was interrupted, or the next.
+        Empty: none."""
+        known = {r["setting"] for r in self._records.of("error")}
+        lines = self._records.of("screen")
+        if lines and (due := [m["setting"] for m in lines[-1]["settings"] if m["setting"] not in known]):
+            return [self.setting(name) for name in due]
+        left = self.wanted * BODIES - sum(len(line["settings"]) for line in lines)
+        if left <= 0 or self._passes_used():
+            return []
+        seen = self.seen()
+        attempts = Counter((m["front"], *m["gap"]) for line in lines for m in line["settings"])
+        found = self._search.bodies(seen, self.expected(seen), self._known(), attempts, self._margin())[:left]
+        return self._noted("screen", "settings", found)
+
+    def _noted(self, kind: str, key: str, found: Sequence[Proposal]) -> list[Setting]:
+        """Put on record what is about to be measured."""
+        if not found:
+            return []
+        names = [self._search.name(p.choice) for p in found]
+        told = [{"setting": n, "choice": p.choice, "front": p.front, "gap": list(p.gap)} for n, p in zip(names, found)]
+        self._records.add({"kind": kind, "after": len(self.passes), "wanted": self.wanted, key: told})
+        return [self.setting(name) for name in names]
 
     def lap(self) -> list[Setting]:
-        """Settings of the lap that is to be measured now: the one that was interrupted, or the next.  Empty: none."""
-        after = len(self.passes)
-        for lap in self._records.of("lap"):
+        """Settings that are to be timed now: those of the lap that was interrupted, or the next.  Empty: none."""
+        for lap in self._since_the_pass("lap"):
             names = [t["setting"] for t in lap["tries"]]
-            if lap["after"] == after and any(self.visits(n) < ROUGH for n in names):
+            if any(self.visits(n) < ROUGH for n in names):
                 return [self.setting(n) for n in names]
-        left = self.wanted * TRIES - sum(len(lap["tries"]) for lap in self._laps_since_the_pass())
-        found = self._search.propose(self.seen(), self._known(), self._attempts(), self._margin())[: max(left, 0)]
-        if not found or self._passes_used():
+        left = self.wanted * TRIES - sum(len(lap["tries"]) for lap in self._since_the_pass("lap"))
+        if left <= 0 or self._passes_used():
             return []
-        tries = [
-            {"setting": self._search.name(p.choice), "choice": p.choice, "front": p.front, "gap": list(p.gap)}
-            for p in found
-        ]
-        self._records.add({"kind": "lap", "after": after, "wanted": self.wanted, "tries": tries})
-        return [self.setting(t["setting"]) for t in tries]
+        seen = self.seen()
+        return self._noted("lap", "tries", self._search.tries(seen, self.expected(seen), self._margin())[:left])
 
     def visits(self, name: str) -> int:
         return sum(r["setting"] == name for r in self._records.of("trial"))
@@ -100,25 +125,60 @@ class Laps:
         return len(same) >= PASSES
 
     def seen(self) -> list[Seen]:
-        """Everything that was measured, with the times of the last pass, and trials since, over the base's."""
+        """Everything that was timed, with the times of the last pass, and trials since, over the base's."""
         times = self._log_ratios()
-        errors = {r["setting"]: r for r in self._records.of("error")}
+        measured = {r["setting"] for r in self._records.of("error")}
         choices = {s.name: s.choice for s in (*self._plan.settings, *self.kept()) if s.role != "question"}
         choices |= {n: c for n, c in self._tried().items() if n in times}
-        found = []
-        for name, choice in choices.items():
-            if name in times and name in errors:
-                found.append(self._seen(name, self._off_base(choice), float(np.median(times[name])), errors))
+        found = [
+            Seen(name, self._search.off_base(choice), float(np.median(times[name])), self._errors(name))
+            for name, choice in choices.items()
+            if name in times and name in measured
+        ]
         base = [r["frame_ms"] for r in self._timed() if r["setting"] == BASE]
         for rung in () if self._ladder is None else self._ladder.rungs:
             if rung.frame_ms:
                 log_time = math.log(float(np.median(rung.frame_ms)) / float(np.median(base)))
-                found.append(self._seen(rung.name, None, log_time, errors))
+                found.append(Seen(rung.name, None, log_time, self._errors(rung.name)))
+        return found
+
+    def expected(self, seen: Sequence[Seen]) -> list[Seen]:
+        """What was not timed, though its errors are known: every sample of the pairs of every full run, with the time
+        that is forecast from ``seen``.  Not what was tried before and not kept."""
+        search, margin = self._search, self._margin()
+        dials = search.turned(seen, margin)
+        forecast = Forecast(search.situation, dials, seen)
+        known = {*self._tried(), *(s.name for s in self._plan.settings), *self._same_as_declared()}
+        samples = pair_samples(search.situation) if "pairs" in dials else []
+        found = []
+        for name, choice in self._full_runs(dials).items():
+            for pairs in (None, *samples):
+                each = choice if pairs is None else search.off_base({**choice, "pairs": pairs})
+                its_name = search.name(each)
+                if its_name not in known:
+                    known.add(its_name)
+                    found.append(Seen(its_name, each, forecast.log_time(each), self._errors(name, pairs), timed=False))
+        return found
+
+    def _full_runs(self, dials: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Settings of which all pairs were looked at, and their choice among ``dials``; not those in which a dial was
+        turned that changes a column but trades nothing, or that the CPU judged."""
+        choices = {s.name: s.choice for s in self._plan.settings if s.role != "question" and not s.twin}
+        choices |= self._screened() | self._tried()
+        errors = {r["setting"] for r in self._records.of("error")}
+        found = {}
+        for name, choice in choices.items():
+            choice = self._search.off_base(choice)
+            moving = {d: v for d, v in choice.items() if KNOBS[d].columns}
+            pairs = choice.get("pairs", self._search.situation.base.pairs)
+            if name in errors and pairs == "all" and all(d in dials or d == "pairs" for d in moving):
+                found[name] = moving
         return found
 
     def report(self, points: Sequence[Point]) -> dict[str, Any]:
         """The block ``search`` of study.json: what was tried, and how full every front is."""
-        seen, margin, attempts, known = self.seen(), self._margin(), self._attempts(), self._known()
+        seen = self.seen()
+        expected, margin = self.expected(seen), self._margin()
         named, kept = {s.name: s for s in seen}, {s.name for s in self.kept()}
         words = {}
         for name, columns in self._fronts.items():
@@ -128,47 +188,47 @@ class Laps:
                 continue
             gaps = [Gap(name, a, b) for a, b in pairwise(front)]
             others = sum(s.errors[name] - front[-1].errors[name] > 10.0**-DIGITS for s in seen if name in s.errors)
-            words[name] = told(
-                gaps, self.wanted, lambda gap: self._search.why(gap, seen, known, attempts, margin), others
-            )
+            words[name] = told(gaps, self.wanted, lambda gap: self._search.why(gap, expected, margin), others)
         laps = self._records.of("lap")
         tries = [
-            {k: t[k] for k in ("setting", "front", "gap")} | {"kept": t["setting"] in kept}
+            {"setting": t["setting"], "front": t["front"], "kept": t["setting"] in kept}
             for lap in laps
             for t in lap["tries"]
         ]
-        return {"wanted": self.wanted, "laps": len(laps), "tried": tries, "kept": len(kept), "fronts": words}
+        screened = sum(len(line["settings"]) for line in self._records.of("screen"))
+        told_of = len({*named, *(s.name for s in expected)})
+        return {
+            "wanted": self.wanted, "screened": screened, "known": told_of, "laps": len(laps), "tried": tries,
+            "kept": len(kept), "fronts": words,
+        }  # fmt: skip
 
-    def _off_base(self, choice: Mapping[str, Any]) -> dict[str, Any]:
-        return {n: v for n, v in choice.items() if v != KNOBS[n].current(self._search.situation.base)}
-
-    def _seen(self, name: str, choice: Any, log_time: float, errors: Mapping[str, Any]) -> Seen:
-        columns = column_errors(errors[name], errors[self._reference], same_pairs=True)
-        worst = {}
-        for front, members in self._fronts.items():
-            found = [columns[c].error for c in members]
-            if None not in found:
-                worst[front] = max(found)
-        return Seen(name, choice, log_time, worst)
+    def _errors(self, name: str, pairs: str | None = None) -> dict[str, float]:
+        """Front -> points of a setting; with ``pairs``, of that sample of its pairs."""
+        if (name, pairs) not in self._known_errors:
+            records = {r["setting"]: r for r in self._records.of("error")}
+            record = records[name] if pairs is None else sampled(records[name], pairs)
+            columns = column_errors(record, records[self._reference], same_pairs=True)
+            errors = {front: [columns[c].error for c in members] for front, members in self._fronts.items()}
+            self._known_errors[name, pairs] = {front: max(e) for front, e in errors.items() if None not in e}
+        return self._known_errors[name, pairs]
 
     def _tried(self) -> dict[str, dict[str, Any]]:
         return {t["setting"]: t["choice"] for lap in self._records.of("lap") for t in lap["tries"]}
 
-    def _attempts(self) -> Counter[tuple[str, ...]]:
-        """Settings tried: since the last pass for a front, by (front,), and in all in a gap, by its ends."""
-        found = Counter(tuple(t["gap"]) for lap in self._records.of("lap") for t in lap["tries"])
-        return found + Counter((t["front"],) for lap in self._laps_since_the_pass() for t in lap["tries"])
+    def _screened(self) -> dict[str, dict[str, Any]]:
+        return {m["setting"]: m["choice"] for line in self._records.of("screen") for m in line["settings"]}
 
-    def _laps_since_the_pass(self) -> list[dict[str, Any]]:
-        """Each pass shows anew where gaps are, so tries are counted from there."""
-        return [lap for lap in self._records.of("lap") if lap["after"] == len(self.passes)]
+    def _since_the_pass(self, kind: str) -> list[dict[str, Any]]:
+        """Each pass shows anew where gaps are, so what was done for them is counted from there."""
+        return [line for line in self._records.of(kind) if line["after"] == len(self.passes)]
 
     def _known(self) -> set[str]:
-        return {*self._tried(), *(s.name for s in self._plan.settings), *self._same_as_declared()}
+        """Names under which the search would know what was measured."""
+        return {*self._screened(), *self._tried(), *(s.name for s in self._plan.settings), *self._same_as_declared()}
 
     def _same_as_declared(self) -> list[str]:
         """Names that the search would give settings of the plan."""
-        return [self._search.name(self._off_base(s.choice)) for s in self._plan.settings]
+        return [self._search.name(self._search.off_base(s.choice)) for s in self._plan.settings]
 
     def _timed(self) -> list[dict[str, Any]]:
         """Visits of the last pass.  Of the first only the rounds before the search: a study whose search finds nothing
@@ -197,4 +257,7 @@ class Laps:
 def nothing_tried(wanted: int, fronts: Iterable[str]) -> dict[str, Any]:
     """The block ``search`` of a study whose times are too few to be told apart (``clock.RULE``)."""
     words = f"not filled: fewer than {ROUGH} visits tell no two times apart"
-    return {"wanted": wanted, "laps": 0, "tried": [], "kept": 0, "fronts": dict.fromkeys(fronts, words)}
+    return {
+        "wanted": wanted, "screened": 0, "known": 0, "laps": 0, "tried": [], "kept": 0,
+        "fronts": dict.fromkeys(fronts, words),
+    }  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
@@ -12,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS, FEATURES
-from taubench_gl.metrics.histogram import discarded_above, edges
+from taubench_gl.conventions import COLUMNS
 from taubench_gl.outputs import cannot_write, write_atomically
 from taubench_gl.study.analysis import (
     Choice,
-    ColumnError,
     Point,
     Sanity,
     choose,
@@ -27,6 +24,7 @@ from taubench_gl.study.analysis import (
     worst_error,
 )
 from taubench_gl.study.clock import RULE, Time, slower_by, time_of
+from taubench_gl.study.column_errors import column_errors, curve_error
 from taubench_gl.study.knobs import KNOBS
 from taubench_gl.study.plan import BASE, BEST, Plan
 from taubench_gl.study.preset import save_preset
@@ -257,52 +255,10 @@ def _point(
         clock,
         usable=not setting.twin,
         features=record.get("features") or {},
-        curve=_curve_error(record, reference),
+        curve=curve_error(record, reference),
         passes=passes,
         bytes=record.get("bytes"),
     )
-
-
-def column_errors(record: Mapping[str, Any], reference: Mapping[str, Any], same_pairs: bool) -> dict[str, ColumnError]:
-    """What every column of one ``error`` record is off by.  ``same_pairs``: pair by pair, too."""
-    out = {}
-    for column in COLUMNS:
-        here, there = record["columns"][column], reference["columns"][column]
-        if here["percent"] is None or there["percent"] is None:
-            why = here.get("reason") or f"the reference lacks it: {there.get('reason')}"
-            out[column] = ColumnError(here["percent"], reason=why)
-            continue
-        common = here["pairs"].keys() & there["pairs"].keys() if same_pairs else ()
-        apart = [abs(here["pairs"][f] - there["pairs"][f]) for f in sorted(common)]
-        out[column] = ColumnError(
-            here["percent"],
-            here["percent"] - there["percent"],
-            here.get("half_width"),
-            math.fsum(apart) / len(apart) if apart else None,
-        )
-    return out
-
-
-def _curve_error(record: Mapping[str, Any], reference: Mapping[str, Any]) -> dict[str, float]:
-    """Per feature the largest error, in points, of a threshold read off the curve (linear between its edges).
-
-    Against the reference's own finer curve; empty where that is not finer.
-    """
-    out = {}
-    for feature in FEATURES:
-        here, there = (r["curves"].get(feature) for r in (record, reference))
-        if here is None or there is None or len(here["counts"]) >= len(there["counts"]):
-            continue
-        (x, y), (fine_x, fine_y) = _curve(here), _curve(there)
-        out[feature] = float(np.abs(np.interp(fine_x, x, y) - fine_y).max())
-    return out
-
-
-def _curve(curve: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Edges and percent of comparable pixels at or above each."""
-    bits = int(np.log2((len(curve["counts"]) - 2) / (len(edges(0)) - 1)))
-    share = 100.0 / max(curve["comparable"], 1)
-    return edges(bits), share * discarded_above(np.asarray(curve["counts"]))
 
 
 def _sanities(plan: Plan, ladder: Ladder | None, errors: Mapping[str, Any], reference: Any) -> list[Sanity]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import random
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 from taubench_gl.study.analysis import ColumnError, Point
 from taubench_gl.study.clock import Time
+from taubench_gl.study.forecast import Seen
 from taubench_gl.study.knobs import Situation
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo.glb"
@@ -37,6 +39,11 @@ def point(name: str, error: float, ms: float, spread: float | None = 0.01, **mor
     return Point(name, name, role, {}, {"direct": column}, Time(ms, spread, 5), "a clock", **more)
 
 
+def seen(name: str, time: float, error: float, choice: Any = None, *, timed: bool = True, **errors: float) -> Seen:
+    """A setting ``time`` times as slow as the base, ``error`` points off in the column ``direct``."""
+    return Seen(name, {} if choice is None else choice, math.log(time), {"direct": error} | errors, timed)
+
+
 @functools.cache
 def _demo() -> Scene:
     return load_scene(DEMO)
@@ -51,11 +58,12 @@ def situation_of(pairs: int = 10, **settings: Any) -> Situation:
 class ModelClock:
     """Seconds of a machine on which a frame takes 20 ms times its share of pixels and its samples, give or take 1 %.
 
-    ``listen`` hears which setting is in hand.  What a sampled run leaves out, the study takes off itself.
+    ``listen`` hears which setting is in hand.  What a sampled run leaves out, the study takes off itself.  The same
+    visit always takes the same time.
     """
 
     def __init__(self) -> None:
-        self.seconds, self.step, self.random = 0.0, 0.0, random.Random(5)
+        self.seconds, self.step = 0.0, 0.0
 
     def __call__(self) -> float:
         self.seconds += self.step
@@ -67,4 +75,4 @@ class ModelClock:
             choice = dict(part.split("=") for part in name.split(", ") if "=" in part)
             samples = float(choice.get("samples_per_pixel", 16 if name == "best" else 1))
             model = 20e-3 * float(choice.get("scale", 1.0)) ** 2 * samples
-            self.step = model * self.random.uniform(0.99, 1.01)
+            self.step = model * random.Random(step.what).uniform(0.99, 1.01)

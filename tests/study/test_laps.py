@@ -5,9 +5,9 @@ from __future__ import annotations
 from study_tools import situation_of
 
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.study.between import Search
 from taubench_gl.study.laps import PASSES, ROUGH, Laps
 from taubench_gl.study.plan import make_plan
+from taubench_gl.study.search import Search
 
 MS = {"base": 20.0, "best": 320.0, "scale=0.5": 5.0, "samples_per_pixel=4": 80.0}
 OFF = {"base": 0.2, "best": 0.0, "scale=0.5": 1.0, "samples_per_pixel=4": 0.05}
@@ -60,9 +60,32 @@ def test_passes_are_used_up_for_the_fronts_that_were_asked_for():
     told = {"kind": "pass", "wanted": 6, "fronts": ["direct", "all"], "kept": []}
     again = [v | {"pass": PASSES} for v in visits(range(ROUGH))]
 
-    def next_lap(**asked):
-        return laps(Lines(*map(error, MS), *visits(range(ROUGH)), *[told] * PASSES, *again), **asked).lap()
+    def next_errors(**asked):
+        return laps(Lines(*map(error, MS), *visits(range(ROUGH)), *[told] * PASSES, *again), **asked).screen()
 
-    assert next_lap() == [], "asked for before"
-    assert next_lap(wanted=7), "more are wanted"
-    assert next_lap(fronts=("color",)), "another front"
+    assert next_errors() == [], "asked for before"
+    assert next_errors(wanted=7), "more are wanted"
+    assert next_errors(fronts=("color",)), "another front"
+
+
+def test_what_was_tried_and_not_kept_is_not_expected_again():
+    records = Lines(*map(error, MS), *visits(range(ROUGH)))
+    due = laps(records).screen()
+    records.lines += [error("base") | {"setting": s.name, "settings": {"pairs": "all"}} for s in due]
+    found = laps(records)
+    assert {s.name for s in due} <= {s.name for s in found.expected(found.seen())}
+    tried = due[0]
+    records.add({"kind": "lap", "after": 0, "tries": [{"setting": tried.name, "choice": tried.choice}]})
+    records.add({"kind": "pass", "wanted": 6, "fronts": ["direct"], "kept": []})
+    records.lines += [v | {"pass": 1} for v in visits(range(ROUGH))]
+    found = laps(records)
+    assert tried.name not in {s.name for s in (*found.expected(found.seen()), *found.seen())}
+
+
+def test_errors_that_a_study_was_measuring_come_first():
+    records = Lines(*map(error, MS), *visits(range(ROUGH)))
+    due = laps(records).screen()
+    assert len(due) > 1 and records.of("screen")
+    records.lines.append(error("base") | {"setting": due[0].name})
+    assert [s.name for s in laps(records).screen()] == [s.name for s in due[1:]]
+    assert len(records.of("screen")) == 1, "nothing new is decided before"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy import stats
 
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.counts import percent
-from taubench_gl.metrics.pair_sample import PairSample, draw_sample, estimate
+from taubench_gl.metrics.pair_sample import PairSample, draw_sample, estimate, half_width_of_draws
 from taubench_gl.metrics.student import student_cdf, student_quantile
 from taubench_gl.settings import Settings
 
@@ -53,6 +54,19 @@ def test_all_pairs_leave_nothing_to_chance():
 
 def test_one_pair_says_nothing_of_the_spread():
     assert estimate(draw_sample(5, "every", 5), np.array([2.0])).half_width is None
+
+
+def test_the_spread_of_all_draws_is_that_of_every_single_one():
+    # 12 pairs, one stretch of 7 with three drawn, one of 5 with two: 35 * 10 draws, counted out.
+    values = np.random.default_rng(3).gamma(2.0, 3.0, size=12)
+    draws = product(combinations(range(7), 3), combinations(range(7, 12), 2))
+    means = [7 / 12 * values[list(a)].mean() + 5 / 12 * values[list(b)].mean() for a, b in draws]
+    sample = PairSample(12, ((7, (0, 1, 2)), (5, (7, 8))))
+    assert np.mean(means) == pytest.approx(values.mean(), rel=1e-12), "no draw is favoured"
+    assert half_width_of_draws(sample, values) == pytest.approx(stats.norm.ppf(0.975) * np.std(means), rel=1e-12)
+    assert half_width_of_draws(draw_sample(12, "all"), values) == 0.0
+    one_each = PairSample(12, ((7, (3,)), (5, (9,))))
+    assert half_width_of_draws(one_each, values) > half_width_of_draws(sample, values)
 
 
 @pytest.mark.parametrize("total", [1, 2, 3, 10, 47])

@@ -1,81 +1,23 @@
-"""The search between neighbours on a front: gaps, what it proposes, when it stops, on points whose answer is known."""
+"""The search that fills fronts: what it has measured, what it has timed, when it stops, on points whose answer is
+known, and in whole studies by a clock of ours."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
 
 import pytest
-from study_tools import SMALL, ModelClock, situation_of
+from study_tools import SMALL, ModelClock, seen, situation_of
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
-from taubench_gl.study import between, cost, load_preset, save_preset
-from taubench_gl.study.between import Forecast, Gap, Search, Seen, closed, rough_front, spread_of, told, worth_keeping
-from taubench_gl.study.knobs import KNOBS
+from taubench_gl.study import cost, load_preset, save_preset
+from taubench_gl.study.forecast import Forecast
+from taubench_gl.study.gaps import NOT_LOOKED_INTO, NOTHING, Gap
+from taubench_gl.study.knobs import KNOBS, pair_samples
+from taubench_gl.study.search import ATTEMPTS, GAPS_A_LAP, Search
 from taubench_gl.study.store import RECORDS_FILE
-
-
-def seen(name, time, error, choice=None, **errors):
-    return Seen(name, {} if choice is None else choice, math.log(time), {"direct": error} | errors)
-
-
-def names(found):
-    return [s.name for s in found]
-
-
-def test_a_rough_front_by_hand():
-    points = [seen("a", 1.0, 4.0), seen("b", 2.0, 2.0), seen("c", 2.1, 2.5), seen("d", 1.98, 1.9), seen("e", 9.0, 0.0)]
-    assert names(rough_front(points, "direct", 0.0)) == ["a", "d", "e"]
-    # b and d are within the margin of each other; the more exact one stays.
-    points = [p for p in points if p.name != "d"] + [seen("d", 2.02, 1.9)]
-    assert names(rough_front(points, "direct", 0.05)) == ["a", "d", "e"]
-    assert names(rough_front(points, "direct", 0.0)) == ["a", "b", "d", "e"]
-
-
-def test_of_equal_errors_the_fastest_is_on_the_rough_front():
-    assert names(rough_front([seen("slow", 2.0, 1.0), seen("fast", 1.0, 1.0)], "direct", 0.1)) == ["fast"]
-    assert names(rough_front([seen("base", 1.02, 1.0), seen("lucky", 1.0, 1.0)], "direct", 0.1)) == ["base"]
-
-
-def test_only_what_stands_on_a_front_is_kept():
-    points = [seen("base", 1.0, 1.0), seen("good", 0.5, 2.0), seen("bad", 0.9, 3.0), seen("noise", 1.01, 1.5)]
-    assert worth_keeping(points, ["direct"], ["good", "bad", "noise"], 0.05) == ["good"]
-
-
-@pytest.mark.parametrize(
-    ("fast", "fine", "tries", "why"),
-    [
-        (seen("a", 1.0, 1.0), seen("b", 2.0, 0.5), 0, None),
-        (seen("a", 1.0, 1.0), seen("b", 2.0, 0.5), between.ATTEMPTS, between.TRIED),
-        (seen("a", 1.0, 1.0), seen("b", 1.05, 0.5), 0, between.NARROW_TIME),
-        (seen("a", 1.0, 0.51), seen("b", 2.0, 0.5), 0, between.NARROW_ERROR),
-        (Seen("1 spp", None, 0.0, {"direct": 1.0}), seen("b", 2.0, 0.5), 0, between.RENDERED),
-    ],
-)
-def test_why_a_gap_is_closed(fast, fine, tries, why):
-    gap = Gap("direct", fast, fine)
-    assert closed(gap, 0.04, 0.01, {gap.key: tries}) == why
-
-
-def test_margins_are_those_of_the_visits():
-    # Five rounds with a median absolute deviation of 0.1: 1.5 * 1.4826 * 0.1.
-    assert spread_of([[0.0, 0.1, -0.1, 0.3, -0.3]] * 3) == pytest.approx(1.5 * 1.4826 * 0.1)
-    assert spread_of([[0.0, 0.0, 0.0]]) == between.NARROW == spread_of([])
-
-
-def test_a_front_says_how_full_it_is():
-    gaps = [
-        Gap("direct", seen("a", 1.0, 2.0), seen("b", 2.0, 1.0)),
-        Gap("direct", seen("b", 2.0, 1.0), seen("c", 4.0, 0)),
-    ]
-    assert told(gaps, 3, lambda gap: "x", 0) == "3 settings, 3 were wanted"
-    assert told(gaps, 12, lambda gap: between.TRIED, 0).endswith(f"2 gaps between them 2 {between.TRIED}")
-    assert told(gaps[:1], 12, lambda gap: between.NARROW_TIME, 0).endswith(
-        f"the gap between them {between.NARROW_TIME}"
-    )
-    assert "nothing to pay time for" in told([], 12, lambda gap: "", 0)
-    assert "none of the 3 less exact ones is faster" in told([], 12, lambda gap: "", 3)
 
 
 @pytest.mark.parametrize(
@@ -113,6 +55,12 @@ def test_pairs_are_bisected_by_the_frames_they_draw():
     assert KNOBS["pairs"].between(situation, middle, middle) is None
 
 
+def test_samples_of_a_sequence_are_its_strata_and_its_steps():
+    # Of 13 frames, two pairs from each of 4 stretches draw all; every fifth pair would be two pairs.
+    assert pair_samples(situation_of(pairs=12)) == ["strata:2", "strata:3", "every:2", "every:3", "every:4"]
+    assert len(pair_samples(situation_of(pairs=240))) < 80, "of those that cost the same one is enough"
+
+
 DIALS = ("scale", "pairs", "samples_per_pixel", "storage", "summation", "histogram_bits")
 
 
@@ -134,36 +82,73 @@ def test_dials_that_do_not_trade_are_left_alone():
     assert search().cheapest(declared(), 0.05) == {"scale": 0.5, "pairs": "every:8"}
 
 
-def test_proposals_lie_in_the_gaps_and_are_new():
+def test_errors_are_measured_for_the_gaps_and_over_all_pairs():
     points = declared()
     known = {s.name for s in points}
-    found = search().propose(points, known, {}, 0.05)
+    found = search().bodies(points, [], known, {}, 0.05)
     assert found and not known & {search().name(p.choice) for p in found}
-    assert found[0].choice == {"scale": 0.5, "pairs": "every:8"} and found[0].gap == (), "beyond the fast end"
-    assert {p.gap for p in found[1:]} == {
+    assert all("pairs" not in p.choice for p in found), "a full run tells the errors of every sample"
+    assert {p.gap for p in found} <= {
         ("pairs=every:8", "base"), ("base", "samples_per_pixel=4"), ("samples_per_pixel=4", "best"),
     }  # fmt: skip
     last = next(p for p in found if p.gap == ("samples_per_pixel=4", "best"))
     assert last.choice == {"samples_per_pixel": 8}
-    assert found == search().propose(points, known, {}, 0.05), "the same records give the same proposals"
+    assert found == search().bodies(points, [], known, {}, 0.05), "the same records give the same proposals"
 
 
-def test_nothing_is_proposed_for_a_full_front_or_after_all_tries():
+def test_nothing_is_measured_for_a_full_front_or_after_all_attempts():
     points = declared()
     known = {s.name for s in points}
-    assert search(wanted=2).propose(points, known, {}, 0.05) == []
-    assert search().propose(points, known, {("direct",): between.TRIES_A_FRONT * 6}, 0.05) == []
-    assert search().propose(points, known, {}, 3.0) == [], "no gap is wider than what the visits tell apart"
+    assert search(wanted=1).bodies(points, [], known, {}, 0.05) == []
+    used = {("direct", a.name, b.name): ATTEMPTS for a in points for b in points}
+    assert search().bodies(points, [], known, used, 0.05) == []
+    assert search().bodies(points, [], known, {}, 3.0) == [], "no gap is wider than what the visits tell apart"
+
+
+def test_a_front_that_is_expected_to_be_full_asks_for_no_errors():
+    points = declared()
+    room = [seen(f"x{i}", 2.0**i, 0.2 * 2.0**-i, {"scale": 0.9}, timed=False) for i in range(-3, 4)]
+    assert search(wanted=3).bodies(points, room, set(), {}, 0.05) == []
+
+
+def test_what_is_expected_on_a_front_is_timed_the_furthest_first():
+    points = [seen("base", 1.0, 0.2), seen("best", 16.0, 0.0, {"samples_per_pixel": 16})]
+    expected = [
+        seen("near", 1.3, 0.19, {"samples_per_pixel": 2}, timed=False),
+        seen("far", 4.0, 0.1, {"samples_per_pixel": 4}, timed=False),
+        seen("beaten", 8.0, 0.15, {"samples_per_pixel": 8}, timed=False),
+    ]
+    found = search().tries(points, expected, 0.05)
+    assert [p.choice["samples_per_pixel"] for p in found] == [4, 2]
+    many = [seen(f"x{i}", 1.3**i, 0.2 - 0.01 * i, {"samples_per_pixel": i}, timed=False) for i in range(1, 9)]
+    assert len(search(wanted=12).tries(points, many, 0.05)) == GAPS_A_LAP
+    assert search().tries(points, [], 0.05) == []
+
+
+def test_why_a_gap_of_a_finished_front_is_empty():
+    gap = Gap("direct", seen("base", 1.0, 0.2), seen("best", 16.0, 0.0, {"samples_per_pixel": 16}))
+    inside, beside = (seen("x", t, 0.1, {"samples_per_pixel": 4}, timed=False) for t in (4.0, 32.0))
+    assert search().why(gap, [inside], 0.05) == NOT_LOOKED_INTO
+    assert search().why(gap, [beside], 0.05) == NOTHING
 
 
 def test_a_forecast_multiplies_times_and_adds_squares():
-    points = declared()
-    forecast = Forecast(situation_of(pairs=40), DIALS, points)
+    forecast = Forecast(situation_of(pairs=40), DIALS, declared())
     both = {"scale": 0.5, "pairs": "every:8"}
-    assert forecast._time(both) == pytest.approx(math.log(0.3 * 0.25))
-    assert forecast._error(both, "direct") == pytest.approx(math.hypot(1.0, 0.8))
+    assert forecast.log_time(both) == pytest.approx(math.log(0.3 * 0.25))
+    assert forecast.error(both, "direct") == pytest.approx(math.hypot(1.0, 0.8))
     # Half-way between 0.5 and 1 on the logarithmic scale of sizes.
-    assert forecast._time({"scale": math.sqrt(0.5)}) == pytest.approx(0.5 * math.log(0.3))
+    assert forecast.log_time({"scale": math.sqrt(0.5)}) == pytest.approx(0.5 * math.log(0.3))
+
+
+def test_a_forecast_starts_from_the_nearest_that_was_timed():
+    # Together the two dials save less than each alone would have it: 0.3 * 0.25 = 0.075.
+    points = [*declared(), seen("both", 0.15, 1.3, {"scale": 0.5, "pairs": "every:8"})]
+    forecast = Forecast(situation_of(pairs=40), DIALS, points)
+    assert forecast.log_time({"scale": 0.5, "pairs": "every:8"}) == pytest.approx(math.log(0.15))
+    assert forecast.log_time({"scale": 0.5}) == pytest.approx(math.log(0.3)), "what was timed is what it took"
+    beside = {"scale": 0.51, "pairs": "every:8"}
+    assert math.log(0.15) < forecast.log_time(beside) < math.log(0.16)
 
 
 FILLED = SMALL | {
@@ -224,21 +209,27 @@ def test_every_setting_that_was_found_can_be_a_preset(filled, tmp_path):
     assert found
 
 
+def measured(text):
+    """Records without what no clock of ours decides."""
+    lines = (json.loads(line, parse_float=lambda digits: round(float(digits), 6)) for line in text.splitlines())
+    return [{k: v for k, v in line.items() if k not in ("load", "passes")} for line in lines]
+
+
 def test_a_search_that_was_killed_goes_on_and_ends_alike(filled, demo, tmp_path):
     out, _ = filled
     whole = (out / "10" / RECORDS_FILE).read_text().splitlines(keepends=True)
-    laps = [i for i, line in enumerate(whole) if '"kind": "lap"' in line]
-    for cut in (laps[0] + 2, laps[-1] + 1, len(whole) - 3):  # in the first lap, before the last, in the last round
+    kinds = [json.loads(line)["kind"] for line in whole]
+    first, last = ({kind: i for i, kind in order} for order in (reversed([*enumerate(kinds)]), enumerate(kinds)))
+    cuts = (first["screen"] + 2, first["lap"] + 2, last["lap"] + 1, len(whole) - 3)
+    for cut in cuts:  # among the first errors, in the first lap, before the last, in the last round
         folder = tmp_path / str(cut)
         folder.mkdir()
         (folder / RECORDS_FILE).write_text("".join(whole[:cut]))
         clock = ModelClock()
-        study = cost(demo, out=folder, **FILLED | {"now": clock, "progress": clock.listen})
+        cost(demo, out=folder, **FILLED | {"now": clock, "progress": clock.listen})
         text = (folder / RECORDS_FILE).read_text()
         assert text.startswith("".join(whole[:cut])), "nothing is lost or measured again"
-        assert len(study.front("frustum")) >= 10
-        errors = re.findall(r'"kind": "error", "setting": "([^"]*)"', text)
-        assert len(errors) == len(set(errors))
+        assert measured(text) == measured("".join(whole))
 
 
 def test_progress_ends_at_its_total(demo, tmp_path):
