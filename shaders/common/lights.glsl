@@ -1,6 +1,6 @@
 // Punctual lights (KHR_lights_punctual): candela and lux, 1/d^2 with range window and spot falloff.
 // Twin: metrics.lighting.incident
-const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0;
+const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE_SPOT = 3.0;
 
 // What the scene holds no light of is compiled out; who defines nothing gets all of them.
 #ifndef POINT_LIGHTS
@@ -70,7 +70,7 @@ Incident incident(LightRecord light, vec3 p) {
         r.radiance *= clamp(1.0 - x * x, 0.0, 1.0);
     }
 #if SPOT_LIGHTS
-    if (light.direction.w == KIND_SPOT) {
+    if (light.direction.w == KIND_SPOT || light.direction.w == KIND_WIDE_SPOT) {
         float cone = clamp(dot(light.direction.xyz, -r.l) * light.spot.x + light.spot.y, 0.0, 1.0);
         r.radiance *= cone * cone;
     }

@@ -48,7 +48,7 @@ Receiver receiver_of(ShadowFace f, vec3 q, vec3 g) {
                     ivec2(f.right.w, f.up.w));
 }
 
-// The same for the cube of a point light, whose axes are the world's (frame/shadow_faces.py).
+// The same for the cube of a point light or a wide spot, whose axes are the world's (frame/shadow_faces.py).
 Receiver receiver_of_cube(int first, vec3 q, vec3 g) {
     vec3 a = abs(q);
     bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
@@ -123,7 +123,7 @@ float visibility(LightRecord light, vec3 p, vec3 g, bool asked) {
     ShadowFace f = shadow_face(first);
     vec3 q = p - f.origin.xyz;
     Receiver r;
-    if (light.direction.w == KIND_POINT) r = receiver_of_cube(first, q, g);
+    if (light.direction.w == KIND_POINT || light.direction.w == KIND_WIDE_SPOT) r = receiver_of_cube(first, q, g);
     else r = receiver_of(f, q, g);
     return face_visibility(f, light.direction.w == KIND_DIRECTIONAL, r, asked);
 }

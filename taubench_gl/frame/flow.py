@@ -17,6 +17,8 @@ SURFACE = ("position", "normal", "geometric_normal", "base_color", "material")
 
 LOBES = ("direct_diffuse", "direct_glossy")
 RADIANCE = ("direct", "indirect", "color")
+SUMMED = ("direct", "indirect", "emission")
+"""What colour is the sum of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ def light_flow(effects: Mapping[str, Effect], extra: Iterable[str] = ()) -> tupl
     if effects["indirect"].on:
         out.append(PassFlow("indirect", reads=CHANNEL_NAMES, writes=("indirect",)))
     if effects["color"].on:
-        sums = tuple(name for name in ("direct", "indirect", "emission") if effects[name].on)
+        sums = tuple(name for name in SUMMED if effects[name].on)
         out.append(PassFlow("color", reads=("position", *sums), writes=("color",)))
     return tuple(out)
 

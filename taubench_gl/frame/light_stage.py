@@ -9,6 +9,7 @@ import numpy as np
 from taubench_gl.animation import bounding_box, bounding_sphere
 from taubench_gl.effects.decide import Effect, indirect_rung
 from taubench_gl.frame.draw_bounds import DrawBounds
+from taubench_gl.frame.flow import SUMMED
 from taubench_gl.frame.lights import LightTable
 from taubench_gl.frame.listed_lights import list_lights
 from taubench_gl.frame.passes.color import ColorPass
@@ -104,7 +105,7 @@ class LightStage:
             )
         self._color = None
         if effects["color"].on and shading.exact:
-            inputs = tuple(n for n in ("direct", "indirect", "emission") if effects[n].on)
+            inputs = tuple(n for n in SUMMED if effects[n].on)
             self._color = ColorPass(gpu, renderer.shaders, renderer.size, settings, inputs)
 
     def run(self, frame: int = 0) -> None:

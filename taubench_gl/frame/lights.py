@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import FrameState, View
+from taubench_gl.frame.shadow_faces import is_wide
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import normalize
@@ -17,7 +18,7 @@ Array = np.ndarray
 LIGHT = Struct(
     "LightRecord",
     Field("position", "vec4", "xyz: metres, relative to the current camera; w: range, 0 = unlimited"),
-    Field("direction", "vec4", "xyz: unit, where it shines; w: 0 point, 1 spot, 2 directional"),
+    Field("direction", "vec4", "xyz: unit, where it shines; w: 0 point, 1 spot, 2 directional, 3 spot with cube maps"),
     Field("color", "vec4", "xyz: linear colour x intensity (candela or lux); w: first shadow face, -1 = none"),
     Field("spot", "vec4", "xy: scale and offset of the cone falloff"),
 )
@@ -25,6 +26,7 @@ LIGHT_ROW = 64
 """Lights in a row of the texture that holds the table, a texel for each of their fields."""
 
 KINDS = ("point", "spot", "directional")
+WIDE_SPOT = 3
 
 
 class LightTable:
@@ -34,7 +36,8 @@ class LightTable:
         self.nodes = scene.light_nodes
         self._index = scene.nodes.light[self.nodes]
         self.rows = LIGHT.zeros(max(len(self.nodes), 1))
-        self.kinds = tuple(KINDS.index(scene.lights[i].kind) for i in self._index.tolist())
+        lights = (scene.lights[i] for i in self._index.tolist())
+        self.kinds = tuple(WIDE_SPOT if is_wide(light) else KINDS.index(light.kind) for light in lights)
 
     def __len__(self) -> int:
         return len(self.nodes)

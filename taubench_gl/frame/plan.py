@@ -15,7 +15,7 @@ from taubench_gl.animation import CameraTrack, Poser, bounding_box, choose_camer
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import Effect, decide, indirect_rung
-from taubench_gl.frame.flow import channels_of, frame_flow
+from taubench_gl.frame.flow import SUMMED, channels_of, frame_flow
 from taubench_gl.frame.indirect_layout import CHANNEL_NAMES, indirect_bytes
 from taubench_gl.frame.material_slots import SRGB_SLOTS, has_plain_uv, tests_alpha, texture_of, wanted_slots
 from taubench_gl.frame.shadow_faces import faces_of, pack
@@ -189,8 +189,7 @@ class FramePlan:
             memory["indirect buffers"] = indirect_bytes(scene, self._shadowed, self._box, size, settings, rung)
         if "color" in on:
             passes.append("color")
-            inputs = (n for n in ("direct", "indirect", "emission") if n in on)
-            shaders.add(_variant("color/color.comp.glsl", *inputs))
+            shaders.add(_variant("color/color.comp.glsl", *(n for n in SUMMED if n in on)))
 
     def _is_posed(self, node: int, p: Primitive, on: set[str]) -> bool:
         skinned, morphed = is_skinned(self.scene, node, p), bool(p.targets)

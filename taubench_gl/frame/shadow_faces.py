@@ -42,6 +42,9 @@ COVER_MARGIN = 2.0
 CONE_MARGIN = 1.02
 """A spot's map is this much wider than its cone, so that filter taps at the rim still see casters."""
 
+WIDEST_MAP = np.radians(80.0)
+"""Half angle of the widest cone that has one map; at 90 degrees a plane across the axis would be endless."""
+
 
 @dataclass(frozen=True, slots=True)
 class Face:
@@ -104,16 +107,28 @@ class Face:
         return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
 
 
+def is_wide(light: Light) -> bool:
+    """Whether a spot has the cube of maps of a point light.  Asked of lights at rest: each keeps its maps for good."""
+    return light.kind == "spot" and light.outer_cone > WIDEST_MAP
+
+
 def light_faces(
-    row: int, light: Light, position: Array, direction: Array, bounds: tuple[Array, float], resolution: int
+    row: int,
+    light: Light,
+    position: Array,
+    direction: Array,
+    bounds: tuple[Array, float],
+    resolution: int,
+    *,
+    cube: bool = False,
 ) -> list[Face]:
-    """The faces a light needs: six for a point, one for a spot or directional.
+    """The faces a light needs: six for a point and for a spot that ``is_wide`` (``cube``), one for others.
 
     ``bounds``: centre (3,) and radius of everything that casts or receives, world.
     """
     center, radius = bounds
     near = max(NEAR_FRACTION * radius, 1e-6)
-    if light.kind == "point":
+    if cube or light.kind == "point":
         faces = []
         for forward, up in _CUBE:
             f, u = np.array(forward, float), np.array(up, float)
@@ -121,7 +136,7 @@ def light_faces(
         return faces
     right, up = _frame(direction)
     if light.kind == "spot":
-        half = np.tan(min(light.outer_cone, np.radians(80.0))) * CONE_MARGIN
+        half = np.tan(min(light.outer_cone, WIDEST_MAP)) * CONE_MARGIN
         return [Face(row, False, position, right, up, direction, half, near, resolution)]
     # Directional: the whole scene in one map, snapped to nothing, because neither the scene nor the light moves with
     # the camera.  The map's depth runs from the sphere's near side to its far side.
@@ -140,10 +155,12 @@ def faces_of(
     out = []
     for row in rows:
         node = int(nodes[row])
-        light = (scene.lights if state is None else state.lights)[int(scene.nodes.light[node])]
+        index = int(scene.nodes.light[node])
+        light = (scene.lights if state is None else state.lights)[index]
         world = np.eye(4) if state is None else state.world[node]
         size = resolution * (4 if light.kind == "directional" else 1)
-        out += light_faces(row, light, world[:3, 3].copy(), -normalize(world[:3, 2]), bounds, size)
+        cube = is_wide(scene.lights[index])
+        out += light_faces(row, light, world[:3, 3].copy(), -normalize(world[:3, 2]), bounds, size, cube=cube)
     return out
 
 

@@ -202,11 +202,14 @@ def test_a_light_inside_a_bulb_stays_inside():
     assert got["indirect"][..., :3].max() < 0.02 * open_light
 
 
-def test_every_face_of_a_light_away_from_the_camera_counts():
-    """Virtual lights must not depend on where the camera is: total flux is the light's times the albedo."""
+@pytest.mark.parametrize(("kind", "solid_angle"), [("point", 4 * np.pi), ("spot", 2 * np.pi)])
+def test_every_face_of_a_light_away_from_the_camera_counts(kind, solid_angle):
+    """Virtual lights must not depend on where the camera is: total flux is the light's times the albedo.  The spot
+    lights half a sphere."""
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))
-    s.light(translation=(0.3, -0.2, 0.1), kind="point", intensity=1.0)
+    cone = {"inner_cone": np.pi / 2 - 1e-6, "outer_cone": np.pi / 2}
+    s.light(translation=(0.3, -0.2, 0.1), rotation=turn_y(20), kind=kind, intensity=1.0, **cone)
     s.camera(translation=(-0.9, 0.9, 0.9), rotation=turn_y(-45), yfov=1.0, znear=0.01)
     with open_gpu() as gpu:
         scene = s.build()
@@ -215,7 +218,7 @@ def test_every_face_of_a_light_away_from_the_camera_counts():
         source.advance(0)
         flux = source.light.virtual_lights()["flux"][:, 0].sum()
         source.release()
-    assert flux == pytest.approx(4 * np.pi * ALBEDO, rel=0.01)
+    assert flux == pytest.approx(solid_angle * ALBEDO, rel=0.01)
 
 
 def test_the_same_frame_gives_the_same_bits():

@@ -17,7 +17,10 @@ ALBEDO = 0.5
 
 @dataclass(frozen=True)
 class Case:
-    """A light that shines on the box ``half`` about ``center`` from ``elevation`` and ``azimuth``, degrees."""
+    """A light that shines on the box ``half`` about ``center`` from ``elevation`` and ``azimuth``, degrees.
+
+    A ``wide spot`` looks aside, so that the box's foot is ``off_axis`` degrees from its axis, of 85 that it lights.
+    """
 
     kind: str
     elevation: float
@@ -26,6 +29,7 @@ class Case:
     center: tuple[float, float, float] = (0.0, 0.5, 0.0)
     distance: float = 6.0
     ground: float = 4.0
+    off_axis: float = 83.0
 
     @property
     def towards(self) -> Array:
@@ -37,14 +41,26 @@ class Case:
     def place(self) -> Array:
         return self.distance * self.towards + np.array([0.0, 0.5 * self.center[1], 0.0])
 
-    def scene(self, *, with_box: bool = True, dim: float = 1.0) -> Scene:
+    @property
+    def axis(self) -> Array:
+        """Unit vector along which the light shines."""
+        if self.kind != "wide spot":
+            return -self.towards
+        a, off = np.radians([self.azimuth, self.off_axis])
+        return np.sin(off) * np.array([-np.sin(a), 0.0, np.cos(a)]) - np.cos(off) * self.towards
+
+    def scene(self, *, with_box: bool = True, parts: int = 1) -> Scene:
+        """``parts``: lights at one place that share the intensity."""
         b = SceneBuilder()
         material = lambert(b, ALBEDO)
         floor(b, self.ground, material=material)
         if with_box:
             b.node(mesh=b.mesh(box(self.half, material=material)), translation=self.center)
-        fields = {"outer_cone": np.radians(50.0), "inner_cone": np.radians(49.0)} if self.kind == "spot" else {}
-        b.light(translation=self.place, rotation=facing(-self.towards), kind=self.kind, intensity=10.0 * dim, **fields)
+        outer = {"spot": 50.0, "wide spot": 85.0}.get(self.kind)
+        fields = {} if outer is None else {"outer_cone": np.radians(outer), "inner_cone": np.radians(outer - 1.0)}
+        fields |= {"kind": self.kind.removeprefix("wide "), "intensity": 10.0 / parts}
+        for _ in range(parts):
+            b.light(translation=self.place, rotation=facing(self.axis), **fields)
         look_down(b, self.ground)
         return b.build()
 

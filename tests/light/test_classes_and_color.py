@@ -1,4 +1,4 @@
-"""LIT and SHADOWED where light comes and goes, colour from its twin, and exposure as SPEC 4 has it."""
+"""LIT and SHADOWED where light comes and goes, colour from its twin, and exposure (docs/light.md)."""
 
 from __future__ import annotations
 

@@ -12,18 +12,19 @@ from taubench_gl.frame.shadow_faces import light_faces
 from taubench_gl.scene.model import Light
 
 
-@pytest.mark.parametrize("kind", ["point", "spot", "directional"])
+@pytest.mark.parametrize("kind", ["point", "spot", "wide spot", "directional"])
 def test_no_point_of_a_sphere_falls_outside_what_it_covers(kind):
     """Ten thousand points on spheres before, beside and around the light, projected in float64."""
     rng = np.random.default_rng(7)
-    light = Light(kind=kind, outer_cone=np.radians(40.0))
+    wide = kind == "wide spot"
+    light = Light(kind=kind.removeprefix("wide "), outer_cone=np.radians(85.0 if wide else 40.0))
     where, direction = np.array([0.3, 2.0, -0.4]), np.array([0.6, -0.8, 0.0])
     centers, radii = rng.uniform(-4.0, 4.0, (200, 3)), rng.uniform(0.01, 1.5, 200)
     on_sphere = rng.normal(size=(200, 50, 3))
     on_sphere /= np.linalg.norm(on_sphere, axis=-1, keepdims=True)
     points = centers[:, None] + radii[:, None, None] * on_sphere
     tried = 0
-    for face in light_faces(0, light, where, direction, (np.zeros(3), 8.0), 128):
+    for face in light_faces(0, light, where, direction, (np.zeros(3), 8.0), 128, cube=wide):
         low, high = face.cover(centers, radii)
         assert low.min() >= 0 and high.max() <= 128
         clip = points @ face.clip_from_relative(np.zeros(3))[:, :3].T + face.clip_from_relative(np.zeros(3))[:, 3]

@@ -13,8 +13,13 @@ import pytest
 from light_tools import FLAT, facing, floor, lambert, look, look_down, opened, picture, shoot
 from shadow_tools import Case, on_plane, visibility
 
+from taubench_gl.animation import choose_camera
+from taubench_gl.frame.listed_lights import MAX_LISTED
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
+from taubench_gl.settings import Settings
 
 TEXELS = 1.5
 SIZE = 256
@@ -36,6 +41,39 @@ def test_a_box_on_a_plane(gpu, kind, elevation, azimuth, shadow_filter):
     # And the shadow's area, by pixels of equal area: all of the difference lies in the band.
     expected, got = np.mean(case.blocked(shot.points)[plane]), np.mean(1.0 - lit[plane])
     assert abs(expected - got) < 0.5 * np.mean(~(sure_lit | sure_dark)[plane]) + 1e-3
+
+
+@pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])
+@pytest.mark.parametrize("azimuth", [0.0, 115.0])
+@pytest.mark.parametrize("elevation", [5.0, 20.0, 45.0, 70.0])
+def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter):
+    """Beyond 80 degrees from the axis, where one map would have to be many times as wide as at 45."""
+    case = Case("wide spot", elevation, azimuth)
+    shot, lit = visibility(gpu, case.scene(), shadow_size=SIZE, shadow_filter=shadow_filter)
+    ray = shot.points - case.place
+    off_axis = np.degrees(np.arccos(ray @ case.axis / np.linalg.norm(ray, axis=-1)))
+    plane = on_plane(shot) & np.isfinite(lit)
+    assert np.all(off_axis[plane] < 85.01) and np.any(off_axis[plane] > 84.9), "the cone lights what it should"
+    sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
+    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to judge"
+    assert np.sum(sure_dark & (off_axis > 80.0)) > 50, "no shadow to be seen at the rim"
+    assert np.all(lit[sure_lit] > 0.999), f"{np.sum(lit[sure_lit] <= 0.999)} lit pixels are shadowed (acne)"
+    assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit"
+
+
+def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu):
+    """A light that is compiled into the shader, more than are, and lights drawn at random."""
+    case, found = Case("wide spot", 20.0, 115.0), []
+    for parts, shading in ((1, None), (MAX_LISTED + 1, None), (1, Shading(light_samples=1, indirect_samples=1))):
+        scene = case.scene(parts=parts)
+        settings = Settings(width=96, height=96, shadow_size=SIZE, shadow_lights=parts, shadow_filter="hard")
+        source = RasterSource(gpu, scene, choose_camera(scene), settings, shading=shading)
+        found.append(shoot(source).direct)
+        source.release()
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], rtol=1e-5, atol=1e-7)
+    dark = found[0][..., 0] == 0.0
+    assert 0.1 < dark.mean() < 0.9
 
 
 @pytest.mark.parametrize("shadow_filter", ["hard", "bilinear"])

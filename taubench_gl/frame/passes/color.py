@@ -51,7 +51,7 @@ class ColorPass:
         record["exposure"] = self._settings.exposure
         self._parameters.write(record.tobytes())
         self._parameters.bind_to_uniform_block(0)
-        bind_channels(self._inputs, 1, textures)
+        bind_channels(self._gpu, self._inputs, 1, textures)
         textures["color"].bind_to_image(0, read=False, write=True)
         self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
         self._gpu.ctx.memory_barrier()

@@ -1,6 +1,7 @@
 """Textures of compute passes: as samplers by name, and as images at bindings that the shaders name.
 
-Mesa's llvmpipe reads an image in half the time of a sampler's texelFetch, and gives the same bits.
+Mesa's llvmpipe reads an image in half the time of a sampler's texelFetch, and gives the same bits.  Every image of
+a program needs a unit of its own: where two share one GL says nothing, and both read what was bound last.
 """
 
 from __future__ import annotations
@@ -51,7 +52,13 @@ def channel_images(names: Iterable[str], first: int, settings: Settings) -> str:
     )
 
 
-def bind_channels(names: Iterable[str], first: int, textures: Mapping[str, moderngl.Texture]) -> None:
+def order_drawing(gpu: Gpu) -> None:
+    """Let image loads see what was drawn: samplers do by themselves, images only behind a barrier."""
+    gpu.ctx.memory_barrier(moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT)
+
+
+def bind_channels(gpu: Gpu, names: Iterable[str], first: int, textures: Mapping[str, moderngl.Texture]) -> None:
     """What ``channel_images`` declares."""
+    order_drawing(gpu)
     for unit, name in enumerate(names, first):
         textures[name].bind_to_image(unit, read=True, write=False)

@@ -225,7 +225,7 @@ class IndirectPass:
         self._parameters.bind_to_uniform_block(0)
         columns, rows = invocations(self._rate, self._size)
         tiles = -(-columns // self._group[0]), -(-rows // self._group[1])
-        bind_channels(CHANNEL_NAMES, CHANNEL_UNIT, textures)
+        bind_channels(self._gpu, CHANNEL_NAMES, CHANNEL_UNIT, textures)
         if self._probes:
             bind_images(probes=self.grid.probes)
         else:

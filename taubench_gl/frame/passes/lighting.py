@@ -37,7 +37,11 @@ MAX_LIGHTS = 30_000
 """Twice over all lights and once over a tile's pixels: a shader of llvmpipe stops, silently, after 65,535 turns."""
 
 LIGHT_IMAGE = 3
-"""Binding of the light table in this pass's shaders, after the images they write."""
+"""Binding of the light table in this pass's shaders, after the images they write.
+
+The G-buffer is read through samplers here.  As images from unit 3 on, pictures are wrong where lights are not listed:
+``position`` lies where they have the table.  At units of its own (4 to 8) they are the same, for 0.95 x the CPU time.
+"""
 
 SHADOW_BIAS = 0.5
 """In texels of the map, along the light: what is left for curved and creased surfaces, planes need none."""

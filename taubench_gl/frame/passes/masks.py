@@ -10,6 +10,7 @@ import numpy as np
 
 from taubench_gl import conventions
 from taubench_gl.conventions import FEATURES, HISTOGRAM_MANTISSA_BITS, Reason, histogram_bins
+from taubench_gl.frame.passes.images import order_drawing
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct, column_major
 from taubench_gl.gpu.shader import ShaderCache
@@ -174,6 +175,8 @@ class MaskPass:
         if images not in self._programs:  # which it is shows only now
             self._programs[images] = self._compile(images)
         program = self._programs[images]
+        if images:
+            order_drawing(self._gpu)
         for unit, (name, texture) in enumerate(textures.items()):
             if images and name in GEOMETRY:
                 texture.bind_to_image(_GEOMETRY_IMAGES + GEOMETRY.index(name), read=True, write=False)

@@ -1,0 +1,142 @@
+"""No pass of a frame reads what another wrote before a barrier of the right kind, and no two images share a unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hazards import Hazards
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import FEATURES
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import SceneBuilder, busy_room, quad
+from taubench_gl.settings import Settings
+
+ALL = ("frustum", "position", "normal", "direct", "indirect", "color")
+LOBES = ("direct_diffuse", "direct_glossy")
+SIZE = (48, 32)
+
+
+def glowing_card() -> Scene:
+    """Nothing but a light of its own: no direct light comes between drawing and colour."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(material=b.material(emissive=(1.0, 0.5, 0.25)))), translation=(0.0, 0.0, -3.0))
+    b.camera()
+    return b.build()
+
+
+def run(gpu, scene: Scene, *, shading: Shading | None = None, extra: tuple[str, ...] = (), **settings) -> None:
+    """Three frames and the masks of each pair, read back."""
+    settings = Settings(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, shading=shading, extra=extra)
+    masks = MaskPass(
+        gpu,
+        source.renderer.shaders,
+        SIZE,
+        reprojection=source.reprojection,
+        radiance=source.radiance if shading is None else (),
+        write_mask=True,
+        write_motion=True,
+    )
+    try:
+        before = source.advance(0)
+        for frame in (1, 2):
+            now = source.advance(frame)
+            pair = reprojection(now, before, *SIZE)
+            masks.run(pair, dict.fromkeys(FEATURES, 0.1), source.current, source.previous)
+            before = now
+            assert masks.read().combos.sum() == SIZE[0] * SIZE[1]
+            for texture in (masks.mask, masks.motion, *source.current.values()):
+                assert len(np.frombuffer(texture.read(), np.uint8))
+    finally:
+        masks.release()
+        source.release()
+        gpu.collect()
+
+
+CASES = {
+    "geometry alone": (lambda: busy_room(), {"columns": ("frustum", "position", "normal")}),
+    "half storage": (lambda: busy_room(lamps=2), {"columns": ALL, "storage": "half"}),
+    "a glow alone": (glowing_card, {"columns": ALL}),
+    "few lights": (lambda: busy_room(lamps=2), {"columns": ALL, "sky": (0.1, 0.1, 0.1)}),
+    "more lights than are listed": (lambda: busy_room(lamps=20), {"columns": ALL, "extra": LOBES}),
+    "no visibility": (lambda: busy_room(lamps=2), {"columns": ALL, "indirect": "rsm"}),
+    "random lights": (
+        lambda: busy_room(lamps=20),
+        {"columns": ALL, "shading": Shading(light_samples=1, indirect_samples=1)},
+    ),
+    "half of the pixels": (lambda: busy_room(lamps=20), {"columns": ALL, "shading": Shading(rate="half")}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_every_read_is_behind_its_barrier(gpu, monkeypatch, case):
+    make, how = CASES[case]
+    watched = Hazards(gpu, monkeypatch)
+    run(gpu, make(), **how)
+    assert watched.dispatches >= 2
+    assert not watched.faults, sorted(set(watched.faults))
+
+
+def test_the_watch_tells_a_missing_barrier_from_one_of_the_wrong_kind(gpu, monkeypatch):
+    watched = Hazards(gpu, monkeypatch)
+    ctx = gpu.ctx
+    texture, buffer = ctx.texture((8, 8), 4, dtype="f4"), ctx.buffer(reserve=256)
+    program = ctx.compute_shader("""#version 450
+        layout(local_size_x = 8) in;
+        layout(rgba32f, binding = 5) uniform image2D picture;
+        layout(std430, binding = 3) buffer Sums { float sums[]; };
+        void main() {
+            ivec2 at = ivec2(gl_LocalInvocationID.xy);
+            imageStore(picture, at, imageLoad(picture, at) + 1.0);
+            sums[at.x] += 1.0;
+        }""")
+    texture.bind_to_image(5)
+    buffer.bind_to_storage_buffer(3)
+
+    def told(barriers: int | None) -> set[str]:
+        watched.faults.clear()
+        program.run()
+        if barriers is not None:
+            ctx.memory_barrier(barriers)
+        program.run()
+        faults = set(watched.faults)
+        ctx.memory_barrier()
+        return faults
+
+    image, sums = "image picture read without a barrier", "storage buffer 3 read without a barrier"
+    assert told(None) == {image, sums}
+    assert told(0x20) == {sums}  # GL_SHADER_IMAGE_ACCESS_BARRIER_BIT
+    assert told(0x2000) == {image}  # GL_SHADER_STORAGE_BARRIER_BIT
+    assert told(0xFFFFFFFF) == set()
+    program.run()
+    buffer.read()
+    assert "a copy of a buffer without a barrier" in watched.faults
+    ctx.memory_barrier()
+    for item in (texture, buffer, program):
+        item.release()
+
+
+def test_the_watch_tells_images_that_share_a_unit(gpu, monkeypatch):
+    watched = Hazards(gpu, monkeypatch)
+    texture = gpu.ctx.texture((8, 8), 4, dtype="f4")
+    program = gpu.ctx.compute_shader("""#version 450
+        layout(local_size_x = 8) in;
+        layout(rgba32f, binding = 3) readonly uniform image2D lights;
+        layout(rgba32f, binding = 3) readonly uniform image2D position;
+        layout(rgba32f, binding = 0) writeonly uniform image2D result;
+        void main() {
+            ivec2 at = ivec2(gl_LocalInvocationID.xy);
+            imageStore(result, at, imageLoad(lights, at) + imageLoad(position, at));
+        }""")
+    for unit in (0, 3):
+        texture.bind_to_image(unit)
+    program.run()
+    gpu.ctx.memory_barrier()
+    assert {"image lights shares unit 3", "image position shares unit 3"} <= set(watched.faults)
+    for item in (texture, program):
+        item.release()
