@@ -11,7 +11,7 @@ import pytest
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.frame.geometry import build_geometry
-from taubench_gl.frame.indirect_layout import BRICKS, GRID, fixed_draws
+from taubench_gl.frame.indirect_layout import BRICKS, GRID, fixed_draws, indirect_layout
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.scene.model import Channel, Scene
@@ -50,6 +50,19 @@ def gpu() -> Iterator[Gpu]:
 
 def source_of(gpu: Gpu, scene: Scene) -> RasterSource:
     return RasterSource(gpu, scene, choose_camera(scene), SETTINGS, poser=Poser(scene))
+
+
+@pytest.mark.parametrize("extent", [(2.0, 2.0, 2.0), (1e-3, 50.0, 7.0), (3e4, 1.0, 0.0), (0.1, 0.2, 1e4)])
+@pytest.mark.parametrize("center", [(0.0, 0.0, 0.0), (1234.5, -6e3, 0.1)])
+def test_the_grid_is_empty_along_its_sides(extent, center):
+    """``brick_of`` (voxels.glsl) looks beside the grid where rounding lets a ray go on past its end, and reads a voxel
+    of the opposite side: no surface may lie there.  In float64 from the record; at the low side but for its rounding.
+    """
+    half = 0.5 * np.array(extent)
+    record = indirect_layout((center - half, center + half), (64, 48), SETTINGS)
+    low, voxel = record["grid_origin"][:3].astype(np.float64), float(record["grid_origin"][3])
+    assert np.all((-half - low) / voxel > 1.0 - 1e-4)
+    assert np.all((half - low) / voxel < GRID - 2)
 
 
 def test_bricks_hold_the_voxels_and_the_way_to_the_next(gpu):
