@@ -6,13 +6,22 @@ import contextlib
 import io
 import itertools
 import os
-from collections.abc import Iterator
+import re
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from functools import cache, lru_cache
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.errors import OutputError
 
+DAY = 86400.0
+"""Seconds after which a partial file that nobody has written to is taken for left behind, wherever its writer was."""
+
+_PARTIAL = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+(-(?P<space>[0-9a-f]{8}))?\.partial(\.\w+)?", re.DOTALL)
 _writes = itertools.count()  # tells the partial files of one process's threads apart
 
 
@@ -33,28 +42,87 @@ def plain_text(text: str) -> str:
     return text_bytes(text).decode("utf-8")
 
 
-def partial_name(path: Path, suffix: str = "") -> Path:
-    """Where ``path`` is written to until it is whole: beside it, hidden, of no other writer.
+def new_partial(path: Path, suffix: str = "") -> Path:
+    """Where ``path`` is written to until it is whole: beside it, hidden, of no other writer.  Not made yet.
 
-    ``suffix``: for libraries that tell a format by a name's end.
+    What killed writers of the same file have left there goes (``_abandoned``).  ``suffix``: for libraries that tell
+    a format by a name's end.
     """
-    return path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}.partial{suffix}")
+    with contextlib.suppress(OSError):  # a folder that is not there or may not be read: told when ``path`` is written
+        _sweep(path)
+    return path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}{_process_space()}.partial{suffix}")
 
 
 def is_partial_of(path: Path, other: Path) -> bool:
-    """Whether ``other`` is what a killed writer of ``path`` left behind."""
-    return other.name.startswith(f".{path.name}.") and ".partial" in other.name
+    """Whether ``other`` is named as what ``path`` is written to: where nobody writes it, a killed writer left it."""
+    found = _PARTIAL.fullmatch(other.name)
+    return found is not None and found["name"] == path.name
+
+
+def _sweep(path: Path) -> None:
+    """Remove partial files of ``path`` whose writers are gone.  Raises OSError."""
+    for partial in _partials(os.path.abspath(path.parent)).get(path.name, ()):
+        with contextlib.suppress(FileNotFoundError):  # finished or swept meanwhile
+            if _abandoned(partial):
+                partial.unlink()
+
+
+@lru_cache(maxsize=256)
+def _partials(folder: str) -> Mapping[str, list[Path]]:
+    """Partial files of ``folder`` by the names they are to get.  Raises OSError.
+
+    Looked for once by a process, as a folder of many thousand frames takes long to read: later ones are left to the
+    next process.
+    """
+    out: dict[str, list[Path]] = defaultdict(list)
+    for name in os.listdir(folder):
+        if found := _PARTIAL.fullmatch(name):
+            out[found["name"]].append(Path(folder, name))
+    return out
+
+
+def _abandoned(partial: Path) -> bool:
+    """Is its writer gone?  Where its process number means something here, by that; else, as on other machines that
+    share the folder, and where another process has the number now, by a day without a change.  Raises OSError."""
+    found = _PARTIAL.fullmatch(partial.name)
+    if found["space"] and f"-{found['space']}" == _process_space() and not _runs(int(found["pid"])):
+        return True
+    return time.time() - partial.stat().st_mtime > DAY
+
+
+@cache
+def _process_space() -> str:
+    """Within what process numbers are unique, "-" and 8 hexadecimal digits: a running kernel, and a container on it.
+
+    Not the machine's name, which two of a network or two containers may share.  Empty where the system does not tell.
+    """
+    try:
+        kernel, container = Path("/proc/sys/kernel/random/boot_id").read_bytes(), os.stat("/proc/self/ns/pid").st_ino
+    except OSError:
+        return ""
+    return f"-{sha256(kernel + str(container).encode()).hexdigest()[:8]}"
+
+
+def _runs(pid: int) -> bool:
+    """Is there a process of that number, be it another user's?"""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
 
 
 @contextlib.contextmanager
 def replacing(path: Path, *, parents: bool = False, suffix: str = "") -> Iterator[Path]:
-    """A file to write (``partial_name``) that takes the place of ``path`` in the end: readers see the old file or the
+    """A file to write (``new_partial``) that takes the place of ``path`` in the end: readers see the old file or the
     new, whole.
 
     Writers of one path do not meet: the last to finish wins.  Whatever goes wrong, an interrupt too, leaves nothing
     behind.  ``parents``: make the folder where there is none.  Raises OutputError for system errors.
     """
-    partial = partial_name(path, suffix)
+    partial = new_partial(path, suffix)
     try:
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -4,13 +4,27 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import subprocess
+import sys
+import time
 
 import imageio.v3 as iio
 import numpy as np
 import pytest
 
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import make_folders, plain_text, remove_folders, text_bytes, write_atomically, write_png
+from taubench_gl.outputs import (
+    DAY,
+    is_partial_of,
+    make_folders,
+    new_partial,
+    plain_text,
+    remove_folders,
+    text_bytes,
+    write_atomically,
+    write_png,
+)
 
 
 @pytest.mark.parametrize("data", ["länger\n", b"\x00\xff\r\n"])
@@ -76,6 +90,62 @@ def test_an_interrupted_write_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         write_atomically(tmp_path / "file", "x")
     assert not list(tmp_path.iterdir())
+
+
+KILLED = """
+import os, pathlib, signal, sys
+from taubench_gl.outputs import replacing
+
+with replacing(pathlib.Path(sys.argv[1])) as partial:
+    partial.write_bytes(b"half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def killed(path) -> int:
+    """Writes ``path`` in a process of its own that is killed before it is done; the number it had."""
+    with subprocess.Popen([sys.executable, "-c", KILLED, path]) as child:
+        assert child.wait() == -signal.SIGKILL
+    return child.pid
+
+
+def test_what_a_killed_writer_left_goes_when_the_file_is_written_again(tmp_path):
+    path, other = tmp_path / "file", tmp_path / "file.txt"
+    for each in (path, other):
+        killed(each)
+    mine, others = sorted(tmp_path.iterdir(), key=lambda p: len(p.name))
+    assert is_partial_of(path, mine) and is_partial_of(other, others) and not is_partial_of(path, others)
+    write_atomically(path, "whole")
+    assert set(tmp_path.iterdir()) == {path, others}
+
+
+@pytest.mark.parametrize("writer", ["alive", "in another space", "in a space that is not known"])
+def test_what_may_still_be_written_goes_after_a_day_without_a_change(tmp_path, monkeypatch, writer):
+    """Another process that runs (our parent), and numbers that say nothing here: of a dead process all the same."""
+    pid = os.getppid() if writer == "alive" else killed(tmp_path / "else")
+    space = {"in another space": "-01234567", "in a space that is not known": ""}.get(writer)
+    with monkeypatch.context() as there:
+        there.setattr(os, "getpid", lambda: pid)
+        if space is not None:
+            there.setattr("taubench_gl.outputs._process_space", lambda: space)
+        name = new_partial(tmp_path / "file", ".mp4").name
+    for age, left in ((DAY - 60, True), (DAY + 60, False)):
+        folder = tmp_path / str(left)  # not read yet
+        folder.mkdir()
+        found = folder / name
+        found.write_bytes(b"half")
+        os.utime(found, (time.time() - age,) * 2)
+        write_atomically(folder / "file", "whole")
+        assert found.exists() == left and (folder / "file").read_text() == "whole"
+
+
+def test_names_that_only_look_like_partial_files_stay(tmp_path):
+    names = {".file.partial", ".file.1.partial", ".file.1-x.partial", "file.1-1.partial", ".file.1-1.partial.a.b"}
+    for name in names:
+        (tmp_path / name).write_bytes(b"mine")
+        os.utime(tmp_path / name, (0, 0))
+    write_atomically(tmp_path / "file", "whole")
+    assert {p.name for p in tmp_path.iterdir()} == {"file", *names}
 
 
 def test_folders_that_were_made_go_again_as_far_as_they_are_empty(tmp_path):

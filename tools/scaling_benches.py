@@ -75,6 +75,15 @@ class Walker:
         self.renderer.shaders.release()
 
 
+def frames_in_turn(gpu: Gpu, walkers: list[Walker], rounds: int) -> list[list[float]]:
+    """As ``in_turn``; releases the walkers."""
+    times = in_turn(gpu, list(walkers), rounds)
+    for walker in walkers:
+        walker.release()
+    gpu.collect()
+    return times
+
+
 @bench
 def pixels(gpu: Gpu, options: Options) -> Result:
     """G-buffer and masks against the number of pixels."""
@@ -113,10 +122,7 @@ def triangles(gpu: Gpu, options: Options) -> Result:
         b.animate(b.camera(translation=(0.0, 0.0, 2.5)), "translation", [0.0, 1.0], [(0, 0, 2.5), (0.2, 0, 2.5)])
         counts.append(len(primitive.triangles))
         subjects.append(Walker(gpu, b.build(), SMALL))
-    times = in_turn(gpu, subjects, 5 * options.repeats)
-    for subject in subjects:
-        subject.release()
-    gpu.collect()
+    times = frames_in_turn(gpu, subjects, 5 * options.repeats)
     return grown("Triangles", counts, {"frame": times}, "triangles", [f"a sphere, {SMALL[0]}x{SMALL[1]}"])
 
 
@@ -167,10 +173,7 @@ def bones(gpu: Gpu, options: Options) -> Result:
     """Posing and deforming against the number of bones, for a fixed number of vertices."""
     counts = [16, 64, 256, 1024]
     subjects = [Walker(gpu, banner(count), SMALL, ("position", "normal", "prev_position")) for count in counts]
-    times = in_turn(gpu, subjects, 5 * options.repeats)
-    for subject in subjects:
-        subject.release()
-    gpu.collect()
+    times = frames_in_turn(gpu, subjects, 5 * options.repeats)
     return grown("Bones", counts, {"frame": times}, "bones", [f"4096 vertices, {SMALL[0]}x{SMALL[1]}"])
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from taubench_gl.batch.engines import Engine
 from taubench_gl.batch.merge import finish, job_positions, merge_job, write_job
-from taubench_gl.batch.store import Store
+from taubench_gl.batch.store import Store, file_stamp
 from taubench_gl.batch.study import Job, Study
 from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Key, Lost, NoGraphics, PairDone, Slot, Unit
 from taubench_gl.errors import GraphicsError
@@ -43,6 +43,7 @@ class Listener:
 class _JobState:
     job: Job
     head: dict[str, Any] | None = None
+    stamp: list[int] | None = None  # of the scene's file, before a head is made of it
     pending: deque[Unit] = field(default_factory=deque)
     flying: int = 0
     over: bool = False  # finished or failed
@@ -108,6 +109,7 @@ class Driver:
         self.store.clear_failure(state.job.id)
         head = self.store.load_head(state.job)
         if head is None:
+            state.stamp = file_stamp(state.job.scene)
             state.pending.append(Unit(state.job.id, state.job.scene, state.job.settings))
         else:
             self._plan(state, head)
@@ -172,7 +174,7 @@ class Driver:
         unit = event.unit
         if unit.positions is None:
             if not state.over:
-                self._plan(state, self.store.save_head(state.job, event.data))
+                self._plan(state, self.store.save_head(state.job, event.data, state.stamp))
             return
         self.store.save_pairs(unit.job, unit.positions, event.data)
         self.listener.pairs_done(state.job, len(unit.positions) - self._shown.pop(unit.key, 0))

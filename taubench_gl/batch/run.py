@@ -20,6 +20,9 @@ from taubench_gl.run import SUMMARY_FILE, load_run
 
 ENGINES = "dask://HOST:PORT, dask-local"
 
+WORKERS_A_CORE = 32
+"""Worker processes started here at most: more are a slip of the keys, which would take all memory before any work."""
+
 
 def make_engine(name: str | None, workers: int | None, logs: Path, on_pair: Callable[[PairDone], None]) -> Engine:
     """``name``: None (here, or ``workers`` processes), ``dask-local`` or ``dask://HOST:PORT``.
@@ -28,9 +31,13 @@ def make_engine(name: str | None, workers: int | None, logs: Path, on_pair: Call
     """
     if workers is not None and workers < 1:
         raise SettingsError(f"workers is {workers}", hint="give 1 or more")
+    from taubench_gl.batch.engines.processes import Processes, available_cores
+
+    most = WORKERS_A_CORE * available_cores()
+    if workers is not None and workers > most:
+        raise SettingsError(f"workers is {workers}", hint=f"give at most {most} on this machine: one a core is plenty")
     if name is None:
         from taubench_gl.batch.engines.inprocess import InProcess
-        from taubench_gl.batch.engines.processes import Processes
 
         return InProcess(on_pair) if workers is None else Processes(workers, logs)
     scheme, separator, address = name.partition("://")

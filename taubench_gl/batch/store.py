@@ -116,10 +116,13 @@ class Store:
             return None
         return values if isinstance(values, dict) else None
 
-    def save_head(self, job: Job, data: bytes) -> dict[str, Any]:
-        """Keep a head.  Pairs of a scene that has changed since are of no more use and go."""
+    def save_head(self, job: Job, data: bytes, stamp: list[int] | None) -> dict[str, Any]:
+        """Keep a head.  Pairs of a scene that has changed since are of no more use and go.
+
+        ``stamp``: of the scene's file (``file_stamp``) before it was read, so that a change meanwhile is noticed.
+        """
         values = json.loads(data)
-        values["file"] = file_stamp(job.scene) if values.get("one_file", True) else None
+        values["file"] = stamp if values.get("one_file", True) else None
         before = self.known_head(job.id)
         if before is None or before["facts"] != values["facts"] or before["frames"] != values["frames"]:
             self.forget(job.id)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 import platform
@@ -143,21 +142,13 @@ def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
     values = {
         "schema": HEAD_SCHEMA,
         "version": __version__,
-        "one_file": _in_one_file(scene),
+        "one_file": scene.files == 1,  # a .glb may have pictures and buffers beside it
         "frames": [frames.start, frames.stop],
         "facts": scene_facts(scene, camera, frames, settings, poser),
         "positions": [view.position.tolist() for view in views],
         "rotations": [view.world_from_view.tolist() for view in views],
     }
     return (json.dumps(values, default=_plain) + "\n").encode()
-
-
-def _in_one_file(scene: Scene) -> bool:
-    """Is the scene's file all there is of it?  A .glb may have pictures and buffers beside it."""
-    if scene.path is None:
-        return False
-    with scene.path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest() == scene.sha256
 
 
 def where_it_ran(seconds: float) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write, partial_name
+from taubench_gl.outputs import cannot_write, new_partial
 from taubench_gl.reuse.evaluate import JudgedFrame
 
 Array = np.ndarray
@@ -102,7 +102,7 @@ class Video:
 
     def __init__(self, path: Path, fps: float, kind: str = "mp4"):
         self.path, self._fps, self._kind = path, fps, kind
-        self._partial = partial_name(path, f".{kind}")
+        self._partial = new_partial(path, f".{kind}")
         self._writer: Any = None
 
     def add(self, picture: Array) -> None:

@@ -19,17 +19,21 @@ class Identity:
 
     def __init__(self) -> None:
         self._digest = sha256()
-        self._files: set[Path] = set()
+        self._named: set[Path] = set()
+        self.files = 0
+        """Files taken in so far."""
 
     def add(self, data: bytes | memoryview) -> None:
-        """Take in bytes that were read already."""
+        """Take in a file's bytes that were read already."""
         self._digest.update(data)
+        self.files += 1
 
     def add_file(self, path: Path) -> None:
         """Take in a file that is read later, once however often it is named.  Raises SceneError."""
-        if path in self._files:
+        if path in self._named:
             return
-        self._files.add(path)
+        self._named.add(path)
+        self.files += 1
         try:
             with path.open("rb") as file:
                 while block := file.read(BLOCK):

@@ -223,6 +223,7 @@ class Scene:
     notes: tuple[Note, ...] = ()
     path: Path | None = None
     sha256: str | None = None  # of all files it was read from (``scene.identity``); None where it was made in memory
+    files: int = 0  # that it was read from; 0 where it was made in memory
     scene_names: tuple[str, ...] = ()
     stand_in: str | None = None  # what the scene stands for, where it is not the thing itself
     default_camera: str | None = None  # name of the camera that the file itself asks for

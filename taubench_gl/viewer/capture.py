@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write, partial_name
+from taubench_gl.outputs import cannot_write, new_partial
 
 Array = np.ndarray
 NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
@@ -32,7 +32,7 @@ class Clip:
         except ImportError:
             raise OutputError(NO_VIDEO) from None
         self.path, self.pictures = path, 0
-        self._partial = partial_name(path, path.suffix)
+        self._partial = new_partial(path, path.suffix)
         self._even = (size[0] // 2 * 2, size[1] // 2 * 2)
         if min(self._even) < 2:
             raise OutputError("the picture is too small for a clip")

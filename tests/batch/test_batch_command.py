@@ -37,6 +37,7 @@ def test_a_bad_study_writes_nothing(tmp_path, capsys):
     [
         (("--engine", "slurm"), "no engine is named 'slurm'"),
         (("--workers", "0"), "workers is 0"),
+        (("--workers", "100000"), "workers is 100000 (give at most"),
         (("--chunk", "0"), "chunk is 0"),
         (("--engine", "dask://host:1", "--workers", "2"), "a cluster has the workers it has"),
         (("--engine", "dask://not a host"), "no Dask scheduler answers"),
@@ -161,24 +162,27 @@ def test_a_look_at_the_folder_stops_no_driver(tmp_path, monkeypatch):
     assert holder(tmp_path) is None
 
 
-def split_demo(folder: Path) -> Path:
-    """The demo as .gltf with its buffer in a file of its own."""
+def split_demo(folder: Path, name: str = "demo.gltf") -> tuple[Path, dict]:
+    """The demo, .gltf or .glb, with its buffer in a file of its own; and its JSON."""
     data = DEMO.read_bytes()
     (length,) = struct.unpack("<I", data[12:16])
     root = json.loads(data[20 : 20 + length])
     root["buffers"][0]["uri"] = "demo.bin"
     (folder / "demo.bin").write_bytes(data[28 + length :])
-    (folder / "demo.gltf").write_text(json.dumps(root), encoding="utf-8")
-    return folder / "demo.gltf"
+    text = json.dumps(root).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)  # version, bytes, chunk, "JSON"
+    (folder / name).write_bytes(head + text if name.endswith(".glb") else text)
+    return folder / name, root
 
 
-def test_a_buffer_that_changed_beside_its_scene_is_noticed(tmp_path):
-    """The .gltf itself is as it was: only reading its buffers tells."""
-    scene = split_demo(tmp_path)
+@pytest.mark.parametrize("name", ["demo.gltf", "demo.glb"])
+def test_a_buffer_that_changed_beside_its_scene_is_noticed(tmp_path, name):
+    """The file itself is as it was: only reading its buffers tells."""
+    scene, root = split_demo(tmp_path, name)
     study = study_of(tmp_path, f'scenes = ["{scene}"]\nframes = "0:3"\n{SMALL}')
     first = run_study(study, tmp_path / "out").summary["jobs"][0]
     blob = bytearray((tmp_path / "demo.bin").read_bytes())
-    root = json.loads(scene.read_text())
     normals = root["accessors"][root["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]]
     at = root["bufferViews"][normals["bufferView"]].get("byteOffset", 0) + normals.get("byteOffset", 0)
     blob[at] ^= 1  # the last bit of a normal
@@ -191,7 +195,7 @@ def test_a_buffer_that_changed_beside_its_scene_is_noticed(tmp_path):
 
 def test_status_needs_no_scene(tmp_path):
     """A finished job is finished, also where the scene's files cannot be seen or are not one file."""
-    scene = split_demo(tmp_path)
+    scene, _ = split_demo(tmp_path)
     run_study(study_of(tmp_path, f'scenes = ["{scene}"]\nframes = "0:3"\n{SMALL}'), tmp_path / "out")
     for _ in range(2):
         (status,) = study_status(tmp_path / "out")[2]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,6 +219,18 @@ def test_a_changed_scene_is_evaluated_anew(drive, study, tmp_path):
     engine = Scripted(1, other)
     drive(engine)
     assert sorted(p for _, unit in engine.seen for p in unit.positions or ()) == list(range(FRAMES - 1))
+
+
+def test_a_scene_that_changes_while_its_head_is_made_gets_another_the_next_time(drive, tmp_path):
+    def meanwhile(worker, unit):
+        if unit.positions is None:
+            Path(unit.scene).write_text("another scene")
+
+    drive(Scripted(1, meanwhile))
+    for heads in (2, 0):  # of both scenes; then they are as they were
+        engine = Scripted(1)
+        drive(engine)
+        assert [unit.positions for _, unit in engine.seen] == [None] * heads
 
 
 def test_a_scene_that_changes_in_between_is_refused(tmp_path):

@@ -1,4 +1,5 @@
-"""Frames for reuse methods made in arrays, a player that runs a method over them, and methods written on the spot."""
+"""Frames for reuse methods made in arrays, a player that runs a method over them, methods written on the spot, and
+evaluations that take little time."""
 
 from __future__ import annotations
 
@@ -7,10 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from reuse_scenes import settings as small_settings
 
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import srgb_encode
 from taubench_gl.reuse.arrays import read_result
+from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
@@ -46,6 +49,13 @@ def play(gpu: Gpu, method, steps: Iterable[Step], settings=None, exposure: float
             return results
     finally:
         uploader.release()
+
+
+def judge(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
+    """``evaluate_methods`` with cheap metrics and a reference of one sample, unless asked for others; ``settings``:
+    those that differ from ``reuse_scenes.settings``."""
+    more = {"metrics": ("psnr", "relmse", "flicker"), "reference_samples": 1} | more
+    return evaluate_methods(scene, methods, small_settings(frames=frames, **more.pop("settings", {})), **more)
 
 
 def display(rgb: Array) -> Array:

@@ -186,6 +186,7 @@ def test_entry_points_are_found_by_name(tmp_path, monkeypatch):
     [
         ("import nothing_of_that_name\n", "cannot be run: ModuleNotFoundError"),
         ("def f(:\n", r"cannot be run: SyntaxError: .*line 1"),
+        ("raise SystemExit(3)\n", "cannot be run: SystemExit: 3"),
         ("x = 3\n", "has no class with a step"),
         (FILE + "class Other(Mine): pass\n", r"has several methods \(Mine, Other\)"),
         ("class M:\n    reads = ('radiance',)\n    step = 3\n", "has no class with a step"),

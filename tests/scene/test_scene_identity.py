@@ -29,22 +29,23 @@ def gltf(folder: Path) -> Path:
     return made.save(folder)
 
 
+def texts(folder: Path, **files: str) -> Path:
+    """A scene in text ``files`` (name, _ for the dot -> text; the first is the scene) beside two pictures."""
+    for name in ("color.png", "idle.png"):
+        (folder / name).write_bytes(png())
+    paths = [folder / name.replace("_", ".") for name in files]
+    for path, text in zip(paths, files.values(), strict=True):
+        path.write_text(text)
+    return paths[0]
+
+
 def obj(folder: Path) -> Path:
-    (folder / "color.png").write_bytes(png())
-    (folder / "idle.png").write_bytes(png())
-    (folder / "colors.mtl").write_text("newmtl one\nKd 1 1 1\nmap_Kd color.png\n")
-    path = folder / "scene.obj"
-    path.write_text("mtllib colors.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl one\nf 1 2 3\n")
-    return path
+    triangle = "mtllib colors.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl one\nf 1 2 3\n"
+    return texts(folder, scene_obj=triangle, colors_mtl="newmtl one\nKd 1 1 1\nmap_Kd color.png\n")
 
 
 def aff(folder: Path) -> Path:
-    (folder / "color.png").write_bytes(png())
-    (folder / "idle.png").write_bytes(png())
-    (folder / "part.aff").write_text("tt color.png 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\n")
-    path = folder / "scene.aff"
-    path.write_text("i 0 part.aff\n")
-    return path
+    return texts(folder, scene_aff="i 0 part.aff\n", part_aff="tt color.png 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\n")
 
 
 CASES = [
@@ -97,7 +98,14 @@ def test_a_scene_in_one_file_has_the_checksum_of_the_file(tmp_path: Path) -> Non
     made = Gltf()
     made.node(mesh=made.mesh())
     path = made.save(tmp_path)
-    assert load_scene(path).sha256 == sha256(path.read_bytes()).hexdigest()
+    scene = load_scene(path)
+    assert (scene.sha256, scene.files) == (sha256(path.read_bytes()).hexdigest(), 1)
+
+
+@pytest.mark.parametrize("make", [gltf, obj, aff])
+def test_every_file_that_is_read_is_counted(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+    """Three each: the scene's own with two pictures, with a material file and a picture, with an include and one."""
+    assert load_scene(make(tmp_path)).files == 3
 
 
 def test_a_file_counts_once_and_bytes_in_order(tmp_path: Path) -> None:
@@ -106,6 +114,6 @@ def test_a_file_counts_once_and_bytes_in_order(tmp_path: Path) -> None:
     identity.add(b"first")
     for _ in range(2):
         identity.add_file(tmp_path / "a")
-    assert identity.hexdigest() == sha256(b"first" + b"a" * (3 << 20)).hexdigest()
+    assert identity.hexdigest() == sha256(b"first" + b"a" * (3 << 20)).hexdigest() and identity.files == 2
     with pytest.raises(SceneError, match="gone: cannot be read"):
         identity.add_file(tmp_path / "gone")

@@ -23,17 +23,23 @@ def keys(rows: Array) -> str:
     return f"{len(rows)}\n" + "\n".join(" ".join(repr(float(x)) for x in row) for row in rows) + "\n"
 
 
-def spline(times: Array, values: Array, tcb: Array, t: float) -> Array:
-    """Kochanek-Bartels in matrix form for increasing times; the outermost keys only shape tangents."""
-    t = min(max(t, times[1]), times[-2])
-    i = int(np.clip(np.searchsorted(times, t, side="right") - 1, 1, len(times) - 3))
-    before, here, after = values[i] - values[i - 1], values[i + 1] - values[i], values[i + 2] - values[i + 1]
+def tangents(times: Array, tcb: Array, i: int, before: Array, here: Array, after: Array) -> tuple[Array, Array]:
+    """Of the segment from key ``i``, at its start and end; ``before``, ``here``, ``after``: differences of keys."""
     te, co, bi = tcb[i]
     out = (1 - te) * ((1 + co) * (1 + bi) * before + (1 - co) * (1 - bi) * here) / 2
     out = out * 2 * (times[i + 1] - times[i]) / (times[i + 1] - times[i - 1])
     te, co, bi = tcb[i + 1]
     into = (1 - te) * ((1 - co) * (1 + bi) * here + (1 + co) * (1 - bi) * after) / 2
     into = into * 2 * (times[i + 1] - times[i]) / (times[i + 2] - times[i])
+    return out, into
+
+
+def spline(times: Array, values: Array, tcb: Array, t: float) -> Array:
+    """Kochanek-Bartels in matrix form for increasing times; the outermost keys only shape tangents."""
+    t = min(max(t, times[1]), times[-2])
+    i = int(np.clip(np.searchsorted(times, t, side="right") - 1, 1, len(times) - 3))
+    before, here, after = values[i] - values[i - 1], values[i + 1] - values[i], values[i + 2] - values[i + 1]
+    out, into = tangents(times, tcb, i, before, here, after)
     s = (t - times[i]) / (times[i + 1] - times[i])
     basis = np.array([[2, -2, 1, 1], [-3, 3, -2, -1], [0, 0, 1, 0], [1, 0, 0, 0]], dtype=float)
     return np.array([s**3, s * s, s, 1.0]) @ basis @ np.array([values[i], values[i + 1], out, into])
@@ -45,12 +51,7 @@ def rotation_spline(times: Array, rotations: Rotation, tcb: Array, t: float) -> 
     i = int(np.clip(np.searchsorted(times, t, side="right") - 1, 1, len(times) - 3))
     q = [rotations[j] for j in range(i - 1, i + 3)]
     before, here, after = ((q[j].inv() * q[j + 1]).as_rotvec() for j in range(3))
-    te, co, bi = tcb[i]
-    out = (1 - te) * ((1 + co) * (1 + bi) * before + (1 - co) * (1 - bi) * here) / 2
-    out = out * 2 * (times[i + 1] - times[i]) / (times[i + 1] - times[i - 1])
-    te, co, bi = tcb[i + 1]
-    into = (1 - te) * ((1 - co) * (1 + bi) * here + (1 + co) * (1 - bi) * after) / 2
-    into = into * 2 * (times[i + 1] - times[i]) / (times[i + 2] - times[i])
+    out, into = tangents(times, tcb, i, before, here, after)
     s = (t - times[i]) / (times[i + 1] - times[i])
     p, r = q[1].as_quat(), q[2].as_quat()
     r = r if np.dot(p, r) >= 0 else -r

@@ -77,6 +77,7 @@ class _Assembly:
             notes=tuple(file.notes),
             path=self.path,
             sha256=file.identity.hexdigest(),
+            files=file.identity.files,
         )
 
     @property

@@ -96,7 +96,7 @@ def _not_flat(triangles: Array, rows: int) -> Array:
 
 @dataclass
 class Collector:
-    """What one node draws, by material; ``moving``: animated triangles by material and key times."""
+    """What one node draws, by material; ``moving``: animated triangles by material and key times, in seconds."""
 
     still: dict[tuple[int, bool, bool], list[Surface]] = field(default_factory=dict)
     moving: dict[tuple[int, tuple[float, ...]], list[Array]] = field(default_factory=dict)
@@ -106,7 +106,7 @@ class Collector:
         self.still.setdefault(key, []).append(surface)
 
     def add_moving(self, times: tuple[float, ...], frames: Array, material: int) -> None:
-        """One animated triangle: ``frames`` (K, 3, 6) position and normal of each corner at each time."""
+        """One animated triangle: ``frames`` (K, 3, 6) position and normal of each corner at each of K ``times``."""
         self.moving.setdefault((material, times), []).append(frames)
 
     def mesh(self, name: str) -> Mesh | None:

@@ -56,6 +56,7 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
         notes=tuple(document.notes),
         path=path,
         sha256=document.identity.hexdigest(),
+        files=document.identity.files,
         scene_names=scene_names,
         stand_in=own.get("stand_in"),
         default_camera=own.get("camera"),

@@ -159,6 +159,7 @@ class _Assembly:
             notes=tuple(self.library.notes),
             path=path,
             sha256=self.identity.hexdigest(),
+            files=self.identity.files,
             replacements=frozenset(replacements),
         )
 

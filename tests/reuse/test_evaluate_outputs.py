@@ -1,0 +1,164 @@
+"""What an evaluation writes: every file whole, numbers before pictures, and what an interrupt leaves."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from reuse_scenes import SIZE, passing_box
+from reuse_tools import judge
+
+import taubench_gl.reuse
+from taubench_gl.errors import OutputError
+from taubench_gl.reuse.classes import CLASSES
+from taubench_gl.reuse.evaluate import evaluate_methods
+from taubench_gl.reuse.evaluate_output import ReuseFolder
+from taubench_gl.reuse.evaluate_records import ROW_COLUMNS
+from taubench_gl.reuse.pictures import detail_window, side_by_side
+from taubench_gl.reuse.quality import MEASURES
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    out = tmp_path_factory.mktemp("results") / "run"
+    frames = []
+    with ReuseFolder(out, 24.0, "webm") as folder:
+
+        def seen(judged):
+            frames.append(judged)
+            folder.on_frame(judged)
+
+        done = judge(passing_box(), ["accumulate", "oracle", "nosuch"], (8, 13), metrics=("flip",), on_frame=seen)
+        files = folder.finish(done)
+    return out, done, files, frames
+
+
+def test_the_folder_is_whole(written):
+    out, done, files, _ = written
+    assert {f.name for f in files} == {f.name for f in out.iterdir()} and not list(out.glob(".*"))
+    stored = json.loads((out / "reuse.json").read_text())
+    assert stored == done.summary and stored["schema"] == "taubench-gl/reuse/1"
+    assert set(stored["measures"]) == set(MEASURES) and set(stored["classes"]) == set(CLASSES)
+    assert stored["provenance"]["clock"] == stored["clock"] and stored["methods"]["nosuch"]["failed"]
+    with open(out / "frames.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert tuple(rows[0]) == ROW_COLUMNS and len(rows) == 2 * 5
+    assert [float(row["relmse"]) for row in rows] == [row["relmse"] for row in done.rows]
+    assert rows[0]["flicker"] == ""
+    table = (out / "tables.txt").read_text()
+    assert "accumulate" in table and "no method, folder or file 'nosuch'" in " ".join(table.split())
+
+
+@pytest.mark.parametrize("error", [OutputError("cannot be written: No space left on device"), KeyboardInterrupt()])
+def test_numbers_are_written_before_pictures(written, tmp_path, monkeypatch, error):
+    def full(*_):
+        raise error
+
+    monkeypatch.setattr("taubench_gl.reuse.evaluate_output.plot_reuse", full)
+    with pytest.raises(type(error)), ReuseFolder(tmp_path / "run", 24.0, "none") as folder:
+        folder.on_frame(written[3][0])
+        folder.finish(written[1])
+    assert json.loads((tmp_path / "run" / "reuse.json").read_text()) == written[1].summary
+    assert (tmp_path / "run" / "frames.csv").read_bytes() == (written[0] / "frames.csv").read_bytes()
+
+
+def test_the_video_holds_every_frame_at_its_size(written):
+    import imageio_ffmpeg
+
+    out, _, _, frames = written
+    count, _ = imageio_ffmpeg.count_frames_and_secs(str(out / "side_by_side.webm"))
+    assert count == len(frames) == 5
+    shape = side_by_side(frames[0]).shape
+    reader = imageio_ffmpeg.read_frames(str(out / "side_by_side.webm"))
+    assert tuple(next(reader)["source_size"]) == (shape[1] + shape[1] % 2, shape[0] + shape[0] % 2)
+    reader.close()
+
+
+def test_the_detail_is_where_methods_differ(written):
+    frames = written[3]
+    top, left, h, w = detail_window(frames[-1])
+    spread = np.abs(frames[-1].errors["accumulate"] - frames[-1].errors["oracle"])
+    assert spread[top : top + h, left : left + w].sum() == pytest.approx(
+        max(spread[y : y + h, x : x + w].sum() for y in range(SIZE[1] - h + 1) for x in range(SIZE[0] - w + 1))
+    )
+
+
+def test_an_error_on_the_way_leaves_no_half_video(tmp_path):
+    with pytest.raises(ZeroDivisionError), ReuseFolder(tmp_path / "run", 24.0) as folder:
+
+        def seen(judged):
+            folder.on_frame(judged)
+            if judged.frame == 1:
+                raise ZeroDivisionError
+
+        judge(passing_box(), ["none"], (0, 4), on_frame=seen)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_keeps_the_rows_of_judged_frames(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "reuse.json").write_text("of an earlier evaluation")
+    seen = []
+    with pytest.raises(KeyboardInterrupt), ReuseFolder(tmp_path / "run", 24.0) as folder:
+
+        def interrupted(judged):
+            folder.on_frame(judged)
+            seen.append(judged)
+            if judged.frame == 2:
+                raise KeyboardInterrupt
+
+        judge(passing_box(), ["none", "accumulate"], (0, 9), on_frame=interrupted)
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["frames.csv"]
+    with open(tmp_path / "run" / "frames.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(int(r["frame"]), r["method"]) for r in rows] == [(f, m) for f in range(3) for m in ("none", "accumulate")]
+    assert [float(r["relmse"]) for r in rows] == [row["relmse"] for j in seen for row in j.rows.values()]
+
+
+def test_the_command_line_names_what_an_interrupt_kept(tmp_path, monkeypatch, capsys):
+    from taubench_gl.apps import cli
+
+    def interrupted(scene, methods, settings, *, progress=None, on_frame=None, **request):
+        def seen(judged):
+            if on_frame is not None:
+                on_frame(judged)
+            if judged.frame == 2:
+                raise KeyboardInterrupt
+
+        judge(passing_box(), ["none", "accumulate"], (0, 9), on_frame=seen)
+
+    monkeypatch.setattr("taubench_gl.reuse.evaluate.evaluate_methods", interrupted)
+    for more, says in (
+        (
+            ["--out", str(tmp_path / "run"), "--video", "none"],
+            f"the rows of 3 frames are in {tmp_path / 'run' / 'frames.csv'}",
+        ),
+        ([], "nothing was written (--out DIR keeps judged frames)"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            cli.main(["reuse", "evaluate", "s.glb", "--methods", "none", *more])
+        assert ended.value.code == 130
+        assert capsys.readouterr().err == f"taubench-gl: interrupted; {says}\n"
+
+
+def test_python_names_are_there():
+    assert taubench_gl.reuse.evaluate_methods is evaluate_methods
+    assert {"fit_setting", "MethodSpec", "parse_input"} <= set(taubench_gl.reuse.__all__)
+
+
+def test_the_command_line(tmp_path, capsys):
+    from taubench_gl.apps import cli
+    from taubench_gl.paths import PACKAGE
+
+    demo = PACKAGE.parent / "assets" / "demo.glb"
+    with pytest.raises(SystemExit) as ended:
+        cli.main(
+            ["reuse", "evaluate", str(demo), "--methods", "none,nosuch", "--size", "48x32", "--frames", "0:3",
+             "--indirect", "none", "--shadow-size", "64", "--reference-samples", "1", "--metrics", "flip", "--video",
+             "none", "--input", "noisy", "--out", str(tmp_path / "out")]
+        )  # fmt: skip
+    out, err = capsys.readouterr()
+    assert ended.value.code == 2 and "no method, folder or file 'nosuch'" in err and "Traceback" not in err
+    assert "Quality against the reference" in out and (tmp_path / "out" / "reuse.json").is_file()
