@@ -37,6 +37,8 @@ def agree(first: str | Path | Run, second: str | Path | Run) -> dict[str, Any]:
     ``{"reason": why}``.  Raises OutputError for runs of different sizes or without a common pair.
     """
     a, b = (run if isinstance(run, Run) else load_run(run) for run in (first, second))
+    _require_keys(a)
+    _require_keys(b)
     sizes = [(r.summary["settings"]["width"], r.summary["settings"]["height"]) for r in (a, b)]
     if sizes[0] != sizes[1]:
         x, y = ("x".join(map(str, size)) for size in sizes)
@@ -103,6 +105,16 @@ def edge_band(mask: Array) -> Array:
     h, w = mask.shape
     shifted = [padded[y : y + h, x : x + w] for y in range(3) for x in range(3)]
     return np.logical_or.reduce(shifted) & ~np.logical_and.reduce(shifted)
+
+
+def _require_keys(run: Run) -> None:
+    """Raises OutputError where the summary, of another program perhaps, lacks what runs are compared by."""
+    for keys in ("scene", "discard", "settings.width", "settings.height"):
+        value: Any = run.summary
+        for key in keys.split("."):
+            value = (value or {}).get(key)
+        if not value:
+            raise OutputError(f"summary.json has no {keys}", where=str(run.out or "run"), hint="evaluate it again")
 
 
 def _column(a: Run, b: Run, column: str, frames: list[int]) -> dict[str, Any]:
@@ -191,7 +203,10 @@ def _different_settings(a: Run, b: Run) -> dict[str, list[Any]]:
 
 
 def saved_pairs(first: Path | None, second: Path | None, frames: list[int], name: str) -> list[tuple[int, Any, Any]]:
-    """(frame, arrays, arrays) of every frame whose file both folders hold; ``name`` has a place for its number."""
+    """(frame, first's, second's ``Saved``) of every frame that both folders hold; none where a folder is None.
+
+    ``name``: of a frame's file, a format with its number as argument 0.
+    """
     if first is None or second is None:
         return []
     paths = [(f, first / name.format(f), second / name.format(f)) for f in frames]

@@ -32,7 +32,7 @@ COLUMNS = ("frustum", *FEATURES)
 
 
 class Reason(enum.IntFlag):
-    """Reason bits of the mask word, one unsigned 32-bit integer per pixel (SPEC section 4).
+    """Reason bits of the mask word, one unsigned 32-bit integer per pixel (docs/conventions.md).
 
     FIRST, CUT, INVALID, BEHIND and OUTSIDE each take a pixel out of comparison; a pixel carries at most one of the
     classes ``FIRST``, ``CUT``, ``INVALID``, ``BEHIND | OUTSIDE`` (frustum), or none of them (comparable).

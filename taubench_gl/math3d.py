@@ -129,7 +129,7 @@ def quat_from_axis_angle(axis: Array, radians: Array) -> Array:
 
 
 def quat_angle(a: Array, b: Array) -> Array:
-    """Geodesic angle between unit quaternions, radians: 4 atan2(|a-b|, |a+b|) on one hemisphere (SPEC section 2).
+    """Geodesic angle between unit quaternions, radians: 4 atan2(|a-b|, |a+b|) on one hemisphere (docs/conventions.md).
 
     Accurate to rounding at every angle, where 2 acos(|a.b|) loses everything below 1e-8 rad.
     """

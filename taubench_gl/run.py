@@ -1,4 +1,4 @@
-"""A finished evaluation, and how it gets to and from disk: ``summary.json`` and ``frames.csv`` (SPEC section 6)."""
+"""A finished evaluation, and how it gets to and from disk: ``summary.json`` and ``frames.csv``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.conventions import SUMMARY_SCHEMA
+from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write, make_folders, remove_folders, text_bytes, write_atomically
 
@@ -33,6 +33,23 @@ FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut
 ``camera_cut`` and ``gimbal`` are 0 or 1 (``cut`` is the count of pixels without a counterpart).  A value that was not
 measured is ``None`` here and an empty cell in the file.
 """
+
+_QUANTITIES = ("position", "yaw", "pitch", "roll", "angle")
+_BLOCKS = (
+    "scene", "settings", "settings.thresholds", "census", "camera", *(f"camera.{name}" for name in _QUANTITIES),
+    "discard", *(f"discard.{name}" for name in COLUMNS),
+)  # fmt: skip
+_NUMBERS = (
+    "pairs", "settings.width", "settings.height", "settings.fps", "camera.fps", "camera.samples",
+    *(f"camera.{name}.{value}" for name in _QUANTITIES for value in ("mean", "variance", "max", "median", "p95")),
+    *(f"discard.{name}.{value}_percent" for name in COLUMNS for value in ("mean", "comparable_mean", "max")),
+)  # fmt: skip
+_KINDS = (
+    *((keys, dict, "an object") for keys in _BLOCKS),
+    *((keys, (int, float), "a number") for keys in _NUMBERS),
+    ("scene.name", str, "text"),
+)
+"""What ``load_run`` asks of the keys of summary.json that other programs may rely on: outer ones first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +233,18 @@ def load_run(folder: str | Path) -> Run:
         if str(schema).startswith("taubench-gl/batch/"):
             hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
+    _check_kinds(summary, path)
     return Run(summary, read_frames(out / FRAMES_FILE), out)
+
+
+def _check_kinds(summary: Mapping[str, Any], path: Path) -> None:
+    """Raises OutputError where a value that others compute with is of another kind.  Keys may be missing, or null."""
+    for keys, kind, said in _KINDS:
+        value: Any = summary
+        for key in keys.split("."):
+            value = None if value is None else value.get(key)
+        if value is not None and (not isinstance(value, kind) or isinstance(value, bool)):
+            raise OutputError(f"{keys} is {value!r:.60}, expected {said}", where=str(path), hint="is the file damaged?")
 
 
 def read_frames(path: Path) -> list[dict[str, Any]]:

@@ -23,7 +23,7 @@ NLERP_BELOW = 1e-6
 angle^3 / 16 there, below one part in 1e16, and sin(angle) is no longer divided by."""
 
 HALF_TURN = 1e-12
-"""Array whose quaternions have a dot product this close to 0 are 180 degrees apart and both ways round are equally
+"""Keys whose quaternions have a dot product this close to 0 are 180 degrees apart and both ways round are equally
 short.  Such a pair is left as the file stores it, so that the sign of a rounding error never chooses the way."""
 
 
@@ -38,7 +38,7 @@ def slerp(a: Array, b: Array, u: Array) -> Array:
     """Spherical interpolation along the shorter arc.  (..., 4), (..., 4) unit xyzw, (...) in [0, 1] -> (..., 4) unit.
 
     q and -q are one rotation: ``b`` is taken on ``a``'s hemisphere.  ``u == 0`` returns ``a`` bit for bit, and so does
-    every ``u`` when the keys are equal or opposite.  Array 180 degrees apart: see ``HALF_TURN``.
+    every ``u`` when the keys are equal or opposite.  Keys 180 degrees apart: see ``HALF_TURN``.
     """
     u = np.asarray(u, dtype=np.float64)[..., None]
     b = np.where(_dot(a, b) < -HALF_TURN, -b, b)

@@ -9,7 +9,7 @@ from taubench_gl.metrics.reprojection import Reprojection
 
 
 def reprojection(view: View, previous: View, width: int, height: int, *, jitter: bool = True) -> Reprojection:
-    """Matrices of the pair (previous, view), float64, relative to the two cameras (SPEC section 3).
+    """Matrices of the pair (previous, view), float64, relative to the two cameras (docs/conventions.md).
 
     Sky rays are those of the current samples, jitter included.  ``jitter``: whether the two clip matrices have it too,
     so that pixel i reprojects to where the previous frame's *samples* show it.  Without, motion is that of the surface

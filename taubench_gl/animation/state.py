@@ -58,7 +58,7 @@ class View:
     def clip_from_relative(self, width: int, height: int, origin: Array | None = None) -> Array:
         """clip <- world axes, relative to ``origin`` (default: this camera's position).  (4, 4) float64.
 
-        Composed relative to a camera in float64, so that float32 on the GPU never sees a world offset (SPEC 3).
+        Composed relative to a camera in float64, so that float32 on the GPU never sees a world offset.
         """
         offset = np.zeros(3) if origin is None else np.asarray(origin) - self.position
         view_from_world = self.world_from_view.T

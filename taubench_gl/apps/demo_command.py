@@ -40,7 +40,7 @@ Jupyter notebooks.  docs/demos.md says what each demo shows."""
               help="Where pictures and pages go.")  # fmt: skip
 @click.option("--list", "listing", is_flag=True, help="Say what there is, as without a name.")
 @click.option("--notebook", is_flag=True, help="Write Jupyter notebooks instead of running the demos.")
-@click.option("--scene", "scene_file", type=click.Path(path_type=Path, dir_okay=False), metavar="OUT.glb",
+@click.option("--scene", "scene_file", type=OutPath(dir_okay=False), metavar="OUT.glb",
               help="Write the demo's scene instead, for every other command.")  # fmt: skip
 @click.option("--view", "viewing", is_flag=True, help="Open the demo's scene in the viewer instead.")
 @click.option("--size", type=Size(), help="Pixels of a panel.  [default: 480x270; notebooks 320x180]")
@@ -67,6 +67,10 @@ def demo(
         raise SettingsError("--all and names were given", hint="give one of them")
     if sum((notebook, scene_file is not None, viewing)) > 1:
         raise SettingsError("--notebook, --scene and --view exclude each other", hint="give one of them")
+    if (scene_file is not None or viewing) and not (names or every or listing):
+        raise SettingsError("no demo was named", hint="--scene and --view take one, see 'taubench-gl demo'")
+    if scene_file is not None and scene_file.suffix.lower() != ".glb":
+        raise SettingsError(f"{scene_file.name} does not end in .glb", hint="scenes are written as one binary file")
     chosen = demos() if every else list(dict.fromkeys(find_demo(name) for name in names))
     if listing or not chosen:
         _list(chosen or demos())

@@ -18,7 +18,12 @@ class _Names(click.ParamType):
     name = "LIST"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return value if isinstance(value, tuple) else tuple(word.strip() for word in value.split(",") if word.strip())
+        if isinstance(value, tuple):
+            return value
+        chosen = tuple(word.strip() for word in value.split(",") if word.strip())
+        if not chosen:
+            self.fail("nothing to export; leave the option out for gbuffer,flow,masks", param, ctx)
+        return chosen
 
 
 @click.command(
@@ -44,7 +49,7 @@ prev_position, all."""
     help="exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, a chunk per frame.  sintel: MPI-Sintel's tree.",
 )
 @click.option(
-    "--channels", type=_Names(), default="", help="Names and groups, see below.  [default: gbuffer,flow,masks]"
+    "--channels", type=_Names(), default=(), help="Names and groups, see below.  [default: gbuffer,flow,masks]"
 )
 @click.option(
     "--precision",

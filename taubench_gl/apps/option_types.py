@@ -76,8 +76,8 @@ class Color(click.ParamType):
 class OutPath(click.Path):
     """Where results go -> Path.  An empty name, as of a shell variable that is not set, is no place."""
 
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
+    def __init__(self, *, dir_okay: bool = True) -> None:
+        super().__init__(path_type=Path, dir_okay=dir_okay)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if value == "":

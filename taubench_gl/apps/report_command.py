@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from taubench_gl.apps.option_types import OutPath
+
 
 @click.command(
     epilog="""\b
@@ -21,7 +23,7 @@ that 'evaluate --report' made; all else works for any run."""
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=OutPath(dir_okay=False),
     metavar="FILE",
     help="Where to write.  [default: report.html in the run's folder, or here for several runs]",
 )

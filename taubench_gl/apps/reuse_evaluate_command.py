@@ -76,7 +76,9 @@ def shared_options(command: Any) -> Any:
             help="max: exact light, supersampled.  exr:DIR: path-traced frames of the same numbers.",
         ),
         click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
-        click.option("--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML."),
+        click.option(
+            "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML."
+        ),
         click.option("--cut", "cuts", type=int, multiple=True, help="Declare that this frame begins anew; repeatable."),
         threshold_option,
         unit_scale_option,

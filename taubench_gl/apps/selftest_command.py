@@ -13,6 +13,9 @@ from taubench_gl.apps.options import gpu_options
 if TYPE_CHECKING:
     from taubench_gl.selftest import CaseResult
 
+MAX_SIDE = 4096
+"""Pixels a side: beyond, a case would fail for want of memory and not because its answer is wrong."""
+
 
 @click.command(
     epilog="""\b
@@ -45,6 +48,8 @@ def selftest(
         return 0
     if size[0] < 48 or size[1] < 32:
         raise SettingsError(f"size is {size[0]}x{size[1]}", hint="the cases need at least 48x32 pixels")
+    if max(size) > MAX_SIDE:
+        raise SettingsError(f"size is {size[0]}x{size[1]}", hint=f"the cases take up to {MAX_SIDE}x{MAX_SIDE} pixels")
     from taubench_gl.gpu.context import open_gpu
     from taubench_gl.gpu.timing import WALL_CLOCK
     from taubench_gl.provenance import provenance

@@ -145,7 +145,8 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     fps = CAPTURE_FPS if options["fps"] is None else options["fps"]
     seconds = seconds if options["seconds"] is None else options["seconds"]
     if not 0 < seconds * fps < 1e6:
-        raise SettingsError(f"{seconds:g} s at {fps:g} fps", hint="give a length and a rate above 0")
+        hint = "give a length and a rate above 0, and less than 1,000,000 frames"
+        raise SettingsError(f"{seconds:g} s at {fps:g} fps", hint=hint)
     asked = {name: MotionStats(*options[name]) for name in AXES if options[name] is not None}
     spec = dataclasses.replace(PRESETS[choice], frames=round(seconds * fps) + 1, fps=fps, seed=options["seed"])
     return with_stats(spec, **asked)

@@ -36,7 +36,7 @@ Press ? in the window for the keys; docs/viewer.md lists them, and the commands 
 @click.option("--truth", metavar="exr:DIR", help="Path-traced frames to compare with (split, difference).")
 @click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]")
 @click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures.")
-@click.option("--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor or TOML.")
+@click.option("--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML.")
 @click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]")
 @click.option(
     "--script", type=click.Path(path_type=Path), metavar="FILE", help="Drive the viewer by a file of commands."

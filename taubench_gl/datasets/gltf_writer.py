@@ -17,7 +17,7 @@ _TYPE = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4, 16: gl.MAT4}
 
 
 class Writer:
-    """A document under construction.  Every method returns the index of what it added.
+    """A document under construction.  Methods return the index of what they added, unless they say otherwise.
 
     ``share``: equal arrays become one accessor, so that things that play one clip store it once.
     """
@@ -92,7 +92,11 @@ class Writer:
         return self._append(self.gltf.materials, material)
 
     def primitive(self, shape: dict[str, np.ndarray], material: int, targets: list[dict] | None = None) -> gl.Primitive:
-        """``shape``: POSITION, NORMAL, TEXCOORD_0, JOINTS_0, WEIGHTS_0, indices."""
+        """For ``mesh``.
+
+        ``shape``: POSITION, NORMAL (n, 3), TEXCOORD_0 (n, 2), JOINTS_0, WEIGHTS_0 (n, 4), those that it has, and
+        indices, three a triangle, below 65536.  ``targets``: offsets of POSITION and NORMAL, (n, 3) each.
+        """
         attributes = gl.Attributes()
         for name, values in shape.items():
             if name != "indices":

@@ -20,6 +20,7 @@ from urllib.parse import unquote, urlsplit
 from taubench_gl.datasets.download import Progress, fetch, forget
 from taubench_gl.datasets.registry import Entry
 from taubench_gl.errors import DatasetError
+from taubench_gl.outputs import make_folders, remove_folders, write_atomically
 
 CACHE_VARIABLE = "TAUBENCH_CACHE"
 MAX_UNPACKED = 200 * 2**30
@@ -95,14 +96,14 @@ class Store:
         found = sha256_of(source)
         if self.entry.sha256 not in (None, found):
             raise DatasetError(f"has checksum {found}, the registry says {self.entry.sha256}", where=str(source))
-        target = self.folder / source.name
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            if source.resolve() != target.resolve():
-                shutil.copyfile(source, target)
+            made = make_folders(self.folder)
         except OSError as e:
-            raise DatasetError(f"cannot be copied: {e.strerror}", where=str(source)) from None
-        return self._keep(target, None, scene)
+            raise DatasetError(f"cannot be made: {e.strerror}", where=str(self.folder)) from None
+        try:
+            return self._keep(source, None, scene)
+        finally:
+            remove_folders(made)  # as far as they are empty: where the file was refused
 
     def verify(self) -> tuple[Record, Path]:
         """Check the cached file against its record.  -> what is remembered, the scene.  Raises DatasetError."""
@@ -183,23 +184,46 @@ class Store:
                 stale.unlink() if target.exists() else stale.replace(target)
         forget(part)
 
-    def _keep(self, target: Path, url: str | None, chosen: str | None) -> Path:
-        old, checksum = self.record(), sha256_of(target)
+    def _keep(self, came: Path, url: str | None, chosen: str | None) -> Path:
+        """Unpack what came, copy it to its place if it is not there, and remember it.  What is no such scene at all
+        leaves everything as it was.
+        """
+        old, checksum, target = self.record(), sha256_of(came), self.folder / came.name
         if chosen is None and old is not None and old.sha256 == checksum:
             chosen = old.scene
-        record = Record(target.name, target.stat().st_size, checksum, url, chosen)
-        scene = self.folder / "scene"
-        if old is None or old.sha256 != record.sha256 or not scene.is_dir():
-            shutil.rmtree(scene, ignore_errors=True)
-            unpacked = self.folder / "unpacking"
+        record = Record(target.name, came.stat().st_size, checksum, url, chosen)
+        scene, unpacked = self.folder / "scene", self.folder / "unpacking"
+        fresh = old is None or old.sha256 != record.sha256 or not scene.is_dir()
+        shutil.rmtree(unpacked, ignore_errors=True)
+        try:
+            if fresh:
+                unpack(came, unpacked)
+                self._require_scene(came, unpacked)
+            if came.resolve() != target.resolve():
+                shutil.copyfile(came, target)
+            if fresh:
+                shutil.rmtree(scene, ignore_errors=True)
+                unpacked.replace(scene)
+        except OSError as e:
+            raise DatasetError(f"cannot be copied: {e.strerror}", where=str(came)) from None
+        finally:
             shutil.rmtree(unpacked, ignore_errors=True)
-            unpack(target, unpacked)
-            unpacked.replace(scene)
-        (self.folder / "record.json").write_text(json.dumps(asdict(record), indent=2) + "\n", encoding="utf-8")
+        write_atomically(self.folder / "record.json", json.dumps(asdict(record), indent=2) + "\n")
         return self.scene()
+
+    def _require_scene(self, came: Path, folder: Path) -> None:
+        """Raises DatasetError where nothing in ``folder`` can be the scene, whichever file is chosen."""
+        suffixes = SUFFIXES[self.entry.format.removesuffix(" sequence")]
+        there = {p.name for p in folder.rglob("*") if p.is_file()}
+        named = self.entry.scene is not None and Path(self.entry.scene).name in there
+        if not named and not any(name.lower().endswith(suffixes) for name in there):
+            raise DatasetError(
+                f"holds no {' or '.join(suffixes)} file", where=str(came), hint=f"is it {self.entry.title}?"
+            )
 
 
 def sha256_of(path: Path) -> str:
+    """Checksum of a file, 64 hexadecimal digits.  Raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

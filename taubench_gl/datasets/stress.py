@@ -70,6 +70,8 @@ def stress(
     """
     if Path(out).suffix.lower() not in (".glb", ".gltf"):
         raise SettingsError(f"{Path(out).name} does not end in .glb or .gltf", hint="stress writes glTF")
+    if Path(out).exists() and Path(source).exists() and Path(out).samefile(source):
+        raise SettingsError(f"{out} is the scene itself", hint="give --out another name")
     moves = moves or Moves()
     scene, editor, lost = _opened(str(source))
     chosen = _scene_index(editor)

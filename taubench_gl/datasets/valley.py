@@ -35,12 +35,12 @@ _CRAGS = np.random.default_rng(21).uniform([0.05, 0.05, 0.0], [0.16, 0.16, 2 * n
 
 
 def middle(x: Array) -> Array:
-    """z of the valley's middle line."""
+    """z of the valley's middle line at ``x``, metres; of its shape."""
     return 14.0 * np.sin(np.asarray(x) / 46.0)
 
 
 def height(x: Array, z: Array) -> Array:
-    """Metres, smooth.  Broadcasts x and z."""
+    """y of the ground, metres, smooth.  Broadcasts x and z, metres."""
     x, z = np.asarray(x, dtype=np.float64), np.asarray(z, dtype=np.float64)
     side = np.abs(z - middle(x)) - FLOOR_SIDE
     # The ridge in the south, towards the sun, is the higher one: its shadow lies over half of the floor.

@@ -1,4 +1,4 @@
-"""From the sums over all pairs to summary.json (SPEC section 6), and the end of a run."""
+"""From the sums over all pairs to summary.json, and the end of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Histogram of feature distances and the discard-versus-threshold curve it stands for (SPEC section 4)."""
+"""Histogram of feature distances and the discard-versus-threshold curve it stands for (docs/conventions.md)."""
 
 from __future__ import annotations
 

@@ -142,7 +142,7 @@ def _finite(channels: Mapping[str, Array]) -> Array:
 
 
 def _nearest(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
-    """History at floor(x + 0.5) with y up, as the GPU counts (SPEC section 3).  (K, 2) -> {name: (K, n)}."""
+    """History at floor(x + 0.5) with y up, as the GPU counts (docs/conventions.md).  (K, 2) -> {name: (K, n)}."""
     h, w = history["position"].shape[:2]
     column = np.clip(np.floor(at_px[:, 0] + 0.5).astype(np.int64), 0, w - 1)
     up = np.clip(np.floor((h - 1) - at_px[:, 1] + 0.5).astype(np.int64), 0, h - 1)

@@ -16,7 +16,7 @@ NEAR_GUARD = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Reprojection:
-    """Matrices of one pair, composed in float64 relative to the cameras (SPEC section 3).  World axes throughout.
+    """Matrices of one pair, composed in float64 relative to the cameras (docs/conventions.md).  World axes throughout.
 
     ``p`` is a point relative to the current camera, ``q`` the same point's previous place relative to the previous
     camera; for what did not move by itself q = p + ``camera_delta``.  The sky is seen along ``sky_origin + x sky_dx +
@@ -28,12 +28,13 @@ class Reprojection:
     clip_from_current: Array  # (4, 4)
     prev_clip_from_prev: Array  # (4, 4)
     prev_forward: Array  # (3,) unit, where the previous camera looked: dot(q, prev_forward) is planar depth
-    prev_near: float  # metres
-    camera_delta: Array  # (3,) current position - previous position, metres
+    prev_near: float  # scene units
+    camera_delta: Array  # (3,) current position - previous position, scene units
     sky_origin: Array  # (4,)
     sky_dx: Array  # (4,)
     sky_dy: Array  # (4,)
-    near: float = 0.0  # metres, of the current camera: what rounding carried across it gets as much slack before
+    near: float = 0.0  # of the current camera, scene units: as far as rounding drew a point before it, as far it may
+    #                    have been before the previous one
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,7 @@ def reproject(pair: Reprojection, position: Array, prev_position: Array | None =
     """Eq. (3) for every pixel.
 
     ``position`` (h, w, 4): xyz relative to the current camera, w planar depth with 0 = sky.  ``prev_position``
-    (h, w, >=3): ``motion`` reprojection, else ``camera`` reprojection.
+    (h, w, >=3), relative to the previous camera: ``motion`` reprojection, else ``camera`` reprojection.
     """
     h, w = pair.height, pair.width
     surface = position[..., 3] > 0

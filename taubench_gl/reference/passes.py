@@ -1,4 +1,4 @@
-"""Planes of a file -> the quantities the masks compare, in our axes, units and signs (SPEC section 5)."""
+"""Planes of a file -> the quantities the masks compare, in our axes, units and signs."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ def reproject_picture(previous: Array, mask: Array, motion: Array) -> Array:
     """The previous frame as reprojection brings it into this one; checkerboard where there is no history.
 
     ``previous`` (h, w, 3), ``mask`` (h, w) reason words, ``motion`` (h, w, 2) px, previous - current, +y down.  Samples
-    the pixel at floor(x + 0.5) (SPEC section 3).  -> (h, w, 3), the dtype of ``previous``.
+    the pixel at floor(x + 0.5) (docs/conventions.md).  -> (h, w, 3), the dtype of ``previous``.
     """
     height, width = mask.shape
     rows, columns = np.indices(mask.shape)

@@ -45,7 +45,10 @@ def mask_overlay(mask: Array, base: Array | None = None, reasons: Sequence[Reaso
 
 
 def legend(mask: Array, reasons: Sequence[Reason] = DEFAULT_REASONS) -> list[tuple[str, tuple[int, int, int], float]]:
-    """Name, colour and percentage of w·h of each reason.  They overlap, so they need not add up to the discarded."""
+    """Name, colour (r, g, b in 0 .. 255) and percentage of w·h of each reason in ``mask``, (h, w) uint32.
+
+    Reasons overlap, so percentages need not add up to the discarded.
+    """
     mask = np.asarray(mask)
     pixels = max(mask.size, 1)
     return [

@@ -139,7 +139,7 @@ def plot_sweep(
     for (scene, at, percent), marker in zip(within, itertools.cycle("Ds^vPX")):
         look = {"color": "none", "markeredgecolor": hex_of("frustum"), "markersize": 7}
         axes.plot([at], [percent], marker, label=f"{scene}, {at:.3g}{sign}", **look)
-    axes.set(xlabel=f"{axis} per frame,{sign}", ylabel="discarded, % of w·h, mean")
+    axes.set(xlabel=f"{axis} per frame, {sign.strip()}", ylabel="discarded, % of w·h, mean")
     axes.set_title("Discard against camera speed: " + name.replace("$", r"\$"))
     axes.set_ylim(bottom=0)
     if axes.get_legend_handles_labels()[0]:

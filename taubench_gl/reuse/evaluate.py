@@ -63,10 +63,9 @@ def evaluate_methods(
     """Run ``methods`` over the frames of ``scene`` and judge every picture.
 
     ``input`` as ``parse_input`` reads it; ``reference``: ``max`` (our own best, ``reference_samples`` per pixel) or
-    ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``: frames declared to have no history;
-    ``mapping``: names of the passes of EXR files.  A method that fails is
-    told of in ``Evaluation.failed`` and harms no other.  Raises TaubenchError for what stops them all, and where no
-    method can be run at all.
+    ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``: frames declared to have no history; ``mapping``: names of the
+    passes of EXR files.  A method that fails is told of in ``Evaluation.failed`` and harms no other.  Raises
+    TaubenchError for what stops them all, and where no method can be run at all.
     """
     settings = settings or Settings(reprojection="motion")
     kind = parse_input(input) if isinstance(input, str) else input

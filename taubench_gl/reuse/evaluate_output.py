@@ -30,9 +30,10 @@ _TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "cs
 class ReuseFolder:
     """Collects an evaluation while it runs (``on_frame``) and writes the rest at the end (``finish``).
 
-    A video grows as frames come; ``side_by_side.png`` shows the frame with the largest mean error.  Used in a ``with``
-    block: what is left half-written by an error or an interrupt is taken away.  An interrupt (Ctrl-C) keeps the rows of
-    the frames that were judged, in frames.csv without a reuse.json beside it.
+    A video grows as frames come; ``side_by_side.png`` shows the frame with the largest mean error, of those with
+    history: in the first all methods show the same.  Used in a ``with`` block: what is left half-written by an error or
+    an interrupt is taken away.  An interrupt (Ctrl-C) keeps the rows of the frames that were judged, in frames.csv
+    without a reuse.json beside it.
     """
 
     def __init__(self, out: str | Path, fps: float, video: str = "mp4"):
@@ -65,8 +66,9 @@ class ReuseFolder:
                 fitted[:, : picture.shape[1]] = picture
                 self._video.add(fitted)
         error = float(np.mean([e.mean() for e in judged.errors.values()]))
-        if error > self._worst:
-            self._worst, self._worst_picture = error, side_by_side(judged, crop=True)
+        first = self._worst_picture is None  # no method has history in it: it is kept only until another comes
+        if first or error > self._worst:
+            self._worst, self._worst_picture = -1.0 if first else error, side_by_side(judged, crop=True)
 
     def finish(self, evaluation: Evaluation) -> list[Path]:
         """Write everything, numbers first: a full disk costs pictures.  Returns the files.  Raises OutputError."""

@@ -81,7 +81,7 @@ def _from_entry_point(name: str) -> Method:
 def _import(name: str, where: str) -> ModuleType:
     try:
         return importlib.import_module(name)
-    except Exception as error:  # an import runs other people's code
+    except (Exception, SystemExit) as error:  # an import runs other people's code
         raise MethodError(f"module {name} cannot be imported: {type(error).__name__}: {error}", where=where) from error
 
 
@@ -94,7 +94,7 @@ def _from_file(path: Path, name: str | None) -> Method:
     sys.modules[module_name] = module  # dataclasses and pickling look their module up
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # a user's file may raise anything
+    except (Exception, SystemExit) as error:  # a user's file may raise anything, and end the program
         del sys.modules[module_name]
         line = f" (line {error.lineno})" if isinstance(error, SyntaxError) else ""
         raise MethodError(f"cannot be run: {type(error).__name__}: {error}{line}", where=str(path)) from error

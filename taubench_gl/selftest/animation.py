@@ -24,7 +24,7 @@ def _degrees(a: Array, b: Array) -> float:
 
 
 def plain_slerp(a: Array, b: Array, u: float) -> Array:
-    """The textbook formula: no hemisphere, acos, a division by sin(angle)."""
+    """The textbook formula: no hemisphere, acos, a division by sin(angle).  (4,), (4,) unit xyzw -> (4,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         angle = np.arccos(np.dot(a, b))
         return (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)

@@ -73,7 +73,11 @@ class Bench:
         extra: Sequence[str] = (),
         size: Size | None = None,
     ) -> PairImages:
-        """Draw the frames at ``times`` (previous, current), compare them, read everything back."""
+        """Draw the frames at ``times`` (previous, current; seconds), compare them, read everything back.
+
+        ``thresholds``: where they differ from 32/255, position in metres before ``unit_scale``; ``extra``: channels to
+        draw besides; ``size``: (width, height), the bench's own if None.
+        """
         size = size or self.size
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
         camera = camera or choose_camera(scene)

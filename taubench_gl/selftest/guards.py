@@ -316,7 +316,7 @@ GUARDS: tuple[Guard, ...] = (
           ("scale-2^-20", "scale-1e6")),
     Guard("normalised-weights", "skin weights sum to 1", _python((meshes, "skin_weights", _weights_as_stored)),
           ("weights-not-one", "weights-all-zero")),
-    Guard("frame-tolerance", "1e-6 of a frame at the end",
+    Guard("frame-tolerance", "2^-23 of the duration and 1e-6 of a frame more",
           _python((Settings, "frame_count", lambda s, duration: int(np.floor(duration * s.fps)) + 1)),
           ("duration-from-float-keys",)),
 )  # fmt: skip

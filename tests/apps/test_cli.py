@@ -222,3 +222,14 @@ finally:
 def test_inspect_of_a_missing_file(taubench, tmp_path):
     code, out, err = taubench("inspect", tmp_path / "gone.glb")
     assert (code, out) == (2, "") and "gone.glb" in err and err.count("\n") == 1
+
+
+def test_an_interrupt_while_importing_is_no_traceback(tmp_path):
+    """Ctrl-C in the first tenths of a second, before the command line itself is there to take it."""
+    (tmp_path / "click.py").write_text("raise KeyboardInterrupt\n")
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-m", "taubench_gl", "doctor"],
+        capture_output=True, text=True, timeout=120, env=os.environ | {"PYTHONPATH": paths},
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

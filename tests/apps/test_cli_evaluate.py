@@ -62,6 +62,8 @@ def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
         (["--threshold", "normal"], "'normal' is not a threshold"),
         (["--threshold", "shine=1"], "no feature is named 'shine'"),
         (["--threshold", "normal=-1"], "threshold of normal is -1.0"),
+        (["--threshold", "color=1e39"], "threshold of color is 1e+39 with unit scale 1"),
+        (["--unit-scale", "1e40"], "threshold of position is 1.2549e+39 with unit scale 1e+40"),
         (["--fps", "0"], "fps is 0.0"),
         (["--fps", "nan"], "fps is nan"),
         (["--save", "masks"], "--save needs --out"),

@@ -261,6 +261,23 @@ def test_a_file_the_user_has_is_taken_and_watched(tmp_path):
         Store("x", Entry(title="x", format="aff", sha256="0" * 64), tmp_path).take(source)
 
 
+def test_a_file_that_is_no_such_scene_changes_nothing(tmp_path):
+    right, wrong = tmp_path / "mine.aff", tmp_path / "other" / "mine.zip"
+    right.write_bytes(AFF)
+    wrong.parent.mkdir()
+    wrong.write_bytes(zipped({"thesis.pdf": b"%PDF"}))
+    place = Store("x", Entry(title="Mine", format="aff"), tmp_path / "cache")
+    with pytest.raises(DatasetError, match=r"mine\.zip: holds no \.aff or \.nff file \(is it Mine\?\)"):
+        place.take(wrong)
+    assert not (tmp_path / "cache").exists()
+    place.take(right)
+    kept = {path: path.read_bytes() for path in place.folder.rglob("*") if path.is_file()}
+    with pytest.raises(DatasetError, match="is it Mine"):
+        place.take(wrong)
+    assert {path: path.read_bytes() for path in place.folder.rglob("*") if path.is_file()} == kept
+    assert place.verify()[1].read_bytes() == AFF
+
+
 @pytest.mark.parametrize("name", ["../out.aff", "/out.aff", "a/../../out.aff"])
 def test_archives_stay_in_their_folder(tmp_path, name):
     (tmp_path / "a.zip").write_bytes(zipped({name: AFF}))
@@ -302,6 +319,8 @@ def test_a_damaged_archive_and_a_damaged_record(tmp_path):
     place = Store("x", Entry(title="x", format="aff"), tmp_path)
     with pytest.raises(DatasetError):
         place.take(tmp_path / "a.zip")
+    assert not place.folder.exists()
+    place.folder.mkdir()
     (place.folder / "record.json").write_text("{")
     with pytest.raises(DatasetError, match="is damaged"):
         place.verify()

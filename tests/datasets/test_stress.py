@@ -192,6 +192,7 @@ def test_a_sweep_draws_the_curve(tmp_path, gpu):
         (["--sweep", "spin=0:1:3"], "nothing to sweep is named 'spin'"),
         (["--sweep", "yaw=3:1:3"], "sweep from 3 to 1"),
         (["--fps", "0"], "6 s at 0 fps"),
+        (["--seconds", "1e9"], "less than 1,000,000 frames"),
     ],
 )
 def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, capsys, options, complaint):
@@ -200,6 +201,33 @@ def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, capsys, options, comp
     said = capsys.readouterr().err
     assert ended.value.code == 2 and said.count("\n") == 1 and complaint in said
     assert not (tmp_path / "out.glb").exists()
+
+
+@pytest.mark.parametrize(
+    ("sweep", "place", "complaint"),
+    [
+        ("yaw=0:300:3", "out", "mean 300 is above the 175 that one frame can hold"),
+        ("yaw=0:2:2", "file", "file: is not a folder (give --out another name)"),
+    ],
+)
+def test_a_sweep_that_cannot_end_does_not_begin(tmp_path, capsys, sweep, place, complaint):
+    """A speed that no frame holds comes last: nothing is drawn and no half of a table is left."""
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(SystemExit) as ended:
+        main(["stress", str(DEMO), "--sweep", sweep, "--size", "32x18", "--out", str(tmp_path / place)])
+    said = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 2 and complaint in said[-1] and len(said) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["file"] and (tmp_path / "file").read_text() == "mine"
+
+
+@pytest.mark.parametrize("out", ["scene.glb", "link.glb"])
+def test_the_scene_itself_is_not_written_over(tmp_path, out):
+    scene = tmp_path / "scene.glb"
+    scene.write_bytes(DEMO.read_bytes())
+    (tmp_path / "link.glb").symlink_to(scene)
+    with pytest.raises(SettingsError, match="is the scene itself"):
+        stress(scene, tmp_path / out, CameraSpec(frames=3))
+    assert scene.read_bytes() == DEMO.read_bytes()
 
 
 def test_other_formats_and_unwritable_places_are_refused(tmp_path):

@@ -39,7 +39,7 @@ def assert_adds_up(run: Run, pixels: int) -> None:
 
 
 def assert_summary(summary: dict, pairs: int) -> None:
-    """SPEC section 6, key by key; nothing that JSON cannot say."""
+    """Key by key; nothing that JSON cannot say."""
     assert json.loads(json.dumps(summary, allow_nan=False, default=lambda x: x.tolist()))
     assert summary["schema"] == SUMMARY_SCHEMA
     assert {"name", "path", "sha256"} <= summary["scene"].keys()

@@ -144,6 +144,7 @@ def test_other_peoples_folders_are_left_alone(tmp_path):
     ("arguments", "complaint"),
     [
         (("--channels", "depht"), "no channel is named 'depht'"),
+        (("--channels", ""), "nothing to export"),
         (("--channels", "color", "--format", "npz", "--columns", "sky"), "cannot measure sky"),
         (("--frames", "90:95"), "frames 90:95 of 61 frames are none"),
         (("--camera", "nobody"), "no camera 'nobody'"),

@@ -38,6 +38,18 @@ def test_agreement_of_a_run_with_itself_and_with_another(renders, tmp_path):
         agree(tmp_path / "c", tmp_path / "d")
 
 
+@pytest.mark.parametrize(
+    ("summary", "missing"),
+    [({}, "scene"), ({"scene": {"name": "a"}, "discard": None}, "discard"),
+     ({"scene": {"name": "a"}, "discard": {"frustum": {}}, "settings": {"width": 4}}, "settings.height")],
+)  # fmt: skip
+def test_a_run_that_lacks_what_is_compared_is_one_line(tmp_path, summary, missing):
+    (tmp_path / "summary.json").write_text(json.dumps({"schema": "taubench-gl/summary/1"} | summary))
+    (tmp_path / "frames.csv").write_text("frame,pixels\n1,16\n")
+    with pytest.raises(OutputError, match=f"summary.json has no {missing} "):
+        agree(tmp_path, tmp_path)
+
+
 def test_an_agreement_on_disk(renders, tmp_path):
     """Text, JSON, one HTML file with its picture inside; times from the driver's provenance; the worst pair."""
     known = {"job": "1", "settings": {"samples": 4, "bounces": 12, "seed": 0, "crisp": False},

@@ -43,6 +43,7 @@ def test_several_runs_without_a_name_go_to_the_working_folder(run, tmp_path, mon
     [
         (("missing",), "missing: does not exist"),
         (("run", "--out", "none/report.html"), "none/report.html: cannot be written"),
+        (("run", "--out", ""), "the name is empty"),
         (("run", "--pictures", "0"), "--pictures"),
         ((), "RUN..."),
     ],

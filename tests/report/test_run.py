@@ -154,6 +154,33 @@ def test_load_run_refuses_what_is_not_a_run(tmp_path, text, complaint):
     assert str(tmp_path) in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("keys", "value", "complaint"),
+    [
+        ("scene", 3, "scene is 3, expected an object"),
+        ("settings", [], r"settings is \[\], expected an object"),
+        ("settings.width", "wide", "settings.width is 'wide', expected a number"),
+        ("discard.normal", 7, "discard.normal is 7, expected an object"),
+        ("discard.normal.mean_percent", True, "discard.normal.mean_percent is True, expected a number"),
+        ("camera.yaw.p95", {}, r"camera.yaw.p95 is \{\}, expected a number"),
+    ],
+)
+def test_load_run_names_a_value_of_another_kind(run, tmp_path, keys, value, complaint):
+    run.save(tmp_path)
+    summary = json.loads((tmp_path / SUMMARY_FILE).read_text())
+    *outer, last = keys.split(".")
+    block = summary
+    for key in outer:
+        block = block.setdefault(key, {})
+    block[last] = value
+    (tmp_path / SUMMARY_FILE).write_text(json.dumps(summary))
+    with pytest.raises(OutputError, match=complaint):
+        load_run(tmp_path)
+    block[last] = None
+    (tmp_path / SUMMARY_FILE).write_text(json.dumps(summary))
+    assert load_run(tmp_path).frames == run.frames, "null is no fault"
+
+
 def test_load_run_of_nothing(tmp_path):
     with pytest.raises(OutputError, match="does not exist"):
         load_run(tmp_path / "nowhere")

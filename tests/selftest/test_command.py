@@ -51,6 +51,12 @@ def test_a_failure_is_exit_code_1_and_stops_nobody(run, broken):
     assert "3 of 4 cases FAILED" in out
 
 
+@pytest.mark.parametrize("size", ["16x16", "4097x64", "64x99999"])
+def test_sizes_that_no_case_is_meant_for(run, size):
+    code, out, err = run("--only", "angle-wrap", "--size", size)
+    assert code == 2 and out == "" and f"size is {size}" in err
+
+
 def test_json(run, broken):
     code, out, _ = run("--backend", "egl", "--json", "--only", "x-", "--only", "pitch-through-90")
     assert code == 1

@@ -34,7 +34,10 @@ def scene() -> Scene:
 
 
 def fetched(picture: Array, motion: Array, kept: Array) -> Array:
-    """What reuse would show: the last picture read where ``motion`` says, nearest pixel.  NaN where not ``kept``."""
+    """What reuse would show: the last picture read where ``motion`` says, nearest pixel.  NaN where not ``kept``.
+
+    (h, w, 3), (h, w, 2) pixels, previous - current, +y down, and (h, w) bool -> (h, w, 3).
+    """
     height, width = kept.shape
     at = np.floor(pixel_grid((width, height)) + motion + 0.5).astype(int)
     column, row = np.clip(at[..., 0], 0, width - 1), np.clip(at[..., 1], 0, height - 1)
