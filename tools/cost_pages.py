@@ -10,6 +10,7 @@ from typing import Any
 
 from taubench_gl.report.study_grid import Grid, ms_text, ratio_text
 from taubench_gl.report.study_tables import front_errors, grids, heading, spoken, worst_of
+from taubench_gl.study.rounds import SWEEPS
 
 STUDIES = ("cesiumman", "fox", "truck", "lamp", "sponza", "demo", "ladder")
 INTRODUCTION = """# What accuracy costs: measured
@@ -46,7 +47,7 @@ def section(name: str, study: dict[str, Any], methods: bool) -> str:
     lines = [f"## {title.partition(': ')[2]}", "", f"![fronts of {name}](pictures/cost-{name}.png)", ""]
     lines += [f"- {cell(line)}" for line in about]
     lines += [
-        f"- {count} settings, {visits} visits each; commit {commit}",
+        f"- {count} settings, {visits} rounds of {SWEEPS} visits each; commit {commit}",
         "",
     ]
     for grid in fronts(study):

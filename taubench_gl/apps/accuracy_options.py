@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.options import of_settings, with_options
+from taubench_gl.apps.options import given_options, of_settings, with_options
 from taubench_gl.settings import STORAGES, SUMMATIONS, Settings
 
 
@@ -48,16 +48,15 @@ def with_preset(options: dict[str, Any], preset: Path | None) -> dict[str, Any]:
     from taubench_gl.study.preset import load_preset
 
     values = load_preset(preset)
-    context = click.get_current_context()
-    default = (click.core.ParameterSource.DEFAULT, click.core.ParameterSource.DEFAULT_MAP, None)
+    asked = given_options(("size", *values))
     size = (values.pop("width", Settings().width), values.pop("height", Settings().height))
     thresholds = values.pop("thresholds", {})
     out = dict(options)
-    if context.get_parameter_source("size") in default:
+    if "size" not in asked:
         out["size"] = size
     given = dict(options["thresholds"])
     out["thresholds"] = tuple((dict(thresholds) | given).items())
     for name, value in values.items():
-        if context.get_parameter_source(name) in default:
+        if name not in asked:
             out[name] = value
     return out

@@ -25,7 +25,7 @@ Examples:
 def compare(runs: tuple[str, ...], look: str, paper: bool) -> None:
     """Print Tables 1 to 4 of one or more runs.
 
-    RUN is a folder that 'taubench-gl evaluate --out' wrote.
+    RUN is a folder that 'taubench-gl evaluate --out' wrote.  Runs of one scene are named by the settings that differ.
     """
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.report import FORMATS, paper_tables

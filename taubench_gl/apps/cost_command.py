@@ -64,7 +64,9 @@ DIR holds study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html
 @click.option(
     "--for", "wished", type=Words(*COLUMNS, verb="choose for"), help="Columns the choice is for.  [default: all]"
 )
-@click.option("--repeats", type=int, default=5, show_default=True, help="Visits of every setting, taken in turn.")
+@click.option(
+    "--repeats", type=int, default=5, show_default=True, help="Rounds in which every setting is timed, in turn."
+)
 @click.option(
     "--front",
     type=int,
@@ -88,8 +90,8 @@ def cost(scenes: tuple[str, ...], out: Path, knobs: str | None, **options: Any) 
     The options below describe the base; each dial is turned away from it, one at a time and in declared combinations.
     Errors are in points, percent of w x h, against the reference.  Times are taken in turn, A B C A B C, after a
     warm-up; what is within the spread is called no difference.  Then errors of settings between neighbours on the
-    fronts are measured; what is expected to stand there is tried, and what holds is timed in turn with all others, anew.
-    Several scenes get one folder each inside DIR.
+    fronts are measured; what is expected to stand there is tried, and what holds is timed in turn with all others,
+    anew.  Several scenes get one folder each inside DIR.
     """
     wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "front", "fresh")}
     wishes["choose_for"] = options.pop("wished") or None

@@ -16,6 +16,7 @@ from taubench_gl.apps.accuracy_options import accuracy_options, preset_option, w
 from taubench_gl.apps.option_types import OutPath, Words
 from taubench_gl.apps.options import (
     frame_options,
+    given_options,
     gpu_options,
     light_options,
     pair_options,
@@ -74,6 +75,7 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
     settings = settings_from(with_preset(options, options.pop("preset")))
+    _require_effect(scenes, scene_file=truth["scene_file"])
     folders = out_folders(scenes, out)
     runs: list[Run] = []
     failed = 0
@@ -100,6 +102,23 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
     if failed:
         _say(f"{failed} of {len(scenes)} scenes failed")
     return 2 if failed else 0
+
+
+def _require_effect(scenes: Sequence[str], *, scene_file: str | None) -> None:
+    """Refuse what was given for nothing: path-traced files have their size, and the camera that took them.
+
+    Beside a scene that is drawn such an option is for that one.  Raises SettingsError.
+    """
+    from taubench_gl.reference.sequence import is_sequence
+
+    if not all(is_sequence(scene) for scene in scenes):
+        return
+    given = given_options(("size", "camera"))
+    if "size" in given:
+        raise SettingsError("--size does nothing here", where=scenes[0], hint="leave it out: the size is the files'")
+    if "camera" in given and scene_file is None:
+        hint = "leave it out: it chooses among the cameras of --scene-file SCENE"
+        raise SettingsError("--camera does nothing here", where=scenes[0], hint=hint)
 
 
 def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:

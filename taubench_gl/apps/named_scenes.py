@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from taubench_gl.apps.options import given_options
+
 
 def resolve(text: str) -> tuple[str, dict[str, Any]]:
     """-> what ``load_scene`` takes, and the settings that the scene's row in the registry calls for.
@@ -27,11 +29,9 @@ def resolve(text: str) -> tuple[str, dict[str, Any]]:
 
 def asked_for(row: dict[str, Any]) -> dict[str, Any]:
     """``row`` without what the user gave to the command that is running; frames go with the rate they count at."""
-    context = click.get_current_context()
-    default = (click.core.ParameterSource.DEFAULT, click.core.ParameterSource.DEFAULT_MAP, None)
-    given = {name for name in row if context.get_parameter_source(name) not in default}
+    given = given_options(row)
     if "fps" in given:
-        given.add("frames")
+        given |= {"frames"}
     return {name: value for name, value in row.items() if name not in given}
 
 

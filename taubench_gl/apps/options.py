@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import click
@@ -38,6 +38,13 @@ def of_settings(flag: str, help: str, *, field: str | None = None, **attributes:
     return click.option(
         flag, name, help=help, **{"default": getattr(Settings(), name), "show_default": True, **attributes}
     )
+
+
+def given_options(names: Iterable[str]) -> frozenset[str]:
+    """Of ``names``, parameters of the command that is running, those that the user gave, as opposed to defaults."""
+    context = click.get_current_context()
+    default = (click.core.ParameterSource.DEFAULT, click.core.ParameterSource.DEFAULT_MAP, None)
+    return frozenset(name for name in names if context.get_parameter_source(name) not in default)
 
 
 def settings_from(options: dict[str, Any], **more: Any) -> Settings:
@@ -143,6 +150,7 @@ threshold_option = click.option(
 )
 unit_scale_option = of_settings("--unit-scale", "Scene units per metre.")
 culling_option = of_settings("--culling", "Back faces.", type=click.Choice(CULLINGS))
+sky_option = of_settings("--sky", "Uniform sky radiance, cd/m2.  [default: 0,0,0]", type=Color(), show_default=False)
 
 
 def light_options(command: Any) -> Any:
@@ -169,7 +177,7 @@ def lighting_options(command: Any) -> Any:
     """How light is simulated: the part of ``light_options`` for commands that choose the columns themselves."""
     return with_options(
         command,
-        of_settings("--sky", "Uniform sky radiance, cd/m2.  [default: 0,0,0]", type=Color(), show_default=False),
+        sky_option,
         of_settings("--exposure", "Factor on radiance before thresholds and tone map.", metavar="VALUE"),
         of_settings("--tone-map", "From radiance x exposure to the color column.", type=click.Choice(TONE_MAPS)),
         of_settings(

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.option_types import OutPath, Size
-from taubench_gl.apps.options import gpu_options
+from taubench_gl.apps.options import given_options, gpu_options
+from taubench_gl.errors import SettingsError
 
 if TYPE_CHECKING:
     from taubench_gl.datasets.camera_path import CameraSpec
@@ -108,6 +109,7 @@ def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, *
     """
     from taubench_gl.apps.named_scenes import resolve
 
+    _require_effect(sweep is not None, moving=bool(options["move_lights"] or options["move_objects"]))
     scene = resolve(scene)[0]
     if sweep is not None:
         _sweep(scene, out, sweep, options)
@@ -132,13 +134,23 @@ def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, *
     click.echo(f"see it: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")
 
 
+def _require_effect(sweep: bool, *, moving: bool) -> None:
+    """Refuse what was given for nothing.  Raises SettingsError."""
+    given = given_options(("size", "columns", "motion"))
+    for name in ("size", "columns"):
+        if name in given and not sweep:
+            raise SettingsError(f"--{name} does nothing here", hint="it is for --sweep; leave it out")
+    if "motion" in given and not moving:
+        hint = "a sweep moves only the camera; leave it out" if sweep else "it is for --move-lights and --move-objects"
+        raise SettingsError("--motion does nothing here", hint=hint)
+
+
 def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     import dataclasses
 
     from taubench_gl.datasets.motion_stats import MotionStats
     from taubench_gl.datasets.presets import CAPTURE_FPS, PRESETS
     from taubench_gl.datasets.stress import with_stats
-    from taubench_gl.errors import SettingsError
 
     if choice not in PRESETS:
         raise SettingsError(f"no camera is named {choice!r}", hint=f"choose from {', '.join(CAMERAS)}, .csv or .json")

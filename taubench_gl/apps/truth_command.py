@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from taubench_gl.apps.option_types import OutPath
-from taubench_gl.apps.options import culling_option, frame_options, settings_from
+from taubench_gl.apps.options import culling_option, frame_options, settings_from, sky_option
 from taubench_gl.settings import Settings
 
 
@@ -41,7 +41,7 @@ interpreter that has it.  Interrupted and called again, it goes on with the firs
 )
 @click.option("--crisp", is_flag=True, help="Sample pixel centres only, as a rasterizer does.")
 @culling_option
-@click.option("--sky", type=float, nargs=3, default=(0.0, 0.0, 0.0), metavar="R G B", help="Uniform sky radiance.")
+@sky_option
 @click.option("--threads", type=click.IntRange(0), default=0, help="Of Blender.  [default: all cores]")
 def render(scene_path: str, out: Path, **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
@@ -51,7 +51,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     from taubench_gl.evaluation import frame_range
     from taubench_gl.scene import load_scene
 
-    asked = ("camera", "scene", "animations", "fps", "frames", "size", "culling")
+    asked = ("camera", "scene", "animations", "fps", "frames", "size", "culling", "sky")
     settings = settings_from({name: options[name] for name in asked})
     scene = load_scene(scene_path, scene=settings.scene, animation=settings.animation)
     camera = choose_camera(scene, settings.camera)
@@ -63,7 +63,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
         seed_per_frame=options["seed_per_frame"],
         crisp=options["crisp"],
         cull_back_faces=settings.culling == "gltf",
-        sky=options["sky"],
+        sky=settings.sky,
         threads=options["threads"],
     )
     said = _Lines()
@@ -117,7 +117,7 @@ Examples:
 def check(spec: str, **options: Any) -> int:
     """Find wrong axes, flipped rows, units, motion the wrong way round, and a camera that took other pictures.
 
-    Looks at the first two frames.  The exit code is 2 if something is wrong.
+    Looks at the first two frames.  The exit code is 2 if something is wrong; a pass that is not there is only named.
     """
     from taubench_gl.evaluation_truth import TruthOptions, choose_truth_camera
     from taubench_gl.frame.truth_check import check_sequence
@@ -131,5 +131,8 @@ def check(spec: str, **options: Any) -> int:
     faults = 0
     for finding in check_sequence(sequence, camera if given else None, frames):
         faults += bool(finding.fault)
-        click.echo(f"{finding.what}: {'WRONG: ' + finding.fault if finding.fault else 'ok'} ({finding.detail})")
+        verdict = f"WRONG: {finding.fault}" if finding.fault else "ok"
+        if finding.absent:
+            verdict = f"not there: {finding.absent}"
+        click.echo(f"{finding.what}: {verdict} ({finding.detail})")
     return 2 if faults else 0

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from pathlib import Path
 from typing import Any
 
 import click
 
 from taubench_gl.apps.option_types import Size
-from taubench_gl.apps.options import frame_options, light_options, pair_options, settings_from
+from taubench_gl.apps.options import frame_options, given_options, light_options, pair_options, settings_from
 from taubench_gl.errors import SettingsError
 
 LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}
@@ -54,6 +55,7 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
     missing = [pip for module, pip in LIBRARIES.items() if importlib.util.find_spec(module) is None]
     if missing:
         raise SettingsError(f"the viewer needs {' and '.join(missing)}", hint="run: pip install 'taubench-gl[viewer]'")
+    _require_there(source, options["truth"])
     from taubench_gl.viewer.session import Session, run_session
 
     run_session(
@@ -80,15 +82,23 @@ def _asked(source: str, options: dict[str, Any]) -> Any:
              "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
     settings = settings_from({name: options[name] for name in names})
     truth = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
-    return Asked(source, settings, options["truth"], TruthOptions(**truth), _given(options), _resolve)
+    return Asked(source, settings, options["truth"], TruthOptions(**truth), given_options(options), _resolve)
 
 
-def _given(options: dict[str, Any]) -> frozenset[str]:
-    """Options that the user gave, as opposed to defaults."""
-    context = click.get_current_context()
-    source = click.core.ParameterSource
-    given = (n for n in options if context.get_parameter_source(n) not in (None, source.DEFAULT, source.DEFAULT_MAP))
-    return frozenset(given)
+def _require_there(source: str, truth: str | None) -> None:
+    """A name that nothing has is told before a display is asked for.  Raises TaubenchError as opening it would."""
+    from taubench_gl.reference.sequence import find_frames, is_sequence
+    from taubench_gl.scene import is_sequence as is_obj_sequence
+    from taubench_gl.scene import load_scene
+    from taubench_gl.viewer.opening import is_run
+
+    for path_traced in (text for text in (source, truth) if text and is_sequence(text)):
+        find_frames(path_traced)
+    if is_sequence(source) or is_run(source):
+        return
+    path = _resolve(source)[0]
+    if not (is_obj_sequence(path) or os.path.exists(path)):
+        load_scene(path)  # says what is amiss
 
 
 def _resolve(text: str) -> tuple[str, dict[str, Any]]:

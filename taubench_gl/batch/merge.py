@@ -102,11 +102,8 @@ def finish(store: Store, study: Study, failed: Mapping[str, str]) -> dict[str, A
 
 
 def labelled(job: Job, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A summary whose scene is named after its sweep too, for tables that hold several of one scene."""
-    told = ", ".join(f"{key} {value}" for key, value in job.sweep.items())
-    if not told:
-        return dict(summary)
-    return dict(summary) | {"scene": summary["scene"] | {"name": f"{summary['scene']['name']} ({told})"}}
+    """A summary whose scene is named after what sets its job apart too, for tables that hold several of one scene."""
+    return dict(summary) | {"scene": summary["scene"] | {"name": job.labelled(summary["scene"]["name"])}}
 
 
 def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[Any]:

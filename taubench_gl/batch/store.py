@@ -24,7 +24,7 @@ from typing import Any
 from taubench_gl import __version__
 from taubench_gl.batch.lock import LOCK_FILE
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
-from taubench_gl.batch.study import Job, Study, settings_dict, settings_from
+from taubench_gl.batch.study import Job, Study, set_apart, settings_dict, settings_from
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import is_partial_of, write_atomically
 
@@ -76,7 +76,7 @@ class Store:
         values = self._study_values()
         try:
             jobs = [Job(j["id"], j["scene"], settings_from(j["settings"]), j["sweep"]) for j in values["jobs"]]
-            return Study(values["name"], tuple(jobs))
+            return Study(values["name"], set_apart(jobs))
         except (KeyError, TypeError, ValueError) as error:
             raise OutputError(f"is damaged: {error}", where=str(self.out / STUDY_FILE)) from None
 

@@ -10,7 +10,7 @@ import itertools
 import json
 import tomllib
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from typing import Any
 import msgspec
 
 from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
 from taubench_gl.settings import Settings
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
@@ -39,13 +40,17 @@ class Job:
     scene: str  # absolute path, or what else ``load_scene`` takes
     settings: Settings
     sweep: Mapping[str, Any]  # of the settings, those that the study sweeps
+    apart: Mapping[str, str] = dataclasses.field(default_factory=dict)  # others that differ between jobs of this scene
+
+    def labelled(self, name: str) -> str:
+        """``name`` with what sets this job apart from the others of the study."""
+        swept = [f"{key} {value}" for key, value in self.sweep.items()]
+        return labelled(name, [*swept, *(phrase(*item) for item in self.apart.items())])
 
     @property
     def label(self) -> str:
         """For people: the scene's name, and what sets this job apart from the others of the study."""
-        told = ", ".join(f"{key} {value}" for key, value in self.sweep.items())
-        name = Path(self.scene).name
-        return f"{name} ({told})" if told else name
+        return self.labelled(Path(self.scene).name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +86,20 @@ def read_study(path: str | Path, resolve: Resolver = lambda text: (text, {})) ->
         }
         for job in _combine(written, scene, fill, given):
             jobs.setdefault(job.id, job)
-    return Study(str(name), tuple(jobs.values()))
+    return Study(str(name), set_apart(jobs.values()))
+
+
+def set_apart(jobs: Iterable[Job]) -> tuple[Job, ...]:
+    """``jobs``, each with the settings, not swept, in which it differs from another job of its scene."""
+    out = list(jobs)
+    places: dict[str, list[int]] = {}
+    for i, job in enumerate(out):
+        places.setdefault(job.scene, []).append(i)
+    for at in places.values():
+        for i, apart in zip(at, differing([flat_settings(settings_dict(out[i].settings)) for i in at]), strict=True):
+            told = {key: text for key, text in apart.items() if key.partition(".")[0] not in out[i].sweep}
+            out[i] = dataclasses.replace(out[i], apart=told)
+    return tuple(out)
 
 
 def read_choices(values: Mapping[str, Any], where: str, faults: list[str]) -> dict[str, list[dict[str, Any]]]:
@@ -218,7 +236,7 @@ def _shown(key: str, pick: Mapping[str, Any]) -> Any:
         return f"{pick['width']}x{pick['height']}"
     value = next(iter(pick.values()))
     if key == "frames":
-        return ":".join("" if end is None else str(end) for end in value)
+        return range_text(value)
     if isinstance(value, dict):
         return " ".join(f"{name}={number:g}" for name, number in value.items())
     return list(value) if isinstance(value, tuple) else value

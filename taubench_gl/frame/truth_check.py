@@ -30,11 +30,15 @@ _MOTION_SIGNS = {
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing looked at.  ``fault`` is empty where the files are as they should be."""
+    """One thing looked at.  ``fault`` is empty where the files are as they should be.
+
+    ``absent``: what the files do not have, which is no fault of what they have.
+    """
 
     what: str
     fault: str
     detail: str
+    absent: str = ""
 
 
 def check_sequence(sequence: TruthSequence, camera: TruthCamera | None, frames: range) -> list[Finding]:
@@ -64,7 +68,8 @@ def _passes(sequence: TruthSequence) -> Finding:
     there = sorted(name for name in sequence.mapping.passes if name in sequence.index)
     missing = sequence.missing()
     lost = "; ".join(f"{column}: {why}" for column, why in missing.items())
-    return Finding("passes", lost, f"{len(there)} found as {sequence.mapping.name} names them: {', '.join(there)}")
+    found = f"{len(there)} found as {sequence.mapping.name} names them: {', '.join(there)}"
+    return Finding("passes", "", found, absent=lost)
 
 
 def check_camera(frame: TruthFrame, number: int, camera: TruthCamera | None) -> tuple[Finding, TruthCamera]:

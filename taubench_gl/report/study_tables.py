@@ -160,7 +160,7 @@ def _questions(study: Study) -> Grid | None:
 def _passes(points: Sequence[Mapping[str, Any]]) -> Grid:
     names = list(dict.fromkeys(n for p in points for n in p["passes"]))
     rows = [(p["label"], *(three(p["passes"].get(n, 0.0)) for n in names)) for p in points if p["passes"]]
-    return Grid("Milliseconds of a drawn frame by pass, median of the visits", ("setting", *names), tuple(rows))
+    return Grid("Milliseconds of a drawn frame by pass, median of the rounds", ("setting", *names), tuple(rows))
 
 
 def spoken(study: Study) -> list[str]:

@@ -6,6 +6,7 @@ A Table says nothing about looks: ``report.render`` turns it into text, Markdown
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -13,10 +14,13 @@ from importlib import resources
 from typing import Any
 
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.report.labels import differing, flat_settings, labelled, phrase
 
 Summary = Mapping[str, Any]
 
 WITHOUT_CUTS = "without cuts"
+_CAMERA_REMARK = re.compile(r" \(|: ")
+"""What a camera's source says beyond which camera it is begins here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,9 +194,23 @@ def _row(label: str, values: Sequence[Any], summary: Summary, *why: str | None, 
 
 
 def run_labels(summaries: Sequence[Summary]) -> list[str]:
-    """Scene names; numbered where two runs of one scene stand side by side."""
+    """Scene names; runs of one scene with the settings that differ, numbered only where nothing differs."""
     names = [str((summary.get("scene") or {}).get("name") or "scene") for summary in summaries]
-    return [f"{name} #{names[: i + 1].count(name)}" if names.count(name) > 1 else name for i, name in enumerate(names)]
+    labels = list(names)
+    for name in dict.fromkeys(names):
+        at = [i for i, other in enumerate(names) if other == name]
+        for i, apart in zip(at, differing([_told_settings(summaries[i]) for i in at]), strict=True):
+            labels[i] = labelled(name, (phrase(*item) for item in apart.items()))
+    count = labels.count
+    return [f"{one} #{labels[: i + 1].count(one)}" if count(one) > 1 else one for i, one in enumerate(labels)]
+
+
+def _told_settings(summary: Summary) -> dict[str, str]:
+    """Flat settings of a run, thresholds as they are shown, and the camera it was seen by, in short."""
+    settings = dict(summary.get("settings") or {}) | {"thresholds": thresholds_shown(summary)}
+    source = str((summary.get("camera") or {}).get("source") or "")
+    camera = {"camera": _CAMERA_REMARK.split(source)[0].removeprefix("camera ")} if source else {}
+    return flat_settings(settings) | camera
 
 
 def _who(label: str, labels: Sequence[str]) -> str:

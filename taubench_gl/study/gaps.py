@@ -74,7 +74,7 @@ def spread_out(there: Sequence[Seen], front: str, count: int, floor: float) -> l
 
 
 RENDERED = "next to a path-traced render, which has no dials"
-NARROW_TIME = "narrower in time than the spread of the visits"
+NARROW_TIME = "narrower in time than the spread of the rounds"
 NARROW_ERROR = "narrower in error than what is told apart"
 NOTHING = "in which no setting lies whose errors are known"
 NOT_LOOKED_INTO = "not looked into any further: the tries or the passes were used up"
@@ -109,7 +109,7 @@ def told(gaps: Sequence[Gap], wanted: int, why: Callable[[Gap], str], others: in
         return f"{count} settings, {wanted} were wanted"
     words = f"{count} of {wanted} settings"
     if not gaps and others:
-        return f"{words}: none of the {others} less exact ones is faster beyond the spread of the visits"
+        return f"{words}: none of the {others} less exact ones is faster beyond the spread of the rounds"
     if not gaps:
         return f"{words}: all are equally exact, so there is nothing to pay time for"
     reasons = Counter(map(why, gaps))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from typing import Any
 
 from taubench_gl.animation import CameraTrack
@@ -21,7 +22,8 @@ from taubench_gl.study.explain import MASK_PAIRS, Apart, apart, explained, masks
 from taubench_gl.study.knobs import KNOBS
 from taubench_gl.study.laps import ROUGH, Laps
 from taubench_gl.study.plan import BASE, BEST, Plan, Setting
-from taubench_gl.study.sessions import Pool, due_visits
+from taubench_gl.study.rounds import SWEEPS, due_visits, rounds_of
+from taubench_gl.study.sessions import Pool
 from taubench_gl.study.store import Records
 
 
@@ -95,9 +97,9 @@ class Job:
         with self._gpu:
             pool = self._pool()
             try:
-                for number, setting in due:
+                for number, sweep, setting in due:
                     self._say(f"round {number + 1} of {repeats}: {setting.name}")
-                    tag = {"kind": "time", "setting": setting.name, "pass": passed, "round": number}
+                    tag = {"kind": "time", "setting": setting.name, "pass": passed, "round": number, "sweep": sweep}
                     self._records.add(tag | {"load": load_average(), **pool.session(setting).visit()})
             finally:
                 pool.close()
@@ -156,14 +158,14 @@ class Job:
 
     def _try(self, lap: Sequence[Setting], laps: Laps) -> None:
         """Errors of every setting of a lap, and a few visits of each, in turn with the base."""
-        self._total += sum(max(ROUGH - laps.visits(s.name), 0) for s in lap)
+        self._total += sum(max(ROUGH * SWEEPS - laps.visits(s.name), 0) for s in lap)
         self._screen(lap)
         base, after = self._plan.named(BASE), len(laps.passes)
         with self._gpu:
             pool = self._pool()
             try:
-                for number in range(ROUGH):
-                    turn = [s for s in lap if laps.visits(s.name) <= number]
+                for number, sweep in product(range(ROUGH), range(SWEEPS)):
+                    turn = [s for s in lap if laps.visits(s.name) <= number * SWEEPS + sweep]
                     if not turn:
                         continue
                     self._say(f"try {number + 1} of {ROUGH}: {BASE}", count=False)
@@ -171,8 +173,9 @@ class Job:
                     for setting in turn:
                         self._say(f"try {number + 1} of {ROUGH}: {setting.name}")
                         told = {"frame_ms": pool.session(setting).visit()["frame_ms"], "base_ms": beside}
-                        tag = {"kind": "trial", "setting": setting.name, "round": number, "after": after}
-                        self._records.add(tag | {"load": load_average(), **told})
+                        tag = {"kind": "trial", "setting": setting.name, "after": after}
+                        tag |= {"round": number, "sweep": sweep, "load": load_average()}
+                        self._records.add(tag | told)
             finally:
                 pool.close()
 
@@ -248,16 +251,18 @@ class Job:
         setting = self._plan.named(name)
         self._say(f"again: {name}", count=False)
         found = measure_errors(self._gpu, self._scene, self._camera, setting)
-        times: dict[str, list[float]] = {name: [], BASE: []}
+        visits: list[dict[str, Any]] = []
         with self._gpu:
             pool = self._pool()
             try:
-                for number in range(max(3, self._repeats)):
+                for number, sweep in product(range(max(3, self._repeats)), range(SWEEPS)):
                     for each in dict.fromkeys((name, BASE)):
                         self._say(f"again, round {number + 1}: {each}", count=False)
-                        times[each].append(pool.session(self._plan.named(each)).visit()["frame_ms"])
+                        frame_ms = pool.session(self._plan.named(each)).visit()["frame_ms"]
+                        visits.append({"setting": each, "round": number, "sweep": sweep, "frame_ms": frame_ms})
             finally:
                 pool.close()
+        times = {each: [r["frame_ms"] for r in rounds_of(visits) if r["setting"] == each] for each in (name, BASE)}
         return {
             "percent": {c: e["percent"] for c, e in found["columns"].items()},
             "frame_ms": times[name],

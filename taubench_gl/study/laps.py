@@ -22,12 +22,13 @@ from taubench_gl.study.forecast import Forecast, Seen
 from taubench_gl.study.gaps import Gap, spread_of, told, worth_keeping
 from taubench_gl.study.knobs import KNOBS, pair_samples
 from taubench_gl.study.plan import BASE, Plan, Setting, setting_of
+from taubench_gl.study.rounds import SWEEPS, rounds_of
 from taubench_gl.study.rungs import Ladder
 from taubench_gl.study.search import Proposal, Search
 from taubench_gl.study.store import Records
 
 ROUGH = 3
-"""Visits of a setting before it is decided whether it is timed beside all others."""
+"""Rounds of a setting before it is decided whether it is timed beside all others."""
 
 BODIES, TRIES = 6, 8
 """For every setting that is wanted: how many errors are measured in all, how many settings are tried before a pass."""
@@ -76,7 +77,7 @@ class Laps:
         if lines and (due := [m["setting"] for m in lines[-1]["settings"] if m["setting"] not in known]):
             return [self.setting(name) for name in due]
         left = self.wanted * BODIES - sum(len(line["settings"]) for line in lines)
-        if left <= 0 or self._passes_used():
+        if left <= 0 or self._passes_used() or self._interrupted_lap():
             return []
         seen = self.seen()
         attempts = Counter((m["front"], *m["gap"]) for line in lines for m in line["settings"])
@@ -94,15 +95,21 @@ class Laps:
 
     def lap(self) -> list[Setting]:
         """Settings that are to be timed now: those of the lap that was interrupted, or the next.  Empty: none."""
-        for lap in self._since_the_pass("lap"):
-            names = [t["setting"] for t in lap["tries"]]
-            if any(self.visits(n) < ROUGH for n in names):
-                return [self.setting(n) for n in names]
+        if names := self._interrupted_lap():
+            return [self.setting(n) for n in names]
         left = self.wanted * TRIES - sum(len(lap["tries"]) for lap in self._since_the_pass("lap"))
         if left <= 0 or self._passes_used():
             return []
         seen = self.seen()
         return self._noted("lap", "tries", self._search.tries(seen, self.expected(seen), self._margin())[:left])
+
+    def _interrupted_lap(self) -> list[str]:
+        """Names of its settings; empty where every lap was finished.  Nothing is decided from half of its visits."""
+        for lap in self._since_the_pass("lap"):
+            names = [t["setting"] for t in lap["tries"]]
+            if any(self.visits(n) < ROUGH * SWEEPS for n in names):
+                return names
+        return []
 
     def visits(self, name: str) -> int:
         return sum(r["setting"] == name for r in self._records.of("trial"))
@@ -234,8 +241,8 @@ class Laps:
         """Visits of the last pass.  Of the first only the rounds before the search: a study whose search finds nothing
         makes the others after it, and must not decide otherwise when it is called again."""
         last = len(self.passes)
-        visits = [r for r in self._records.of("time") if r.get("pass", 0) == last]
-        return visits if last else [r for r in visits if r["round"] < ROUGH]
+        rounds = rounds_of(r for r in self._records.of("time") if r["pass"] == last)
+        return rounds if last else [r for r in rounds if r["round"] < ROUGH]
 
     def _log_ratios(self) -> dict[str, list[float]]:
         """Setting -> log of its time over the base's of the same round."""
@@ -245,9 +252,8 @@ class Laps:
         for r in timed:
             if r["round"] in base:
                 found.setdefault(r["setting"], []).append(math.log(r["frame_ms"] / base[r["round"]]))
-        for r in self._records.of("trial"):
-            if r["after"] == len(self.passes):
-                found.setdefault(r["setting"], []).append(math.log(r["frame_ms"] / r["base_ms"]))
+        for r in rounds_of(r for r in self._records.of("trial") if r["after"] == len(self.passes)):
+            found.setdefault(r["setting"], []).append(math.log(r["frame_ms"] / r["base_ms"]))
         return found
 
     def _margin(self) -> float:
@@ -256,7 +262,7 @@ class Laps:
 
 def nothing_tried(wanted: int, fronts: Iterable[str]) -> dict[str, Any]:
     """The block ``search`` of a study whose times are too few to be told apart (``clock.RULE``)."""
-    words = f"not filled: fewer than {ROUGH} visits tell no two times apart"
+    words = f"not filled: fewer than {ROUGH} rounds tell no two times apart"
     return {
         "wanted": wanted, "screened": 0, "known": 0, "laps": 0, "tried": [], "kept": 0,
         "fronts": dict.fromkeys(fronts, words),

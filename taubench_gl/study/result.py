@@ -30,6 +30,7 @@ from taubench_gl.study.plan import BASE, BEST, Plan
 from taubench_gl.study.preset import save_preset
 from taubench_gl.study.promise import hold_against
 from taubench_gl.study.quality import MethodPoint, quality_json
+from taubench_gl.study.rounds import rounds_of
 from taubench_gl.study.rungs import Ladder
 
 COST_SCHEMA = "taubench-gl/cost/1"
@@ -195,15 +196,14 @@ def assemble(
     passed: int = 0,
 ) -> CostStudy:
     """Points out of records.  ``records``: lines of kind ``error``, ``features`` and ``time``; of the times the first
-    ``repeats`` of pass number ``passed`` count, which hold every setting in turn."""
+    ``repeats`` rounds of pass number ``passed`` count, which hold every setting in turn."""
     errors = {r["setting"]: r for r in records if r["kind"] == "error"}
     for record in records:
         if record["kind"] == "features":
             errors[record["setting"]] = errors[record["setting"]] | {"features": record["features"]}
     times: dict[str, list[Mapping[str, Any]]] = {}
-    for record in records:
-        if record["kind"] == "time" and record.get("pass", 0) == passed:
-            times.setdefault(record["setting"], []).append(record)
+    for record in rounds_of(r for r in records if r["kind"] == "time" and r["pass"] == passed):
+        times.setdefault(record["setting"], []).append(record)
     reference_name = BEST if ladder is None else ladder.reference.name
     reference = errors[reference_name]
     floor = reference.get("floor") or {}

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,9 +25,9 @@ from taubench_gl.study.plan import Setting
 TIMED, WARM = 4, 2
 """Frames timed in a visit, and frames drawn before them that are not."""
 
-VISIT_MS, TURNS = 100.0, 8
-"""Short frames are drawn over and over until they have taken this long together, at most so many times: of each frame
-the median counts, so that what else the machine does for a moment does not decide between settings."""
+VISIT_MS, TURNS = 100.0, 16
+"""Short frames are drawn over and over until they have taken this long together, at most so many times.  Of each frame
+the fastest turn counts: what else a machine does only adds to a time, and must not decide between settings."""
 
 MEMORY_SHARE = 0.4
 """Of the memory that is free, what settings held ready may take together."""
@@ -102,12 +101,12 @@ class Session:
         return {"frame_ms": cost, "drawn_ms": [ms for _, ms in drawn], "passes": passes}
 
     def _draw_repeatedly(self) -> list[tuple[bool, float]]:
-        """(judged, milliseconds) of every frame, medians over as many turns as ``VISIT_MS`` asks for."""
+        """(judged, milliseconds) of every frame, the least of as many turns as ``VISIT_MS`` asks for."""
         turns: list[list[tuple[bool, float]]] = []
         while not turns or (len(turns) < TURNS and sum(ms for turn in turns for _, ms in turn) < VISIT_MS):
             turns.append(self._draw_window())
-        medians = np.median([[ms for _, ms in turn] for turn in turns], axis=0)
-        return [(judged, float(ms)) for (judged, _), ms in zip(turns[0], medians, strict=True)]
+        least = np.min([[ms for _, ms in turn] for turn in turns], axis=0)
+        return [(judged, float(ms)) for (judged, _), ms in zip(turns[0], least, strict=True)]
 
     def _draw_window(self) -> list[tuple[bool, float]]:
         """(judged, milliseconds) of the frames after the warm ones; the timer holds their passes alone."""
@@ -187,12 +186,3 @@ class Pool:
             session.release()
         self._open.clear()
         self._order.clear()
-
-
-def due_visits(settings: Iterable[Setting], repeats: int, done: Iterable[dict[str, Any]]) -> list[tuple[int, Setting]]:
-    """(round, setting) still to be timed, round by round: A B C A B C, never A A A B B B."""
-    counted: dict[str, int] = defaultdict(int)
-    for record in done:
-        counted[record["setting"]] += 1
-    settings = list(settings)
-    return [(r, s) for r in range(repeats) for s in settings if counted[s.name] <= r]

@@ -6,10 +6,12 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
 import types
 
 import pytest
 
+from taubench_gl.paths import PACKAGE
 from taubench_gl.run import RunWriter
 
 REPORT = {
@@ -224,12 +226,25 @@ def test_inspect_of_a_missing_file(taubench, tmp_path):
     assert (code, out) == (2, "") and "gone.glb" in err and err.count("\n") == 1
 
 
-def test_an_interrupt_while_importing_is_no_traceback(tmp_path):
+def console_script() -> str:
+    """What the installed ``taubench-gl`` runs, as Python text."""
+    scripts = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
+    module, _, function = scripts["taubench-gl"].partition(":")
+    return f"import sys; from {module} import {function}; sys.exit({function}())"
+
+
+def test_the_console_script_runs_the_command_line():
+    done = fresh("-c", console_script(), "--version")
+    assert done.returncode == 0 and done.stdout.startswith("taubench-gl, version"), done.stderr
+
+
+@pytest.mark.parametrize("start", [["-m", "taubench_gl"], ["-c", console_script()]], ids=["module", "console script"])
+def test_an_interrupt_while_importing_is_no_traceback(tmp_path, start):
     """Ctrl-C in the first tenths of a second, before the command line itself is there to take it."""
     (tmp_path / "click.py").write_text("raise KeyboardInterrupt\n")
     paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
-        [sys.executable, "-m", "taubench_gl", "doctor"],
+        [sys.executable, *start, "doctor"],
         capture_output=True, text=True, timeout=120, env=os.environ | {"PYTHONPATH": paths},
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

@@ -150,3 +150,29 @@ def test_progress_in_a_pipe_is_a_few_plain_lines(taubench, evaluate):
 )
 def test_folders_are_unique(scenes, names):
     assert out_folders(scenes, Path("out")) == [Path("out") / name for name in names]
+
+
+@pytest.mark.parametrize(
+    ("scenes", "options", "complaint"),
+    [
+        (["exr:renders"], ["--size", "1920x1080"], "--size does nothing here"),  # the default, but given
+        (["exr:renders", "exr:more"], ["--size", "64x32"], "--size does nothing here"),
+        (["exr:renders"], ["--camera", "Top"], "--camera does nothing here"),
+        (["exr:renders"], ["--camera", "Top", "--camera-file", "camera.json"], "--camera does nothing here"),
+        (["exr:renders"], [], None),
+        (["exr:renders"], ["--camera", "Top", "--scene-file", "scene.glb"], None),
+        (["exr:renders", "walk.glb"], ["--size", "64x32", "--camera", "Top"], None),
+    ],
+)
+def test_what_path_traced_files_decide_is_refused(taubench, evaluate, scenes, options, complaint):
+    code, _, err = taubench("evaluate", *scenes, *options)
+    if complaint is None:
+        assert code == 0 and len(evaluate.calls) == len(scenes), err
+    else:
+        assert code == 2 and complaint in err and err.count("\n") == 1 and not evaluate.calls
+
+
+def test_the_size_of_a_preset_is_not_refused(taubench, evaluate, tmp_path):
+    (tmp_path / "preset.toml").write_text('schema = "taubench-gl/preset/1"\n[settings]\nwidth = 64\nheight = 36\n')
+    code, _, err = taubench("evaluate", "exr:renders", "--preset", tmp_path / "preset.toml")
+    assert code == 0 and evaluate.calls[0]["settings"].width == 64, err

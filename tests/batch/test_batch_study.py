@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from batch_tools import study_of, write_study
 
+from taubench_gl.batch.store import Store
 from taubench_gl.batch.study import read_study, settings_dict, settings_from
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
@@ -56,6 +57,35 @@ def test_a_scene_may_have_settings_of_its_own(folder):
     study = study_of(folder, 'camera = "Main"\nscenes = ["a.glb", { path = "b.glb", camera = "Top", fps = [24, 60] }]')
     told = [(Path(job.scene).name, job.settings.camera, job.settings.fps) for job in study.jobs]
     assert told == [("a.glb", "Main", 24.0), ("b.glb", "Top", 24.0), ("b.glb", "Top", 60.0)]
+
+
+def test_entries_of_one_scene_are_told_apart_by_what_differs(folder):
+    """Also once stored.  Nothing of it is a sweep: that would be a column of the study's table."""
+    study = study_of(
+        folder,
+        """
+        scenes = ["a.glb", "b.glb", { path = "b.glb", camera = "Top", thresholds = { normal = 0.05 } }]
+        size = ["640x360", "320x180"]
+        """,
+    )
+    labels = [
+        "a.glb (size 640x360)", "a.glb (size 320x180)",
+        "b.glb (size 640x360, camera default, normal threshold default)",
+        "b.glb (size 320x180, camera default, normal threshold default)",
+        "b.glb (size 640x360, camera Top, normal threshold 0.05)",
+        "b.glb (size 320x180, camera Top, normal threshold 0.05)",
+    ]  # fmt: skip
+    assert [job.label for job in study.jobs] == labels
+    assert all(set(job.sweep) == {"size"} for job in study.jobs)
+    store = Store(folder / "out")
+    store.save_study(study)
+    assert store.load_study() == study
+
+
+def test_what_one_entry_sweeps_is_told_once(folder):
+    study = study_of(folder, 'scenes = ["a.glb", { path = "a.glb", camera = ["Top", "Side"] }]')
+    assert [job.label for job in study.jobs] == ["a.glb (camera default)", "a.glb (camera Top)", "a.glb (camera Side)"]
+    assert [dict(job.sweep) for job in study.jobs] == [{}, {"camera": "Top"}, {"camera": "Side"}]
 
 
 def test_a_scene_named_twice_is_one_job(folder):

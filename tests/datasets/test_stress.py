@@ -193,6 +193,10 @@ def test_a_sweep_draws_the_curve(tmp_path, gpu):
         (["--sweep", "yaw=3:1:3"], "sweep from 3 to 1"),
         (["--fps", "0"], "6 s at 0 fps"),
         (["--seconds", "1e9"], "less than 1,000,000 frames"),
+        (["--size", "480x270"], "--size does nothing here (it is for --sweep"),
+        (["--columns", "frustum"], "--columns does nothing here (it is for --sweep"),
+        (["--motion", "0.1,0.01"], "--motion does nothing here (it is for --move-lights"),
+        (["--motion", "0.1,0.01", "--sweep", "yaw=0:9:4"], "--motion does nothing here (a sweep moves only"),
     ],
 )
 def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, capsys, options, complaint):

@@ -111,7 +111,18 @@ def test_missing_passes_are_listed(tmp_path):
         for name in [n for n in channels if "Gloss" in n]:
             del channels[name]
 
-    assert set(faults(tmp_path, lose)) == {"passes"}
+    truth, sidecar = sequence(tmp_path, lose)
+    passes, *others = check_sequence(truth, sidecar, range(2))
+    assert passes.what == "passes" and "direct: the files lack the passes" in passes.absent
+    assert not any(f.absent for f in others) and not any(f.fault for f in (passes, *others))
+
+
+def test_a_mistake_is_named_beside_missing_passes(tmp_path):
+    def lose_and_flip(channels):
+        del channels["ViewLayer.Combined.R"]
+        flip(channels)
+
+    assert set(faults(tmp_path, lose_and_flip)) == {"camera"}
 
 
 def test_without_a_camera_rows_are_still_checked(tmp_path, data):

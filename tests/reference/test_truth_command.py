@@ -6,9 +6,14 @@ import subprocess
 import sys
 
 import pytest
+from click.testing import CliRunner
 from exr_files import blender_frame, write
 
+from taubench_gl.apps.cli import cli
+from taubench_gl.paths import ASSETS
 from taubench_gl.run import load_run
+
+DEMO = ASSETS / "demo.glb"
 
 
 def taubench(*arguments) -> tuple[int, str, str]:
@@ -51,4 +56,30 @@ def test_errors_are_one_line(renders, tmp_path):
 
 def test_check_has_an_exit_code(renders):
     code, text, _ = taubench("truth", "check", f"exr:{renders}")
-    assert code == 0 and "camera: ok" in text
+    assert code == 0 and "camera: ok" in text and "passes: ok" in text
+
+
+def test_check_of_an_export_without_light_finds_nothing_wrong(tmp_path):
+    """docs/export.md: what was not exported is named as not there."""
+    out = tmp_path / "frames"
+    code, _, err = taubench("export", DEMO, "--out", out, "--size", "48x27", "--frames", "0:2")
+    assert code == 0, err
+    code, text, _ = taubench(
+        "truth", "check", f"exr:{out}", "--mapping", "taubench", "--camera-file", out / "camera.json"
+    )
+    assert code == 0 and "WRONG" not in text and "camera: ok" in text, text
+    assert "passes: not there: color: the files lack" in text
+
+
+@pytest.mark.parametrize(("words", "sky"), [([], (0, 0, 0)), (["--sky", "0.1,0.2,0.3"], (0.1, 0.2, 0.3))])
+def test_sky_is_written_as_everywhere(tmp_path, monkeypatch, words, sky):
+    seen = []
+    monkeypatch.setattr("taubench_gl.cycles.render.render_truth", lambda *_, quality, **__: seen.append(quality) or [])
+    done = CliRunner().invoke(cli, ["truth", "render", str(DEMO), "--out", str(tmp_path), "--frames", "0:1", *words])
+    assert done.exit_code == 0, done.output
+    assert [quality.sky for quality in seen] == [sky]
+
+
+def test_a_sky_of_three_words_is_refused(tmp_path):
+    code, _, err = taubench("truth", "render", DEMO, "--out", tmp_path / "o", "--sky", "0.1", "0.2", "0.3")
+    assert code == 2 and "unexpected extra arguments (0.2 0.3)" in err and not (tmp_path / "o").exists()

@@ -13,7 +13,7 @@ import pytest
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.report import FORMATS, Column, Row, Table, paper_tables
 from taubench_gl.report.render import MIN_WIDTH, format_value
-from taubench_gl.report.tables import paper_numbers
+from taubench_gl.report.tables import paper_numbers, run_labels
 
 # Typed off the paper's Tables 1 to 4 by hand, one row of each: a slip in paper.json must not pass.
 PAPER_ROWS = {
@@ -122,7 +122,25 @@ def test_runs_side_by_side_are_told_apart(summary):
     table = paper_tables([summary, other], paper=False)[3]
     labels = [row.label for row in table.rows]
     assert len(set(labels)) == 4
-    assert any(note.startswith("walk [1] | 50 %_x #2: 99x20") for note in table.notes)
+    assert any(note.startswith("walk [1] | 50 %_x (size 99x20): 99x20") for note in table.notes)
+
+
+def test_runs_of_one_scene_are_named_by_the_settings_that_differ(summary):
+    """Thresholds in metres: another unit scale alone is no other position threshold.  Nothing differs: numbers."""
+    runs = [copy.deepcopy(summary) for _ in range(3)]
+    for run in runs:
+        run["settings"]["unit_scale"] = 1.0
+    runs[1]["settings"] |= {"fps": 60.0, "unit_scale": 100.0, "last_frame": 7}
+    runs[1]["settings"]["thresholds"]["normal"] = 0.05
+    runs[1]["settings"]["thresholds"]["position"] *= 100.0
+    runs[1]["camera"]["source"] = "camera 'Top' (node 'eye')"
+    name = summary["scene"]["name"]
+    first = f"{name} (frames 0:13, normal threshold 0.12549, fps 24, unit scale 1, camera framing orbit)"
+    second = f"{name} (frames 0:8, normal threshold 0.05, fps 60, unit scale 100, camera 'Top')"
+    assert run_labels(runs[:2]) == [first, second]
+    assert run_labels(runs) == [f"{first} #1", second, f"{first} #2"]
+    runs[1]["scene"]["name"] = "other"
+    assert run_labels(runs) == [f"{name} #1", "other", f"{name} #2"]
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def situation_of(pairs: int = 10, **settings: Any) -> Situation:
 
 
 class ModelClock:
-    """Seconds of a machine on which a frame takes 20 ms times its share of pixels and its samples, give or take 1 %.
+    """Seconds of a machine on which a frame takes 400 ms times its share of pixels and its samples, give or take 1 %.
 
     ``listen`` hears which setting is in hand.  What a sampled run leaves out, the study takes off itself.  The same
     visit always takes the same time.
@@ -74,5 +74,5 @@ class ModelClock:
         if "round" in words or "try" in words:
             choice = dict(part.split("=") for part in name.split(", ") if "=" in part)
             samples = float(choice.get("samples_per_pixel", 16 if name == "best" else 1))
-            model = 20e-3 * float(choice.get("scale", 1.0)) ** 2 * samples
+            model = 400e-3 * float(choice.get("scale", 1.0)) ** 2 * samples
             self.step = model * random.Random(step.what).uniform(0.99, 1.01)

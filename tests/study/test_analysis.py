@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from study_tools import point
 
-from taubench_gl.settings import Settings
 from taubench_gl.study.analysis import ColumnError, choose, pareto_front, rises
 from taubench_gl.study.clock import Time, slower_by, time_of
-from taubench_gl.study.sessions import due_visits
 
 
 def names(points):
@@ -159,16 +157,6 @@ def test_rises_weighs_pairs():
     assert mean == pytest.approx(0.445) and mean > 2 * error
     mean, _ = rises(far, near, reference)
     assert mean < 0
-
-
-def test_visits_go_round_and_take_up_where_they_stopped():
-    from taubench_gl.study.plan import Setting
-
-    settings = [Setting(n, "one", {}, Settings()) for n in "abc"]
-    order = [(r, s.name) for r, s in due_visits(settings, 2, [])]
-    assert order == [(0, "a"), (0, "b"), (0, "c"), (1, "a"), (1, "b"), (1, "c")]
-    done = [{"setting": "a"}, {"setting": "b"}]
-    assert [(r, s.name) for r, s in due_visits(settings, 2, done)] == order[2:]
 
 
 def test_what_is_more_exact_but_not_surely_slower_is_named():

@@ -7,6 +7,7 @@ from study_tools import situation_of
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.study.laps import PASSES, ROUGH, Laps
 from taubench_gl.study.plan import make_plan
+from taubench_gl.study.rounds import SWEEPS
 from taubench_gl.study.search import Search
 
 MS = {"base": 20.0, "best": 320.0, "scale=0.5": 5.0, "samples_per_pixel=4": 80.0}
@@ -36,6 +37,7 @@ def visits(rounds, factor=1.0):
     return [
         {"kind": "time", "setting": n, "pass": 0, "round": r, "frame_ms": ms * (1.0 if n == "base" else factor**r)}
         for r in rounds
+        for _ in range(SWEEPS)
         for n, ms in MS.items()
     ]
 

@@ -64,7 +64,7 @@ MS = {"base": 20.0, "best": 50.0, "scale=0.5": 6.0, "storage=half": 15.0}
 class Clock:
     """Seconds, and a listener to what is measured: each reading takes what the setting in hand is said to take.
 
-    The machine gets 0.02 % slower with every reading; ``then``: factor on a setting once the study runs its choice
+    The machine gets 0.005 % slower with every reading; ``then``: factor on a setting once the study runs its choice
     again.
     """
 
@@ -73,7 +73,7 @@ class Clock:
 
     def __call__(self):
         self.seconds += self.step * self.pace
-        self.pace *= 1.0002
+        self.pace *= 1.00005
         return self.seconds
 
     def listen(self, step):

@@ -16,6 +16,7 @@ from taubench_gl.study import cost, load_preset, save_preset
 from taubench_gl.study.forecast import Forecast
 from taubench_gl.study.gaps import NOT_LOOKED_INTO, NOTHING, Gap
 from taubench_gl.study.knobs import KNOBS, pair_samples
+from taubench_gl.study.rounds import SWEEPS
 from taubench_gl.study.search import ATTEMPTS, GAPS_A_LAP, Search
 from taubench_gl.study.store import RECORDS_FILE
 
@@ -185,10 +186,10 @@ def test_the_search_fills_a_front(filled):
 def test_all_settings_of_a_filled_study_were_timed_in_turn(filled):
     out, studies = filled
     text = (out / "10" / RECORDS_FILE).read_text()
-    order = re.findall(r'"kind": "time", "setting": "([^"]*)", "pass": 1, "round": (\d+)', text)
-    settings = [name for name, r in order if r == "0"]
+    order = re.findall(r'"kind": "time", "setting": "([^"]*)", "pass": 1, "round": (\d+), "sweep": (\d+)', text)
+    settings = [name for name, *when in order if when == ["0", "0"]]
     assert len(settings) > len(studies[0].points), "what was found is among them"
-    assert order == [(name, str(r)) for r in range(4) for name in settings]
+    assert order == [(name, str(r), str(k)) for r in range(4) for k in range(SWEEPS) for name in settings]
     assert all(p.time.samples == 4 and p.features for p in studies[10].points)
 
 
