@@ -63,8 +63,8 @@ def cost(
     ``settings`` (and ``overrides``, fields of it) are the base that the knobs turn away from.  ``reference``: "best",
     all accuracy knobs at their best, or ``exr:DIR``, path-traced renders (``study.rungs``).  ``within`` points and
     ``budget_ms`` choose the preset, for ``choose_for`` (all columns).  ``repeats``: rounds, in which every setting
-    is timed in turn.  ``front``: settings wanted on the front of each of those columns and of their worst; until they are there, settings
-    between neighbours on the fronts are tried (``study.search``).  0: the declared ones alone.
+    is timed in turn.  ``front``: settings wanted on the front of each of those columns and of their worst; until they
+    are there, settings between neighbours on the fronts are tried (``study.search``).  0: the declared ones alone.
     ``knobs``: names of ``KNOBS`` (None: all of them) and ``method:NAME@setting=VALUES``, reuse methods judged by their
     pictures on each of ``method_inputs`` (``study.quality``).
     ``out`` holds the records: called again, the study goes on where it stopped; ``fresh`` starts anew.  ``check`` runs
