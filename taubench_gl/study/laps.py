@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -22,6 +23,7 @@ from taubench_gl.study.forecast import Forecast, Seen
 from taubench_gl.study.gaps import Gap, spread_of, told, worth_keeping
 from taubench_gl.study.knobs import KNOBS, pair_samples
 from taubench_gl.study.plan import BASE, Plan, Setting, setting_of
+from taubench_gl.study.points import points_of
 from taubench_gl.study.rounds import SWEEPS, rounds_of
 from taubench_gl.study.rungs import Ladder
 from taubench_gl.study.search import Proposal, Search
@@ -81,7 +83,8 @@ class Laps:
             return []
         seen = self.seen()
         attempts = Counter((m["front"], *m["gap"]) for line in lines for m in line["settings"])
-        found = self._search.bodies(seen, self.expected(seen), self._known(), attempts, self._margin())[:left]
+        search = replace(self._search, fronts=self._short())
+        found = search.bodies(seen, self.expected(seen), self._known(), attempts, self._margin())[:left]
         return self._noted("screen", "settings", found)
 
     def _noted(self, kind: str, key: str, found: Sequence[Proposal]) -> list[Setting]:
@@ -100,8 +103,17 @@ class Laps:
         left = self.wanted * TRIES - sum(len(lap["tries"]) for lap in self._since_the_pass("lap"))
         if left <= 0 or self._passes_used():
             return []
-        seen = self.seen()
-        return self._noted("lap", "tries", self._search.tries(seen, self.expected(seen), self._margin())[:left])
+        seen, search = self.seen(), replace(self._search, fronts=self._short())
+        return self._noted("lap", "tries", search.tries(seen, self.expected(seen), self._margin())[:left])
+
+    def _short(self) -> tuple[str, ...]:
+        """Fronts that want more: after a pass those that hold fewer than are wanted, by the rule of the study."""
+        if not self.passes:
+            return self._search.fronts
+        settings = [*self._plan.settings, *self.kept()]
+        settings = list({s.name: s for s in settings if s.role != "question"}.values())
+        points = points_of(settings, self._ladder, self._records.lines, self._reference, None, len(self.passes), "")
+        return tuple(f for f in self._search.fronts if len(pareto_front(points, self._fronts[f])) < self.wanted)
 
     def _interrupted_lap(self) -> list[str]:
         """Names of its settings; empty where every lap was finished.  Nothing is decided from half of its visits."""

@@ -23,14 +23,13 @@ from taubench_gl.study.analysis import (
     rises,
     worst_error,
 )
-from taubench_gl.study.clock import RULE, Time, slower_by, time_of
-from taubench_gl.study.column_errors import column_errors, curve_error
+from taubench_gl.study.clock import RULE, Time, slower_by
 from taubench_gl.study.knobs import KNOBS
 from taubench_gl.study.plan import BASE, BEST, Plan
+from taubench_gl.study.points import errors_of, points_of
 from taubench_gl.study.preset import save_preset
 from taubench_gl.study.promise import hold_against
 from taubench_gl.study.quality import MethodPoint, quality_json
-from taubench_gl.study.rounds import rounds_of
 from taubench_gl.study.rungs import Ladder
 
 COST_SCHEMA = "taubench-gl/cost/1"
@@ -197,27 +196,10 @@ def assemble(
 ) -> CostStudy:
     """Points out of records.  ``records``: lines of kind ``error``, ``features`` and ``time``; of the times the first
     ``repeats`` rounds of pass number ``passed`` count, which hold every setting in turn."""
-    errors = {r["setting"]: r for r in records if r["kind"] == "error"}
-    for record in records:
-        if record["kind"] == "features":
-            errors[record["setting"]] = errors[record["setting"]] | {"features": record["features"]}
-    times: dict[str, list[Mapping[str, Any]]] = {}
-    for record in rounds_of(r for r in records if r["kind"] == "time" and r["pass"] == passed):
-        times.setdefault(record["setting"], []).append(record)
-    reference_name = BEST if ladder is None else ladder.reference.name
-    reference = errors[reference_name]
+    errors = errors_of(records)
+    reference = errors[BEST if ladder is None else ladder.reference.name]
+    points = points_of(plan.settings, ladder, records, reference["setting"], repeats, passed, about["clock"])
     floor = reference.get("floor") or {}
-    points = [
-        _point(s, errors[s.name], times.get(s.name, [])[:repeats], reference, about["clock"]) for s in plan.settings
-    ]
-    for rung in () if ladder is None else ladder.rungs:
-        columns = column_errors(errors[rung.name], reference, same_pairs=True)
-        time = time_of(rung.frame_ms, in_turn=False) if rung.frame_ms else None
-        label = f"path-traced, {rung.samples} spp"
-        features = errors[rung.name].get("features") or {}
-        points.append(
-            Point(rung.name, label, "rung", {"spp": rung.samples}, columns, time, rung.clock, False, features)
-        )
     told = dict(about)
     loads = [r["load"] for r in records if r.get("load") is not None]
     told["load"] = float(np.median(loads)) if loads else None
@@ -238,27 +220,6 @@ def _floor(column: str, ladder: Ladder | None, floor: Mapping[str, float | None]
     if ladder.second is None:
         return {"points": None, "reason": "not known: no second render with as many samples and another seed"}
     return {"points": None, "reason": "not measured: geometry has no noise"}
-
-
-def _point(
-    setting: Any, record: Mapping[str, Any], visits: Sequence[Mapping[str, Any]], reference: Any, clock: str
-) -> Point:
-    names = sorted({name for v in visits for name in v["passes"]})
-    passes = {n: float(np.median([v["passes"].get(n, 0.0) for v in visits])) for n in names}
-    return Point(
-        setting.name,
-        setting.label,
-        setting.role,
-        setting.choice,
-        column_errors(record, reference, same_pairs=setting.role != "question"),
-        time_of([v["frame_ms"] for v in visits]) if visits else None,
-        clock,
-        usable=not setting.twin,
-        features=record.get("features") or {},
-        curve=curve_error(record, reference),
-        passes=passes,
-        bytes=record.get("bytes"),
-    )
 
 
 def _sanities(plan: Plan, ladder: Ladder | None, errors: Mapping[str, Any], reference: Any) -> list[Sanity]:

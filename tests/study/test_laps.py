@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from study_tools import situation_of
 
 from taubench_gl.conventions import COLUMNS
@@ -30,12 +32,14 @@ class Lines:
 def error(name):
     columns = {c: {"percent": None, "reason": "not asked for"} for c in COLUMNS}
     percent = 10.0 + OFF[name]
-    return {"kind": "error", "setting": name, "columns": columns | {"direct": {"percent": percent, "pairs": {}}}}
+    told = {"columns": columns | {"direct": {"percent": percent, "pairs": {}}}, "curves": {}}
+    return {"kind": "error", "setting": name} | told
 
 
 def visits(rounds, factor=1.0):
     return [
-        {"kind": "time", "setting": n, "pass": 0, "round": r, "frame_ms": ms * (1.0 if n == "base" else factor**r)}
+        {"kind": "time", "setting": n, "pass": 0, "round": r, "passes": {}}
+        | {"frame_ms": ms * (1.0 if n == "base" else factor**r)}
         for r in rounds
         for _ in range(SWEEPS)
         for n, ms in MS.items()
@@ -45,6 +49,7 @@ def visits(rounds, factor=1.0):
 def laps(records, fronts=("direct",), wanted=6):
     situation = situation_of(pairs=40)
     plan = make_plan(situation, ("scale", "samples_per_pixel"))
+    plan = replace(plan, settings=tuple(s for s in plan.settings if s.name in MS))
     best = plan.named("best").choice
     search = Search(situation, plan.knobs, fronts, wanted, dict.fromkeys(fronts, 1e-4), best)
     return Laps(search, plan, {f: ("direct",) for f in fronts}, records, "best", None)
@@ -68,6 +73,15 @@ def test_passes_are_used_up_for_the_fronts_that_were_asked_for():
     assert next_errors() == [], "asked for before"
     assert next_errors(wanted=7), "more are wanted"
     assert next_errors(fronts=("color",)), "another front"
+
+
+def test_after_a_pass_only_fronts_that_are_short_are_looked_into():
+    told = {"kind": "pass", "wanted": 4, "fronts": ["direct"], "kept": []}
+    records = Lines(*map(error, MS), *visits(range(ROUGH)), told, *[v | {"pass": 1} for v in visits(range(ROUGH))])
+    assert laps(records, wanted=4)._short() == (), "all four stand on it, by the rule"
+    assert laps(records, wanted=4).screen() == laps(records, wanted=4).lap() == []
+    assert laps(records, wanted=5)._short() == ("direct",)
+    assert laps(records, wanted=5).screen()
 
 
 def test_what_was_tried_and_not_kept_is_not_expected_again():
