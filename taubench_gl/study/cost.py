@@ -72,7 +72,9 @@ def cost(
     Raises TaubenchError.
     """
     base = replace(settings or Settings(), **overrides)
-    _check_wishes(within, budget_ms, choose_for, repeats, front)
+    if knobs is not None and not knobs:
+        raise SettingsError("no knob is given", hint=f"choose from {', '.join(KNOBS)}, method:NAME")
+    _check_wishes(within, budget_ms, choose_for, base.columns, repeats, front)
     dials, methods = quality.split_knobs(knobs)
     contest = quality.candidates(methods, method_inputs)
     out = Path(out)
@@ -203,7 +205,12 @@ def _processor() -> str:
 
 
 def _check_wishes(
-    within: float | None, budget_ms: float | None, columns: Sequence[str] | None, repeats: int, front: int
+    within: float | None,
+    budget_ms: float | None,
+    choose_for: Sequence[str] | None,
+    measured: Sequence[str],
+    repeats: int,
+    front: int,
 ) -> None:
     if within is not None and not within >= 0:
         raise SettingsError(f"within is {within}", hint="give points of at least 0")
@@ -215,6 +222,8 @@ def _check_wishes(
         raise SettingsError(
             f"front is {front}", hint="give the settings wanted on a front, 0 to measure declared ones alone"
         )
-    for column in columns or ():
+    for column in choose_for or ():
         if column not in COLUMNS:
             raise SettingsError(f"no column is named {column!r}", hint=f"choose from {', '.join(COLUMNS)}")
+        if column not in measured:
+            raise SettingsError(f"nothing can be chosen for {column}", hint="it is not among the columns to measure")

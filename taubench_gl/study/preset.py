@@ -46,9 +46,10 @@ def load_preset(path: str | Path) -> dict[str, Any]:
         raise SettingsError(
             f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}", where=str(path), hint=hint
         )
-    settings = values.get("settings", {})
+    settings = values.get("settings")
     if not isinstance(settings, dict):
-        raise SettingsError("settings is no table", where=str(path))
+        what = "has no table [settings]" if settings is None else "settings is no table"
+        raise SettingsError(what, where=str(path), hint="'taubench-gl cost --within' writes presets")
     known = {f.name for f in dataclasses.fields(Settings)} - set(_NOT_IN_PRESETS)
     for name in settings:
         if name not in known:

@@ -139,6 +139,8 @@ def test_evaluate_takes_the_preset_and_what_is_said_beside_it_wins(demo, tmp_pat
     [
         ("width = 3", "schema"),
         ("schema = [", "is not TOML"),
+        ('schema = "taubench-gl/preset/1"\n[setting]\nwidth = 48', "has no table"),
+        ('schema = "taubench-gl/preset/1"\nsettings = 3', "is no table"),
         ('schema = "taubench-gl/preset/1"\n[settings]\nspeed = 3', "no setting is named 'speed'"),
         ('schema = "taubench-gl/preset/1"\n[settings]\nwidth = "wide"', "wrong type"),
         ('schema = "taubench-gl/preset/1"\n[settings]\nstorage = "tiny"', "storage is 'tiny'"),
@@ -233,6 +235,8 @@ def test_records_refuse_another_machine(tmp_path):
         ({"budget_ms": 0.0}, "budget is 0.0 ms"),
         ({"repeats": 0}, "repeats is 0"),
         ({"choose_for": ("beauty",)}, "no column is named"),
+        ({"choose_for": ("color",)}, "nothing can be chosen for color"),
+        ({"knobs": ()}, "no knob is given"),
         ({"frames": (0, 1)}, "no pair of frames"),
         ({"knobs": ("light_error",)}, "no knob changes anything here"),
     ],
