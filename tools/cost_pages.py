@@ -8,9 +8,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.conventions import COLUMNS
 from taubench_gl.report.study_grid import Grid, ms_text, ratio_text
 from taubench_gl.report.study_tables import front_errors, grids, heading, spoken, worst_of
+from taubench_gl.study.result import ALL
 from taubench_gl.study.rounds import SWEEPS
+from taubench_gl.study.search import FRONT
 
 STUDIES = ("cesiumman", "fox", "truck", "lamp", "sponza", "demo", "ladder")
 INTRODUCTION = """# What accuracy costs: measured
@@ -23,12 +26,10 @@ between settings, which are taken round by round, bear that better than the mill
 
 def main() -> int:
     out, docs = Path(sys.argv[1]), Path(sys.argv[2])
-    parts = [INTRODUCTION]
-    for name in STUDIES:
-        file = out / name / "study.json"
-        if not file.is_file():
-            continue
-        study = json.loads(file.read_text(encoding="utf-8"))
+    files = {name: out / name / "study.json" for name in STUDIES}
+    studies = {n: json.loads(f.read_text(encoding="utf-8")) for n, f in files.items() if f.is_file()}
+    parts = [INTRODUCTION, fullness(studies)]
+    for name, study in studies.items():
         parts.append(section(name, study, bool(study["quality"])))
         copy(out / name / "fronts.png", docs / "pictures" / f"cost-{name}.png")
         if study["quality"]:
@@ -37,17 +38,33 @@ def main() -> int:
     return 0
 
 
+def fullness(studies: dict[str, Any]) -> str:
+    """How many settings stand on every front."""
+    rows = []
+    for name, study in studies.items():
+        counts = {front: len(found) for front, found in study["fronts"].items()}
+        cells = [str(counts.get(column, "")) for column in (*COLUMNS, ALL)]
+        rows.append((name, str(settings_of(study)), *cells))
+    heads = ("settings on the front", "measured", *COLUMNS, "worst of them")
+    words = f"Of the settings that are measured so many stand on each front; {FRONT} were wanted where nothing else is said."
+    return "\n".join([words, "", *table(Grid("fronts", heads, tuple(rows)))])
+
+
+def settings_of(study: dict[str, Any]) -> int:
+    """How many settings were measured and timed, questions aside."""
+    return sum(p["role"] != "question" and p["ms"] is not None for p in study["points"])
+
+
 def section(name: str, study: dict[str, Any], methods: bool) -> str:
     """Provenance, figure, fronts and words.  Of a path-traced reference the folder's own name alone is told."""
     if study["reference"].get("path"):
         study["reference"]["path"] = "exr:" + Path(study["reference"]["path"]).name
     title, *about = heading(study)
     commit, visits = study["provenance"]["git"] or "unknown", study["points"][0]["ms"]["samples"]
-    count = sum(p["role"] != "question" and p["ms"] is not None for p in study["points"])
     lines = [f"## {title.partition(': ')[2]}", "", f"![fronts of {name}](pictures/cost-{name}.png)", ""]
     lines += [f"- {cell(line)}" for line in about]
     lines += [
-        f"- {count} settings, {visits} rounds of {SWEEPS} visits each; commit {commit}",
+        f"- {settings_of(study)} settings, {visits} rounds of {SWEEPS} visits each; commit {commit}",
         "",
     ]
     for grid in fronts(study):

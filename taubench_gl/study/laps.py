@@ -35,8 +35,8 @@ ROUGH = 3
 BODIES, TRIES = 6, 8
 """For every setting that is wanted: how many errors are measured in all, how many settings are tried before a pass."""
 
-PASSES = 3
-"""Times that a study goes over all its settings with new ones among them: the later ones fill what noise left open."""
+PASSES = 2
+"""Times that a study goes over all its settings with new ones among them: the second fills what noise left open."""
 
 
 class Laps:
