@@ -46,7 +46,7 @@ def fullness(studies: dict[str, Any]) -> str:
         cells = [str(counts.get(column, "")) for column in (*COLUMNS, ALL)]
         rows.append((name, str(settings_of(study)), *cells))
     heads = ("settings on the front", "measured", *COLUMNS, "worst of them")
-    words = f"Of the settings that are measured so many stand on each front; {FRONT} were wanted where nothing else is said."
+    words = f"So many of the settings that were measured stand on each front; {FRONT} were wanted, of the demo 8."
     return "\n".join([words, "", *table(Grid("fronts", heads, tuple(rows)))])
 
 
