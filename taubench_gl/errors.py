@@ -6,6 +6,8 @@ only the command line (``apps.cli``) turns an error into an exit code (2) and on
 
 from __future__ import annotations
 
+import sys
+
 
 class TaubenchError(Exception):
     """Base of everything a user can cause.  ``str(error)`` is one line, fit to be printed as it is."""
@@ -54,3 +56,8 @@ def _one_line(text: str) -> str:
     """
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def note_renamed(old: str, new: str) -> None:
+    """Print one line on standard error: the user gave ``old``, a name of the last release, instead of ``new``."""
+    print(f"taubench-gl: {old} is now {new}", file=sys.stderr)

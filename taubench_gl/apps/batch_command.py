@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.option_types import OutPath
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from taubench_gl.batch.study import Study
 
 
-class _RunByDefault(click.Group):
+class _RunByDefault(Group):
     """``batch STUDY.toml`` is ``batch run STUDY.toml``."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

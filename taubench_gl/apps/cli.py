@@ -15,6 +15,7 @@ import click
 
 from taubench_gl import __version__
 from taubench_gl.apps.agree_command import agree
+from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.batch_command import batch
 from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.completion_command import completion
@@ -41,6 +42,7 @@ _REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 @click.group(
+    cls=Group,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
 Examples:

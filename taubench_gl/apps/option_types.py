@@ -1,11 +1,14 @@
-"""What options hold: sizes, ranges of frames, thresholds, colours, lists of words."""
+"""What options hold: sizes, ranges of frames, thresholds, colors, lists of words."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
+
+from taubench_gl.apps.aliases import current_value
 
 
 class Size(click.ParamType):
@@ -57,7 +60,7 @@ class Threshold(click.ParamType):
 
 
 class Color(click.ParamType):
-    """``R,G,B``, or one number for a grey -> (r, g, b) floats; the range is checked by Settings."""
+    """``R,G,B``, or one number for a gray -> (r, g, b) floats; the range is checked by Settings."""
 
     name = "R,G,B"
 
@@ -86,17 +89,22 @@ class OutPath(click.Path):
 
 
 class Words(click.ParamType):
-    """A comma-separated choice of ``words`` -> tuple, in the order given, each once; none only where ``none`` is."""
+    """A comma-separated choice of ``words`` -> tuple, in the order given, each once.
+
+    ``none`` allows an empty list.  ``former`` maps former words to current ones.
+    """
 
     name = "LIST"
 
-    def __init__(self, *words: str, verb: str = "save", none: bool = True):
+    def __init__(self, *words: str, verb: str = "save", none: bool = True, former: Mapping[str, str] | None = None):
         self.words, self.verb, self.none = words, verb, none
+        self.former = dict(former or {})
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        chosen = tuple(dict.fromkeys(word.strip() for word in value.split(",") if word.strip()))
+        given = (word.strip() for word in value.split(",") if word.strip())
+        chosen = tuple(dict.fromkeys(current_value(word, self.former, param) for word in given))
         unknown = [word for word in chosen if word not in self.words]
         if unknown:
             self.fail(f"cannot {self.verb} {', '.join(unknown)}; choose from {', '.join(self.words)}", param, ctx)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import gpu_options
 from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
 
@@ -38,7 +39,7 @@ def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[
     return method.values(parsed)
 
 
-@click.group()
+@click.group(cls=Group)
 def reuse() -> None:
     """Temporal reuse methods: those that come along and your own (docs/reuse.md)."""
 
