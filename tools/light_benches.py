@@ -154,7 +154,7 @@ def effects(gpu: Gpu, options: Options) -> Result:
     notes = []
     for path, chosen, columns in cases:
         scene = load_scene(path)
-        skipped = [name for name, effect in decide(scene, chosen).items() if not effect.on and name in FORCEABLE]
+        skipped = [name for name, effect in decide(scene, chosen).items() if not effect.enabled and name in FORCEABLE]
         for force in [*((name,) for name in skipped), tuple(skipped)]:
             if not force:
                 continue

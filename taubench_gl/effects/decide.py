@@ -22,7 +22,7 @@ from taubench_gl.settings import Settings
 class Effect:
     """One thing the renderer can simulate, whether it does, and why."""
 
-    on: bool
+    enabled: bool
     reason: str
 
 
@@ -38,7 +38,7 @@ def force(effects: dict[str, Effect], names: Iterable[str], why: str = "forced o
     """``effects`` with those of ``names`` on, each saying ``why`` besides what spoke against it."""
     out = dict(effects)
     for name in effects.keys() & set(names):
-        if not effects[name].on:
+        if not effects[name].enabled:
             out[name] = Effect(True, f"{why} ({effects[name].reason})")
     return out
 
@@ -58,7 +58,7 @@ def switch_off(effects: dict[str, Effect], names: Iterable[str]) -> dict[str, Ef
     out, waiting = dict(effects), [(name, "switched off") for name in names if name in effects]
     while waiting:
         name, why = waiting.pop()
-        if out[name].on:
+        if out[name].enabled:
             out[name] = Effect(False, why)
         waiting += [(below, f"{name} is switched off") for below in RESTS_ON.get(name, ())]
     return out
@@ -87,14 +87,14 @@ def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]
     for column in COLUMNS:
         if column not in settings.columns:
             out[column] = "not asked for"
-        elif column in effects and not effects[column].on:
+        elif column in effects and not effects[column].enabled:
             out[column] = effects[column].reason
     return out
 
 
 def as_summary(effects: dict[str, Effect]) -> dict[str, Any]:
     """The ``effects`` block of summary.json."""
-    return {name: {"on": e.on, "reason": e.reason} for name, e in effects.items()}
+    return {name: {"on": e.enabled, "reason": e.reason} for name, e in effects.items()}
 
 
 def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
@@ -152,10 +152,10 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column asks for it")
     shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)
     effects["glossy"] = Effect(
-        effects["direct"].on and shiny > 0,
+        effects["direct"].enabled and shiny > 0,
         _count(shiny, "primitive has a glossy lobe", "primitives have a glossy lobe") if lit else source,
     )
-    if not effects["direct"].on or not kinds:
+    if not effects["direct"].enabled or not kinds:
         shadows = Effect(False, "nothing casts them")
     elif settings.shadow_lights == 0:
         shadows = Effect(False, "no light may have shadows (--shadow-lights 0)")
@@ -165,7 +165,7 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     effects["shadows"] = shadows
     many = len(kinds) > MANY_LIGHTS
     effects["light_culling"] = Effect(
-        many and effects["direct"].on, f"{len(kinds)} lights, lists pay above {MANY_LIGHTS}"
+        many and effects["direct"].enabled, f"{len(kinds)} lights, lists pay above {MANY_LIGHTS}"
     )
     effects["indirect"] = _indirect(effects["shadows"], settings)
     effects["emission"] = Effect(
@@ -184,14 +184,14 @@ def _indirect(shadows: Effect, settings: Settings) -> Effect:
         return Effect(False, "no column asks for it")
     if settings.indirect == "none":
         return Effect(False, "indirect light was switched off (--indirect none)")
-    if not shadows.on:
+    if not shadows.enabled:
         return Effect(False, "no light with a shadow map to start from")
-    rung = indirect_rung(settings)
+    rung = indirect_method(settings)
     ignores = "no occlusion between surfaces, one bounce" if rung == "rsm" else "coarse occlusion, four bounces"
     return Effect(True, f"light bounces: rung {rung} ({ignores})")
 
 
-def indirect_rung(settings: Settings) -> str:
+def indirect_method(settings: Settings) -> str:
     """The rung that ``auto`` stands for: the best."""
     return "probes" if settings.indirect == "auto" else settings.indirect
 

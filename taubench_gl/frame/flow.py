@@ -56,21 +56,21 @@ def light_flow(effects: Mapping[str, Effect], extra: Iterable[str] = ()) -> tupl
     Light drawn at random (``frame.shading``) has one pass in the place of ``direct`` and ``indirect``.
     """
     out = []
-    if effects["direct"].on:
+    if effects["direct"].enabled:
         lobes = LOBES if set(LOBES) & set(extra) else ()  # one shader writes both
         out.append(PassFlow("direct", reads=SURFACE, writes=("direct", *lobes)))
-    if effects["indirect"].on:
+    if effects["indirect"].enabled:
         out.append(PassFlow("indirect", reads=CHANNEL_NAMES, writes=("indirect",)))
-    if effects["color"].on:
-        sums = tuple(name for name in SUMMED if effects[name].on)
+    if effects["color"].enabled:
+        sums = tuple(name for name in SUMMED if effects[name].enabled)
         out.append(PassFlow("color", reads=("position", *sums), writes=("color",)))
     return tuple(out)
 
 
 def _masks(effects: Mapping[str, Effect]) -> PassFlow:
-    radiance = tuple(name for name in RADIANCE if effects[name].on)
+    radiance = tuple(name for name in RADIANCE if effects[name].enabled)
     own = (("prev_position", "previous_pose"), ("ids", "cuts"))
-    reads = tuple(channel for channel, effect in own if effects[effect].on)
+    reads = tuple(channel for channel, effect in own if effects[effect].enabled)
     both = ("position", "normal", *radiance)
     return PassFlow("masks", reads=(*both, *reads), history=both)
 

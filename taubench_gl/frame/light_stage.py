@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from taubench_gl.animation import bounding_box, bounding_sphere
-from taubench_gl.effects.decide import Effect, indirect_rung
+from taubench_gl.effects.decide import Effect, indirect_method
 from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.flow import SUMMED
 from taubench_gl.frame.lights import LightTable
@@ -49,7 +49,7 @@ class LightStage:
         center, radius = bounding_sphere(renderer.poser, times)
         self._shadow = None
         self.left_out = 0
-        if effects["shadows"].on and len(self.table):
+        if effects["shadows"].enabled and len(self.table):
             ranked = significant_lights(scene, renderer.poser, renderer.camera, times)
             chosen = sorted(ranked[: settings.shadow_lights])
             self.left_out = len(self.table) - len(chosen)
@@ -66,10 +66,10 @@ class LightStage:
             self._casters = Casters(len(renderer.draws))
             self._bounds = DrawBounds(scene, renderer.draws)
         split = "direct_diffuse" in renderer.history.current.textures
-        on = frozenset(name for name, effect in effects.items() if effect.on)
+        on = frozenset(name for name, effect in effects.items() if effect.enabled)
         direct = (gpu, renderer.shaders, renderer.size, len(self.table), settings, on)
         self.lighting = None
-        if effects["direct"].on and not shading.stochastic:
+        if effects["direct"].enabled and not shading.stochastic:
             maps = ({}, 0) if self._shadow is None else (self._shadow.first_faces, len(self._shadow.rows))
             self.lighting = LightingPass(
                 *direct,
@@ -78,9 +78,9 @@ class LightStage:
                 listing=list_lights(self.table.kinds, *maps),
             )
         self.indirect = None
-        if effects["indirect"].on:
+        if effects["indirect"].enabled:
             box = bounding_box(renderer.poser, times)
-            rung = dataclasses.replace(settings, indirect=indirect_rung(settings))
+            rung = dataclasses.replace(settings, indirect=indirect_method(settings))
             self.indirect = IndirectPass(
                 gpu,
                 renderer.shaders,
@@ -97,15 +97,15 @@ class LightStage:
                 draws=renderer.draws,
             )
         self._stochastic = None
-        if effects["direct"].on and shading.stochastic:
+        if effects["direct"].enabled and shading.stochastic:
             self._stochastic = StochasticPass(
                 *direct,
                 shading,
                 indirect=self.indirect is not None,
             )
         self._color = None
-        if effects["color"].on and shading.exact:
-            inputs = tuple(n for n in SUMMED if effects[n].on)
+        if effects["color"].enabled and shading.exact:
+            inputs = tuple(n for n in SUMMED if effects[n].enabled)
             self._color = ColorPass(gpu, renderer.shaders, renderer.size, settings, inputs)
 
     def run(self, frame: int = 0) -> None:

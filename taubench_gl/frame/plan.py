@@ -14,7 +14,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, bounding_box, choose_camera
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
-from taubench_gl.effects.decide import Effect, decide, indirect_rung
+from taubench_gl.effects.decide import Effect, decide, indirect_method
 from taubench_gl.frame.flow import SUMMED, channels_of, frame_flow
 from taubench_gl.frame.indirect_layout import CHANNEL_NAMES, indirect_bytes
 from taubench_gl.frame.material_slots import SRGB_SLOTS, has_plain_uv, tests_alpha, texture_of, wanted_slots
@@ -101,10 +101,10 @@ class FramePlan:
         on, or would have besides if it were.  Values fit for JSON."""
         out = {}
         for name, effect in self.effects.items():
-            with_it, without = (self.needs(self.effects | {name: replace(effect, on=on)}) for on in (True, False))
+            with_it, without = (self.needs(self.effects | {name: replace(effect, enabled=on)}) for on in (True, False))
             adds = with_it.beyond(without)
             out[name] = {
-                "on": effect.on,
+                "on": effect.enabled,
                 "reason": effect.reason,
                 "passes": list(adds.passes),
                 "textures": sorted(adds.memory),
@@ -114,14 +114,14 @@ class FramePlan:
         return out
 
     def needs(self, effects: Mapping[str, Effect]) -> Needs:
-        on = {name for name, effect in effects.items() if effect.on}
+        on = {name for name, effect in effects.items() if effect.enabled}
         if "direct" not in on:  # whatever rests on it falls with it
             on -= {"shadows", "light_culling", "indirect", "sky", "glossy"}
         if not len(self.scene.light_nodes):
             on -= {"shadows", "light_culling", "indirect"}
         if "shadows" not in on:
             on.discard("indirect")
-        channels = frame_channels({name: replace(effect, on=name in on) for name, effect in effects.items()})
+        channels = frame_channels({name: replace(effect, enabled=name in on) for name, effect in effects.items()})
         passes, shaders = ["gbuffer", "masks"], {"masks/masks.comp.glsl"}
         memory = {name: 2 * self._channel_bytes(name) for name in channels} | {"depth": 4 * self._pixels}
         memory |= self._images(on, channels)
@@ -169,7 +169,7 @@ class FramePlan:
             width, height = pack(faces)[1]
             memory["shadow atlas"] = 4 * width * height
         if "indirect" in on:
-            rung = indirect_rung(settings)
+            rung = indirect_method(settings)
             passes.append("indirect")
             shaders |= self._geometry_shaders("gbuffer", on, CHANNEL_NAMES)
             shaders |= {"indirect/vpl.comp.glsl", "indirect/apply.comp.glsl"}

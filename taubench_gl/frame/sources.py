@@ -83,9 +83,9 @@ class RasterSource:
         self._fps = settings.fps
         self.effects = switch_off(force_on(decide(scene, settings), force), without)
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
-        self.reprojection = settings.reprojection if self.effects["previous_pose"].on else "camera"
+        self.reprojection = settings.reprojection if self.effects["previous_pose"].enabled else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
-        self.cuts = self.effects["cuts"].on
+        self.cuts = self.effects["cuts"].enabled
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
         channels = frame_channels(self.effects, extra)
         timer = timer or PassTimer(gpu, enabled=False)
@@ -98,7 +98,7 @@ class RasterSource:
             culling=settings.culling,
             textures=settings.textures,
             storage=settings.storage,
-            normal_maps=self.effects["normal_maps"].on,
+            normal_maps=self.effects["normal_maps"].enabled,
             timer=timer,
             poser=poser,
         )

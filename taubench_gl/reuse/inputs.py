@@ -178,4 +178,4 @@ def light_settings(settings: Settings, kind: InputKind) -> Settings:
 
 def lit_channels(source: RasterSource) -> tuple[str, ...]:
     """Of LIGHT_CHANNELS, those that this source's frames have."""
-    return tuple(c for c in LIGHT_CHANNELS if source.effects[c].on)
+    return tuple(c for c in LIGHT_CHANNELS if source.effects[c].enabled)

@@ -45,7 +45,7 @@ class Situation:
 
     def off(self, name: str) -> str | None:
         """Why effect ``name`` is off; None where it is on."""
-        return None if self.effects[name].on else self.effects[name].reason
+        return None if self.effects[name].enabled else self.effects[name].reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,7 +92,7 @@ class SceneFeed:
     @property
     def switchable(self) -> tuple[str, ...]:
         """Effects that are on, so that switching them off shows something."""
-        return tuple(n for n in SWITCHABLE if self._all[n].on)
+        return tuple(n for n in SWITCHABLE if self._all[n].enabled)
 
     def pictures(self) -> tuple[str, ...]:
         return pictures.of_scene(dict(self.effects))

@@ -232,7 +232,7 @@ class Panels:
                     s.effect = name
                     s.switch(name)
             else:
-                self._faint(f"{'on ' if effect.on else 'off'}  {label}")
+                self._faint(f"{'on ' if effect.enabled else 'off'}  {label}")
             if imgui.is_item_hovered():
                 imgui.set_tooltip(effect.reason)
 

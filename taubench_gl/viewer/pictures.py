@@ -59,7 +59,7 @@ LIGHT = {"color": "color", "direct": "direct", "indirect": "indirect", "direct_d
 
 def of_scene(effects: dict[str, Effect]) -> tuple[str, ...]:
     """Names of the pictures that a scene with these effects can give."""
-    return tuple(n for n in PICTURES if n not in LIGHT or effects[LIGHT[n]].on)
+    return tuple(n for n in PICTURES if n not in LIGHT or effects[LIGHT[n]].enabled)
 
 
 def of_channels(channels: tuple[str, ...]) -> tuple[str, ...]:

@@ -123,7 +123,7 @@ def test_every_frame_can_run(columns, effects, mode, data):
         flow = frame_flow(found, ("base_color",))
         assert faults_of(flow) == []
         assert [p.name for p in flow][:1] == ["gbuffer"] and flow[-1].name == "masks"
-        assert {p.name for p in light_flow(found)} == {n for n in ("direct", "indirect", "color") if found[n].on}
+        assert {p.name for p in light_flow(found)} == {n for n in ("direct", "indirect", "color") if found[n].enabled}
         assert "base_color" in flow[0].writes
 
 

@@ -158,7 +158,7 @@ def test_only_the_light_kinds_of_the_scene_are_compiled(gpu, kind):
     b.light(translation=(0, 0, 2), kind=kind)
     b.camera(translation=(0, 0, 3))
     with opened(gpu, b.build(), columns=("direct",)) as source:
-        on = {name for name, effect in source.effects.items() if effect.on}
+        on = {name for name, effect in source.effects.items() if effect.enabled}
     assert on == {f"{kind}_lights", "direct", "shadows"}  # Lambert: not even a glossy lobe
 
 

@@ -120,7 +120,7 @@ def test_culling_keeps_suns_and_spots(gpu):
             b.light(translation=(0.4, i - 2.0, 0.5), kind="point", intensity=0.3)
         b.camera(translation=(0.0, 0.0, 4.0))
         with opened(gpu, b.build(), effects=effects, light_error=0.0, **SIZE) as source:
-            assert source.effects["light_culling"].on == (effects == "all")
+            assert source.effects["light_culling"].enabled == (effects == "all")
             pictures.append(shoot(source).direct)
     assert pictures[0].max() > 0.1 and np.allclose(pictures[0], pictures[1], rtol=1e-5, atol=1e-7)
 

@@ -74,6 +74,6 @@ def test_frames_between_may_be_left_out(gpu, tmp_path, monkeypatch):
 
 def test_it_costs_nothing_where_nothing_is_replaced(gpu, tmp_path):
     scene = sequence(tmp_path, FACES[:1] * 3)
-    assert not scene.replacements and not decide(scene, SETTINGS)["cuts"].on
+    assert not scene.replacements and not decide(scene, SETTINGS)["cuts"].enabled
     run, seen = pairs_of(scene)
     assert all("ids" not in read for _, _, read in seen) and all(row["cut"] == 0 for row in run.frames)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import moderngl
 import numpy as np
@@ -13,8 +14,10 @@ from taubench_gl.conventions import FEATURES, HISTOGRAM_MANTISSA_BITS, Reason, h
 from taubench_gl.frame.passes.images import order_drawing
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct, column_major
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
+from taubench_gl.settings import Settings
 
 REPROJECTION = Struct(
     "Reprojection",
@@ -66,6 +69,15 @@ class Counts:
         """Counts of both together, exact: of several samples per pixel, say."""
         combos, histograms = (np.asarray(x, dtype=np.int64) for x in (self.combos, self.histograms))
         return Counts(combos + other.combos, histograms + other.histograms)
+
+
+class ComparedSource(Protocol):
+    """What of a source of frames (``frame.sources.Source``) decides how its pairs are compared."""
+
+    size: tuple[int, int]
+    reprojection: str  # camera | motion
+    radiance: tuple[str, ...]
+    cuts: bool
 
 
 class MaskPass:
@@ -120,6 +132,36 @@ class MaskPass:
         self._runs = 0
         self.mask = ctx.texture(size, 1, dtype="u4") if write_mask else None
         self.motion = ctx.texture(size, 2, dtype="f4") if write_motion else None
+
+    @classmethod
+    def for_source(
+        cls,
+        context: GpuContext,
+        source: ComparedSource,
+        settings: Settings,
+        *,
+        reprojection: str | None = None,
+        sampling: str | None = None,
+        radiance: tuple[str, ...] | None = None,
+        write_mask: bool = False,
+        write_motion: bool = False,
+    ) -> MaskPass:
+        """The mask pass of ``source`` with the metric of ``settings``.
+
+        ``reprojection``, ``sampling``, ``radiance``: None as the source and the settings have them.
+        """
+        return cls(
+            context.gpu,
+            context.shaders,
+            source.size,
+            reprojection=source.reprojection if reprojection is None else reprojection,
+            sampling=settings.sampling if sampling is None else sampling,
+            radiance=source.radiance if radiance is None else radiance,
+            cuts=source.cuts,
+            write_mask=write_mask,
+            write_motion=write_motion,
+            histogram_bits=settings.histogram_bits,
+        )
 
     def run(
         self,
