@@ -27,7 +27,7 @@ LAYERS: tuple[set[str], ...] = (
     {"evaluation_truth", "agreement"},
     {"api"},
     {"reuse", "selftest", "datasets", "export", "batch"},
-    {"study"},
+    {"cost"},
     {"demos"},
     {"viewer"},
     {"apps"},

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.cost.result import ALL
+from taubench_gl.cost.rounds import SWEEPS
 from taubench_gl.report.study_grid import Grid, ms_text, ratio_text
 from taubench_gl.report.study_tables import front_errors, grids, heading, spoken, worst_of
-from taubench_gl.study.result import ALL
-from taubench_gl.study.rounds import SWEEPS
-from taubench_gl.study.search import FRONT
 
 STUDIES = ("cesiumman", "fox", "truck", "lamp", "sponza", "demo", "ladder")
 INTRODUCTION = """# What accuracy costs: measured
@@ -46,7 +45,7 @@ def fullness(studies: dict[str, Any]) -> str:
         cells = [str(counts.get(column, "")) for column in (*COLUMNS, ALL)]
         rows.append((name, str(settings_of(study)), *cells))
     heads = ("settings on the front", "measured", *COLUMNS, "worst of them")
-    words = f"So many of the settings that were measured stand on each front; {FRONT} were wanted, of the demo 8."
+    words = "So many of the settings that were measured stand on each front."
     return "\n".join([words, "", *table(Grid("fronts", heads, tuple(rows)))])
 
 

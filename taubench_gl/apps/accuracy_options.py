@@ -45,7 +45,7 @@ def with_preset(options: dict[str, Any], preset: Path | None) -> dict[str, Any]:
     """``options`` of the running command with those of ``preset`` where the user gave none.  Raises SettingsError."""
     if preset is None:
         return options
-    from taubench_gl.study.preset import load_preset
+    from taubench_gl.cost.preset import load_preset
 
     values = load_preset(preset)
     asked = given_options(("size", *values))

@@ -18,7 +18,7 @@ from taubench_gl.errors import TaubenchError
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
-    from taubench_gl.study.job import Step
+    from taubench_gl.cost.job import Step
 
 
 @click.command(
@@ -67,15 +67,7 @@ DIR holds study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html
 @click.option(
     "--repeats", type=int, default=5, show_default=True, help="Rounds in which every setting is timed, in turn."
 )
-@click.option(
-    "--front",
-    type=int,
-    metavar="N",
-    default=12,
-    show_default=True,
-    help="Settings wanted on the front of each column of --for, and on that of their worst: until they are there, more "
-    "are tried between neighbours.  0: none.",
-)
+@click.option("--front", type=int, hidden=True, expose_value=False, callback=lambda c, p, v: _no_search(v))
 @click.option("--fresh", is_flag=True, help="Forget what an earlier study measured in DIR.")
 @click.option("--list-knobs", is_flag=True, is_eager=True, expose_value=False, callback=lambda c, p, v: _list(c, v),
               help="Print the dials and end.")  # fmt: skip
@@ -89,11 +81,9 @@ def cost(scenes: tuple[str, ...], out: Path, knobs: str | None, **options: Any) 
 
     The options below describe the base; each dial is turned away from it, one at a time and in declared combinations.
     Errors are in points, percent of w x h, against the reference.  Times are taken in turn, A B C A B C, after a
-    warm-up; what is within the spread is called no difference.  Then errors of settings between neighbours on the
-    fronts are measured; what is expected to stand there is tried, and what holds is timed in turn with all others,
-    anew.  Several scenes get one folder each inside DIR.
+    warm-up; what is within the spread is called no difference.  Several scenes get one folder each inside DIR.
     """
-    wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "front", "fresh")}
+    wishes = {name: options.pop(name) for name in ("reference", "within", "budget_ms", "repeats", "fresh")}
     wishes["choose_for"] = options.pop("wished") or None
     wishes["knobs"] = None if knobs is None else _listed(knobs)
     wishes["method_inputs"] = _listed(options.pop("method_inputs"))
@@ -115,8 +105,8 @@ def _listed(text: str) -> list[str]:
 
 
 def _one(scene: str, settings: Settings, folder: Path, wishes: dict[str, Any]) -> None:
+    from taubench_gl.cost.study import cost as run_study
     from taubench_gl.report.study_tables import study_text
-    from taubench_gl.study.cost import cost as run_study
 
     try:
         study = run_study(scene, settings, out=folder, progress=_Said(Path(scene).name), **wishes)
@@ -128,10 +118,15 @@ def _one(scene: str, settings: Settings, folder: Path, wishes: dict[str, Any]) -
     click.echo(f"written to {folder}{os.sep}")
 
 
+def _no_search(front: int | None) -> None:
+    if front is not None:
+        click.echo("taubench-gl: --front has no effect: the declared configurations alone are measured", err=True)
+
+
 def _list(context: click.Context, wanted: bool) -> None:
     if not wanted or context.resilient_parsing:
         return
-    from taubench_gl.study.knobs import KNOBS
+    from taubench_gl.cost.parameters import KNOBS
 
     for knob in KNOBS.values():
         values = ", ".join(map(str, knob.values))

@@ -13,9 +13,9 @@ from taubench_gl.report.study_tables import worst_of
 
 Study = Mapping[str, Any]
 
-MARKERS = {"base": "s", "best": "*", "one": "o", "combined": "^", "between": "v", "rung": "D"}
+MARKERS = {"base": "s", "best": "*", "one": "o", "combined": "^", "rung": "D"}
 NAMES = {"base": "as asked", "best": "all at their best", "one": "one dial turned", "combined": "several dials",
-         "between": "found between neighbours", "rung": "path-traced"}  # fmt: skip
+         "rung": "path-traced"}  # fmt: skip
 WORST_COLOR = "#9e9e9e"
 
 

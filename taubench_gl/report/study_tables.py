@@ -101,7 +101,6 @@ def _front(study: Study, points: Mapping[str, Any], name: str) -> Grid:
     else:
         title = f"Front of the {worst_of(study, name)}: {count} settings measured"
     notes = ["of a sample (±) the error is at least the half width of its 95 % interval"]
-    notes += [] if study["search"] is None else [f"on the front: {study['search']['fronts'][name]}"]
     return Grid(title, ("setting", "error, points", "ms/frame", "against the base"), tuple(rows), tuple(notes))
 
 
@@ -171,13 +170,6 @@ def spoken(study: Study) -> list[str]:
     if study["quality"] is not None:
         lines.append("Reuse methods, by their pictures (another quantity than the columns):")
         lines += [f"  {words}" for words in study["quality"]["recommendations"]]
-    search = study["search"]
-    if search is not None:
-        lines.append(
-            f"Fronts (settings between neighbours of which the errors were known: {search['known']}, after "
-            f"{search['screened']} runs more; tried: {len(search['tried'])}; timed with all others: {search['kept']}):"
-        )
-        lines += [f"  {name}: {words}" for name, words in search["fronts"].items()]
     check = study["check"]
     if check is not None:
         errors = ", ".join(f"{c} {e:.3g}" for c, e in check["errors"].items())
@@ -194,7 +186,6 @@ def spoken(study: Study) -> list[str]:
     lines.append(f"more exact dials give smaller errors, within noise: {held} of {len(study['sanity'])} series")
     for s in faults:
         lines.append(f"  not {s['knob']} for {s['column']}: {s['words']}")
-        lines += [f"    {s['explanation']}"] if s["explanation"] else []
     if study["skipped"]:
         lines.append("not measured, as it changes nothing here or cannot be had:")
         lines += [f"  {name}: {reason}" for name, reason in study["skipped"].items()]

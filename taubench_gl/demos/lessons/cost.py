@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
+from taubench_gl.cost.analysis import Point
+from taubench_gl.cost.study import cost
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
 from taubench_gl.demos.lessons.feature_scenes import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Stage
 from taubench_gl.scene.model import Scene
-from taubench_gl.study.analysis import Point
-from taubench_gl.study.cost import cost
 
 Array = np.ndarray
 Size = tuple[int, int]
@@ -115,7 +115,7 @@ def measured(stage: Stage) -> list[Point]:
     """The study itself: every setting of KNOBS, its mean percentage and its time."""
     settings = stage.settings(fps=FPS, columns=("frustum", "position"))
     with tempfile.TemporaryDirectory() as folder:
-        return cost(scene(), settings, out=folder, knobs=KNOBS, repeats=REPEATS, front=0, check=False).points
+        return cost(scene(), settings, out=folder, knobs=KNOBS, repeats=REPEATS, check=False).points
 
 
 def percent(points: list[Point], name: str) -> float:

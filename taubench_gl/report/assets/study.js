@@ -5,8 +5,8 @@ const plot = document.getElementById("plot"), told = document.getElementById("to
 const chooser = document.getElementById("column"), roles = document.getElementById("roles");
 const LEFT = 76, RIGHT = 20, TOP = 16, BOTTOM = 52;
 let W = 1000, H = 520;  // CSS pixels, as wide as the page has room: letters stay readable on a phone
-const SHAPES = { base: "square", best: "star", one: "circle", combined: "triangle", between: "wedge", rung: "diamond", method: "circle" };
-const NAMES = { base: "as asked", best: "all at their best", one: "one dial turned", combined: "several dials", between: "found between neighbours", rung: "path-traced", method: "reuse method" };
+const SHAPES = { base: "square", best: "star", one: "circle", combined: "triangle", rung: "diamond", method: "circle" };
+const NAMES = { base: "as asked", best: "all at their best", one: "one dial turned", combined: "several dials", rung: "path-traced", method: "reuse method" };
 
 function element(name, attributes, parent, text) {
   const made = document.createElementNS("http://www.w3.org/2000/svg", name);

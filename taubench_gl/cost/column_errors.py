@@ -1,0 +1,98 @@
+"""How far the columns of one run are from the reference's, and what a sample of a full run's pairs would have said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.cost.analysis import ColumnError
+from taubench_gl.metrics.histogram import discarded_above, edges
+from taubench_gl.metrics.pair_sample import PairSample, draw_sample, estimate, half_width_of_draws
+from taubench_gl.settings import scheme_of
+
+Record = Mapping[str, Any]
+"""A line of kind ``error``: per column its mean and every pair's percentage."""
+
+
+def column_errors(record: Record, reference: Record, same_pairs: bool) -> dict[str, ColumnError]:
+    """What every column of ``record`` is off by.  ``same_pairs``: pair by pair, too.
+
+    A sample's half width is the larger of what its own pairs say and of what all pairs of the reference say of such
+    samples: of many samples one would seem exact because the pairs it drew happen to be alike.
+    """
+    out = {}
+    for column in COLUMNS:
+        here, there = record["columns"][column], reference["columns"][column]
+        if here["percent"] is None or there["percent"] is None:
+            why = here.get("reason") or f"the reference lacks it: {there.get('reason')}"
+            out[column] = ColumnError(here["percent"], reason=why)
+            continue
+        common = here["pairs"].keys() & there["pairs"].keys() if same_pairs else ()
+        apart = [abs(here["pairs"][f] - there["pairs"][f]) for f in sorted(common)]
+        out[column] = ColumnError(
+            here["percent"],
+            here["percent"] - there["percent"],
+            _half_width(record, here, there, same_pairs),
+            math.fsum(apart) / len(apart) if apart else None,
+        )
+    return out
+
+
+def _half_width(record: Record, here: Mapping[str, Any], there: Mapping[str, Any], same_pairs: bool) -> float | None:
+    own = here.get("half_width")
+    if own is None or not same_pairs or "half_width" in there:
+        return own  # the reference is a sample too: of the pairs left out nothing is known
+    values = _in_order(there["pairs"])
+    return max(own, half_width_of_draws(sample_of(record["settings"]["pairs"], len(values)), values))
+
+
+def sampled(record: Record, pairs: str) -> dict[str, Any]:
+    """The record that a run with ``pairs`` (``Settings.pairs``) would have left: a full run's pairs tell it exactly."""
+    columns = {}
+    for column, entry in record["columns"].items():
+        if entry["percent"] is None:
+            columns[column] = entry
+            continue
+        frames, values = sorted(entry["pairs"], key=int), _in_order(entry["pairs"])
+        sample = sample_of(pairs, len(values))
+        drawn = list(sample.positions)
+        found = estimate(sample, values[drawn])
+        kept = {frames[p]: entry["pairs"][frames[p]] for p in drawn}
+        columns[column] = {"percent": found.mean, "pairs": kept, "half_width": found.half_width}
+    return {**record, "columns": columns, "settings": {**record["settings"], "pairs": pairs}}
+
+
+def sample_of(pairs: str, total: int) -> PairSample:
+    """The sample that ``Settings.pairs`` draws of ``total`` pairs."""
+    return draw_sample(total, *scheme_of(pairs))
+
+
+def _in_order(pairs: Mapping[str, float]) -> np.ndarray:
+    """Percentages by frame as (N,) float64, earliest pair first."""
+    return np.array([pairs[f] for f in sorted(pairs, key=int)], dtype=np.float64)
+
+
+def curve_error(record: Record, reference: Record) -> dict[str, float]:
+    """Per feature the largest error, in points, of a threshold read off the curve (linear between its edges).
+
+    Against the reference's own finer curve; empty where that is not finer.
+    """
+    out = {}
+    for feature in FEATURES:
+        here, there = (r["curves"].get(feature) for r in (record, reference))
+        if here is None or there is None or len(here["counts"]) >= len(there["counts"]):
+            continue
+        (x, y), (fine_x, fine_y) = _curve(here), _curve(there)
+        out[feature] = float(np.abs(np.interp(fine_x, x, y) - fine_y).max())
+    return out
+
+
+def _curve(curve: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Edges and percent of comparable pixels at or above each."""
+    bits = int(np.log2((len(curve["counts"]) - 2) / (len(edges(0)) - 1)))
+    share = 100.0 / max(curve["comparable"], 1)
+    return edges(bits), share * discarded_above(np.asarray(curve["counts"]))
