@@ -61,7 +61,7 @@ class MaskBench:
         return self.masks.read()
 
     def run_twin(self, pair: Reprojection, current: dict, history: dict) -> np.ndarray:
-        return pair_masks(current, history, pair, self.thresholds, reprojection=self.mode).combos()
+        return pair_masks(current, history, pair, self.thresholds, reprojection=self.mode).mask_histogram()
 
     def run_numba(self, pair: Reprojection, current: dict, history: dict) -> np.ndarray:
         from numba_masks import numba_masks

@@ -1,5 +1,5 @@
 // What every reuse method finds in place besides its own inputs: colour spaces, neighbourhood boxes, taps, kernels.
-// Twin   metrics.reuse_color, metrics.reuse_history, metrics.reuse_svgf
+// Reference  metrics.reuse_methods
 #include "common/numbers.glsl"
 
 const int NEAREST = 0, BILINEAR = 1, CATMULL_ROM = 2; // second argument of sample_<name>(at, filtering)

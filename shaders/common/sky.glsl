@@ -1,4 +1,4 @@
-// What a uniform sky gives a surface, from the table of directional albedos.   Twin: metrics.brdf.albedo_table
+// What a uniform sky gives a surface, from the table of directional albedos.   Twin: metrics.lighting.albedo_table
 #include "common/brdf.glsl"
 
 #if SKY && GLOSSY

@@ -6,7 +6,7 @@
 //
 // Reads    position normal base_color material.
 // Writes   tile_counts, tile_lists: rows of the light table, ascending.
-// Twin     metrics.light_bounds
+// Twin     metrics.lighting
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"

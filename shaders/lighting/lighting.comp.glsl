@@ -3,7 +3,7 @@
 // Paper    section 3.2, f_dir: the direct radiance whose change is thresholded.
 // Reads    position normal geometric_normal base_color material, light table, shadow atlas, per-tile light lists.
 // Writes   direct (diffuse + glossy), and each lobe on request; only of the pixels shaded in this frame.
-// Twin     metrics.brdf (its albedo_table for the sky), metrics.lighting
+// Twin     metrics.lighting (albedo_table for the sky)
 // Departs  The sky's own occlusion is not simulated: its light is that of an unoccluded point.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"

@@ -4,7 +4,7 @@
 // Paper    section 3.2, f_dir and f_ind, as noisy as a renderer in real time has them.
 // Reads    position normal geometric_normal base_color material, light table, shadow atlas, virtual lights.
 // Writes   direct, indirect (where asked for); only of the pixels shaded in this frame.
-// Twin     metrics.stochastic; the numbers: metrics.random_numbers
+// Twin     metrics.stochastic
 // Departs  As lighting.comp: the sky's own occlusion is not simulated, so its light carries no noise.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"

@@ -3,7 +3,7 @@
 //
 // Reads    position, direct indirect emission where there are.
 // Writes   radiance: rgb exposed, a 1 where shaded and 0 where filled; ACCUMULATE adds a share of rgb instead.
-// Twin     metrics.shading_rate.nearest_shaded, metrics.color (its exposure)
+// Reference metrics.shading_rate.nearest_shaded, metrics.color (its exposure)
 #include "common/shading_rate.glsl"
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;

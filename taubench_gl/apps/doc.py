@@ -21,8 +21,7 @@ MODULES: dict[str, tuple[str, ...]] = {
     "taubench_gl.evaluation": ("evaluate_scene", "Pair"),
     "taubench_gl.metrics.reprojection": ("Reprojection", "reproject"),
     "taubench_gl.metrics.masks": ("pair_masks", "PairMasks"),
-    "taubench_gl.metrics.activity": ("camera_activity",),
-    "taubench_gl.metrics.cuts": ("detect_cuts",),
+    "taubench_gl.metrics.activity": ("camera_activity", "detect_cuts"),
 }
 """What people call from Python, by module, in the order of the page."""
 

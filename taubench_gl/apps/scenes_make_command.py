@@ -43,8 +43,7 @@ def describe(scene: Any, fps: float) -> dict[str, Any]:
 
     from taubench_gl.animation import Poser, choose_camera
     from taubench_gl.effects.census import census
-    from taubench_gl.metrics.activity import camera_activity, summarize
-    from taubench_gl.metrics.cuts import detect_cuts
+    from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
     from taubench_gl.settings import Settings
 
     poser, camera = Poser(scene), choose_camera(scene)

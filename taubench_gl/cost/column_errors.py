@@ -10,8 +10,8 @@ import numpy as np
 
 from taubench_gl.conventions import COLUMNS, FEATURES
 from taubench_gl.cost.analysis import ColumnError
-from taubench_gl.metrics.histogram import discarded_above, edges
-from taubench_gl.metrics.pair_sample import PairSample, draw_sample, estimate, half_width_of_draws
+from taubench_gl.metrics.counts import discarded_above, edges
+from taubench_gl.metrics.pair_sample import PairSample, estimate, expected_half_width, sample_pairs
 from taubench_gl.settings import scheme_of
 
 Record = Mapping[str, Any]
@@ -47,7 +47,7 @@ def _half_width(record: Record, here: Mapping[str, Any], there: Mapping[str, Any
     if own is None or not same_pairs or "half_width" in there:
         return own  # the reference is a sample too: of the pairs left out nothing is known
     values = _in_order(there["pairs"])
-    return max(own, half_width_of_draws(sample_of(record["settings"]["pairs"], len(values)), values))
+    return max(own, expected_half_width(sample_of(record["settings"]["pairs"], len(values)), values))
 
 
 def sampled(record: Record, pairs: str) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def sampled(record: Record, pairs: str) -> dict[str, Any]:
 
 def sample_of(pairs: str, total: int) -> PairSample:
     """The sample that ``Settings.pairs`` draws of ``total`` pairs."""
-    return draw_sample(total, *scheme_of(pairs))
+    return sample_pairs(total, *scheme_of(pairs))
 
 
 def _in_order(pairs: Mapping[str, float]) -> np.ndarray:

@@ -118,7 +118,7 @@ class Twin:
             reprojection=self.source.reprojection,
             exposure=self.settings.exposure,
         )
-        return self.stats.add(Counts(found.combos(), self._histograms(found)))
+        return self.stats.add(Counts(found.mask_histogram(), self._histograms(found)))
 
     def _histograms(self, found: PairMasks) -> Array:
         none = np.zeros_like(found.histogram("position"))

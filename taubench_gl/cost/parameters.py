@@ -16,7 +16,7 @@ import numpy as np
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import Effect
 from taubench_gl.frame.shadow_faces import faces_of, pack
-from taubench_gl.metrics.pair_sample import draw_sample
+from taubench_gl.metrics.pair_sample import sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings, scheme_of
 
@@ -82,7 +82,7 @@ def _at_rate(settings: Settings, fps: float) -> Settings:
 
 
 def _too_few(situation: Situation, value: str) -> str | None:
-    count = len(draw_sample(situation.pairs, *scheme_of(value)).positions)
+    count = len(sample_pairs(situation.pairs, *scheme_of(value)).positions)
     if value == "all":
         return None
     if count < 3:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from taubench_gl.animation import CameraTrack, FileCamera
 from taubench_gl.errors import SettingsError
-from taubench_gl.metrics.pair_sample import PairSample, draw_sample
+from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -42,7 +42,7 @@ def _duration(scene: Scene, camera: CameraTrack) -> float:
 
 def sampled_pairs(frames: range, settings: Settings) -> PairSample:
     """Which of the pairs of ``frames`` the settings look at; position p is the pair (frames[p], frames[p + 1])."""
-    return draw_sample(max(len(frames) - 1, 0), *settings.pair_scheme)
+    return sample_pairs(max(len(frames) - 1, 0), *settings.pair_scheme)
 
 
 def frame_schedule(frames: range, sample: PairSample) -> Schedule:

@@ -11,8 +11,7 @@ from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.metrics.activity import camera_activity, summarize
-from taubench_gl.metrics.cuts import detect_cuts
+from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.metrics.pair_sample import PairSample, estimate
 from taubench_gl.run import Run, RunWriter
 from taubench_gl.scene.model import Scene

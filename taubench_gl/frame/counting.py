@@ -8,8 +8,7 @@ import numpy as np
 
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_MANTISSA_BITS, histogram_bins
 from taubench_gl.frame.passes.masks import Counts
-from taubench_gl.metrics.counts import CLASSES, comparable_percent, counts_of, percent
-from taubench_gl.metrics.histogram import discarded_above, edges
+from taubench_gl.metrics.counts import CLASSES, comparable_percent, counts_of, discarded_above, edges, percent
 from taubench_gl.metrics.streaming import Welford
 from taubench_gl.metrics.summation import total
 

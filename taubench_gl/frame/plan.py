@@ -19,7 +19,7 @@ from taubench_gl.frame.flow import SUMMED, channels_of, frame_flow
 from taubench_gl.frame.indirect_layout import CHANNEL_NAMES, indirect_bytes
 from taubench_gl.frame.material_slots import SRGB_SLOTS, has_plain_uv, tests_alpha, texture_of, wanted_slots
 from taubench_gl.frame.shadow_faces import faces_of, pack
-from taubench_gl.metrics.brdf import ALBEDO_TABLE
+from taubench_gl.metrics.lighting import ALBEDO_TABLE
 from taubench_gl.scene.model import Material, Primitive, Scene
 from taubench_gl.settings import Settings
 

@@ -1,4 +1,4 @@
-"""From pixels per reason word to counts and percentages (Eq. 4).  Exact integers first, float64 last."""
+"""Counts, percentages (Eq. 4) and distance histograms.  Exact integers first, float64 last."""
 
 from __future__ import annotations
 
@@ -6,12 +6,22 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import (
+    FEATURE_BIT,
+    FRUSTUM,
+    HISTOGRAM_MANTISSA_BITS,
+    HISTOGRAM_MAX_EXPONENT,
+    HISTOGRAM_MIN_EXPONENT,
+    NOT_COMPARABLE,
+    Reason,
+    histogram_bins,
+)
 
 Array = np.ndarray
+
 WORDS = np.arange(1 << 16, dtype=np.uint32)
 CLASSES = ("first", "cut", "invalid", "frustum", "comparable")
-"""Every pixel is in exactly one of these: they add up to w * h."""
+"""Disjoint classes that cover all pixels: their counts add up to w * h."""
 
 _CLASS_OF_WORD = {
     "first": (WORDS & Reason.FIRST) != 0,
@@ -22,29 +32,54 @@ _CLASS_OF_WORD = {
 }
 
 
-def counts_of(combos: Array) -> dict[str, int]:
-    """Pixel counts by class and reason from pixels per reason word.  (65536,) -> {name: int}.
+def counts_of(mask_histogram: Array) -> dict[str, int]:
+    """Pixel counts by class and reason from the mask histogram.  (65536,) pixels per reason word -> {name: int}.
 
-    Bits that the masks never set stay 0; the caller knows which features were not measured.
+    Bits that are never set count 0, also for features that were not measured.
     """
-    words = np.flatnonzero(combos)  # a few dozen of the 65536
-    combos = np.asarray(combos)[words].astype(np.int64)
-    out = {"pixels": int(combos.sum())}
-    out |= {name: int(combos[of_class[words]].sum()) for name, of_class in _CLASS_OF_WORD.items()}
+    words = np.flatnonzero(mask_histogram)  # a few dozen of the 65536
+    pixels = np.asarray(mask_histogram)[words].astype(np.int64)
+    out = {"pixels": int(pixels.sum())}
+    out |= {name: int(pixels[of_class[words]].sum()) for name, of_class in _CLASS_OF_WORD.items()}
     for bit in (Reason.SKY, Reason.HISTORY_SKY, Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING,
                 Reason.LIT, Reason.SHADOWED):  # fmt: skip
-        out[bit.name.lower()] = int(combos[(words & bit) != 0].sum())
+        out[bit.name.lower()] = int(pixels[(words & bit) != 0].sum())
     for feature, bit in FEATURE_BIT.items():
-        out[feature] = int(combos[(words & bit) != 0].sum())
+        out[feature] = int(pixels[(words & bit) != 0].sum())
     return out
 
 
 def percent(counts: Mapping[str, int], column: str) -> float:
-    """Eq. (4) of one column, over all w * h pixels."""
+    """Eq. (4): percentage of all w * h pixels."""
     return 100.0 * counts[column] / counts["pixels"]
 
 
 def comparable_percent(counts: Mapping[str, int], column: str) -> float | None:
-    """The same over the pixels the column could judge: comparable ones, for frustum also those it discards."""
+    """Percentage of comparable pixels (for frustum: comparable plus frustum pixels); None where there are none."""
     base = counts["comparable"] + (counts["frustum"] if column == "frustum" else 0)
     return 100.0 * counts[column] / base if base else None
+
+
+def bin_of(distance: np.ndarray, mantissa_bits: int = HISTOGRAM_MANTISSA_BITS) -> np.ndarray:
+    """Bin index of distances >= 0, from their float32 bits.  (...) -> (...) int64.
+
+    Reference for ``histogram_bin`` in GLSL.
+
+    ``mantissa_bits``: 2^bits equal bins per octave.
+    """
+    key = np.asarray(distance, dtype=np.float32).view(np.uint32) >> (23 - mantissa_bits)
+    first = (127 + HISTOGRAM_MIN_EXPONENT) << mantissa_bits
+    return np.clip(key.astype(np.int64) - first + 1, 0, histogram_bins(mantissa_bits) - 1)
+
+
+def edges(mantissa_bits: int = HISTOGRAM_MANTISSA_BITS) -> np.ndarray:
+    """Lower edge of every bin except bin 0, whose lower edge is 0.  (histogram_bins - 1,) float64."""
+    per_octave = 1 << mantissa_bits
+    octave = np.arange(HISTOGRAM_MIN_EXPONENT, HISTOGRAM_MAX_EXPONENT)
+    steps = 1.0 + np.arange(per_octave) / per_octave
+    return np.append((2.0 ** octave[:, None] * steps).ravel(), 2.0**HISTOGRAM_MAX_EXPONENT)
+
+
+def discarded_above(counts: np.ndarray) -> np.ndarray:
+    """Pixels with a distance at or above each of ``edges()``.  (HISTOGRAM_BINS,) -> (HISTOGRAM_BINS - 1,)."""
+    return np.cumsum(np.asarray(counts)[::-1])[::-1][1:]

@@ -45,7 +45,7 @@ def id_color(ids: Array) -> Array:
     return np.where((np.asarray(ids) == 0)[..., None], 0.0, 0.25 + 0.75 * parts)
 
 
-def picture_of(
+def channel_rgb(
     kind: str, values: Array, low: float, high: float, *, position: Array | None = None, size: tuple[int, int] = (1, 1)
 ) -> Array:
     """Display colours in [0, 1] of a channel.  ``values`` (h, w, n), ``position`` (h, w, 4) -> (h, w, 3).

@@ -1,10 +1,13 @@
-"""Punctual lights in float64 (KHR_lights_punctual): twin of shaders/common/lights.glsl."""
+"""Punctual lights, the metallic-roughness BRDF and the light bounds of tile culling, in float64."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+
+from taubench_gl.math3d import normalize
 
 Array = np.ndarray
 
@@ -51,3 +54,155 @@ def spot_terms(light: PunctualLight) -> tuple[float, float]:
     """``scale`` and ``offset`` of the extension's recommended spot falloff: clamp(cos * scale + offset, 0, 1)^2."""
     scale = 1.0 / max(0.001, np.cos(light.inner_cone) - np.cos(light.outer_cone))
     return float(scale), float(-np.cos(light.outer_cone) * scale)
+
+
+MIN_ALPHA = 1e-3
+"""Below this roughness squared a highlight is thinner than a pixel and only adds noise between frames."""
+
+ALBEDO_TABLE = 32
+"""Rows (perceptual roughness) and columns (cosine of the view angle) of the table of directional albedos, ends in."""
+
+
+def evaluate_brdf(
+    base_color: Array, metallic: Array, roughness: Array, n: Array, v: Array, to_light: Array, specular: float = 1.0
+) -> tuple[Array, Array]:
+    """Diffuse and glossy brdf * cos(theta_l), 1/sr.
+
+    ``base_color`` (..., 3) linear; ``metallic``, perceptual ``roughness`` (...); unit vectors (..., 3).  ``specular``
+    scales the dielectric lobe (KHR_materials_specular).  -> (..., 3), (..., 3); 0 where the light is below the surface.
+    """
+    base_color, n, v, to_light = (np.asarray(x, dtype=np.float64) for x in (base_color, n, v, to_light))
+    metallic, alpha = np.asarray(metallic)[..., None], (np.asarray(roughness) ** 2)[..., None]
+    alpha = np.maximum(alpha, MIN_ALPHA)
+
+    def dot(a: Array, b: Array) -> Array:
+        return np.sum(a * b, axis=-1, keepdims=True)
+
+    n_l, n_v = dot(n, to_light), np.maximum(dot(n, v), 1e-4)
+    lit = n_l > 0
+    n_l = np.where(lit, n_l, 1.0)
+    h = to_light + v
+    h = h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-300)
+    n_h, v_h = np.clip(dot(n, h), 0, 1), np.clip(dot(v, h), 0, 1)
+    schlick = (1 - v_h) ** 5
+    a2 = alpha**2
+    d = a2 / (np.pi * (n_h**2 * (a2 - 1) + 1) ** 2)
+    visibility = 0.5 / (n_l * np.sqrt(n_v**2 * (1 - a2) + a2) + n_v * np.sqrt(n_l**2 * (1 - a2) + a2))
+    dielectric = specular * (0.04 + 0.96 * schlick)
+    metal = base_color + (1 - base_color) * schlick
+    diffuse = (1 - metallic) * (1 - dielectric) * base_color / np.pi * n_l
+    glossy = ((1 - metallic) * dielectric + metallic * metal) * d * visibility * n_l
+    return np.where(lit, diffuse, 0.0), np.where(lit, glossy, 0.0)
+
+
+@lru_cache(maxsize=1)
+def albedo_table(samples: int = 24) -> Array:
+    """What each lobe sends to the viewer of a uniform sky of radiance 1.
+
+    -> (ALBEDO_TABLE, ALBEDO_TABLE, 4) float32, rows roughness 0..1, columns n.v 0..1; x, y: the glossy lobe gives
+    F0 x + F90 y; z: mean of (1 - v.h)^5 over the cosine lobe, what the Fresnel factor takes from the diffuse one; w: 0.
+    Midpoint rule, ``samples``^2 directions each: over visible normals (Heitz 2018, "Sampling the GGX Distribution of
+    Visible Normals") and over the cosine lobe.
+    """
+    grid = np.linspace(0.0, 1.0, ALBEDO_TABLE)
+    roughness, n_v = (x[..., None] for x in np.meshgrid(grid, np.maximum(grid, 1e-4), indexing="ij"))
+    u = (np.arange(samples) + 0.5) / samples
+    u1, u2 = (x.ravel() for x in np.meshgrid(u, u))
+    a = np.maximum(roughness**2, MIN_ALPHA)
+    sine = np.sqrt(1.0 - n_v**2)
+    length = np.sqrt((a * sine) ** 2 + n_v**2)
+    x, z = a * sine / length, n_v / length  # the viewer where the facets are those of a hemisphere
+    r, phi = np.sqrt(u1), 2.0 * np.pi * u2
+    t1 = r * np.cos(phi)
+    blend = 0.5 * (1.0 + z)
+    t2 = (1.0 - blend) * np.sqrt(1.0 - t1**2) + blend * r * np.sin(phi)
+    t3 = np.sqrt(np.maximum(0.0, 1.0 - t1**2 - t2**2))
+    h = np.stack([a * (-t2 * z + t3 * x), a * t1 + 0.0 * z, np.maximum(0.0, t2 * x + t3 * z)])
+    h /= np.linalg.norm(h, axis=0)
+    v_h = np.clip(sine * h[0] + n_v * h[2], 0.0, 1.0)
+    n_l = 2.0 * v_h * h[2] - n_v
+
+    def smith(cosine: Array) -> Array:
+        return 0.5 * (np.sqrt(1.0 + a**2 * (1.0 / cosine**2 - 1.0)) - 1.0)
+
+    safe = np.where(n_l > 0, np.minimum(n_l, 1.0), 1.0)
+    weight = np.where(n_l > 0, (1.0 + smith(n_v)) / (1.0 + smith(n_v) + smith(safe)), 0.0)
+    schlick = (1.0 - v_h) ** 5
+    cosine = np.sqrt(1.0 - u1)
+    v_l = np.clip(sine * r * np.cos(phi) + n_v * cosine, -1.0, 1.0)
+    taken = (1.0 - np.sqrt(0.5 * (1.0 + v_l))) ** 5  # v.h is the cosine of half the angle between v and l
+    columns = [weight * (1.0 - schlick), weight * schlick, np.broadcast_to(taken, weight.shape), 0.0 * weight]
+    return np.stack([np.mean(c, axis=-1) for c in columns], axis=-1).astype(np.float32)
+
+
+LOWEST, BINS = -32, 40
+"""Bounds are sorted into ``BINS`` powers of two from 2^LOWEST up; whole bins are left out, faintest first."""
+
+
+def largest_brdf(
+    position: Array, normal: Array, base_color: Array, material: Array, parallel_view: Array | None = None
+) -> Array:
+    """Upper bound of brdf * cos(theta_l), any channel, over all directions of light, 1/sr.  (..., 3 or 4) -> (...).
+
+    Channels as in ``channels``; ``parallel_view`` (3,): unit, towards a parallel camera.  GGX: D <= 1 / (pi a^2), and
+    the visibility term times cos(theta_l) is at most 0.5 / sqrt(n_v^2 (1 - a^2) + a^2).  Fresnel: v.h >= n_v / 2,
+    because 2 v.h n.h = n_v + n_l.
+    """
+    position, material = position.astype(np.float64), material.astype(np.float64)
+    color = base_color[..., :3].astype(np.float64).max(axis=-1)
+    v = normalize(-position[..., :3]) if parallel_view is None else parallel_view
+    n_v = np.maximum(np.sum(normal[..., :3] * v, axis=-1), 1e-4)
+    metallic, roughness, specular = material[..., 0], material[..., 1], material[..., 3]
+    a2 = np.maximum(roughness**2, MIN_ALPHA) ** 2
+    peak = 1.0 / (2.0 * np.pi * a2 * np.sqrt(n_v**2 * (1.0 - a2) + a2))
+    schlick = np.maximum(1.0 - 0.5 * n_v, 0.0) ** 5
+    metal = color + (np.maximum(color, 1.0) - color) * schlick
+    fresnel = (1.0 - metallic) * specular * (0.04 + 0.96 * schlick) + metallic * metal
+    return np.where(specular < 0, 0.0, (1.0 - metallic) * color / np.pi + fresnel * peak)
+
+
+def tile_boxes(position: Array, brdf: Array, tile: int) -> tuple[Array, Array, Array]:
+    """Low and high corners (T, 3) of what each tile shows, and its largest brdf (T,), 1/sr.
+
+    ``position`` (h, w, 4), w = 0 where nothing is; ``brdf`` (h, w) of ``largest_brdf``; row 0 at the *bottom*, as in GL
+    memory.  Tiles row by row from the bottom left; an empty tile has low = +Inf.
+    """
+    h, w = position.shape[:2]
+    low, high, largest = [], [], []
+    for y in range(0, h, tile):
+        for x in range(0, w, tile):
+            p = position[y : y + tile, x : x + tile].reshape(-1, 4).astype(np.float64)
+            b = brdf[y : y + tile, x : x + tile].reshape(-1)[p[:, 3] > 0]
+            p = p[p[:, 3] > 0]
+            low.append(p[:, :3].min(axis=0, initial=np.inf))
+            high.append(p[:, :3].max(axis=0, initial=-np.inf))
+            largest.append(1.0001 * b.max(initial=0.0))
+    return np.array(low), np.array(high), np.array(largest)
+
+
+def light_bounds(low: Array, high: Array, brdf: Array, place: Array, peak: Array, reach: Array) -> Array:
+    """Upper bound of the radiance that a point light gives any pixel of each tile.  (T, L).
+
+    ``place`` (L, 3) in the space of the boxes, metres; ``peak`` (L,) largest channel of colour x intensity; ``reach``
+    (L,) range in metres, Inf where unlimited.
+    """
+    low, high = low[:, None], high[:, None]
+    nearest = np.clip(place, low, high) - place
+    d2 = np.maximum(np.sum(nearest**2, axis=-1), MIN_LIGHT_DISTANCE**2)
+    window = np.clip(1.0 - (d2 / reach**2) ** 2, 0.0, 1.0)
+    return np.where(np.isfinite(low[..., 0]), peak * brdf[:, None] * window / d2, 0.0)
+
+
+def kept_lights(bounds: Array, error: float) -> Array:
+    """Which lights each tile keeps: what is left out adds up to at most ``error``.  (T, L) -> (T, L) bool."""
+    with np.errstate(divide="ignore"):
+        bins = np.clip(np.ceil(np.log2(bounds)) - LOWEST, 0, BINS - 1).astype(int)
+    cut = np.zeros(len(bounds), dtype=int)
+    left_out = np.zeros(len(bounds))
+    open_ = np.ones(len(bounds), dtype=bool)
+    for b in range(BINS):
+        total = np.sum(np.where(bins == b, bounds, 0.0), axis=1)
+        open_ &= left_out + total <= error
+        left_out += np.where(open_, total, 0.0)
+        cut += open_
+    return (bounds > 0) & (bins >= cut[:, None])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
-from taubench_gl.metrics.histogram import bin_of
+from taubench_gl.metrics.counts import bin_of
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 
 Array = np.ndarray

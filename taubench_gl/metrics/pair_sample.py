@@ -47,7 +47,7 @@ class Estimate:
     total: int  # N
 
 
-def draw_sample(total: int, scheme: str, number: int = 1, rng: np.random.Generator | None = None) -> PairSample:
+def sample_pairs(total: int, scheme: str, number: int = 1, rng: np.random.Generator | None = None) -> PairSample:
     """``scheme`` "all"; "every": each ``number``-th pair; "strata": ``number`` stretches of equal length, PER_STRATUM
     pairs drawn at random from each (all of a stretch that has no more).
 
@@ -100,7 +100,7 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate
     return Estimate(mean, t * math.sqrt(variance), level, count, sample.total)
 
 
-def half_width_of_draws(sample: PairSample, population: Array, level: float = 0.95) -> float:
+def expected_half_width(sample: PairSample, population: Array, level: float = 0.95) -> float:
     """How far the mean of such a sample may be from the population's, over all draws, where all values are known.
 
     ``population``: (N,).  variance = sum_h W_h^2 (1 - n_h / N_h) S_h^2 / n_h with the S_h of the strata themselves

@@ -9,7 +9,6 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.metrics import activity as act
-from taubench_gl.metrics import cuts as cutting
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, count, difference, field, scalar, worst
 from taubench_gl.selftest.scenes import SceneBuilder, box, turn, turn_x, turn_y
@@ -146,7 +145,7 @@ def teleport(bench: Bench) -> Outcome:
     positions = np.stack([0.02 * np.sin(0.3 * t), 1.7 + 0.01 * np.sin(0.9 * t), 0.03 * np.cos(0.2 * t)], axis=-1)
     positions[jump:] += [7.163, 0.0, 0.0]
     rotations = _rotations(*(turn_y(8.0 * np.sin(0.2 * i)) for i in t))
-    found = np.flatnonzero(cutting.detect_cuts(act.camera_activity(positions, rotations))) + 1
+    found = np.flatnonzero(act.detect_cuts(act.camera_activity(positions, rotations))) + 1
     wrong = set(found.tolist()) ^ {jump}
     return Outcome(str([jump]), str(found.tolist()), float(len(wrong)))
 
@@ -164,7 +163,7 @@ def running(bench: Bench) -> Outcome:
     steps[100] = 5.475
     positions = np.zeros((200, 3))
     positions[1:, 0] = np.cumsum(steps)
-    found = cutting.detect_cuts(act.camera_activity(positions, np.tile(np.eye(3), (200, 1, 1))))
+    found = act.detect_cuts(act.camera_activity(positions, np.tile(np.eye(3), (200, 1, 1))))
     naive = int((steps > 2.0).sum())
     return count(0, int(found.sum()), Naive("step > 2 m", naive, naive))
 

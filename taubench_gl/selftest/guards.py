@@ -245,9 +245,9 @@ def _fixed_point_depth(gpu: Gpu, size: tuple[int, int]) -> Any:
 
 def _everything_keyed() -> AbstractContextManager[None]:
     """Cuts by a fixed limit of 2 m."""
-    from taubench_gl.metrics import cuts
+    from taubench_gl.metrics import activity
 
-    return _replaced((cuts, "detect_cuts", lambda found, unit_scale=1.0: found.position > 2.0))
+    return _replaced((activity, "detect_cuts", lambda found, unit_scale=1.0: found.position > 2.0))
 
 
 _NEAR_TEST = "if (prev_depth <= limit) return mask | BEHIND;"
@@ -286,7 +286,7 @@ GUARDS: tuple[Guard, ...] = (
     Guard("chord-angle", "4 atan2 of chords", _python((math3d, "quat_angle", _acos_angle)), ("tiny-rotation",)),
     Guard("proper-rotation", "scale and mirror left out of the view",
           _python((math3d, "orthonormal", lambda mat3: mat3)), ("scaled-camera-node",)),
-    Guard("cut-rule", "a step is judged by its surroundings", _everything_keyed, ("running-is-not-a-cut",)),
+    Guard("cut-rule", "a step is compared with the changes around it", _everything_keyed, ("running-is-not-a-cut",)),
     Guard("normal-cofactors", "normals through the cofactor matrix",
           _glsl(_NORMAL, "vec3 r = vec3(dot(x, n), dot(y, n), dot(z, n));"), ("sheared-normal", "flattened-normal")),
     Guard("scaled-cofactors", "rows scaled before they are multiplied",

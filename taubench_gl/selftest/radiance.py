@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from taubench_gl.conventions import FEATURES, FRUSTUM, HISTOGRAM_BINS, NOT_COMPARABLE, Reason
-from taubench_gl.metrics.histogram import bin_of
+from taubench_gl.metrics.counts import bin_of
 from taubench_gl.selftest.bench import Bench, shifted_pair
 from taubench_gl.selftest.case import Naive, Outcome, case, count
 

@@ -9,7 +9,7 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost.column_errors import column_errors, sample_of, sampled
 from taubench_gl.cost.errors import from_run
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.metrics.pair_sample import half_width_of_draws
+from taubench_gl.metrics.pair_sample import expected_half_width
 from taubench_gl.settings import Settings
 
 SMALL = {"width": 48, "height": 28, "frames": (10, 31), "columns": ("frustum", "position", "normal")}
@@ -54,7 +54,7 @@ def test_a_calm_draw_is_as_wrong_as_any():
     drawn = [values[p] for p in sample_of("every:4", 24).positions]
     assert np.ptp(drawn) == 0.0 == calm["columns"]["direct"]["half_width"], "all that it drew is alike"
     error = column_errors(calm, reference, same_pairs=True)["direct"]
-    assert error.half_width == half_width_of_draws(sample_of("every:4", 24), values) > 0.3
+    assert error.half_width == expected_half_width(sample_of("every:4", 24), values) > 0.3
     assert error.error == max(abs(error.points), error.half_width)
 
 
@@ -62,7 +62,7 @@ def test_a_wide_interval_of_its_own_counts():
     rough = sampled(record([0.0, 9.0] * 12), "strata:3")
     error = column_errors(rough, record(np.linspace(4.0, 5.0, 24)), same_pairs=True)["direct"]
     own = rough["columns"]["direct"]["half_width"]
-    known = half_width_of_draws(sample_of("strata:3", 24), np.linspace(4.0, 5.0, 24))
+    known = expected_half_width(sample_of("strata:3", 24), np.linspace(4.0, 5.0, 24))
     assert error.half_width == max(own, known)
 
 

@@ -15,7 +15,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, frame_schedule, sampled_pairs
 from taubench_gl.evaluation_truth import evaluate_truth
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.metrics.histogram import bin_of, edges
+from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.metrics.summation import total
 from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.scene import load_scene

@@ -16,8 +16,7 @@ from taubench_gl.datasets.stand_ins import STAND_INS, camera_path, make_stand_in
 from taubench_gl.datasets.valley import EYE_HEIGHT, FLOOR_SIDE, height, middle
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.metrics.activity import camera_activity, summarize
-from taubench_gl.metrics.cuts import detect_cuts
+from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.report.tables import paper_numbers
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings

@@ -14,8 +14,7 @@ from frame_tools import THRESHOLDS, FormulaCamera, draw_pair, find_scene, lookin
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import FEATURES, NOT_COMPARABLE, Reason
-from taubench_gl.metrics.counts import counts_of
-from taubench_gl.metrics.histogram import bin_of, edges
+from taubench_gl.metrics.counts import bin_of, counts_of, edges
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera

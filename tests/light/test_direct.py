@@ -7,8 +7,7 @@ import pytest
 from light_tools import facing, floor, integrate_hemisphere, lambert, look, picture, worst
 
 from taubench_gl import math3d
-from taubench_gl.metrics.brdf import evaluate_brdf
-from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, incident
+from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, evaluate_brdf, incident
 from taubench_gl.scene.model import Light, Scene
 from taubench_gl.selftest.scenes import SceneBuilder, sphere
 
@@ -78,7 +77,7 @@ def test_shadow_maps_change_nothing_where_nothing_casts(gpu, name):
 @pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("roughness", [0.0, 0.15, 0.5, 1.0])
 def test_metallic_roughness_pixels_equal_the_twin(gpu, metallic, roughness):
-    """A sphere shows every angle; both lobes, each against metrics.brdf at the pixel's own position and normal."""
+    """A sphere shows every angle; both lobes, each against metrics.lighting at the pixel's own position and normal."""
     b = SceneBuilder()
     color = (0.9, 0.5, 0.1, 1.0)
     material = b.material(base_color=color, metallic=metallic, roughness=roughness, specular=0.7)

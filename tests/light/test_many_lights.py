@@ -9,8 +9,7 @@ from light_tools import DIRECT_ONLY, lambert, opened, shoot
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.passes.lighting import MAX_LIGHTS, TILE, LightingPass
 from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.metrics.brdf import evaluate_brdf
-from taubench_gl.metrics.light_bounds import kept_lights, largest_brdf, light_bounds, tile_boxes
+from taubench_gl.metrics.lighting import evaluate_brdf, kept_lights, largest_brdf, light_bounds, tile_boxes
 from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
 from taubench_gl.settings import Settings
 

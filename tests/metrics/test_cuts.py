@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taubench_gl.metrics.activity import Activity
-from taubench_gl.metrics.cuts import WINDOW, detect_cuts, surroundings
+from taubench_gl.metrics.activity import WINDOW, Activity, detect_cuts, typical_change
 
 SEEDS = range(40)
 
@@ -103,7 +102,7 @@ def test_too_few_pairs_to_tell(n):
 @given(st.lists(st.floats(0, 100), min_size=3, max_size=40))
 def test_surroundings_are_what_the_rule_says(values):
     values = np.array(values)
-    for i, got in enumerate(surroundings(values)):
+    for i, got in enumerate(typical_change(values)):
         before, after = values[max(0, i - WINDOW) : i], values[i + 1 : i + 1 + WINDOW]
         medians = [np.median(side) for side in (before, after) if len(side)]
         expected = max(*medians, np.percentile(np.delete(values, i), 75)) if medians else 0

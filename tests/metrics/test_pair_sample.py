@@ -11,7 +11,7 @@ from scipy import stats
 
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.counts import percent
-from taubench_gl.metrics.pair_sample import PairSample, draw_sample, estimate, half_width_of_draws
+from taubench_gl.metrics.pair_sample import PairSample, estimate, expected_half_width, sample_pairs
 from taubench_gl.metrics.student import student_cdf, student_quantile
 from taubench_gl.settings import Settings
 
@@ -48,12 +48,12 @@ def test_strata_weigh_by_their_size():
 
 def test_all_pairs_leave_nothing_to_chance():
     values = np.arange(7.0)
-    assert estimate(draw_sample(7, "all"), values).half_width == 0.0
-    assert estimate(draw_sample(7, "strata", 7), values).half_width == 0.0
+    assert estimate(sample_pairs(7, "all"), values).half_width == 0.0
+    assert estimate(sample_pairs(7, "strata", 7), values).half_width == 0.0
 
 
 def test_one_pair_says_nothing_of_the_spread():
-    assert estimate(draw_sample(5, "every", 5), np.array([2.0])).half_width is None
+    assert estimate(sample_pairs(5, "every", 5), np.array([2.0])).half_width is None
 
 
 def test_the_spread_of_all_draws_is_that_of_every_single_one():
@@ -63,10 +63,10 @@ def test_the_spread_of_all_draws_is_that_of_every_single_one():
     means = [7 / 12 * values[list(a)].mean() + 5 / 12 * values[list(b)].mean() for a, b in draws]
     sample = PairSample(12, ((7, (0, 1, 2)), (5, (7, 8))))
     assert np.mean(means) == pytest.approx(values.mean(), rel=1e-12), "no draw is favoured"
-    assert half_width_of_draws(sample, values) == pytest.approx(stats.norm.ppf(0.975) * np.std(means), rel=1e-12)
-    assert half_width_of_draws(draw_sample(12, "all"), values) == 0.0
+    assert expected_half_width(sample, values) == pytest.approx(stats.norm.ppf(0.975) * np.std(means), rel=1e-12)
+    assert expected_half_width(sample_pairs(12, "all"), values) == 0.0
     one_each = PairSample(12, ((7, (3,)), (5, (9,))))
-    assert half_width_of_draws(one_each, values) > half_width_of_draws(sample, values)
+    assert expected_half_width(one_each, values) > expected_half_width(sample, values)
 
 
 @pytest.mark.parametrize("total", [1, 2, 3, 10, 47])
@@ -74,11 +74,11 @@ def test_the_spread_of_all_draws_is_that_of_every_single_one():
     ("scheme", "number"), [("every", 1), ("every", 4), ("every", 100), ("strata", 3), ("strata", 60)]
 )
 def test_samples_lie_in_the_sequence_and_repeat(total, scheme, number):
-    sample = draw_sample(total, scheme, number)
+    sample = sample_pairs(total, scheme, number)
     assert len(set(sample.positions)) == len(sample.positions) > 0
     assert set(sample.positions) <= set(range(total))
     assert sum(size for size, _ in sample.strata) == sample.total == total
-    assert draw_sample(total, scheme, number) == sample
+    assert sample_pairs(total, scheme, number) == sample
 
 
 def coverage(values: np.ndarray, scheme: str, numbers: range) -> float:
@@ -86,7 +86,7 @@ def coverage(values: np.ndarray, scheme: str, numbers: range) -> float:
     rng = np.random.default_rng(7)
     hits = 0
     for _ in range(RESAMPLINGS):
-        sample = draw_sample(len(values), scheme, int(rng.choice(numbers)), rng)
+        sample = sample_pairs(len(values), scheme, int(rng.choice(numbers)), rng)
         found = estimate(sample, values[list(sample.positions)])
         hits += abs(found.mean - values.mean()) <= found.half_width + 1e-12
     return hits / RESAMPLINGS
@@ -120,7 +120,7 @@ def test_intervals_that_are_too_narrow_would_be_found():
     rng = np.random.default_rng(7)
     hits = 0
     for _ in range(RESAMPLINGS):
-        sample = draw_sample(len(values), "strata", 8, rng)
+        sample = sample_pairs(len(values), "strata", 8, rng)
         found = estimate(sample, values[list(sample.positions)])
         hits += abs(found.mean - values.mean()) <= 0.5 * found.half_width
     assert hits / RESAMPLINGS < 0.9

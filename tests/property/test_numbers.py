@@ -13,7 +13,7 @@ from worlds import relaxed
 from taubench_gl import math3d
 from taubench_gl.animation import curves
 from taubench_gl.metrics.activity import camera_activity, euler_yxz, wrap_degrees
-from taubench_gl.metrics.histogram import bin_of, edges
+from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.metrics.streaming import Welford
 
 numbers = st.floats(-1e3, 1e3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, SUMMARY_SCHEMA
-from taubench_gl.metrics.histogram import bin_of, edges
+from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.run import COUNT_COLUMNS, FRAME_COLUMNS, Run
 
 WIDTH, HEIGHT, PAIRS = 40, 20, 12

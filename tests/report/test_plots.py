@@ -10,7 +10,7 @@ import pytest
 
 from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import OutputError
-from taubench_gl.metrics.histogram import bin_of, edges
+from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.report import plot_frames, plot_thresholds, write_report
 from taubench_gl.report.plots import discard_curve
 

@@ -9,10 +9,8 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics import shading_rate
-from taubench_gl.metrics.brdf import evaluate_brdf
-from taubench_gl.metrics.lighting import incident
-from taubench_gl.metrics.random_numbers import pcg4d, random4
-from taubench_gl.metrics.stochastic import choose, estimate_direct, estimate_indirect, light_choice
+from taubench_gl.metrics.lighting import evaluate_brdf, incident
+from taubench_gl.metrics.stochastic import choose, estimate_direct, estimate_indirect, light_choice, pcg4d, random4
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
 

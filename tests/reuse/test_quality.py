@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.metrics.reuse_history import previous_px, sample_history
+from taubench_gl.metrics.reuse_methods import previous_px, sample_history
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.classes import CLASSES, ClassErrors, classify
 from taubench_gl.reuse.evaluate_records import MethodRecord, Shown, weights

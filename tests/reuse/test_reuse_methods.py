@@ -12,7 +12,7 @@ from reuse_tools import display, play, still_steps
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
-from taubench_gl.metrics.reuse_color import neighbourhood_box, variance_box, ycocg_from_rgb
+from taubench_gl.metrics.reuse_methods import neighbourhood_box, variance_box, ycocg_from_rgb
 from taubench_gl.metrics.shading_rate import nearest_shaded, shaded
 from taubench_gl.reuse.loading import load_method, shipped_methods
 from taubench_gl.reuse.synthetic import LENS, draw, synthetic_steps

@@ -8,7 +8,7 @@ import pytest
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.frame.targets import write_channel
-from taubench_gl.metrics.display import KINDS, color_scale, id_color, masked, picture_of
+from taubench_gl.metrics.display import KINDS, channel_rgb, color_scale, id_color, masked
 from taubench_gl.report.palette import color_of
 from taubench_gl.report.pictures import mask_overlay
 from taubench_gl.viewer.display import Content, Display
@@ -79,7 +79,7 @@ def test_pictures_are_their_twin_s(made, name):
         Content(picture.kind, made(picture.channel, values), made("position", position), made("mask", mask[..., None]),
                 low=-0.5, high=1.5)
     )  # fmt: skip
-    expected = picture_of(picture.kind, shown, -0.5, 1.5, position=position)
+    expected = channel_rgb(picture.kind, shown, -0.5, 1.5, position=position)
     assert np.abs(made.display.read() / 255.0 - expected).max() <= ONE
     assert np.ptp(expected) > 0.3
 

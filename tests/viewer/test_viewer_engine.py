@@ -136,9 +136,9 @@ def test_motion_error_is_zero_for_what_stands_still(drive):
     error, position = driven.engine.motion_error(), driven.engine.feed.source.read("position")
     assert (error[position[..., 3] > 0] < 1e-3).mean() > 0.5 and error.max() > 1.0
     driven.run("set overlays off\nset auto_range off\nset range.low 0\nset range.high 4")
-    from taubench_gl.metrics.display import picture_of
+    from taubench_gl.metrics.display import channel_rgb
 
-    expected = picture_of("motion_error", np.repeat(error[..., None], 3, -1), 0.0, 4.0, position=position)
+    expected = channel_rgb("motion_error", np.repeat(error[..., None], 3, -1), 0.0, 4.0, position=position)
     assert np.abs(driven.engine.image() / 255.0 - expected).max() < 0.02
 
 

@@ -18,8 +18,7 @@ from taubench_gl.frame.shadow_faces import FACE
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.metrics.brdf import ALBEDO_TABLE, MIN_ALPHA, albedo_table
-from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
+from taubench_gl.metrics.lighting import ALBEDO_TABLE, MIN_ALPHA, MIN_LIGHT_DISTANCE, albedo_table
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.settings import Settings
 

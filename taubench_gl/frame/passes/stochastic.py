@@ -18,7 +18,7 @@ from taubench_gl.frame.shading import Shading
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.metrics.brdf import ALBEDO_TABLE, albedo_table
+from taubench_gl.metrics.lighting import ALBEDO_TABLE, albedo_table
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.settings import Settings

@@ -1,5 +1,5 @@
 // Mean of all frames along the motion, nothing rejected but what was off the last picture.
-// Paper    Yang et al. 2020, Eq. (1), with a = 1 / n.   Twin   metrics.reuse_history.running_mean
+// Paper    Yang et al. 2020, Eq. (1), with a = 1 / n.   Reference  metrics.reuse_methods.running_mean
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     vec2 at = previous_px(p);

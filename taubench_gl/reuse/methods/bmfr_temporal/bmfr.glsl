@@ -2,7 +2,7 @@
 //
 // Paper    Koskela et al. 2019, accumulation of noisy data: taps within both limits are blended, their weights
 //          renormalised; share of the new frame max(1 / n, alpha).  Limits as published with their code: 0.01 m^2 and 1.
-// Twin     metrics.reuse_history.consistent_blend
+// Reference metrics.reuse_methods.consistent_blend
 // Departs  A moving point is sought where it was (prev_position); the paper's scenes stand still.  The regression that
 //          follows in the paper is a spatial filter and left out.
 void reuse(ivec2 p) {

@@ -1,7 +1,7 @@
 // Running mean along the motion, started anew exactly where the truth says that history does not hold.
 //
 // Paper    TauBench section 3.2 (the masks); Yang et al. 2020, Eq. (1), with a = 1 / n.
-// Twin     metrics.reuse_history.running_mean
+// Reference metrics.reuse_methods.running_mean
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     vec2 at = previous_px(p);

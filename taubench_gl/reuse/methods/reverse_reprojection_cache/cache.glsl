@@ -1,7 +1,7 @@
 // A shading result is fetched from where the point was; a miss, or a block whose turn it is, is shaded anew.
 //
 // Paper    Nehab et al. 2007: hit if the cached depth is the reprojected depth; blocks of pixels are refreshed by turns.
-// Twin     metrics.reuse_history.cache_hit, refresh_due
+// Reference metrics.reuse_methods.cache_hit, refresh_due
 // Departs  The paper compares depth-buffer values; here planar depth in metres, relative to itself.
 bool cache_hit(float expected, float cached_depth) {
     if (expected <= 0.0) return cached_depth <= 0.0; // sky is found again in sky alone

@@ -1,7 +1,7 @@
 // Temporal anti-aliasing with a neighbourhood clamp.
 //
 // Paper    Karis 2014: history is clamped to the YCoCg box of the 3x3 neighbourhood, blended with weights 1 / (1 + L).
-// Twin     metrics.reuse_color.neighbourhood_box, karis_blend
+// Reference metrics.reuse_methods.neighbourhood_box, karis_blend
 // Departs  Karis also filters the new samples by a Blackman-Harris window around the jitter; here they count as they are.
 void neighbourhood_box(ivec2 p, out vec3 low, out vec3 high) {
     vec3 cross_low = vec3(1.0e30), cross_high = vec3(-1.0e30);

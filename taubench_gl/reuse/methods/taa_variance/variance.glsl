@@ -2,7 +2,7 @@
 //
 // Paper    Salvi 2016: m1 = mean, sigma = sqrt(m2 - m1^2) over 3x3 pixels in YCoCg; box = m1 +- gamma sigma.
 //          Pedersen 2016: clip towards the middle (clip_to_box).
-// Twin     metrics.reuse_color.variance_box, clip_to_box
+// Reference metrics.reuse_methods.variance_box, clip_to_box
 // Departs  The variance is summed about the pixel's own colour, not about 0: float32 would lose it in bright places.
 //          With keep_own the box holds the pixel's own colour: else details of one pixel fade even where nothing moves.
 void variance_box(ivec2 p, out vec3 low, out vec3 high) {

@@ -1,7 +1,7 @@
 // The last shaded frame, turned: each pixel's view ray is looked up in it.  Depth and the camera's way play no part.
 //
 // Paper    van Waveren 2016; Hartley and Zisserman 2004, section 8.4: at ~ K R_key^T R_now K^-1 p.
-// Twin     metrics.reuse_history.timewarp_px
+// Reference metrics.reuse_methods.timewarp_px
 vec2 key_px(ivec2 p) {
     vec2 c = vec2(p) - frame.jitter_px; // sky rays are those of the samples; the picture is to be that of the centres
     vec3 ray = (frame.sky_origin + c.x * frame.sky_dx + c.y * frame.sky_dy).xyz;

@@ -12,9 +12,7 @@ from test_reuse_methods import rotation, warp
 
 from taubench_gl.animation import View
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
-from taubench_gl.metrics import reuse_color as color
-from taubench_gl.metrics import reuse_history as history
-from taubench_gl.metrics import reuse_svgf as svgf
+from taubench_gl.metrics import reuse_methods as reference
 from taubench_gl.metrics.shading_rate import shaded
 from taubench_gl.paths import SHADERS
 from taubench_gl.reuse.loading import SHIPPED, load_method, shipped_methods
@@ -50,8 +48,8 @@ def rgb(step) -> Array:
 
 
 def where_it_was(step) -> tuple[Array, Array]:
-    at = history.previous_px(step.inputs["motion"])
-    return at, history.inside(at, SIZE)
+    at = reference.previous_px(step.inputs["motion"])
+    return at, reference.inside(at, SIZE)
 
 
 @pytest.mark.parametrize("filtering", ["bilinear", "catmull_rom"])
@@ -60,9 +58,9 @@ def test_running_mean(gpu, steps, filtering):
     mean, count = rgb(steps[0]), np.ones(SIZE[::-1])
     for step, result in zip(steps[1:], got[1:]):
         at, seen = where_it_was(step)
-        before = np.where(seen[..., None], np.maximum(history.sample_history(mean, at, filtering), 0), 0)
-        n = np.where(seen, history.sample_history(count[..., None], at, "nearest")[..., 0], 0.0)
-        mean, count = history.running_mean(rgb(step), before, n, cap=2)
+        before = np.where(seen[..., None], np.maximum(reference.sample_history(mean, at, filtering), 0), 0)
+        n = np.where(seen, reference.sample_history(count[..., None], at, "nearest")[..., 0], 0.0)
+        mean, count = reference.running_mean(rgb(step), before, n, cap=2)
         agree(result, np.concatenate([mean, 1 - 1 / count[..., None]], axis=-1))
 
 
@@ -72,10 +70,10 @@ def test_karis(gpu, steps, rounded, weighting, dilate):
     settings = {"rounded": rounded, "weighting": weighting, "dilate": dilate}
     got = play(gpu, "taa_clamp", steps[:2], settings)[1]
     at, seen = dilated(steps[1], dilate)
-    before = history.sample_history(rgb(steps[0]), at)
-    low, high = color.neighbourhood_box(rgb(steps[1]), rounded)
-    before = color.rgb_from_ycocg(np.clip(color.ycocg_from_rgb(before), low, high))
-    blend, kept = color.karis_blend(rgb(steps[1]), before, 0.1, weighting)
+    before = reference.sample_history(rgb(steps[0]), at)
+    low, high = reference.neighbourhood_box(rgb(steps[1]), rounded)
+    before = reference.rgb_from_ycocg(np.clip(reference.ycocg_from_rgb(before), low, high))
+    blend, kept = reference.karis_blend(rgb(steps[1]), before, 0.1, weighting)
     expected = np.where(seen[..., None], np.concatenate([blend, kept], -1), with_weight(rgb(steps[1]), 0.0))
     agree(got, expected)
 
@@ -84,20 +82,20 @@ def test_karis(gpu, steps, rounded, weighting, dilate):
 def test_salvi(gpu, steps, gamma, keep_own):
     got = play(gpu, "taa_variance", steps[:2], {"gamma": gamma, "keep_own": keep_own})[1]
     at, seen = dilated(steps[1], True)
-    low, high = color.variance_box(rgb(steps[1]), gamma, keep_own)
-    before = color.clip_to_box(low, high, color.ycocg_from_rgb(history.sample_history(rgb(steps[0]), at)))
-    blend = history.exponential_average(rgb(steps[1]), color.rgb_from_ycocg(before), 0.1)
+    low, high = reference.variance_box(rgb(steps[1]), gamma, keep_own)
+    before = reference.clip_to_box(low, high, reference.ycocg_from_rgb(reference.sample_history(rgb(steps[0]), at)))
+    blend = reference.exponential_average(rgb(steps[1]), reference.rgb_from_ycocg(before), 0.1)
     agree(got, np.where(seen[..., None], with_weight(blend, 0.9), with_weight(rgb(steps[1]), 0.0)))
 
 
 def dilated(step, dilate: bool) -> tuple[Array, Array]:
     motion = step.inputs["motion"]
     if dilate:
-        nearest = history.nearest_surface(step.inputs["position"][..., 3])
-        assert (nearest != history.previous_px(np.zeros_like(motion))).any()
+        nearest = reference.nearest_surface(step.inputs["position"][..., 3])
+        assert (nearest != reference.previous_px(np.zeros_like(motion))).any()
         motion = motion[nearest[..., 1], nearest[..., 0]]
-    at = history.previous_px(motion)
-    return at, history.inside(at, SIZE)
+    at = reference.previous_px(motion)
+    return at, reference.inside(at, SIZE)
 
 
 def with_weight(picture: Array, weight: Array | float) -> Array:
@@ -114,17 +112,17 @@ def test_reverse_reprojection_cache(gpu, steps, filtering):
         at, seen = where_it_was(step)
         depth = step.inputs["prev_position"].astype(np.float64) @ step.pair.prev_forward
         expected = np.where(step.inputs["position"][..., 3] > 0, depth, 0.0)
-        found = history.sample_history(step.inputs["history_position"][..., 3:], at, filtering)[..., 0]
-        due = history.refresh_due(step.index, SIZE, 5, 3)
-        hit = seen & ~due & history.cache_hit(expected, found, 0.02)
+        found = reference.sample_history(step.inputs["history_position"][..., 3:], at, filtering)[..., 0]
+        due = reference.refresh_due(step.index, SIZE, 5, 3)
+        hit = seen & ~due & reference.cache_hit(expected, found, 0.02)
         assert 0.2 < hit.mean() < 0.9 and (seen & ~due & ~hit).any()
-        cached = np.where(hit[..., None], history.sample_history(cached, at, filtering), rgb(step))
+        cached = np.where(hit[..., None], reference.sample_history(cached, at, filtering), rgb(step))
         # Nearest at half a pixel may fall either way.
         agree(result, with_weight(cached, hit), flips=1e-3 if filtering == "bilinear" else 1e-2)
 
 
 def test_refresh_reaches_every_pixel_once_per_period():
-    times = sum(history.refresh_due(i, SIZE, 4, 7).astype(int) for i in range(7))
+    times = sum(reference.refresh_due(i, SIZE, 4, 7).astype(int) for i in range(7))
     assert (times == 1).all()
 
 
@@ -141,13 +139,13 @@ def test_bmfr(gpu, steps):
             turned = np.linalg.norm(normals[row, column, :3] - step.inputs["normal"][..., :3], axis=-1) > 0.3
             return ((there[row, column, 3] > 0) == surface) & ~(surface & (far | turned))
 
-        kept, total = history.consistent_blend(np.concatenate([mean, count[..., None]], -1), at, accept)
+        kept, total = reference.consistent_blend(np.concatenate([mean, count[..., None]], -1), at, accept)
         alive = seen & (total > 0)
         assert 0.02 < (seen & ~alive).mean() < 0.4, "the limits must have something to do"
         kept = np.where(alive[..., None], kept, 0.0)
         count = kept[..., 3] + 1
         share = np.where(alive, np.maximum(1 / count, 0.2), 1.0)
-        mean = history.exponential_average(rgb(step), kept[..., :3], share[..., None])
+        mean = reference.exponential_average(rgb(step), kept[..., :3], share[..., None])
         agree(result, with_weight(mean, 1 - share), flips=3e-3)
 
 
@@ -158,7 +156,7 @@ def test_time_warp_looks_where_the_homography_says(gpu):
     index = np.stack([x, row, np.zeros_like(x)], axis=-1).astype(np.float64)
     got = warp(gpu, SIZE, views, [index, index], every=2, border="black")[1][..., :2]
     clip = views[0].clip_from_view(*SIZE)
-    at = history.timewarp_px(clip, views[0].world_from_view.T @ views[1].world_from_view, SIZE)
+    at = reference.timewarp_px(clip, views[0].world_from_view.T @ views[1].world_from_view, SIZE)
     seen = np.all((at > 0) & (at < np.array(SIZE) - 1), axis=-1)
     assert 0.6 < seen.mean() < 0.95
     np.testing.assert_allclose(got[seen], at[seen], atol=2e-3)
@@ -167,12 +165,12 @@ def test_time_warp_looks_where_the_homography_says(gpu):
 def test_checkerboard(gpu, steps):
     steps = [with_alpha(s, shaded("checkerboard", SIZE, s.index)) for s in steps[:2]]
     got = play(gpu, "checkerboard", steps, {"slack": 0.1})
-    mean, low, high, count = color.shaded_neighbours(steps[1].inputs["radiance"])
+    mean, low, high, count = reference.shaded_neighbours(steps[1].inputs["radiance"])
     lit = steps[1].inputs["radiance"][..., 3:] > 0.5
     at, _ = where_it_was(steps[1])
     first = np.where(steps[0].inputs["radiance"][..., 3:] > 0.5, rgb(steps[0]),
-                     color.shaded_neighbours(steps[0].inputs["radiance"])[0])  # fmt: skip
-    before = history.sample_history(first, at)
+                     reference.shaded_neighbours(steps[0].inputs["radiance"])[0])  # fmt: skip
+    before = reference.sample_history(first, at)
     dark = ~lit[..., 0]
     slack = 0.1 * (high[dark] - low[dark])
     before[dark] = np.clip(before[dark], low[dark] - slack, high[dark] + slack)
@@ -189,14 +187,14 @@ def test_upsampling(gpu, steps, jitter):
     got = play(gpu, "upsample_2x2", steps, jitter_px=np.array(jitter))
     picture, gathered = np.zeros((*SIZE[::-1], 3)), np.zeros(SIZE[::-1])
     for step, result in zip(steps, got):
-        near, total, best = history.new_samples(step.inputs["radiance"], jitter_down, 1.0)
-        wide, wide_total, _ = history.new_samples(step.inputs["radiance"], jitter_down, 3.0)
+        near, total, best = reference.new_samples(step.inputs["radiance"], jitter_down, 1.0)
+        wide, wide_total, _ = reference.new_samples(step.inputs["radiance"], jitter_down, 3.0)
         assert (wide_total > 0).all()
         now, confidence = np.where((total > 0)[..., None], near, wide), best**4
         at, _ = where_it_was(step)
-        before = history.sample_history(picture, at)
-        had = history.sample_history(gathered[..., None], at, "nearest")[..., 0]
-        blend, more, kept = history.upsample_blend(now, confidence, before, had, 0.1)
+        before = reference.sample_history(picture, at)
+        had = reference.sample_history(gathered[..., None], at, "nearest")[..., 0]
+        blend, more, kept = reference.upsample_blend(now, confidence, before, had, 0.1)
         good = reusable(step) & (step.index > 0)
         picture = np.where(good[..., None], blend, now)
         gathered = np.where(good, more, confidence)
@@ -230,7 +228,7 @@ def svgf_temporal(step, illumination: Array, moments: Array, exposure: float) ->
 
     at, seen = where_it_was(step)
     everything = np.concatenate([illumination, moments], axis=-1)
-    kept, total = history.consistent_blend(everything, at, accept)
+    kept, total = reference.consistent_blend(everything, at, accept)
     middle = np.floor(np.where(seen[..., None], at, 0) + [0.5, 0.5]).astype(int)
     sums, count = np.zeros_like(kept), np.zeros(total.shape)
     for dy in (-1, 0, 1):
@@ -247,24 +245,24 @@ def svgf_temporal(step, illumination: Array, moments: Array, exposure: float) ->
     kept = np.where(alive[..., None], kept, 0.0)
     n = kept[..., 5] + 1
     share = np.where(alive, np.maximum(1 / n, 0.2), 1.0)
-    luminance = now @ color.LUMINANCE
-    mixed = history.exponential_average(now, kept[..., :3], share[..., None])
+    luminance = now @ reference.LUMINANCE
+    mixed = reference.exponential_average(now, kept[..., :3], share[..., None])
     both = np.stack([luminance, luminance**2], -1)
-    return mixed, np.dstack([history.exponential_average(both, kept[..., 3:5], share[..., None]), n]), share
+    return mixed, np.dstack([reference.exponential_average(both, kept[..., 3:5], share[..., None]), n]), share
 
 
 def svgf_frame(step, illumination, moments, levels: int, exposure: float):
     mixed, moments, share = svgf_temporal(step, illumination, moments, exposure)
     depth, normal = (step.inputs[n].astype(np.float64) for n in ("position", "normal"))
     depth, normal = depth[..., 3], normal[..., :3]
-    spatial, spatial_variance = svgf.spatial_estimate(
+    spatial, spatial_variance = reference.spatial_estimate(
         mixed, moments[..., :2], depth, normal, np.maximum(moments[..., 2], 1), 1.0, 128.0
     )
     few = moments[..., 2] <= 3.5
     value = np.where(few[..., None], spatial, mixed)
-    variance = np.where(few, spatial_variance, svgf.moments_variance(moments[..., 0], moments[..., 1]))
+    variance = np.where(few, spatial_variance, reference.moments_variance(moments[..., 0], moments[..., 1]))
     for level in range(levels):
-        value, variance = svgf.atrous_level(value, variance, depth, normal, level, 1.0, 128.0, 4.0)
+        value, variance = reference.atrous_level(value, variance, depth, normal, level, 1.0, 128.0, 4.0)
         illumination = value if level == 0 else illumination
     albedo = np.maximum(step.inputs["base_color"][..., :3].astype(np.float64), 0.01)
     result = np.where((depth > 0)[..., None], value * albedo + exposure * step.inputs["emission"], value)
@@ -292,11 +290,11 @@ def test_color_transforms(gpu, steps, tmp_path):
     steps = [replace(steps[0], inputs=steps[0].inputs | {"radiance": with_weight(picture, 1.0)})]
     low, high = np.array([-1.0, 0.0, -0.5]), np.array([0.5, 2.0, -0.25])
     twins = {
-        "ycocg_from_rgb(c)": color.ycocg_from_rgb(picture),
-        "rgb_from_ycocg(c)": color.rgb_from_ycocg(picture),
-        "clip_to_box(vec3(-1.0, 0.0, -0.5), vec3(0.5, 2.0, -0.25), c)": color.clip_to_box(low, high, picture),
-        "vec3(luminance(c))": np.repeat((picture @ color.LUMINANCE)[..., None], 3, axis=-1),
-        "catmull_rom_weights(fract(c.x)).xyz": history.catmull_rom_weights(picture[..., 0] % 1.0)[..., :3],
+        "ycocg_from_rgb(c)": reference.ycocg_from_rgb(picture),
+        "rgb_from_ycocg(c)": reference.rgb_from_ycocg(picture),
+        "clip_to_box(vec3(-1.0, 0.0, -0.5), vec3(0.5, 2.0, -0.25), c)": reference.clip_to_box(low, high, picture),
+        "vec3(luminance(c))": np.repeat((picture @ reference.LUMINANCE)[..., None], 3, axis=-1),
+        "catmull_rom_weights(fract(c.x)).xyz": reference.catmull_rom_weights(picture[..., 0] % 1.0)[..., :3],
     }
     for i, (text, expected) in enumerate(twins.items()):
         folder = write_method(
@@ -305,8 +303,8 @@ def test_color_transforms(gpu, steps, tmp_path):
             a=f"void reuse(ivec2 p) {{ vec3 c = fetch_radiance(p).rgb; write_result(p, {text}); }}",
         )
         np.testing.assert_allclose(play(gpu, folder, steps)[0][..., :3], expected, atol=3e-5, err_msg=text)
-    np.testing.assert_allclose(color.rgb_from_ycocg(color.ycocg_from_rgb(picture)), picture, atol=1e-12)
-    inside = color.clip_to_box(low, high, picture)
+    np.testing.assert_allclose(reference.rgb_from_ycocg(reference.ycocg_from_rgb(picture)), picture, atol=1e-12)
+    inside = reference.clip_to_box(low, high, picture)
     assert (inside >= low - 1e-6).all() and (inside <= high + 1e-6).all()
 
 
@@ -316,25 +314,18 @@ def test_catmull_rom_reproduces_parabolas():
     values = np.repeat((0.3 * x**2 - x)[None, :, None], 12, axis=0)
     at = np.stack(np.meshgrid(np.linspace(2, 8, 12), np.linspace(2, 8, 12)), axis=-1)
     expected = 0.3 * at[..., :1] ** 2 - at[..., :1]
-    np.testing.assert_allclose(history.sample_history(values, at, "catmull_rom"), expected, atol=1e-12)
-    assert np.abs(history.sample_history(values, at, "bilinear") - expected).max() > 0.01
+    np.testing.assert_allclose(reference.sample_history(values, at, "catmull_rom"), expected, atol=1e-12)
+    assert np.abs(reference.sample_history(values, at, "bilinear") - expected).max() > 0.01
 
 
-def test_every_twin_named_in_a_shader_exists():
-    """The header line ``Twin`` of shipped shaders and of the include names functions that are there."""
-    rooms = {"reuse_color": color, "reuse_history": history, "reuse_svgf": svgf}
+def test_references_cited_by_shaders_exist():
+    """The header line ``Reference`` of the built-in methods and of the include names functions of metrics."""
     cited = set()
     for path in [*SHIPPED.glob("*/*.glsl"), SHADERS / "common" / "reuse.glsl"]:
-        for line in re.findall(r"Twin\s+(metrics\.\S[^\n]*)", path.read_text()):
-            room = None
-            for word in re.findall(r"[\w.]+", line):
-                if word.startswith("metrics."):
-                    _, room, *names = word.split(".")
-                    assert room in rooms, f"{path}: {word}"
-                else:
-                    names = [word]
-                for name in names:
-                    assert hasattr(rooms[room], name), f"{path}: {room}.{name}"
-                    cited.add(name)
+        for line in re.findall(r"Reference\s+(metrics\.\S[^\n]*)", path.read_text()):
+            assert line.startswith("metrics.reuse_methods"), f"{path}: {line}"
+            for name in re.findall(r"\w+", line.removeprefix("metrics.reuse_methods")):
+                assert hasattr(reference, name), f"{path}: {name}"
+                cited.add(name)
     assert len(cited) >= 12
     assert all(load_method(name).cite for name in shipped_methods())
