@@ -12,7 +12,7 @@ import numpy as np
 from taubench_gl.conventions import FEATURE_BIT, Reason
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import Pair, evaluate_scene
-from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth, is_sequence
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced, is_sequence
 from taubench_gl.report import save_mask_picture, write_report
 from taubench_gl.report.frame_store import PictureKeeper
 from taubench_gl.report.html import REPORT_FILE, ReportRun, write_html_report
@@ -33,7 +33,7 @@ def evaluate(
     out: str | Path | None = None,
     save: Collection[str] = (),
     progress: Callable[[Progress], None] | None = None,
-    truth: TruthOptions | None = None,
+    path_traced: PathTracedOptions | None = None,
     report: bool = False,
     **overrides: Any,
 ) -> Run:
@@ -41,8 +41,8 @@ def evaluate(
 
     ``overrides`` are fields of ``Settings``, such as ``width=640, height=360, reprojection="motion"``.  ``out`` is the
     folder that receives summary.json, frames.csv, tables, plots and a picture of the most discarded frame's mask.
-    ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  ``truth`` holds what
-    path-traced files need to be told.  ``report`` adds report.html, one self-contained page, and the folder
+    ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  ``path_traced`` holds
+    the options of path-traced files.  ``report`` adds report.html, one self-contained page, and the folder
     ``pictures`` it was made from.  Raises TaubenchError.
 
     >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
@@ -54,7 +54,9 @@ def evaluate(
     unknown = set(save) - set(SAVES)
     if unknown:
         raise SettingsError(f"cannot save {', '.join(sorted(unknown))}", hint=f"choose from {', '.join(SAVES)}")
-    run_on: Callable[..., Run] = partial(evaluate_truth, options=truth) if is_sequence(scene) else evaluate_scene
+    run_on: Callable[..., Run] = (
+        partial(evaluate_path_traced, options=path_traced) if is_sequence(scene) else evaluate_scene
+    )
     if out is None:
         if save or report:
             raise SettingsError("nowhere to save to", hint="give out, a folder")

@@ -25,7 +25,7 @@ class SceneError(TaubenchError):
     """
 
 
-class TruthError(TaubenchError):
+class PathTracedError(TaubenchError):
     """A path-traced reference (EXR file, sequence, sidecar) cannot be used as it is."""
 
 

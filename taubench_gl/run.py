@@ -233,6 +233,8 @@ def load_run(folder: str | Path) -> Run:
         if str(schema).startswith("taubench-gl/batch/"):
             hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
+    if "truth" in summary:  # the block's name in releases before 0.2
+        summary.setdefault("path_traced", summary.pop("truth"))
     _check_kinds(summary, path)
     return Run(summary, read_frames(out / FRAMES_FILE), out)
 

@@ -14,13 +14,13 @@ from light_scenes import make
 from rich.console import Console
 from rich.table import Table
 
-from taubench_gl.agreement import agree, seconds_per_frame
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.cycles.job import Quality
-from taubench_gl.cycles.render import CAMERA_FILE, render_truth
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth
+from taubench_gl.pathtraced.compare import compare_runs, seconds_per_frame
+from taubench_gl.pathtraced.cycles.job import Quality
+from taubench_gl.pathtraced.cycles.render import CAMERA_FILE, render_reference
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -64,13 +64,13 @@ def measure(
         settings = Settings(**shared, textures="finest", shadow_size=2048, **changes)
         runs.append((name, evaluate_scene(scene, settings)))
     for samples in SAMPLES:
-        run = _truth(scene, out, scene_name, size, samples, 0)
+        run = _path_traced(scene, out, scene_name, size, samples, 0)
         runs.append((f"Cycles, {samples} sample{'s' * (samples > 1)}", run))
-    reference = _truth(scene, out, scene_name, size, converged, 0, second=1)
+    reference = _path_traced(scene, out, scene_name, size, converged, 0, second=1)
     rows = []
     for name, run in (*runs, (f"Cycles, {converged} samples", reference)):
         told = seconds_per_frame(run.summary)
-        points = {c: e["difference_points"] for c, e in agree(run, reference)["columns"].items()}
+        points = {c: e["difference_points"] for c, e in compare_runs(run, reference)["columns"].items()}
         first = rows[0].seconds if rows else told["seconds"]
         rows.append(CostRow(name, told["seconds"], told["seconds"] / first, told["clock"], points))
     floor = reference.summary["noise_floor"]
@@ -86,16 +86,18 @@ def measure(
     )
 
 
-def _truth(scene: Any, out: Path, name: str, size: tuple[int, int], samples: int, seed: int, second: int | None = None):
+def _path_traced(
+    scene: Any, out: Path, name: str, size: tuple[int, int], samples: int, seed: int, second: int | None = None
+):
     folders = []
     for s in (seed, *(() if second is None else (second,))):
         folder = out / f"{name}_{size[0]}x{size[1]}_{samples}_seed{s}"
         quality = Quality(samples=samples, bounces=BOUNCES, seed=s, crisp=True)
-        render_truth(scene, choose_camera(scene), range(*FRAMES), folder, fps=24.0, size=size, quality=quality)
+        render_reference(scene, choose_camera(scene), range(*FRAMES), folder, fps=24.0, size=size, quality=quality)
         folders.append(folder)
     other = f"exr:{folders[1]}" if len(folders) > 1 else None
-    options = TruthOptions(camera_file=folders[0] / CAMERA_FILE, second_seed=other)
-    return evaluate_truth(f"exr:{folders[0]}", Settings(frames=FRAMES), options)
+    options = PathTracedOptions(camera_file=folders[0] / CAMERA_FILE, second_seed=other)
+    return evaluate_path_traced(f"exr:{folders[0]}", Settings(frames=FRAMES), options)
 
 
 def show(console: Console, costs: Costs) -> None:

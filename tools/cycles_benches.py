@@ -12,13 +12,13 @@ from benches import FPS, Options, Result, Row, bench, missing, real_scene, row
 from mask_benches import Walk
 
 from taubench_gl.animation import CameraTrack, choose_camera
-from taubench_gl.cycles.job import Quality
-from taubench_gl.cycles.render import HOW_TO_GET_BPY, blender_version, read_render, render_truth
 from taubench_gl.datasets.stand_ins import make_stand_in
-from taubench_gl.errors import TruthError
+from taubench_gl.errors import PathTracedError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import ASSETS
+from taubench_gl.pathtraced.cycles.job import Quality
+from taubench_gl.pathtraced.cycles.render import HOW_TO_GET_BPY, blender_version, read_render, render_reference
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -109,8 +109,8 @@ def _cycles_row(label: str, scene: Scene, camera: CameraTrack, fps: float, optio
     frames = range(1, 2 + FRAMES)
     quality = Quality(samples=1, bounces=12, crisp=True)
     try:
-        render_truth(scene, camera, frames, folder, fps=fps, size=options.size, quality=quality)
-    except TruthError as error:
+        render_reference(scene, camera, frames, folder, fps=fps, size=options.size, quality=quality)
+    except PathTracedError as error:
         return missing(f"{label}: Cycles", str(error))
     times = [read_render(folder, [frame])["seconds_per_frame"] * 1e3 for frame in frames]
     return row(f"{label}: Cycles", times[1:])

@@ -14,8 +14,7 @@ from typing import NoReturn, TextIO
 import click
 
 from taubench_gl import __version__
-from taubench_gl.apps.agree_command import agree
-from taubench_gl.apps.aliases import Group
+from taubench_gl.apps.aliases import Group, former_commands
 from taubench_gl.apps.batch_command import batch
 from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.completion_command import completion
@@ -26,12 +25,12 @@ from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.export_command import export
 from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.apps.reference_command import reference
 from taubench_gl.apps.report_command import report
 from taubench_gl.apps.reuse_command import reuse
 from taubench_gl.apps.scenes_command import scenes
 from taubench_gl.apps.selftest_command import selftest
 from taubench_gl.apps.stress_command import stress
-from taubench_gl.apps.truth_command import truth
 from taubench_gl.apps.view_command import view
 from taubench_gl.errors import TaubenchError
 
@@ -72,9 +71,8 @@ for command in (
     export,
     compare,
     report,
-    agree,
     cost,
-    truth,
+    reference,
     convert,
     selftest,
     demo,
@@ -84,6 +82,7 @@ for command in (
     completion,
 ):
     cli.add_command(command)
+former_commands(cli, {"truth": "reference", "agree": "reference compare"})
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:

@@ -20,8 +20,8 @@ from taubench_gl.apps.options import (
     gpu_options,
     light_options,
     pair_options,
+    path_traced_options,
     settings_from,
-    truth_options,
 )
 from taubench_gl.errors import SettingsError, TaubenchError
 
@@ -57,7 +57,7 @@ tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one fold
 @preset_option
 @light_options
 @accuracy_options
-@truth_options
+@path_traced_options
 @gpu_options
 def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, **options: Any) -> int:
     """Measure how much of each frame can be reused in the next, and print the paper's Tables 1 to 4.
@@ -71,17 +71,17 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
         raise click.UsageError("--save needs --out DIR to write to")
     if report and out is None:
         raise click.UsageError("--report needs --out DIR to write to")
-    truth = {
+    path_traced = {
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
     settings = settings_from(with_preset(options, options.pop("preset")))
-    _require_effect(scenes, scene_file=truth["scene_file"])
+    _require_effect(scenes, scene_file=path_traced["scene_file"])
     folders = out_folders(scenes, out)
     runs: list[Run] = []
     failed = 0
     for scene, folder in zip(scenes, folders, strict=True):
         try:
-            runs.append(_evaluate_one(scene, settings, folder, save, truth, report))
+            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report))
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -109,7 +109,7 @@ def _require_effect(scenes: Sequence[str], *, scene_file: str | None) -> None:
 
     Beside a scene that is drawn such an option is for that one.  Raises SettingsError.
     """
-    from taubench_gl.reference.sequence import is_sequence
+    from taubench_gl.pathtraced.sequence import is_sequence
 
     if not all(is_sequence(scene) for scene in scenes):
         return
@@ -145,22 +145,27 @@ def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:
 
 
 def _evaluate_one(
-    scene: str, settings: Settings, folder: Path | None, save: tuple[str, ...], truth: dict[str, Any], report: bool
+    scene: str,
+    settings: Settings,
+    folder: Path | None,
+    save: tuple[str, ...],
+    path_traced: dict[str, Any],
+    report: bool,
 ) -> Run:
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.named_scenes import asked_for, resolve
     from taubench_gl.apps.screen import ProgressBar
-    from taubench_gl.reference.sequence import is_sequence
+    from taubench_gl.pathtraced.sequence import is_sequence
 
     more: dict[str, Any] = {}
     scene, row = resolve(scene)
     settings = dataclasses.replace(settings, **asked_for(row))
     if is_sequence(scene):
-        from taubench_gl.evaluation_truth import TruthOptions
+        from taubench_gl.pathtraced.evaluation import PathTracedOptions
 
-        more["truth"] = TruthOptions(**truth)
-    elif any(truth.values()):
-        given = next(name for name, value in truth.items() if value).replace("_", "-").removesuffix("s")
+        more["path_traced"] = PathTracedOptions(**path_traced)
+    elif any(path_traced.values()):
+        given = next(name for name, value in path_traced.items() if value).replace("_", "-").removesuffix("s")
         raise SettingsError(f"--{given} is for path-traced files", where=scene, hint="name them exr:DIR")
     with ProgressBar(Path(scene).name) as progress:
         return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, report=report, **more)

@@ -133,7 +133,7 @@ def pair_options(
             culling_option,
             of_settings(
                 "--textures",
-                "finest: without mipmaps, as 'truth render --crisp' samples them.",
+                "finest: without mipmaps, as 'reference render --crisp' samples them.",
                 type=click.Choice(TEXTURES),
             ),
         )
@@ -205,7 +205,7 @@ def lighting_options(command: Any) -> Any:
     )
 
 
-def truth_options(command: Any) -> Any:
+def path_traced_options(command: Any) -> Any:
     """What path-traced files (``exr:DIR``) need to be told: camera, names of passes, lobes."""
     return with_options(
         command,

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.option_types import Size
 from taubench_gl.apps.options import frame_options, given_options, light_options, pair_options, settings_from
 from taubench_gl.errors import SettingsError
@@ -24,7 +25,7 @@ Examples:
   taubench-gl view scene.glb --size 960x540 --reprojection motion --light
   taubench-gl view results
   taubench-gl view exr:renders --camera-file renders/camera.json
-  taubench-gl view scene.glb --truth exr:renders --scene-file scene.glb
+  taubench-gl view scene.glb --reference exr:renders --scene-file scene.glb
   taubench-gl view scene.glb --script steps.txt
 \b
 Press ? in the window for the keys; docs/viewer.md lists them, and the commands of scripts."""
@@ -34,7 +35,10 @@ Press ? in the window for the keys; docs/viewer.md lists them, and the commands 
 @pair_options()
 @light_options
 @click.option("--light/--no-light", default=None, help="Start with light simulated.  [default: where a GPU does it]")
-@click.option("--truth", metavar="exr:DIR", help="Path-traced frames to compare with (split, difference).")
+@click.option(
+    "--reference", metavar="exr:DIR", help="Path-traced reference frames to compare with (split, difference)."
+)
+@former_option("--truth", "--reference")
 @click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]")
 @click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures.")
 @click.option("--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML.")
@@ -55,7 +59,7 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
     missing = [pip for module, pip in LIBRARIES.items() if importlib.util.find_spec(module) is None]
     if missing:
         raise SettingsError(f"the viewer needs {' and '.join(missing)}", hint="run: pip install 'taubench-gl[viewer]'")
-    _require_there(source, options["truth"])
+    _require_there(source, options["reference"])
     from taubench_gl.viewer.session import Session, run_session
 
     run_session(
@@ -74,26 +78,28 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
 
 
 def _asked(source: str, options: dict[str, Any]) -> Any:
-    from taubench_gl.evaluation_truth import TruthOptions
+    from taubench_gl.pathtraced.evaluation import PathTracedOptions
     from taubench_gl.viewer.opening import Asked
 
     names = ("size", "frames", "camera", "scene", "animations", "fps", "reprojection", "sampling", "thresholds",
              "unit_scale", "culling", "textures", "columns", "effects", "sky", "exposure", "tone_map", "shadow_size",
              "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
     settings = settings_from({name: options[name] for name in names})
-    truth = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
-    return Asked(source, settings, options["truth"], TruthOptions(**truth), given_options(options), _resolve)
+    path_traced = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
+    return Asked(
+        source, settings, options["reference"], PathTracedOptions(**path_traced), given_options(options), _resolve
+    )
 
 
-def _require_there(source: str, truth: str | None) -> None:
+def _require_there(source: str, reference: str | None) -> None:
     """A name that nothing has is told before a display is asked for.  Raises TaubenchError as opening it would."""
-    from taubench_gl.reference.sequence import find_frames, is_sequence
+    from taubench_gl.pathtraced.sequence import find_frames, is_sequence
     from taubench_gl.scene import is_sequence as is_obj_sequence
     from taubench_gl.scene import load_scene
     from taubench_gl.viewer.opening import is_run
 
-    for path_traced in (text for text in (source, truth) if text and is_sequence(text)):
-        find_frames(path_traced)
+    for spec in (text for text in (source, reference) if text and is_sequence(text)):
+        find_frames(spec)
     if is_sequence(source) or is_run(source):
         return
     path = _resolve(source)[0]

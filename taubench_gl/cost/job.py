@@ -10,7 +10,7 @@ from typing import Any
 
 from taubench_gl.animation import CameraTrack
 from taubench_gl.cost import methods as quality
-from taubench_gl.cost import rungs as truth
+from taubench_gl.cost import rungs
 from taubench_gl.cost.clock import pass_timer
 from taubench_gl.cost.errors import channels_of, compare_features, feature_frames, from_run, measure_errors
 from taubench_gl.cost.plan import BASE, BEST, Plan
@@ -18,7 +18,7 @@ from taubench_gl.cost.records import Records
 from taubench_gl.cost.rounds import SWEEPS, due_visits, rounds_of
 from taubench_gl.cost.sessions import Pool
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.reference.sequence import PREFIX
+from taubench_gl.pathtraced.sequence import PREFIX
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -46,7 +46,7 @@ class Job:
         frames: range,
         plan: Plan,
         contest: Sequence[quality.Candidate],
-        ladder: truth.Ladder | None,
+        ladder: rungs.Ladder | None,
         records: Records,
         repeats: int,
         verdict: Any,
@@ -143,15 +143,15 @@ class Job:
             "base_ms": times[BASE],
         }
 
-    def _rung(self, rung: truth.Rung) -> dict[str, Any]:
+    def _rung(self, rung: rungs.Rung) -> dict[str, Any]:
         base, ladder = self._plan.named(BASE).settings, self._ladder
         is_reference = rung is ladder.reference
-        run = truth.run_rung(rung, base, ladder.second if is_reference else None)
+        run = rungs.run_rung(rung, base, ladder.second if is_reference else None)
         found = from_run(run)
         if is_reference:
-            found["floor"] = dict(truth.floor_of(run))
+            found["floor"] = dict(rungs.floor_of(run))
         else:
-            kept = truth.rung_channels(rung, base, self._window)
+            kept = rungs.rung_channels(rung, base, self._window)
             found["features"] = compare_features(kept, self._channels(), base)
         return found
 
@@ -169,7 +169,7 @@ class Job:
         if self._reference is None:
             if self._ladder is not None:
                 base = self._plan.named(BASE).settings
-                self._reference = truth.rung_channels(self._ladder.reference, base, self._window)
+                self._reference = rungs.rung_channels(self._ladder.reference, base, self._window)
             else:
                 best = self._plan.named(BEST).settings
                 self._reference = channels_of(self._scene, self._camera, best, self._window)

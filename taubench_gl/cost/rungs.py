@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.cost.errors import KEPT, Channels
-from taubench_gl.cycles.render import CAMERA_FILE, PROVENANCE_FILE, read_render
-from taubench_gl.errors import TruthError
+from taubench_gl.errors import PathTracedError
 from taubench_gl.evaluation import Pair
-from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth
-from taubench_gl.reference.sequence import PREFIX, TruthSequence
+from taubench_gl.pathtraced.cycles.render import CAMERA_FILE, PROVENANCE_FILE, read_render
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
+from taubench_gl.pathtraced.sequence import PREFIX, PathTracedSequence
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings
 
@@ -25,7 +25,7 @@ class Rung:
     """One folder of frames.  ``samples`` per pixel, ``seed``; ``crisp``: pixel centres alone."""
 
     folder: Path
-    sequence: TruthSequence
+    sequence: PathTracedSequence
     samples: int
     seed: int
     crisp: bool
@@ -38,9 +38,9 @@ class Rung:
         return f"{self.samples} spp, path-traced" + (f", seed {self.seed}" if self.seed else "")
 
     @property
-    def options(self) -> TruthOptions:
+    def options(self) -> PathTracedOptions:
         sidecar = self.folder / CAMERA_FILE
-        return TruthOptions(camera_file=sidecar if sidecar.is_file() else None)
+        return PathTracedOptions(camera_file=sidecar if sidecar.is_file() else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,26 +56,26 @@ class Ladder:
 def find_ladder(spec: str) -> Ladder:
     """Rungs in ``exr:DIR``: DIR itself if it holds frames, and each of its folders that does.
 
-    Samples and times come from the provenance that 'truth render' writes.  Raises TruthError where there is none, for
-    rungs of different sizes, or without common frames.
+    Samples and times come from the provenance that 'reference render' writes.  Raises PathTracedError for none,
+    for rungs of different sizes, or without common frames.
     """
     root = Path(spec.removeprefix(PREFIX))
     if not root.is_dir():
-        raise TruthError("is no folder", where=str(root), hint="give exr:DIR, a render or a folder of renders")
+        raise PathTracedError("is no folder", where=str(root), hint="give exr:DIR, a render or a folder of renders")
     folders = [root, *sorted(p for p in root.iterdir() if p.is_dir())]
     rungs = [_rung(folder) for folder in folders if any(folder.glob("[!.]*.exr"))]
     if not rungs:
-        raise TruthError("holds no renders", where=str(root), hint="'taubench-gl truth render' makes them")
+        raise PathTracedError("holds no renders", where=str(root), hint="'taubench-gl reference render' makes them")
     rungs.sort(key=lambda r: (r.samples, r.seed))
     sizes = {r.sequence.size for r in rungs}
     if len(sizes) > 1:
-        raise TruthError("its renders have different sizes", where=str(root), hint="give renders of one size")
+        raise PathTracedError("its renders have different sizes", where=str(root), hint="give renders of one size")
     common = set.intersection(*(set(r.sequence.frames) for r in rungs))
     if len(common) < 2:
-        raise TruthError("its renders have no pair of frames in common", where=str(root))
+        raise PathTracedError("its renders have no pair of frames in common", where=str(root))
     frames = range(min(common), max(common) + 1)
     if len(common) != len(frames):
-        raise TruthError(
+        raise PathTracedError(
             "the frames its renders share have gaps", where=str(root), hint="render them: pairs need neighbours"
         )
     most = [r for r in rungs if r.samples == rungs[-1].samples]
@@ -85,11 +85,11 @@ def find_ladder(spec: str) -> Ladder:
 
 
 def _rung(folder: Path) -> Rung:
-    sequence = TruthSequence.open(f"{PREFIX}{folder}")
+    sequence = PathTracedSequence.open(f"{PREFIX}{folder}")
     told = read_render(folder, sequence.frames)
     if told is None or not told.get("samples"):
-        hint = "only renders by 'taubench-gl truth render' say how long they took and with how many samples"
-        raise TruthError("does not say how it was rendered", where=str(folder), hint=hint)
+        hint = "only renders by 'taubench-gl reference render' say how long they took and with how many samples"
+        raise PathTracedError("does not say how it was rendered", where=str(folder), hint=hint)
     values = json.loads((folder / PROVENANCE_FILE).read_text(encoding="utf-8"))
     times = tuple(
         1e3 * float(s) for _, s in sorted((values.get("frame_seconds") or {}).items(), key=lambda kv: int(kv[0]))
@@ -108,7 +108,7 @@ def fitting(settings: Settings, ladder: Ladder) -> Settings:
     return replace(settings, width=width, height=height, frames=frames, fps=ladder.reference.fps, textures=textures)
 
 
-def truth_settings(settings: Settings) -> Settings:
+def path_traced_settings(settings: Settings) -> Settings:
     """Of a run over files: what only rendering knows stays at its default."""
     return replace(settings, pairs="all", samples_per_pixel=1, storage="float", summation="integer")
 
@@ -118,7 +118,7 @@ def run_rung(rung: Rung, settings: Settings, second: Rung | None = None) -> Run:
     options = rung.options
     if second is not None:
         options = replace(options, second_seed=f"{PREFIX}{second.folder}")
-    return evaluate_truth(f"{PREFIX}{rung.folder}", truth_settings(settings), options)
+    return evaluate_path_traced(f"{PREFIX}{rung.folder}", path_traced_settings(settings), options)
 
 
 def rung_channels(rung: Rung, settings: Settings, frames: tuple[int, int]) -> dict[int, Channels]:
@@ -129,8 +129,8 @@ def rung_channels(rung: Rung, settings: Settings, frames: tuple[int, int]) -> di
         arrays: dict[str, Any] = {n: pair.source.read(n) for n in KEPT if n in pair.source.channels}
         kept[pair.frame] = arrays | {"motion": pair.motion(), "camera_position": np.asarray(pair.view.position)}
 
-    evaluate_truth(
-        f"{PREFIX}{rung.folder}", replace(truth_settings(settings), frames=frames), rung.options, on_pair=keep
+    evaluate_path_traced(
+        f"{PREFIX}{rung.folder}", replace(path_traced_settings(settings), frames=frames), rung.options, on_pair=keep
     )
     return kept
 

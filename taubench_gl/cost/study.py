@@ -13,7 +13,7 @@ from typing import Any
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import methods as quality
-from taubench_gl.cost import rungs as truth
+from taubench_gl.cost import rungs
 from taubench_gl.cost.clock import pass_timer
 from taubench_gl.cost.job import Job, Progress
 from taubench_gl.cost.parameters import KNOBS, Situation
@@ -26,8 +26,8 @@ from taubench_gl.evaluation import frame_range
 from taubench_gl.frame.plan import bound_times, significant_lights
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, probe_timer
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
-from taubench_gl.reference.sequence import is_sequence
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -77,8 +77,8 @@ def cost(
         scene = load_scene(scene, scene=base.scene, animation=base.animation)
     ladder = None
     if is_sequence(reference):
-        ladder = truth.find_ladder(reference)
-        base = truth.fitting(base, ladder)
+        ladder = rungs.find_ladder(reference)
+        base = rungs.fitting(base, ladder)
     elif reference != REFERENCE_BEST:
         raise SettingsError(f"no reference is named {reference!r}", hint="choose best, or exr:DIR")
     camera = choose_camera(scene, base.camera)
@@ -124,7 +124,7 @@ def _about(
     base: Settings,
     plan: Plan,
     reference: str,
-    ladder: truth.Ladder | None,
+    ladder: rungs.Ladder | None,
     pass_clock: str,
 ) -> dict[str, Any]:
     """What every figure of the study is to be printed with."""

@@ -2,7 +2,7 @@
 
 ``scene`` is the whole road on one page; ``schedule`` says which frames are drawn and which pairs judged, ``pairs``
 counts them, ``summary`` writes down what came of it.  Pictures, tables and plots are views of the Run and of the pairs
-it shows to ``on_pair``; ``taubench_gl.api.evaluate`` adds them.  Path-traced files: ``taubench_gl.evaluation_truth``.
+it shows to ``on_pair``; ``taubench_gl.api.evaluate`` adds them.  Path-traced files: ``pathtraced.evaluation``.
 """
 
 from taubench_gl.evaluation.pairs import Pair, count_pairs

@@ -6,7 +6,7 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import View
-from taubench_gl.reference.camera import CameraPose
+from taubench_gl.pathtraced.camera_file import CameraPose
 
 Array = np.ndarray
 CV_FROM_VIEW = np.diag([1.0, -1.0, -1.0])
@@ -44,6 +44,6 @@ def matrices(view: View, width: int, height: int) -> dict[str, Array]:
 
 
 def sidecar_pose(view: View) -> CameraPose:
-    """The view for camera.json (``reference.camera``)."""
+    """The view for camera.json (``pathtraced.cameras``)."""
     c = view.camera
     return CameraPose(view.position, view.world_from_view, c.kind, c.yfov, c.ymag, c.znear, c.zfar)

@@ -21,7 +21,7 @@ from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import is_partial_of, write_atomically
-from taubench_gl.reference.camera import camera_file_text
+from taubench_gl.pathtraced.camera_file import camera_file_text
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings

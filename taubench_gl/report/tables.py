@@ -154,7 +154,7 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
     columns = (*(Column(name, "%", 2) for name in COLUMNS), *_SAMPLING)
     notes = tuple(f"{_who(label, labels)}{_how(summary)}" for label, summary in zip(labels, summaries, strict=True))
     for label, summary in zip(labels, summaries, strict=True):
-        if summary.get("truth") and not summary.get("noise_floor"):
+        if summary.get("path_traced") and not summary.get("noise_floor"):
             notes += (f"{_who(label, labels)}the noise floor is not known; a render with another seed would tell.",)
     if paper:
         notes += ("The paper does not publish the thresholds behind its Table 4.",)

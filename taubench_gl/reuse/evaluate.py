@@ -15,8 +15,8 @@ from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
-from taubench_gl.reference.sequence import is_sequence
 from taubench_gl.reuse.evaluate_bench import SCHEMA, Bench, JudgedFrame, MethodSpec, method_settings
 from taubench_gl.reuse.inputs_kind import InputKind, parse_input
 from taubench_gl.reuse.quality import CHOICES

@@ -11,14 +11,14 @@ import numpy as np
 from taubench_gl.animation import CameraTrack
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import TruthError
+from taubench_gl.errors import PathTracedError
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.truth_cameras import FittedCamera, SceneCamera
-from taubench_gl.frame.truth_source import TruthSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.reference.passes import TruthFrame
-from taubench_gl.reference.sequence import TruthSequence
+from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
+from taubench_gl.pathtraced.passes import PathTracedFrame
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.reuse.arrays import write_input
 from taubench_gl.reuse.frame import FrameInputs
 from taubench_gl.reuse.inputs import CHANNEL_INPUTS, HISTORY_INPUTS
@@ -30,15 +30,15 @@ from taubench_gl.settings import Settings
 
 
 class _Remembering:
-    """A TruthSequence that keeps the frame it read last: its channels and its combined pass come from one decoding."""
+    """A PathTracedSequence that keeps its last frame: channels and combined pass share one decoding."""
 
-    def __init__(self, sequence: TruthSequence):
+    def __init__(self, sequence: PathTracedSequence):
         self._sequence, self._last = sequence, (None, None)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._sequence, name)
 
-    def read(self, frame: int, lobes: Collection[str] = ()) -> TruthFrame:
+    def read(self, frame: int, lobes: Collection[str] = ()) -> PathTracedFrame:
         if self._last[0] != frame:
             self._last = frame, self._sequence.read(frame, lobes)
         return self._last[1]
@@ -68,7 +68,7 @@ class FileInputs:
         mapping: str | None = None,
     ):
         """``truth``: ``exr:DIR`` of noise-free frames; ``mapping``: names of passes, as ``load_mapping`` takes it."""
-        sequence = TruthSequence.open(kind.files, mapping=mapping)
+        sequence = PathTracedSequence.open(kind.files, mapping=mapping)
         width, height = self.size = sequence.size
         self.kind, self._cuts = kind, frozenset(cuts)
         settings = replace(settings, width=width, height=height)
@@ -77,17 +77,19 @@ class FileInputs:
         self.settings, self.reads = settings, frozenset(reads)
         track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.fps)
         self._sequence = _Remembering(sequence)
-        self.source = TruthSource(gpu, self._sequence, track, settings)
+        self.source = PathTracedSource(gpu, self._sequence, track, settings)
         self._drawn = None if scene is None else self._draw_missing(gpu, scene, camera, settings)
         self._shaders = ShaderCache(gpu.ctx)
         self._masks = MaskInputs(gpu, self._shaders, self.source, settings, ())
         self._radiance = picture_texture(gpu, self.size)
         self.truth = self._truth_masks = None
         if truth is not None:
-            exact = TruthSequence.open(truth, mapping=mapping)
+            exact = PathTracedSequence.open(truth, mapping=mapping)
             if exact.size != self.size:
-                raise TruthError(f"is {exact.size[0]}x{exact.size[1]} pixels, the input {width}x{height}", where=truth)
-            self.truth = TruthSource(gpu, exact, track, settings)
+                raise PathTracedError(
+                    f"is {exact.size[0]}x{exact.size[1]} pixels, the input {width}x{height}", where=truth
+                )
+            self.truth = PathTracedSource(gpu, exact, track, settings)
             self._truth_masks = MaskInputs(gpu, self._shaders, self.truth, settings, self.truth.radiance)
             self.truth_mask, self.truth_motion = self._truth_masks.mask, self._truth_masks.motion
         self._index, self._before = 0, None
@@ -102,7 +104,7 @@ class FileInputs:
         return RasterSource(gpu, scene, camera, geometry, extra=missing)
 
     def frames(self, wanted: tuple[int | None, int | None]) -> range:
-        """Frame numbers of the files within ``wanted``.  Raises TruthError on gaps."""
+        """Frame numbers of the files within ``wanted``.  Raises PathTracedError on gaps."""
         return self._sequence.select(wanted)
 
     def advance(self, frame: int) -> FrameInputs:

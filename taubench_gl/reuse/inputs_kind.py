@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.shading import Shading
 from taubench_gl.metrics.shading_rate import RATES
-from taubench_gl.reference.sequence import PREFIX, is_sequence
+from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
 
 PARTIAL = RATES[1:]
 WORDS = ("full", "jittered", "noisy", *PARTIAL)

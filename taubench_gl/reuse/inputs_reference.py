@@ -8,12 +8,12 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.animation.jitter import grid_offsets
-from taubench_gl.errors import SettingsError, TruthError
+from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.reference.sequence import TruthSequence
+from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.arrays import read_result
 from taubench_gl.reuse.inputs import light_settings, lit_channels
 from taubench_gl.reuse.inputs_kind import InputKind
@@ -74,13 +74,13 @@ class FileReference:
     """Combined radiance of path-traced files ``exr:DIR``, whose frame numbers are the scene's."""
 
     def __init__(self, spec: str, size: tuple[int, int], frames: range, settings: Settings, mapping: str | None = None):
-        self._sequence, self._exposure = TruthSequence.open(spec, mapping=mapping), settings.exposure
+        self._sequence, self._exposure = PathTracedSequence.open(spec, mapping=mapping), settings.exposure
         if self._sequence.size != size:
             got, wanted = ("x".join(map(str, s)) for s in (self._sequence.size, size))
-            raise TruthError(f"is {got} pixels, the input {wanted}", where=spec, hint=f"use --size {got}")
+            raise PathTracedError(f"is {got} pixels, the input {wanted}", where=spec, hint=f"use --size {got}")
         lost = sorted(set(frames) - set(self._sequence.frames))
         if lost:
-            raise TruthError(f"lacks frame {lost[0]}", where=spec, hint="give --frames that it has")
+            raise PathTracedError(f"lacks frame {lost[0]}", where=spec, hint="give --frames that it has")
 
     def picture(self, frame: int) -> Array:
         return combined_radiance(self._sequence.read(frame), self._exposure, f"{self._sequence.path}, frame {frame}")
@@ -93,9 +93,11 @@ class FileReference:
 
 
 def combined_radiance(truth: Any, exposure: float, where: str) -> Array:
-    """Exposed linear radiance (h, w, 3) float32 of a TruthFrame.  Raises TruthError where it has none."""
+    """Exposed linear radiance (h, w, 3) float32 of a PathTracedFrame.  Raises PathTracedError where it has none."""
     if truth.combined is None:
-        raise TruthError("has no combined pass", where=where, hint="switch it on in the renderer, or give --mapping")
+        raise PathTracedError(
+            "has no combined pass", where=where, hint="switch it on in the renderer, or give --mapping"
+        )
     if truth.color_encoded:
-        raise TruthError("its combined pass is display-encoded, not linear radiance", where=where)
+        raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
     return truth.combined[..., :3].astype(np.float32) * np.float32(exposure)

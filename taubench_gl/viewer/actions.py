@@ -101,7 +101,7 @@ _action("low down", "picture", "lower end down")(lambda s: s.set_range(s.low - 0
 _toggle("arrows", "picture", "arrows from each pixel to where it was", "arrows")
 
 
-@_action("compare", "picture", "against truth: off, split, difference")
+@_action("compare", "picture", "against the reference: off, split, difference")
 def _compare(s: ViewerState) -> None:
     s.comparison = following(COMPARISONS, s.comparison)
     s.message = f"comparison: {s.comparison}"

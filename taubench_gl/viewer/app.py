@@ -23,16 +23,16 @@ from taubench_gl.viewer import prefs, theme
 from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.capture import Clip, free_name
 from taubench_gl.viewer.engine import ViewerEngine
-from taubench_gl.viewer.feeds import TruthFeed
+from taubench_gl.viewer.feeds import PathTracedFeed
 from taubench_gl.viewer.imgui_renderer import ImguiRenderer
 from taubench_gl.viewer.input import Input
 from taubench_gl.viewer.layout import Layout, arrange
 from taubench_gl.viewer.opening import Asked, open_feed
 from taubench_gl.viewer.panels import Panels
+from taubench_gl.viewer.path_traced_comparison import PathTracedComparison
 from taubench_gl.viewer.probe import Probe, probe_pixel
 from taubench_gl.viewer.state import ViewerState
 from taubench_gl.viewer.timing import LiveTimer
-from taubench_gl.viewer.truth_comparison import TruthComparison
 from taubench_gl.viewer.variables import values
 
 LIGHT = ("direct", "color", "emission")
@@ -74,10 +74,10 @@ class Viewer:
         feed = opened.feed
         try:
             comparison = None
-            if asked.truth is not None:
-                truth = TruthFeed(self.gpu, asked.truth, dataclasses.replace(feed.settings, frames=(None, None)),
-                                  asked.options)  # fmt: skip
-                comparison = TruthComparison(truth, feed.size, feed.frames[0])
+            if asked.reference is not None:
+                settings = dataclasses.replace(feed.settings, frames=(None, None))
+                reference = PathTracedFeed(self.gpu, asked.reference, settings, asked.options)
+                comparison = PathTracedComparison(reference, feed.size, feed.frames[0])
         except TaubenchError:
             feed.release()
             raise
@@ -153,7 +153,7 @@ class Viewer:
         if paths:
             path = Path(paths[0])
             exr = path.is_dir() and any(path.glob("[!.]*.exr"))
-            self.reopen(dataclasses.replace(self._asked, text=f"exr:{path}" if exr else str(path), truth=None))
+            self.reopen(dataclasses.replace(self._asked, text=f"exr:{path}" if exr else str(path), reference=None))
 
     def screenshot(self, path: Path, window: bool = False) -> bool:
         """Save the picture, or the whole window, as PNG; whether that worked."""

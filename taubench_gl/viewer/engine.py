@@ -30,7 +30,7 @@ CURRENT_COLOR, PREVIOUS_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
 
 
 class Comparison(Protocol):
-    """Something to hold the picture against: path-traced truth, or what a reuse method makes of the same frames."""
+    """What the image is compared with: a path-traced reference, or the result of a reuse method for the same frames."""
 
     name: str
 
@@ -229,9 +229,9 @@ class ViewerEngine:
 
     def _no_comparison(self, state: ViewerState) -> str:
         if self.comparison is None:
-            return "nothing to compare with: start with --truth exr:DIR"
+            return "nothing to compare with: start with --reference exr:DIR"
         if state.camera != "file":
-            return "the truth was seen by the file's camera: press V"
+            return "the reference was rendered with the file's camera: press V"
         return f"{self.comparison.name} has no {state.channel.replace('_', ' ')} of this frame"
 
     def _look_on(self, state: ViewerState, shot: Shot) -> Any:

@@ -15,12 +15,12 @@ from taubench_gl.animation import CameraTrack, Poser, View, bounding_sphere, cho
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.evaluation import frame_range
-from taubench_gl.evaluation_truth import TruthOptions, choose_truth_camera
 from taubench_gl.frame.plan import bound_times
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.truth_source import TruthSource
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.reference.sequence import TruthSequence
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, choose_camera_source
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 from taubench_gl.viewer import pictures
@@ -146,22 +146,22 @@ class SceneFeed:
             self.source = None
 
 
-class TruthFeed:
+class PathTracedFeed:
     """Path-traced OpenEXR frames: their camera is the files'."""
 
     free = False
     switchable: tuple[str, ...] = ()
 
-    def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: TruthOptions):
-        self.sequence = TruthSequence.open(spec, mapping=options.mapping, layer=options.layer)
-        camera, fps = choose_truth_camera(options, settings)
+    def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):
+        self.sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
+        camera, fps = choose_camera_source(options, settings)
         width, height = self.sequence.size
         self.settings = replace(settings, width=width, height=height, fps=fps)
         self.frames = self.sequence.select(settings.frames)
         self.size, self.name = (width, height), self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
-        self.source = TruthSource(gpu, self.sequence, camera, self.settings)
+        self.source = PathTracedSource(gpu, self.sequence, camera, self.settings)
         self._views: dict[int, View] = {}
         self._held: tuple[int | None, int | None] = (None, None)  # previous and current frame
         self._shown: tuple[int, int] | None = None

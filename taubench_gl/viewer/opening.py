@@ -11,13 +11,13 @@ from typing import Any
 from taubench_gl.conventions import FEATURE_BIT, FEATURES
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import require_triangles
-from taubench_gl.evaluation_truth import TruthOptions
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.reference.sequence import is_sequence
+from taubench_gl.pathtraced.evaluation import PathTracedOptions
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.run import SUMMARY_FILE, Run, load_run
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
-from taubench_gl.viewer.feeds import Feed, SceneFeed, TruthFeed
+from taubench_gl.viewer.feeds import Feed, PathTracedFeed, SceneFeed
 
 _OF_RUN = ("fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "effects", "exposure", "tone_map",
            "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes", "light_error",
@@ -30,8 +30,8 @@ class Asked:
 
     text: str
     settings: Settings
-    truth: str | None = None
-    options: TruthOptions = field(default_factory=TruthOptions)
+    reference: str | None = None
+    options: PathTracedOptions = field(default_factory=PathTracedOptions)
     given: frozenset[str] = frozenset()  # settings that the user gave: these win over a run's
     resolve: Callable[[str], tuple[str, dict[str, Any]]] | None = None
 
@@ -51,12 +51,12 @@ def is_run(text: str) -> bool:
 def open_feed(gpu: Gpu, asked: Asked, timer: Any) -> Opened:
     """A feed of what ``asked`` names.  Raises TaubenchError for everything a user can cause."""
     if is_sequence(asked.text):
-        return Opened(TruthFeed(gpu, asked.text, asked.settings, asked.options))
+        return Opened(PathTracedFeed(gpu, asked.text, asked.settings, asked.options))
     if is_run(asked.text):
         run = load_run(asked.text)
         text, settings = _scene_of(run, asked)
         if is_sequence(text):
-            return Opened(TruthFeed(gpu, text, settings, asked.options), worst_frame(run))
+            return Opened(PathTracedFeed(gpu, text, settings, asked.options), worst_frame(run))
         feed = _scene_feed(gpu, text, settings, timer)
         return Opened(feed, worst_frame(run), (_said(run, feed.scene.sha256),))
     text, settings = asked.text, asked.settings
@@ -94,8 +94,8 @@ def _scene_of(run: Run, asked: Asked) -> tuple[str, Settings]:
     for name in ("width", "height"):
         if "size" not in asked.given and name in kept:
             values[name] = int(kept[name])
-    truth, path = run.summary.get("truth") is not None, scene_path(run.out, str(path))
-    return (f"exr:{path}" if truth else path), dataclasses.replace(asked.settings, **values)
+    path_traced, path = run.summary.get("path_traced") is not None, scene_path(run.out, str(path))
+    return (f"exr:{path}" if path_traced else path), dataclasses.replace(asked.settings, **values)
 
 
 def scene_path(out: Path | None, path: str) -> str:

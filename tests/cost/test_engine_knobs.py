@@ -13,10 +13,10 @@ from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.conventions import histogram_bins
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, frame_schedule, sampled_pairs
-from taubench_gl.evaluation_truth import evaluate_truth
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import bin_of, edges
 from taubench_gl.metrics.summation import total
+from taubench_gl.pathtraced.evaluation import evaluate_path_traced
 from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -166,5 +166,5 @@ def test_values_that_cannot_be_meant_are_refused(wrong):
 def test_path_traced_files_have_no_such_knobs(tmp_path):
     for wrong in ({"pairs": "every:2"}, {"samples_per_pixel": 4}):
         with pytest.raises(SettingsError, match="rendered scenes"):
-            evaluate_truth(f"exr:{tmp_path}", Settings(**wrong))
+            evaluate_path_traced(f"exr:{tmp_path}", Settings(**wrong))
     assert tb.Settings().pairs == "all"

@@ -11,14 +11,14 @@ import pytest
 from taubench_gl.cost import cost
 from taubench_gl.cost.errors import feature_frames, from_run
 from taubench_gl.cost.rungs import find_ladder, fitting, floor_of, run_rung, rung_channels
-from taubench_gl.errors import TruthError
+from taubench_gl.errors import PathTracedError
 from taubench_gl.settings import Settings
 
-STORED = Path(__file__).resolve().parents[1] / "cycles" / "references" / "rigid"
+STORED = Path(__file__).resolve().parents[1] / "pathtraced" / "references" / "rigid"
 
 
 def make_rung(folder: Path, samples: int, seed: int = 0, seconds: float = 0.5) -> Path:
-    """The stored render under other names, with the provenance that 'truth render' writes."""
+    """The stored render under other names, with the provenance that 'reference render' writes."""
     shutil.copytree(STORED, folder)
     settings = {"samples": samples, "seed": seed, "bounces": 4, "crisp": True, "fps": 12.0}
     times = {str(20 + i): seconds * samples * (1 + 0.1 * i) for i in range(2)}
@@ -63,12 +63,12 @@ def test_a_single_render_is_a_ladder_of_one(tmp_path):
 
 
 def test_what_is_no_ladder_is_said(tmp_path):
-    with pytest.raises(TruthError, match="is no folder"):
+    with pytest.raises(PathTracedError, match="is no folder"):
         find_ladder(f"exr:{tmp_path / 'nowhere'}")
-    with pytest.raises(TruthError, match="holds no renders"):
+    with pytest.raises(PathTracedError, match="holds no renders"):
         find_ladder(f"exr:{tmp_path}")
     (make_rung(tmp_path / "a", 4) / "provenance.json").unlink()
-    with pytest.raises(TruthError, match="does not say how it was rendered"):
+    with pytest.raises(PathTracedError, match="does not say how it was rendered"):
         find_ladder(f"exr:{tmp_path}")
 
 

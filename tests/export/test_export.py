@@ -13,7 +13,7 @@ from export_tools import DEMO, HEIGHT, WIDTH, export
 from taubench_gl.apps import cli
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.run import MANIFEST, export_scene
-from taubench_gl.reference.camera import read_camera_file
+from taubench_gl.pathtraced.camera_file import read_camera_file
 from taubench_gl.settings import Settings
 
 FAST = ("position", "depth", "motion", "motion_forward")

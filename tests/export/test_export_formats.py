@@ -13,10 +13,10 @@ from PIL import Image
 
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.evaluation_truth import TruthOptions, evaluate_truth
 from taubench_gl.export.channels import EXPORTS, stored_as
 from taubench_gl.export.formats import ExrWriter, NpzWriter, Spec, ZarrWriter
 from taubench_gl.export.sintel import SintelWriter, dpt_bytes, flo_bytes, masks_of
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import COUNT_COLUMNS
 
 NAMES = tuple(EXPORTS)
@@ -204,8 +204,8 @@ def test_evaluate_reads_an_export_back(tmp_path, mode):
     from export_tools import DEMO, settings
 
     own = settings(frames=(None, None), reprojection=mode)
-    back = evaluate_truth(
-        f"exr:{tmp_path}", own, TruthOptions(camera_file=tmp_path / "camera.json", mapping="taubench")
+    back = evaluate_path_traced(
+        f"exr:{tmp_path}", own, PathTracedOptions(camera_file=tmp_path / "camera.json", mapping="taubench")
     )
     once = evaluate_scene(DEMO, settings(frames=(7, 11), reprojection=mode))
     for ours, theirs in zip(back.frames, once.frames, strict=True):

@@ -38,7 +38,7 @@ def judge_scene(path: Path) -> None:
 
 
 def judge_exr(path: Path) -> None:
-    from taubench_gl.reference.exr import read_exr
+    from taubench_gl.pathtraced.exr import read_exr
 
     image = read_exr(path)
     for name in image.names:

@@ -47,7 +47,7 @@ def test_paper_is_left_out_on_request(summary):
 
 
 def test_path_traced_columns_stand_with_their_noise_floor(summary):
-    summary["truth"] = {"mapping": "blender"}
+    summary["path_traced"] = {"mapping": "blender"}
     discard = paper_tables([summary])[3]
     assert any("noise floor is not known" in note for note in discard.notes)
     summary["noise_floor"] = {"color": {"mean_percent": 5.0}, "direct": {"mean_percent": 4.0},

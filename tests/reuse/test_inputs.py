@@ -12,7 +12,7 @@ from reuse_scenes import SIZE, looking_around, passing_box, settings, still
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.jitter import grid_offsets, halton_jitter
 from taubench_gl.conventions import Reason
-from taubench_gl.errors import SettingsError, TruthError
+from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
 from taubench_gl.reuse.arrays import read_input
@@ -286,7 +286,7 @@ def test_files_give_what_was_rendered(gpu, exr_folder):
 
 
 def test_files_that_do_not_fit_say_so(exr_folder):
-    with pytest.raises(TruthError, match="is 64x48 pixels, the input 32x24"):
+    with pytest.raises(PathTracedError, match="is 64x48 pixels, the input 32x24"):
         FileReference(f"exr:{exr_folder}", (32, 24), range(2), settings())
-    with pytest.raises(TruthError, match="lacks frame 4"):
+    with pytest.raises(PathTracedError, match="lacks frame 4"):
         FileReference(f"exr:{exr_folder}", SIZE, range(2, 6), settings())

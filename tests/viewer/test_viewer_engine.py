@@ -211,20 +211,20 @@ def test_a_run_opens_at_its_worst_pair_with_its_settings(drive, tmp_path):
     assert driven.engine.counts["normal"] == worst["normal"] and driven.engine.counts["position"] == worst["position"]
 
 
-class TestTruth:
+class TestPathTraced:
     """Path-traced files, alone and beside the rasterizer."""
 
-    renders = ROOT / "tests" / "cycles" / "references" / "rigid"
+    renders = ROOT / "tests" / "pathtraced" / "references" / "rigid"
 
     def options(self):
-        from taubench_gl.evaluation_truth import TruthOptions
+        from taubench_gl.pathtraced.evaluation import PathTracedOptions
 
-        return TruthOptions(camera_file=self.renders / "camera.json")
+        return PathTracedOptions(camera_file=self.renders / "camera.json")
 
     def test_alone(self, drive):
-        from taubench_gl.evaluation_truth import evaluate_truth
+        from taubench_gl.pathtraced.evaluation import evaluate_path_traced
 
-        row = evaluate_truth(f"exr:{self.renders}", Settings(), self.options()).frames[0]
+        row = evaluate_path_traced(f"exr:{self.renders}", Settings(), self.options()).frames[0]
         driven = drive(f"exr:{self.renders}", Settings(), options=self.options())
         driven.run("expect frame == 21\nkey F\nexpect camera == file")
         assert driven.engine.counts["position"] == row["position"] and driven.engine.counts["normal"] == row["normal"]
@@ -233,19 +233,19 @@ class TestTruth:
 
     def test_beside_the_rasterizer(self, drive, data):
         scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
-        driven = drive(scene, QUIET, truth=f"exr:{self.renders}", options=self.options())
+        driven = drive(scene, QUIET, reference=f"exr:{self.renders}", options=self.options())
         driven.run("frame 21\nset channel normal\nset overlays off\nset split 0\nset comparison split")
-        truth = driven.engine.image()[:, 2:]
+        reference = driven.engine.image()[:, 2:]
         driven.run("set comparison off")
         ours = driven.engine.image()[:, 2:]
-        assert ((np.abs(truth.astype(int) - ours) <= 2).all(axis=-1)).mean() > 0.9
+        assert ((np.abs(reference.astype(int) - ours) <= 2).all(axis=-1)).mean() > 0.9
         driven.run("set gain 1\nset comparison difference")
         found = driven.engine.image()[:, 2:].astype(int)
-        assert (np.abs(found - np.abs(truth.astype(int) - ours)) <= 2).mean() > 0.99
+        assert (np.abs(found - np.abs(reference.astype(int) - ours)) <= 2).mean() > 0.99
         driven.run("set channel shape\nframe 3")
         assert "has no" in driven.state.message or driven.state.comparison == "difference"
 
     def test_another_size_is_refused(self, drive, data):
         scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
         with pytest.raises(SettingsError, match="--size 96x54"):
-            drive(scene, replace(QUIET, width=64), truth=f"exr:{self.renders}", options=self.options())
+            drive(scene, replace(QUIET, width=64), reference=f"exr:{self.renders}", options=self.options())

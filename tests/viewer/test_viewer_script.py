@@ -144,15 +144,15 @@ def test_a_scene_that_is_lost_stays_on_the_screen(drive, tmp_path):
     assert driven.state.message == "read again from disk"
 
 
-def test_truth_files_that_vanish_while_looking(drive, tmp_path):
+def test_path_traced_files_that_vanish_while_looking(drive, tmp_path):
     from viewer_tools import ROOT
 
-    from taubench_gl.evaluation_truth import TruthOptions
+    from taubench_gl.pathtraced.evaluation import PathTracedOptions
     from taubench_gl.settings import Settings
 
     renders = tmp_path / "renders"
-    shutil.copytree(ROOT / "tests" / "cycles" / "references" / "rigid", renders)
-    options = TruthOptions(camera_file=renders / "camera.json")
+    shutil.copytree(ROOT / "tests" / "pathtraced" / "references" / "rigid", renders)
+    options = PathTracedOptions(camera_file=renders / "camera.json")
     driven = drive(f"exr:{renders}", Settings(), options=options)
     for file in renders.glob("*.exr"):
         file.unlink()

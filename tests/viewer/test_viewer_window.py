@@ -102,7 +102,11 @@ def test_no_display(tmp_path):
     environment = {n: v for n, v in os.environ.items() if n not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = view(environment, DEMO)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "no window can be opened" in done.stderr
-    for gone in ([tmp_path / "none.glb"], [f"exr:{tmp_path / 'none'}"], [DEMO, "--truth", f"exr:{tmp_path / 'none'}"]):
+    for gone in (
+        [tmp_path / "none.glb"],
+        [f"exr:{tmp_path / 'none'}"],
+        [DEMO, "--reference", f"exr:{tmp_path / 'none'}"],
+    ):
         done = view(environment, *gone)
         assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
         assert str(tmp_path / "none") in done.stderr and "window" not in done.stderr

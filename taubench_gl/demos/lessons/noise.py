@@ -92,7 +92,7 @@ def law_of_many_draws(per_lamp: Array, samples: int) -> float:
         "The curve: four times the samples halve the noise, and then the masks let go quickly.",
     ),
     scene=scene,
-    see_also=(("noise in path-traced truth", "agreement.md"),),
+    see_also=(("noise in path-traced reference images", "path-traced.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
     still = scene()

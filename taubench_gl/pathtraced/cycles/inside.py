@@ -1,0 +1,263 @@
+"""Runs inside Blender's Python: render the frames of one job with Cycles.  Imports nothing but bpy and the library.
+
+    python inside.py job.json
+
+Speaks lines that start with ``@tb `` and hold one JSON object; everything else on its output is Blender's own.
+"""
+
+import json
+import math
+import os
+import sys
+import time
+
+import bpy
+from mathutils import Matrix, Vector
+
+BLENDER_FROM_GLTF = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
+PASSES = (
+    "z", "position", "normal", "vector", "emit", "environment",
+    *(f"{lobe}_{what}" for lobe in ("diffuse", "glossy", "transmission") for what in ("direct", "indirect", "color")),
+)  # fmt: skip
+CRISP_FILTER_PX = 0.01  # the narrowest Cycles takes; its BOX filter is one pixel wide whatever this says
+NODE_NAME = "taubench node {}"  # of mesh nodes, by their number in the file
+INFINITELY_FAR = 1e6  # metres, for cameras without a far plane
+SAY_EVERY = 1.0  # seconds between lines about samples
+
+
+def say(**values):
+    print("@tb " + json.dumps(values), flush=True)
+
+
+def main():
+    with open(sys.argv[1], encoding="utf-8") as file:
+        job = json.load(file)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.fps, scene.render.fps_base = 24, 1.0  # the rate of the written keys; job frames are Blender's frames
+    bpy.ops.import_scene.gltf(filepath=job["scene"], import_shading="NORMALS")
+    play_everything(job["first_key"])
+    place_camera(scene, job)
+    place_lights(scene, job)
+    light_sky(scene, job["sky"])
+    if job["cull_back_faces"]:
+        hide_back_faces()
+    configure(scene, job)
+    say(event="ready", blender=bpy.app.version_string, objects=len(scene.objects), actions=len(bpy.data.actions))
+    watch_samples(job["samples"])
+    for frame in job["frames"]:
+        started = time.perf_counter()
+        render(scene, job, frame)
+        say(event="frame", frame=frame, seconds=time.perf_counter() - started)
+    say(event="done")
+    # Blender's own threads have been seen to hang the interpreter's shutdown; every frame is on disk by now.
+    sys.stderr.flush()
+    os._exit(0)
+
+
+def fcurves_of(action):
+    if getattr(action, "layers", None):  # Blender 4.4 and later: slotted actions
+        for layer in action.layers:
+            for strip in layer.strips:
+                for bag in strip.channelbags:
+                    yield from bag.fcurves
+    else:
+        yield from action.fcurves
+
+
+def play_everything(first_key):
+    """Every object's own action active, strips muted, and keys on whole frames: frame numbers are the job's.
+
+    The importer leaves strips that start at frame 1 on muted tracks, and rounds key times through float32 seconds.
+    """
+    owners = [*bpy.data.objects, *bpy.data.shape_keys, *bpy.data.materials, *bpy.data.node_groups]
+    owners += [material.node_tree for material in bpy.data.materials if material.node_tree]
+    for owner in owners:
+        animation = owner.animation_data
+        if animation is None:
+            continue
+        for track in animation.nla_tracks:
+            track.mute = True
+            if animation.action is None and track.strips:
+                strip = track.strips[0]
+                animation.action = strip.action
+                if hasattr(strip, "action_slot"):
+                    animation.action_slot = strip.action_slot
+    for action in bpy.data.actions:
+        for curve in fcurves_of(action):
+            for key in curve.keyframe_points:
+                key.co.x = round(key.co.x) + first_key
+                key.interpolation = "LINEAR"
+            curve.update()
+
+
+def pose(owner, position, rotation, frame):
+    """Place something with glTF's world position and world_from_local rotation (3x3 rows), keyed at ``frame``."""
+    owner.rotation_mode = "QUATERNION"
+    owner.location = BLENDER_FROM_GLTF @ Vector(position)
+    owner.rotation_quaternion = (BLENDER_FROM_GLTF @ Matrix(rotation)).to_quaternion()
+    if frame is not None:
+        owner.keyframe_insert("location", frame=frame)
+        owner.keyframe_insert("rotation_quaternion", frame=frame)
+
+
+def place_camera(scene, job):
+    data = bpy.data.cameras.new("taubench")
+    camera = bpy.data.objects.new("taubench", data)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    data.sensor_fit = "VERTICAL"
+    for frame, entry in job["camera"].items():
+        frame = int(frame)
+        matrix = entry["world_from_view"]
+        pose(camera, [row[3] for row in matrix[:3]], [row[:3] for row in matrix[:3]], frame)
+        data.clip_start = max(entry["znear"], 1e-6)
+        data.clip_end = INFINITELY_FAR if entry["zfar"] is None else entry["zfar"]
+        if entry["kind"] == "orthographic":
+            data.type, data.ortho_scale = "ORTHO", 2.0 * entry["ymag"]
+            data.keyframe_insert("ortho_scale", frame=frame)
+        else:
+            data.lens = 0.5 * data.sensor_height / math.tan(0.5 * entry["yfov"])
+            data.keyframe_insert("lens", frame=frame)
+    linear_keys(camera, data)
+
+
+def place_lights(scene, job):
+    """Punctual lights in glTF's units: a point light of I candela has 4 pi I watts, since Cycles spreads P / (4 pi)."""
+    for index, light in enumerate(job["lights"]):
+        kind = {"point": "POINT", "spot": "SPOT", "directional": "SUN"}[light["kind"]]
+        data = bpy.data.lights.new(f"taubench {index}", kind)
+        owner = bpy.data.objects.new(f"taubench {index}", data)
+        scene.collection.objects.link(owner)
+        data.color = (1.0, 1.0, 1.0)
+        if kind == "SUN":
+            data.angle = 0.0
+        else:
+            data.shadow_soft_size = 0.0
+        moves = len(light["frames"]) > 1
+        for frame, entry in light["frames"].items():
+            frame = int(frame) if moves else None
+            pose(owner, entry["position"], entry["rotation"], frame)
+            data.color = entry["color"]
+            data.energy = entry["intensity"] * (1.0 if kind == "SUN" else 4.0 * math.pi)
+            if kind == "SPOT":
+                data.spot_size = 2.0 * entry["outer_cone"]
+                data.spot_blend = 1.0 - entry["inner_cone"] / entry["outer_cone"]
+            if moves:
+                for path in ("color", "energy"):
+                    data.keyframe_insert(path, frame=frame)
+        linear_keys(owner, data)
+
+
+def linear_keys(*owners):
+    for owner in owners:
+        if owner.animation_data and owner.animation_data.action:
+            for curve in fcurves_of(owner.animation_data.action):
+                for key in curve.keyframe_points:
+                    key.interpolation = "LINEAR"
+
+
+def light_sky(scene, color):
+    world = bpy.data.worlds.new("taubench")
+    scene.world = world
+    world.use_nodes = True
+    background = world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value = (*color, 1.0)
+    background.inputs["Strength"].default_value = 1.0
+
+
+def hide_back_faces():
+    """glTF shows no back of single-sided materials; Cycles would.  Camera rays only: both sides cast shadows."""
+    for material in bpy.data.materials:
+        if not material.use_backface_culling or not material.use_nodes:
+            continue
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        output = next((n for n in nodes if n.type == "OUTPUT_MATERIAL" and n.is_active_output), None)
+        if output is None or not output.inputs["Surface"].links:
+            continue
+        surface = output.inputs["Surface"].links[0].from_socket
+        geometry, path = nodes.new("ShaderNodeNewGeometry"), nodes.new("ShaderNodeLightPath")
+        both, mix = nodes.new("ShaderNodeMath"), nodes.new("ShaderNodeMixShader")
+        both.operation = "MULTIPLY"
+        links.new(geometry.outputs["Backfacing"], both.inputs[0])
+        links.new(path.outputs["Is Camera Ray"], both.inputs[1])
+        links.new(both.outputs[0], mix.inputs[0])
+        links.new(surface, mix.inputs[1])
+        links.new(nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[2])
+        links.new(mix.outputs[0], output.inputs["Surface"])
+
+
+def configure(scene, job):
+    scene.render.engine = "CYCLES"
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.samples, cycles.seed = job["samples"], job["seed"]
+    # Else every frame has the noise of the last: reuse could not average it, a still picture would not show it.
+    cycles.use_animated_seed = job["seed_per_frame"]
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = job["bounces"]
+    cycles.transparent_max_bounces = 64
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0  # clamping would bias the reference
+    cycles.blur_glossy = 0.0
+    cycles.caustics_reflective = cycles.caustics_refractive = True
+    if job["crisp"]:
+        cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", CRISP_FILTER_PX
+    render = scene.render
+    render.use_motion_blur = render.film_transparent = False
+    render.resolution_x, render.resolution_y = job["size"]
+    render.resolution_percentage = 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    if job["threads"]:
+        render.threads_mode, render.threads = "FIXED", job["threads"]
+    layer = scene.view_layers[0]
+    for name in PASSES:
+        setattr(layer, f"use_pass_{name}", True)
+    settings = render.image_settings
+    if hasattr(settings, "media_type"):  # Blender 5
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_depth, settings.exr_codec = "32", "ZIP"
+
+
+def watch_samples(total):
+    last = [0.0]
+
+    def stats(text, *_):
+        if "Sample" not in str(text) or time.perf_counter() - last[0] < SAY_EVERY:
+            return
+        last[0] = time.perf_counter()
+        done = str(text).rsplit("Sample", 1)[1].strip().split("/")[0]
+        if done.isdigit():
+            say(event="samples", done=int(done), total=total)
+
+    bpy.app.handlers.render_stats.append(stats)
+
+
+def hide(nodes):
+    """Show every mesh but those of ``nodes``; what the importer hung beneath a node's object (instances) goes along."""
+    for owner in bpy.data.objects:
+        if owner.type != "MESH":
+            continue
+        at = owner
+        while at is not None and not at.name.startswith(NODE_NAME.format("")):
+            at = at.parent
+        if at is not None:
+            number = at.name.removeprefix(NODE_NAME.format("")).split(".")[0]
+            owner.hide_render = number.isdecimal() and int(number) in nodes
+
+
+def render(scene, job, frame):
+    """Under a name no reader takes for a frame, then renamed: half a frame never looks like a whole one."""
+    target = os.path.join(job["out"], job["name"] % frame)
+    partial = os.path.join(job["out"], "." + os.path.basename(target) + ".partial.exr")
+    scene.frame_set(frame)
+    hide(set(job["hidden"].get(str(frame), ())))
+    scene.render.filepath = partial
+    bpy.ops.render.render(write_still=True)
+    with open(partial, "rb+") as file:
+        os.fsync(file.fileno())
+    os.replace(partial, target)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,233 @@
+"""One OpenEXR file -> named planes of its display window, or one PathTracedError line.
+
+The file is not trusted: kind and sizes are checked in the header before a pixel is read, parts that the library
+dropped are missed, and what the library prints on its own goes into the error instead of the terminal.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+
+from taubench_gl.errors import PathTracedError
+
+Array = np.ndarray
+Window = tuple[int, int, int, int]
+"""x0, y0, x1, y1, both ends included, y down: OpenEXR's own."""
+
+MAGIC = b"\x76\x2f\x31\x01"
+_NON_IMAGE_FLAG = 1 << 11  # version field, bit 11: the file holds deep data
+MAX_SIDE = 16384
+"""Pixels; the largest picture taken, data and display window alike."""
+
+MAX_PIXEL_BYTES = 8 << 30
+"""Decoded bytes of one file.  69 float channels of 3840x2160 are 2.3 GB, so this refuses broken headers only."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExrImage:
+    """Planes of one file.  Row 0 is the top row of the display window."""
+
+    path: Path
+    size: tuple[int, int]  # width, height of the display window
+    attributes: dict[str, Any]  # header of the first part, text and numbers only
+    _planes: dict[str, tuple[Array, Window]] = field(repr=False)
+    _display: Window = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Full channel names, ``Layer.Pass.R``; channels of a named part get its name unless they carry it."""
+        return tuple(self._planes)
+
+    def plane(self, name: str) -> Array:
+        """(h, w) float32 over the display window; NaN where the data window does not reach.  uint becomes float."""
+        values, window = self._planes[name]
+        if window == self._display:
+            return np.ascontiguousarray(values, dtype=np.float32)
+        width, height = self.size
+        out = np.full((height, width), np.nan, dtype=np.float32)
+        x, y = window[0] - self._display[0], window[1] - self._display[1]
+        x0, y0 = max(x, 0), max(y, 0)
+        x1, y1 = min(x + values.shape[1], width), min(y + values.shape[0], height)
+        if x0 < x1 and y0 < y1:
+            out[y0:y1, x0:x1] = values[y0 - y : y1 - y, x0 - x : x1 - x]
+        return out
+
+
+def read_exr(path: str | Path) -> ExrImage:
+    """Read one image: single- or multi-part, half, float or uint, any compression the library reads.
+
+    Raises PathTracedError for what is missing, damaged, cut off, deep, or larger than MAX_SIDE or MAX_PIXEL_BYTES.
+    """
+    path = Path(path)
+    check_kind(path)
+    headers = [part.header for part in _open(path)]
+    display = check_headers(path, headers)
+    parts = _open(path, expected=len(headers))
+    planes: dict[str, tuple[Array, Window]] = {}
+    for part, header in zip(parts, headers, strict=True):
+        window = _window(header["dataWindow"])
+        shape = (window[3] - window[1] + 1, window[2] - window[0] + 1)
+        for name, channel in part.channels.items():
+            # A subsampled plane (luminance-chroma pictures) is no per-pixel feature: it is left out.
+            if channel.pixels is not None and channel.pixels.shape == shape:
+                planes.setdefault(full_name(name, header.get("name")), (channel.pixels, window))
+    plain = {k: v for k, v in headers[0].items() if isinstance(v, str | int | float)}
+    size = (display[2] - display[0] + 1, display[3] - display[1] + 1)
+    return ExrImage(path, size, plain, planes, display)
+
+
+@dataclass(frozen=True, slots=True)
+class ExrHeader:
+    """What a file says before its pixels."""
+
+    size: tuple[int, int]  # width, height of the display window
+    names: tuple[str, ...]  # full channel names, as in ExrImage
+
+
+def read_header(path: str | Path) -> ExrHeader:
+    """Size and channels of one file, no pixel read.  Raises PathTracedError as ``read_exr`` does."""
+    path = Path(path)
+    check_kind(path)
+    headers = [part.header for part in _open(path)]
+    x0, y0, x1, y1 = check_headers(path, headers)
+    names = dict.fromkeys(full_name(c.name, h.get("name")) for h in headers for c in h["channels"])
+    return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names))
+
+
+def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:
+    """One image of several files of the same size; each file's channels become ``prefix.channel``."""
+    first = images[0][1]
+    planes = {f"{prefix}.{n}" if prefix else n: p for prefix, image in images for n, p in image._planes.items()}
+    windows = {image._display for _, image in images}
+    if len(windows) > 1:
+        raise PathTracedError("the files of one frame have different display windows", where=str(first.path))
+    return ExrImage(first.path, first.size, first.attributes, planes, first._display)
+
+
+def full_name(channel: str, part: str | None) -> str:
+    """``R`` in part ``ViewLayer.Combined`` -> ``ViewLayer.Combined.R``; Blender 5 writes the full name already."""
+    if not part or channel == part or channel.startswith(part + "."):
+        return channel
+    return f"{part}.{channel}"
+
+
+def check_kind(path: Path) -> None:
+    """Raise PathTracedError unless ``path`` starts as a flat OpenEXR image does."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(8)
+    except OSError as error:
+        raise PathTracedError(f"cannot be read: {error.strerror}", where=str(path)) from None
+    if head[:4] != MAGIC:
+        raise PathTracedError("is not an OpenEXR file", where=str(path), hint="its first bytes are another format's")
+    if len(head) < 8:
+        raise _damaged(path, "the file ends within its header")
+    if int.from_bytes(head[4:], "little") & _NON_IMAGE_FLAG:
+        raise _deep(path)
+
+
+def check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
+    """The common display window; raises PathTracedError for what could not or should not be read."""
+    if not headers:
+        raise _damaged(path, "no part has a readable header")
+    total, display = 0, _window(headers[0]["displayWindow"])
+    for header in headers:
+        if "deep" in str(header.get("type", "")).lower():
+            raise _deep(path)
+        if _window(header["displayWindow"]) != display:
+            raise PathTracedError("its parts have different display windows", where=str(path), hint="export one size")
+        for what, window in (("data", _window(header["dataWindow"])), ("display", display)):
+            width, height = window[2] - window[0] + 1, window[3] - window[1] + 1
+            if width < 1 or height < 1:
+                raise _damaged(path, f"its {what} window is {width}x{height} pixels")
+            if max(width, height) > MAX_SIDE:
+                hint = f"the limit is {MAX_SIDE} pixels a side; the header may be damaged"
+                raise PathTracedError(f"its {what} window is {width}x{height} pixels", where=str(path), hint=hint)
+            if what == "data":
+                total += width * height * sum(_sample_bytes(c) for c in header["channels"])
+    if total > MAX_PIXEL_BYTES:
+        limit = f"the limit is {MAX_PIXEL_BYTES >> 30} GiB; write fewer passes or a smaller picture"
+        raise PathTracedError(f"its pixels need {total / 2**30:.1f} GiB", where=str(path), hint=limit)
+    return display
+
+
+def _open(path: Path, *, expected: int | None = None) -> list[Any]:
+    """Parts of the file: headers only, or with pixels where ``expected`` says how many there must be.
+
+    The library raises several exception types, and silently drops a part it cannot decode but for a print.
+    """
+    said, native = io.StringIO(), []
+    try:
+        with contextlib.redirect_stdout(said), _native_stderr(native):
+            parts = OpenEXR.File(str(path), separate_channels=True, header_only=expected is None).parts
+    except Exception as error:
+        raise _from_library(path, error) from None
+    if expected is not None and len(parts) != expected:
+        what = f"{expected - len(parts)} of {expected} parts cannot be decoded"
+        detail = "".join([said.getvalue(), *native])
+        raise _damaged(path, what if expected > 1 else "its pixels cannot be decoded", detail)
+    return parts
+
+
+@contextlib.contextmanager
+def _native_stderr(said: list[str]) -> Iterator[None]:
+    """What native code writes to file descriptor 2 meanwhile goes to ``said``."""
+    try:
+        sys.stderr.flush()
+        saved = os.dup(2)
+    except (OSError, ValueError, AttributeError):  # no standard error at all: nothing to catch
+        yield
+        return
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+            file.seek(0)
+            said.append(file.read(2000).decode(errors="replace"))
+
+
+def _from_library(path: Path, error: Exception) -> PathTracedError:
+    if isinstance(error, MemoryError):
+        return PathTracedError(
+            "does not fit into memory", where=str(path), hint="write fewer passes or a smaller picture"
+        )
+    if "deep" in str(error).lower():
+        return _deep(path)
+    if isinstance(error, UnicodeDecodeError):
+        return _damaged(path, "a name in its header is not text")
+    return _damaged(path, str(error).replace(str(path), "the file"))
+
+
+def _damaged(path: Path, what: str, detail: str = "") -> PathTracedError:
+    detail = re.sub(r"^.*?\(EXR_ERR_\w+\)|^Warning:[^\n]* - ", "", detail.replace(str(path), ""), flags=re.M)
+    first = next((line.strip() for line in detail.splitlines() if line.strip()), "")
+    said = f": {first[:160]}" if first else ""
+    return PathTracedError(f"damaged or cut off: {what[:200]}{said}", where=str(path), hint="render or copy it again")
+
+
+def _deep(path: Path) -> PathTracedError:
+    return PathTracedError("is a deep image (many samples per pixel)", where=str(path), hint="export flat images")
+
+
+def _window(box: Any) -> Window:
+    (x0, y0), (x1, y1) = box
+    return int(x0), int(y0), int(x1), int(y1)
+
+
+def _sample_bytes(channel: Any) -> float:
+    return 4.0 / (max(1, channel.xSampling) * max(1, channel.ySampling))

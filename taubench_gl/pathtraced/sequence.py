@@ -1,0 +1,155 @@
+"""Numbered OpenEXR files of a folder -> frames of one sequence."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
+from taubench_gl.pathtraced.mapping import BOUNCES, LOBES, ChannelIndex, PassMap, load_mapping
+from taubench_gl.pathtraced.passes import PathTracedFrame, missing_columns, read_frame
+
+PREFIX = "exr:"
+_NUMBERED = re.compile(r"^(.*?)(\d+)$")
+
+
+def is_sequence(spec: object) -> bool:
+    """Whether a scene argument names an EXR sequence: ``exr:DIR`` or ``exr:DIR/name*.exr``."""
+    return str(spec).startswith(PREFIX)
+
+
+def find_frames(spec: str | Path) -> dict[int, tuple[Path, ...]]:
+    """Frame number -> files of that frame, by the last number of their names.  Raises PathTracedError for none."""
+    where = Path(str(spec).removeprefix(PREFIX))
+    if where.is_dir():
+        files = [p for p in where.iterdir() if p.suffix.lower() == ".exr" and not p.name.startswith(".")]
+    elif any(c in where.name for c in "*?["):
+        files = [p for p in where.parent.glob(where.name) if p.is_file() and not p.name.startswith(".")]
+    elif where.is_file():
+        files = [where]
+    else:
+        raise PathTracedError("is no folder of EXR files", where=str(where), hint="give exr:DIR or 'exr:DIR/name*.exr'")
+    found: dict[int, list[Path]] = {}
+    for path in sorted(files):
+        numbered = _NUMBERED.match(path.stem)
+        if numbered:
+            found.setdefault(int(numbered.group(2)), []).append(path)
+    if not found:
+        what = "no name ends in a frame number" if files else "holds no .exr file"
+        raise PathTracedError(what, where=str(where), hint="name them as in frame_0001.exr")
+    return {frame: tuple(paths) for frame, paths in sorted(found.items())}
+
+
+@dataclass(frozen=True, slots=True)
+class PathTracedSequence:
+    """A path-traced sequence on disk.  Nothing but the first frame's headers is read before ``read``."""
+
+    path: Path
+    files: Mapping[int, tuple[Path, ...]]
+    size: tuple[int, int]  # width, height
+    mapping: PassMap
+    index: ChannelIndex
+
+    @classmethod
+    def open(
+        cls, spec: str | Path, *, mapping: str | Path | None = None, layer: str | None = None
+    ) -> PathTracedSequence:
+        """Find the files and check the first.  Raises PathTracedError for none, or none that can be read."""
+        files = find_frames(spec)
+        passes = load_mapping(mapping)
+        first = next(iter(files.values()))
+        headers = [read_header(path) for path in first]
+        size = headers[0].size
+        names = [name for path, header in zip(first, headers) for name in _prefixed(first, path, header.names)]
+        try:
+            index = ChannelIndex(names, passes, layer)
+        except PathTracedError as error:
+            raise PathTracedError(error.what, where=str(first[0]), hint=error.hint) from None
+        return cls(Path(str(spec).removeprefix(PREFIX)), files, size, passes, index)
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        return tuple(self.files)
+
+    @property
+    def name(self) -> str:
+        return (self.path if self.path.is_dir() else self.path.parent).resolve().name
+
+    def select(self, wanted: tuple[int | None, int | None]) -> range:
+        """Existing frame numbers A to B-1; negative ends count from the last.  Raises PathTracedError on gaps."""
+        first, last = self.frames[0], self.frames[-1]
+        start, stop = (end if end is None or end >= 0 else last + 1 + end for end in wanted)
+        chosen = [f for f in self.frames if (start is None or f >= start) and (stop is None or f < stop)]
+        if not chosen:
+            raise PathTracedError("no frame is left", where=str(self.path), hint=f"choose within {first}:{last + 1}")
+        whole = range(chosen[0], chosen[-1] + 1)
+        missing = sorted(set(whole) - set(chosen))
+        if missing:
+            a, b = _longest_run(chosen)
+            listed = ", ".join(map(str, missing[:8])) + (", ..." if len(missing) > 8 else "")
+            hint = f"pairs need neighbours: render them, or give --frames {a}:{b}"
+            raise PathTracedError(f"{len(missing)} frames are missing: {listed}", where=str(self.path), hint=hint)
+        return whole
+
+    def missing(self, lobes: Collection[str] = ()) -> dict[str, str]:
+        """Columns (and ``lobe_bounce``) that the first frame's passes cannot give -> why."""
+        return missing_columns(self.index, lobes)
+
+    def read(self, frame: int, lobes: Collection[str] = ()) -> PathTracedFrame:
+        """Decode one frame.  Raises PathTracedError if it differs from the first in size or lacks one of its passes."""
+        paths = self.files[frame]
+        images = [read_exr(path) for path in paths]
+        for image in images:
+            if image.size != self.size:
+                got, expected = ("x".join(map(str, s)) for s in (image.size, self.size))
+                raise PathTracedError(f"is {got} pixels, the first frame is {expected}", where=str(image.path))
+        image = images[0] if len(images) == 1 else merge([(_prefix(paths, i.path), i) for i in images])
+        self._check_passes(image)
+        return read_frame(image, self.index, lobes)
+
+    def sha256(self) -> str:
+        """Of the bytes of all files, in frame order."""
+        digest = hashlib.sha256()
+        for path in (p for paths in self.files.values() for p in paths):
+            with open(path, "rb") as file:
+                while block := file.read(1 << 20):
+                    digest.update(block)
+        return digest.hexdigest()
+
+    def _check_passes(self, image: ExrImage) -> None:
+        there = set(image.names)
+        for name in self.mapping.passes:
+            lost = [c for c in (self.index.channels(name) if name in self.index else ()) if c not in there]
+            if lost:
+                hint = "all frames need the same passes"
+                raise PathTracedError(
+                    f"lacks {', '.join(lost)}, which the first frame has", where=str(image.path), hint=hint
+                )
+
+
+def _prefix(group: tuple[Path, ...], path: Path) -> str:
+    """Layer of a file's channels where several files make up a frame: its name without the number."""
+    if len(group) == 1:
+        return ""
+    return _NUMBERED.match(path.stem).group(1).rstrip("._- ")
+
+
+def _prefixed(group: tuple[Path, ...], path: Path, names: Collection[str]) -> list[str]:
+    prefix = _prefix(group, path)
+    return [f"{prefix}.{name}" if prefix else name for name in names]
+
+
+def _longest_run(frames: list[int]) -> tuple[int, int]:
+    runs, start = [], 0
+    for i in range(1, len(frames) + 1):
+        if i == len(frames) or frames[i] != frames[i - 1] + 1:
+            runs.append((frames[start], frames[i - 1] + 1))
+            start = i
+    return max(runs, key=lambda run: run[1] - run[0])
+
+
+__all__ = ["BOUNCES", "LOBES", "PREFIX", "PathTracedSequence", "find_frames", "is_sequence"]

@@ -1,0 +1,163 @@
+"""Path-traced files as a source of Channels: the same textures as the rasterizer's, judged by the same masks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import View
+from taubench_gl.channels import CHANNELS
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.errors import SettingsError
+from taubench_gl.frame.targets import write_channel
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.metrics.color import display_color
+from taubench_gl.pathtraced.cameras import PathTracedCamera, check_camera
+from taubench_gl.pathtraced.passes import PathTracedFrame
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+
+
+class PathTracedSource:
+    """Frames of a PathTracedSequence, uploaded one after another.  ``lobes``: also keep these lobes' radiance apart."""
+
+    def __init__(
+        self,
+        gpu: Gpu,
+        sequence: PathTracedSequence,
+        camera: PathTracedCamera,
+        settings: Settings,
+        *,
+        lobes: Collection[str] = (),
+    ):
+        self._gpu, self.sequence, self.camera, self._settings = gpu, sequence, camera, settings
+        self.size, self.lobes = sequence.size, tuple(lobes)
+        self.reprojection = settings.reprojection
+        if self.reprojection == "motion" and "prev_position" not in sequence.index:
+            raise SettingsError(
+                "these files hold no previous positions, so surfaces cannot be followed",
+                hint="use --reprojection camera, or map a pass to prev_position",
+            )
+        self.missing = sequence.missing(self.lobes)
+        self.unmeasured = {c: self.missing[c] for c in COLUMNS if c in self.missing}
+        self.unmeasured |= {c: "not asked for" for c in COLUMNS if c not in settings.columns}
+        self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
+        self.cuts = False  # pictures do not say which surface took which place
+        self.channels = ("position", "normal", *self.radiance)
+        if self.reprojection == "motion":
+            self.channels += ("prev_position",)
+        self.mismatch_px: float | None = None
+        self.current_view: View | None = None
+        self.previous_view: View | None = None
+        self._arrays: list[dict[str, Array]] = [{}, {}]
+        self._textures: list[dict[str, moderngl.Texture]] = [{}, {}]
+
+    def advance(self, frame: int) -> View:
+        """Read, convert and upload ``frame``; what was current becomes history."""
+        values = self.sequence.read(frame, self.lobes)
+        if self.current_view is None:
+            self.mismatch_px = check_camera(self.camera, frame, values)
+        view = self.camera.view(frame, values)
+        self.previous_view, self.current_view = self.current_view or view, view
+        arrays = frame_channels(values, view, self.previous_view, self._settings)
+        self._arrays.reverse()
+        self._textures.reverse()
+        self._arrays[0] = arrays
+        for name in (*self.channels, *values.lobes):
+            channel = name if name in CHANNELS else "direct"  # lobes have the format of radiance
+            if name not in self._textures[0]:
+                info = CHANNELS[channel]
+                texture = self._gpu.ctx.texture(self.size, info.components, dtype=info.dtype)
+                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+                self._textures[0][name] = texture
+            write_channel(self._textures[0][name], channel, arrays[name])
+        return view
+
+    @property
+    def current(self) -> Mapping[str, moderngl.Texture]:
+        return self._textures[0]
+
+    @property
+    def previous(self) -> Mapping[str, moderngl.Texture]:
+        return self._textures[1]
+
+    def read(self, name: str, *, previous: bool = False) -> Array:
+        """A channel as (h, w, components), row 0 at the top."""
+        values = self._arrays[1 if previous else 0][name]
+        out = np.zeros((*values.shape[:2], CHANNELS[name].components), dtype=np.float32)
+        out[..., : values.shape[-1]] = values
+        return out
+
+    def describe(self) -> dict[str, Any]:
+        """The summary block ``path_traced``: where camera and passes come from."""
+        index = self.sequence.index
+        return {
+            "effects": {},
+            "path_traced": {
+                "mapping": self.sequence.mapping.name,
+                "layer": index.layer,
+                "passes": sorted(name for name in self.sequence.mapping.passes if name in index),
+                "camera": self.camera.describe(),
+                "camera_mismatch_px": self.mismatch_px,
+            },
+        }
+
+    def release(self) -> None:
+        for textures in self._textures:
+            for texture in textures.values():
+                texture.release()
+            textures.clear()
+
+
+def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings: Settings) -> dict[str, Array]:
+    """Canonical arrays of one frame: position (h, w, 4), the others (h, w, 3), float32, as ``channels`` defines them.
+
+    Positions become camera-relative in float64 before float32 sees them.  A surface that is not in front of its own
+    camera is a fault of the file: NaN, so that the masks count it as INVALID.
+    """
+    position, depth = relative_position(frame, view)
+    position = np.concatenate([position, depth[..., None]], axis=-1)
+    position[frame.sky] = 0.0
+    position[~frame.sky & ~(depth > 0)] = np.nan
+    out = {"position": position.astype(np.float32)}
+    normal = np.zeros_like(out["position"][..., :3]) if frame.normal is None else frame.normal
+    out["normal"] = np.where(frame.sky[..., None], np.float32(0), normal)
+    for name, radiance in (*frame.radiance.items(), *frame.lobes.items()):
+        out[name] = radiance  # exposure is the mask pass's
+    if frame.combined is not None:
+        color = frame.combined.astype(np.float64)
+        encoded = np.clip(color, 0.0, 1.0) if frame.color_encoded else None
+        color = encoded if encoded is not None else display_color(color, settings.exposure, settings.tone_map)
+        out["color"] = color.astype(np.float32)
+    if frame.prev_position is not None:
+        origin = 0.0 if frame.relative else previous.position
+        out["prev_position"] = (frame.prev_position.astype(np.float64) - origin).astype(np.float32)
+    return out
+
+
+def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
+    """Surface points relative to the camera, world axes, (h, w, 3), and their planar depth (h, w); float64, metres."""
+    forward = -view.world_from_view[:, 2]
+    if frame.position is not None:
+        relative = frame.position.astype(np.float64) - (0.0 if frame.relative else view.position)
+        return relative, relative @ forward
+    width, height = frame.size
+    view_from_clip = np.linalg.inv(view.clip_from_view(width, height))
+    x = (2.0 * np.arange(width) + 1.0) / width - 1.0
+    y = 1.0 - (2.0 * np.arange(height) + 1.0) / height
+    ndc = np.stack(np.broadcast_arrays(x[None, :], y[:, None], 0.5, 1.0), axis=-1)
+    points = ndc @ view_from_clip.T
+    points = points[..., :3] / points[..., 3:]
+    depth = frame.depth.astype(np.float64)
+    if view.camera.kind == "perspective":
+        scale = np.linalg.norm(points, axis=-1) if frame.depth_kind == "distance" else -points[..., 2]
+        points = points * (depth / scale)[..., None]
+    else:
+        points = np.concatenate([points[..., :2], -depth[..., None]], axis=-1)
+    relative = points @ view.world_from_view.T
+    return relative, relative @ forward

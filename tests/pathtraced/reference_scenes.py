@@ -1,0 +1,155 @@
+"""Real scenes on which rasterizer and Cycles must agree, and the comparison itself: columns, positions, motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, FrameState, OrbitCamera, Poser, View, choose_camera
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+COLUMNS = ("frustum", "position", "normal")
+LIMITS = {"frustum": 0.02, "position": 0.15, "normal": 0.2}
+"""Points by which a column may differ from Cycles'."""
+
+POSITION_M = 1e-4  # median
+MOTION_PX = 0.05  # median
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene.  ``camera``: ``file``, ``orbit``, or ``pan`` (the file's first camera, turned and moved on)."""
+
+    path: str  # beneath the folder of real scenes
+    frames: tuple[int, int]
+    camera: str = "orbit"
+    stored: bool = True  # also a small reference for the short mode
+
+
+CASES = {
+    "rigid": Case("khronos/BoxAnimated/BoxAnimated.glb", (20, 23)),
+    "skinned": Case("blender_io/03_skinned_cylinder/03_skinned_cylinder.gltf", (10, 13)),
+    "skinned_enormous": Case("khronos/Fox/Fox.gltf", (6, 9)),
+    "skinned_man": Case("khronos/CesiumMan/CesiumMan.glb", (10, 13), stored=False),
+    "morphed": Case("khronos/AnimatedMorphCube/AnimatedMorphCube.glb", (10, 13)),
+    "morphed_stress": Case("khronos/MorphStressTest/MorphStressTest.glb", (10, 13)),
+    "many_lights": Case("playcanvas/Lights/Lights.glb", (0, 3), "pan"),
+    "lights_of_all_kinds": Case("blender_io/04_lights/04_lights.gltf", (0, 3), stored=False),
+    "textured": Case("playcanvas/house/house.glb", (0, 3)),
+    "textured_truck": Case("khronos/CesiumMilkTruck/CesiumMilkTruck.glb", (5, 8), stored=False),
+    "alpha_masked": Case("blender_io/01_alpha_mask/01_alpha_mask.gltf", (0, 3)),
+    "alpha_modes": Case("khronos/AlphaBlendModeTest/AlphaBlendModeTest.glb", (0, 3), stored=False),
+    "closed_room": Case("babylon/cornellBox/cornellBox.glb", (0, 3), "pan"),
+    "room_of_tauray": Case("tauray_test/test.glb", (0, 3), "pan", stored=False),
+    "open_sky": Case("khronos/InterpolationTest/InterpolationTest.glb", (7, 10)),
+}
+
+
+REFERENCES = Path(__file__).parent / "references"
+REFERENCE_SIZE = (96, 54)
+
+
+def reference_frames(case: Case) -> tuple[int, int]:
+    """Of a stored reference: the case's first pair."""
+    return case.frames[0], case.frames[0] + 2
+
+
+class PanCamera:
+    """The file's first camera at 0 s, turned by 2 degrees a frame (24 fps) and moved to the right meanwhile."""
+
+    name = "pan"
+
+    def __init__(self, scene: Scene, degrees: float = 48.0, metres: float = 0.5):
+        self._start = choose_camera(scene).view_at(Poser(scene).sample(0.0))
+        self._rate, self._speed = math.radians(degrees), metres
+
+    def describe(self) -> str:
+        return "the file's first camera, panned"
+
+    def view_at(self, state: FrameState) -> View:
+        angle = self._rate * state.time
+        c, s = math.cos(angle), math.sin(angle)
+        turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        right = self._start.world_from_view[:, 0]
+        moved = self._start.position + right * (self._speed * state.time)
+        return View(moved, turn @ self._start.world_from_view, self._start.camera)
+
+
+def open_case(case: Case, data: Path) -> tuple[Scene, CameraTrack]:
+    scene = load_scene(data / case.path)
+    cameras = {"file": choose_camera, "orbit": OrbitCamera, "pan": PanCamera}
+    return scene, cameras[case.camera](scene)
+
+
+def compare(
+    scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, int], textures: str = "finest"
+) -> dict[str, float]:
+    """Rasterize what ``folder`` holds renders of.
+
+    -> points per column (ours - Cycles') and Cycles' percentage; medians of position (m), normal (degrees) and motion
+    (px); the percentage of pixels that both see.
+    """
+    sequence = PathTracedSequence.open(folder)
+    width, height = sequence.size
+    settings = {"width": width, "height": height, "frames": frames, "columns": COLUMNS,
+                "textures": textures}  # fmt: skip
+    kept: dict[str, list] = {"path_traced": [], "raster": [], "motion": []}
+
+    def keep(name: str):
+        def see(pair):
+            kept[name].append((pair.frame, pair.source.read("position").copy(), pair.source.read("normal").copy(),
+                               pair.motion()))  # fmt: skip
+
+        return see
+
+    options = PathTracedOptions(camera_file=folder / "camera.json")
+    path_traced = evaluate_path_traced(
+        f"exr:{folder}", Settings(frames=frames, columns=COLUMNS), options, on_pair=keep("path_traced")
+    )
+    raster = evaluate_scene(scene, Settings(**settings), camera=camera, on_pair=keep("raster"))
+    evaluate_scene(scene, Settings(**settings, reprojection="motion"), camera=camera, on_pair=keep("motion"))
+    out = {}
+    for column in COLUMNS:
+        ours, theirs = (run.summary["discard"][column]["mean_percent"] for run in (raster, path_traced))
+        out |= {column: ours - theirs, f"{column}_percent": theirs}
+    errors: dict[str, list[Array]] = {"position": [], "normal": [], "motion": []}
+    seen = []
+    for theirs, ours, followed in zip(kept["path_traced"], kept["raster"], kept["motion"], strict=True):
+        (frame, p_truth, n_truth, _), (_, p, n, _), motion = theirs, ours, followed[-1]
+        both = (p[..., 3] > 0) & (p_truth[..., 3] > 0)
+        errors["position"].append(np.linalg.norm((p - p_truth)[both][:, :3], axis=-1))
+        chord = np.linalg.norm((n - n_truth)[both][:, :3].astype(np.float64), axis=-1)
+        errors["normal"].append(np.degrees(2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))
+        vector = sequence.read(frame).motion
+        errors["motion"].append(np.linalg.norm((vector - motion)[both], axis=-1))
+        seen.append(100.0 * both.mean())
+    medians = {name: float(np.median(np.concatenate(parts))) for name, parts in errors.items()}
+    return out | {
+        "position_m": medians["position"],
+        "normal_deg": medians["normal"],
+        "motion_px": medians["motion"],
+        "seen_percent": float(np.mean(seen)),
+    }
+
+
+def faults(result: dict[str, float]) -> Iterator[str]:
+    """What of ``compare``'s result is not as it must be, a phrase each."""
+    for column, limit in LIMITS.items():
+        if not abs(result[column]) <= limit:
+            yield f"{column} differs by {result[column]:+.3f} points"
+    if not result["position_m"] < POSITION_M:
+        yield f"positions are off by {result['position_m']:.3g} m"
+    if not result["motion_px"] < MOTION_PX:
+        yield f"motion is off by {result['motion_px']:.3g} px"
+    if not result["seen_percent"] > 1.0:
+        yield "hardly anything is seen"

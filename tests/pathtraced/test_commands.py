@@ -1,0 +1,89 @@
+"""``taubench-gl evaluate exr:DIR``, ``reference`` as a user types them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+from exr_files import blender_frame, write
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.paths import ASSETS
+from taubench_gl.run import load_run
+
+DEMO = ASSETS / "demo.glb"
+
+
+def taubench(*arguments) -> tuple[int, str, str]:
+    command = [sys.executable, "-m", "taubench_gl", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.fixture
+def renders(tmp_path):
+    folder = tmp_path / "renders"
+    folder.mkdir()
+    for frame in (1, 2, 3):
+        write(folder / f"f_{frame}.exr", blender_frame((0.2 * frame, 1.0, 5.0), seed=frame)[0])
+    return folder
+
+
+def test_evaluate_and_agree(renders, tmp_path):
+    out = tmp_path / "out"
+    options = ("--lobe", "glossy", "--second-seed", f"exr:{renders}", "--save", "masks,channels")
+    code, text, err = taubench("evaluate", f"exr:{renders}", "--out", out, *options)
+    assert code == 0, err
+    assert "Table 4" in text and "estimated from the position pass" in text and "noise floor" in text
+    assert load_run(out).summary["lobes"]["glossy"]["direct"]["mean_percent"] > 0
+    code, text, _ = taubench("reference", "compare", out, out)
+    assert code == 0 and "error of" in text and "worst pair" in text
+
+
+def test_errors_are_one_line(renders, tmp_path):
+    for arguments, complaint in (
+        (("evaluate", f"exr:{tmp_path / 'none'}"), "is no folder of EXR files"),
+        (("evaluate", f"exr:{renders}", "--mapping", "x.toml"), "is no pass mapping"),
+        (("evaluate", "scene.glb", "--lobe", "glossy"), "--lobe is for path-traced files"),
+        (("reference", "check", f"exr:{renders}", "--layer", "none"), "no layer 'none'"),
+        (("reference", "render", tmp_path / "none.glb", "--out", tmp_path / "o"), "no such file"),
+    ):
+        code, _, err = taubench(*arguments)
+        assert code == 2 and complaint in err and err.count("\n") == 1, err
+
+
+def test_check_has_an_exit_code(renders):
+    code, text, _ = taubench("reference", "check", f"exr:{renders}")
+    assert code == 0 and "camera: ok" in text and "passes: ok" in text
+
+
+def test_check_of_an_export_without_light_finds_nothing_wrong(tmp_path):
+    """docs/export.md: what was not exported is named as not there."""
+    out = tmp_path / "frames"
+    code, _, err = taubench("export", DEMO, "--out", out, "--size", "48x27", "--frames", "0:2")
+    assert code == 0, err
+    code, text, _ = taubench(
+        "reference", "check", f"exr:{out}", "--mapping", "taubench", "--camera-file", out / "camera.json"
+    )
+    assert code == 0 and "WRONG" not in text and "camera: ok" in text, text
+    assert "passes: not there: color: the files lack" in text
+
+
+@pytest.mark.parametrize(("words", "sky"), [([], (0, 0, 0)), (["--sky", "0.1,0.2,0.3"], (0.1, 0.2, 0.3))])
+def test_sky_is_written_as_everywhere(tmp_path, monkeypatch, words, sky):
+    seen = []
+    monkeypatch.setattr(
+        "taubench_gl.pathtraced.cycles.render.render_reference", lambda *_, quality, **__: seen.append(quality) or []
+    )
+    done = CliRunner().invoke(
+        cli, ["reference", "render", str(DEMO), "--out", str(tmp_path), "--frames", "0:1", *words]
+    )
+    assert done.exit_code == 0, done.output
+    assert [quality.sky for quality in seen] == [sky]
+
+
+def test_a_sky_of_three_words_is_refused(tmp_path):
+    code, _, err = taubench("reference", "render", DEMO, "--out", tmp_path / "o", "--sky", "0.1", "0.2", "0.3")
+    assert code == 2 and "unexpected extra arguments (0.2 0.3)" in err and not (tmp_path / "o").exists()

@@ -1,0 +1,93 @@
+"""With Blender: light units in closed form, and our rasterizer against pixel-centre renders of real scenes."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+
+import numpy as np
+import pytest
+from cycles_scenes import BASE_COLOR, DOWN, blinking, plane
+from reference_scenes import CASES, compare, faults, open_case
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.pathtraced.cycles.job import Quality
+from taubench_gl.pathtraced.cycles.render import render_reference
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.scene import load_scene
+
+pytestmark = pytest.mark.long
+SIZE = (192, 108)
+
+
+@pytest.mark.parametrize("kind", ["point", "spot", "directional"])
+def test_lights_have_gltf_units(tmp_path, blender, kind):
+    """Diffuse radiance under a lamp: base colour / pi x irradiance, I cos / d^2 or lux.  Cycles' principled shader
+    keeps 1.3 % for its specular lobe."""
+    lamp = {"light": {"type": kind, "intensity": 5.0, "color": [1.0, 0.5, 1.0]},
+            "node": {"translation": [0, 2, 0], "rotation": DOWN}}  # fmt: skip
+    if kind == "spot":
+        lamp["light"]["spot"] = {"innerConeAngle": 0.3, "outerConeAngle": 0.6}
+    scene = load_scene(plane(tmp_path / "s.gltf", [lamp]))
+    out = tmp_path / "out"
+    quality = Quality(samples=4, crisp=True)
+    render_reference(
+        scene, choose_camera(scene), range(1), out, fps=24.0, size=(33, 33), quality=quality, python=blender
+    )
+    frame = PathTracedSequence.open(out).read(0, ("diffuse",))
+    ray = frame.position - np.array([0.0, 2.0, 0.0])
+    distance = np.linalg.norm(ray, axis=-1)
+    irradiance = np.full((33, 33), 5.0) if kind == "directional" else 5.0 * (2.0 / distance) / distance**2
+    inside = np.degrees(np.arccos(2.0 / distance)) < math.degrees(0.2)
+    expected = np.array(BASE_COLOR) / math.pi * irradiance[..., None] * [1.0, 0.5, 1.0]
+    np.testing.assert_allclose(frame.lobes["diffuse_direct"][inside], expected[inside], rtol=0.02)
+    assert np.all(frame.lobes["diffuse_direct"][inside] < expected[inside])
+    assert frame.radiance["indirect"].max() == 0.0
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_rasterizer_against_crisp_cycles(data, tmp_path, blender, name):
+    case, out = CASES[name], tmp_path / "out"
+    scene, camera = open_case(case, data)
+    quality = Quality(samples=1, crisp=True)
+    render_reference(scene, camera, range(*case.frames), out, fps=24.0, size=SIZE, quality=quality, python=blender)
+    result = compare(scene, camera, out, case.frames)
+    assert not list(faults(result)), result
+
+
+def render_small(scene, out, frames, blender):
+    quality = Quality(samples=1, crisp=True)
+    render_reference(scene, choose_camera(scene), frames, out, fps=24.0, size=(16, 9), quality=quality, python=blender)
+    sequence = PathTracedSequence.open(out)
+    return [sequence.read(frame) for frame in frames]
+
+
+@pytest.mark.parametrize("ground", [True, False], ids=["with its ground", "lamps only"])
+def test_what_blinks_is_dark_or_gone(tmp_path, blender, ground):
+    scene = load_scene(blinking(tmp_path / "blink.gltf", ground=ground))
+    before, after = render_small(scene, tmp_path / "out", range(11, 13), blender)
+    seen = ~before.sky
+    assert seen.any() and before.radiance["direct"][seen].min() > 0.01
+    assert after.sky.all() if ground else (after.sky == before.sky).all()
+    assert after.radiance["direct"].max() == 0.0
+
+
+def test_a_hidden_skinned_mesh_is_gone(data, tmp_path, blender):
+    folder = tmp_path / "model"
+    shutil.copytree(data / "blender_io" / "03_skinned_cylinder", folder)
+    path = folder / "03_skinned_cylinder.gltf"
+    root = json.loads(path.read_text())
+    camera = choose_camera(load_scene(path))
+    for node in root["nodes"]:
+        if "mesh" in node:
+            node["extensions"] = {"KHR_node_visibility": {"visible": False}}
+    root["extensionsUsed"] = [*root.get("extensionsUsed", ()), "KHR_node_visibility"]
+    for name, text, all_sky in (("shown", path.read_text(), False), ("hidden", json.dumps(root), True)):
+        path.write_text(text)
+        quality = Quality(samples=1, crisp=True)
+        out = tmp_path / name
+        render_reference(
+            load_scene(path), camera, range(1), out, fps=24.0, size=(16, 9), quality=quality, python=blender
+        )
+        assert PathTracedSequence.open(out).read(0).sky.all() == all_sky

@@ -1,0 +1,176 @@
+"""Path-traced files through the GPU masks: against the NumPy twin, numbers worked out by hand, and real files."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from exr_files import HEIGHT, WIDTH, blender_frame, options, pose, write
+
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import FEATURES, Reason
+from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.metrics.color import display_color
+from taubench_gl.metrics.masks import pair_masks
+from taubench_gl.pathtraced.camera_file import camera_file_text
+from taubench_gl.pathtraced.cameras import view_of
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
+from taubench_gl.pathtraced.mapping import LOBES
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.pathtraced.source import frame_channels
+from taubench_gl.settings import Settings
+
+
+def test_the_gpu_counts_what_the_twin_counts(renders):
+    settings = Settings(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
+    masks = {}
+
+    def keep(pair):
+        masks[pair.frame] = pair.mask()
+
+    run = evaluate_path_traced(f"exr:{renders}", settings, options(renders), on_pair=keep)
+    sequence = PathTracedSequence.open(renders)
+    views = {f: view_of(pose(0.3 * f)) for f in (4, 5, 6)}
+    frames = {f: frame_channels(sequence.read(f), view, view, settings) for f, view in views.items()}
+    thresholds = {f: settings.threshold(f) for f in FEATURES}
+    assert run.summary["pairs"] == 2 and set(masks) == {5, 6}
+    for f, mask in masks.items():
+        pair = reprojection(views[f], views[f - 1], WIDTH, HEIGHT)
+        twin = pair_masks(frames[f], frames[f - 1], pair, thresholds, exposure=settings.exposure)
+        np.testing.assert_array_equal(mask, twin.mask)
+        row = next(r for r in run.frames if r["frame"] == f)
+        assert row["direct"] == int(((twin.mask & Reason.DIRECT) != 0).sum()) > 0
+
+
+def test_the_summary_has_the_same_blocks_as_the_rasterizers(renders):
+    run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    settings = run.summary["settings"]
+    assert (settings["width"], settings["height"], settings["fps"]) == (WIDTH, HEIGHT, 30.0)
+    assert (settings["first_frame"], settings["last_frame"]) == (4, 6)
+    blocks = {"scene", "census", "camera", "discard", "classes", "curves", "effects", "timing", "provenance"}
+    assert blocks <= set(run.summary)
+    assert run.summary["camera"]["position"]["mean"] == pytest.approx(0.3)
+    assert all(entry["mean_percent"] is not None for entry in run.summary["discard"].values())
+    assert run.tables()
+
+
+def test_hand_computed_direct_light(tmp_path):
+    """A still camera; 5 of 96 pixels change their diffuse light by 0.2 in one channel."""
+    channels = blender_frame((0, 1, 5))[0]
+    for lobe in ("Diff", "Gloss", "Trans"):
+        for c in "RGB":
+            channels[f"ViewLayer.{lobe}Col.{c}"][:] = 1.0
+    write(tmp_path / "a_1.exr", channels)
+    channels["ViewLayer.DiffDir.G"][6, 2:7] += 0.2
+    write(tmp_path / "a_2.exr", channels)
+    run = evaluate_path_traced(f"exr:{tmp_path}", None, PathTracedOptions(lobes=("diffuse", "glossy", "volume")))
+    share = 100.0 * 5 / (WIDTH * HEIGHT)
+    discard = run.summary["discard"]
+    assert discard["direct"]["mean_percent"] == pytest.approx(share)
+    assert [discard[c]["mean_percent"] for c in ("frustum", "position", "normal", "indirect", "color")] == [0.0] * 5
+    assert run.frames[0]["lit"] == 5 and run.frames[0]["shadowed"] == 0
+    lobes = run.summary["lobes"]
+    assert lobes["diffuse"]["direct"]["mean_percent"] == pytest.approx(share)
+    assert lobes["glossy"]["direct"]["mean_percent"] == 0.0
+    assert lobes["volume"]["direct"]["mean_percent"] is None and "VolumeDir" in lobes["volume"]["direct"]["reason"]
+
+
+def test_missing_passes_are_null_with_a_reason(renders):
+    for path in renders.glob("*.exr"):
+        number = int(path.stem[-4:])
+        channels = blender_frame(pose(0.3 * number).position, seed=number)[0]
+        write(path, {k: v for k, v in channels.items() if "Gloss" not in k and "Normal" not in k})
+    run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    for column, lost in (("direct", "GlossDir, GlossCol"), ("indirect", "GlossInd, GlossCol"), ("normal", "Normal")):
+        entry = run.summary["discard"][column]
+        assert entry["mean_percent"] is None and entry["reason"].endswith(lost)
+        assert all(row[column] is None for row in run.frames)
+    assert run.summary["discard"]["position"]["mean_percent"] is not None
+
+
+def test_pixels_outside_the_data_window_are_invalid(renders):
+    from exr_files import window
+
+    for path in renders.glob("*.exr"):
+        number = int(path.stem[-4:])
+        channels = blender_frame(pose(0.3 * number).position, seed=number)[0]
+        cut = {k: np.ascontiguousarray(v[:, 3:]) for k, v in channels.items()}
+        whole = window(0, 0, WIDTH - 1, HEIGHT - 1)
+        write(path, cut, dataWindow=window(3, 0, WIDTH - 1, HEIGHT - 1), displayWindow=whole)
+    run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    assert run.summary["classes"]["invalid"] >= 3 * HEIGHT
+    assert sum(run.summary["classes"].values()) == pytest.approx(WIDTH * HEIGHT)
+
+
+def test_without_a_position_pass_depth_and_camera_give_the_points(renders):
+    whole = evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    for path in renders.glob("*.exr"):
+        number = int(path.stem[-4:])
+        channels = blender_frame(pose(0.3 * number).position, seed=number)[0]
+        write(path, {k: v for k, v in channels.items() if "Position" not in k})
+    run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    assert run.summary["discard"]["position"] == whole.summary["discard"]["position"]
+    assert "could not be checked" in run.summary["notes"][0]
+    with pytest.raises(PathTracedError, match="no position pass to estimate"):
+        evaluate_path_traced(f"exr:{renders}")
+
+
+def test_a_camera_that_did_not_take_the_pictures_is_refused(renders):
+    poses = {f: pose(0.3 * f + 0.5) for f in (4, 5, 6)}
+    (renders / "camera.json").write_text(camera_file_text(poses, 30.0, (WIDTH, HEIGHT)))
+    with pytest.raises(PathTracedError, match="does not match the position pass of frame 4"):
+        evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    (renders / "camera.json").write_text(camera_file_text({4: pose(1.2)}, 30.0, (WIDTH, HEIGHT)))
+    with pytest.raises(PathTracedError, match="has no frame 5"):
+        evaluate_path_traced(f"exr:{renders}", None, options(renders))
+    (renders / "camera.json").write_text(camera_file_text(poses, 30.0, (WIDTH + 1, HEIGHT)))
+    with pytest.raises(PathTracedError, match="13x8 pixels"):
+        evaluate_path_traced(f"exr:{renders}", None, options(renders))
+
+
+def test_options_that_cannot_be_meant(renders):
+    with pytest.raises(SettingsError, match="give one"):
+        PathTracedOptions(camera_file="a", scene_file="b")
+    with pytest.raises(SettingsError, match="no lobe"):
+        PathTracedOptions(lobes=("shiny",))
+    with pytest.raises(SettingsError, match="no previous positions"):
+        evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders))
+
+
+def test_the_noise_floor_of_one_render_against_itself_is_zero(renders):
+    floor = evaluate_path_traced(f"exr:{renders}", None, options(renders, second_seed=renders)).summary["noise_floor"]
+    assert {c: e["mean_percent"] for c, e in floor.items()} == {"color": 0.0, "direct": 0.0, "indirect": 0.0}
+
+
+def test_the_noise_floor_sees_noise(renders, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    for f in (4, 5, 6):
+        write(other / f"frame_{f:04d}.exr", blender_frame(pose(0.3 * f).position, seed=f + 100)[0])
+    floor = evaluate_path_traced(f"exr:{renders}", None, options(renders, second_seed=other)).summary["noise_floor"]
+    assert {c: e["mean_percent"] > 20 for c, e in floor.items()} == dict(color=True, direct=True, indirect=True), floor
+
+
+def test_real_cycles_files_with_three_cameras(data):
+    """Estimated, from the scene file: the same counts; lobes add up to less than the whole."""
+    folder = data / "cycles" / "sponza_man"
+    scene = folder / "sponza_man_camera_lights.glb"
+    fitted = evaluate_path_traced(f"exr:{folder}")
+    given = evaluate_path_traced(f"exr:{folder}", None, PathTracedOptions(scene_file=scene, lobes=LOBES[:2]))
+    for column, entry in given.summary["discard"].items():
+        assert entry["mean_percent"] == pytest.approx(fitted.summary["discard"][column]["mean_percent"], abs=0.02)
+    assert given.summary["path_traced"]["camera_mismatch_px"] < 1e-3
+    assert given.summary["discard"]["direct"]["mean_percent"] == pytest.approx(11.40, abs=0.05)
+    assert "estimated from the position pass" in fitted.summary["notes"][0]
+
+
+@pytest.mark.parametrize("curve", ["linear", "reinhard", "aces"])
+def test_display_color(curve):
+    ramp = np.linspace(0.0, 20.0, 301)
+    shown = display_color(np.stack([ramp] * 3, axis=-1), curve=curve)[:, 0]
+    assert shown[0] == pytest.approx(0.0, abs=1e-6) and np.all(np.diff(shown) >= 0) and shown.max() <= 1.0
+    aces = 0.5 * (2.51 * 0.5 + 0.03) / (0.5 * (2.43 * 0.5 + 0.59) + 0.14)
+    expected = {"linear": 0.5, "reinhard": 1 / 3, "aces": aces}
+    encoded = 1.055 * expected[curve] ** (1 / 2.4) - 0.055
+    np.testing.assert_allclose(display_color(np.array([0.25]), exposure=2.0, curve=curve), encoded)
+    assert np.isnan(display_color(np.array([np.nan, np.inf, -np.inf]), curve=curve)).all()
+    assert display_color(np.array([-3.0]), curve=curve) == pytest.approx(0.0, abs=1e-9)

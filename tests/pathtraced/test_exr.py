@@ -1,0 +1,163 @@
+"""Reading single EXR files: layouts, windows, types, and refusals of what is broken."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import OpenEXR
+import pytest
+from exr_files import HEIGHT, WIDTH, window, write
+
+from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced import exr
+from taubench_gl.pathtraced.exr import read_exr, read_header
+
+COMPRESSIONS = ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB")
+
+
+def ramp(dtype=np.float32):
+    return (np.arange(HEIGHT * WIDTH).reshape(HEIGHT, WIDTH) % 64).astype(dtype)
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.uint32])
+def test_types_come_out_as_float32(tmp_path, dtype):
+    image = read_exr(write(tmp_path / "a.exr", {"L.Pass.X": ramp(dtype)}))
+    assert image.plane("L.Pass.X").dtype == np.float32
+    np.testing.assert_array_equal(image.plane("L.Pass.X"), ramp())
+
+
+@pytest.mark.parametrize("name", COMPRESSIONS)
+def test_every_compression(tmp_path, name):
+    compression = getattr(OpenEXR, f"{name}_COMPRESSION")
+    image = read_exr(write(tmp_path / "a.exr", {"P.X": ramp()}, compression=compression))
+    np.testing.assert_allclose(image.plane("P.X"), ramp(), atol=0.01)
+
+
+def test_multi_part_names_are_full_names(tmp_path):
+    path = tmp_path / "a.exr"
+    header = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
+    parts = [
+        OpenEXR.Part(dict(header), {"R": ramp()}, "View.Combined"),
+        OpenEXR.Part(dict(header), {"View.Depth.Z": ramp() + 1}, "View.Depth"),
+    ]
+    OpenEXR.File(parts).write(str(path))
+    image = read_exr(path)
+    assert set(image.names) == {"View.Combined.R", "View.Depth.Z"} == set(read_header(path).names)
+    np.testing.assert_array_equal(image.plane("View.Depth.Z"), ramp() + 1)
+
+
+@pytest.mark.parametrize("offset", [(0, 0), (3, 2), (-4, -3), (10, 6), (40, 40)])
+def test_data_window_is_placed_in_the_display_window(tmp_path, offset):
+    x, y = offset
+    header = {
+        "dataWindow": window(x, y, x + WIDTH - 1, y + HEIGHT - 1),
+        "displayWindow": window(0, 0, WIDTH + 1, HEIGHT + 2),
+    }
+    image = read_exr(write(tmp_path / "a.exr", {"P.X": ramp()}, **header))
+    assert image.size == (WIDTH + 2, HEIGHT + 3)
+    got = image.plane("P.X")
+    for row in range(HEIGHT + 3):
+        for column in range(WIDTH + 2):
+            inside = 0 <= row - y < HEIGHT and 0 <= column - x < WIDTH
+            expected = ramp()[row - y, column - x] if inside else np.nan
+            np.testing.assert_equal(got[row, column], np.float32(expected))
+
+
+def test_a_display_window_need_not_start_at_zero(tmp_path):
+    header = {
+        "dataWindow": window(-5, 7, WIDTH - 6, HEIGHT + 6),
+        "displayWindow": window(-5, 7, WIDTH - 6, HEIGHT + 6),
+    }
+    np.testing.assert_array_equal(read_exr(write(tmp_path / "a.exr", {"P.X": ramp()}, **header)).plane("P.X"), ramp())
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])
+def test_cut_off_files_are_refused(tmp_path, share, capfd):
+    noise = np.random.default_rng(0).random((64, 64), dtype=np.float32)
+    path = write(tmp_path / "a.exr", {"P.X": noise, "P.Y": noise})
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * share)])
+    with pytest.raises(PathTracedError, match=r"a\.exr: .*(damaged or cut off)"):
+        read_exr(path)
+    assert capfd.readouterr() == ("", "")  # the library's own chatter goes into the error, not to the terminal
+
+
+@pytest.mark.parametrize(
+    ("data", "complaint"),
+    [
+        (b"", "not an OpenEXR"),
+        (b"GIF89a..", "not an OpenEXR"),
+        (exr.MAGIC, "ends within"),
+        (exr.MAGIC + b"\2\0\0\0", "damaged or cut off"),
+    ],
+)
+def test_other_files_are_refused(tmp_path, data, complaint):
+    path = tmp_path / "a.exr"
+    path.write_bytes(data)
+    with pytest.raises(PathTracedError, match=complaint):
+        read_exr(path)
+
+
+def test_missing_files_and_folders(tmp_path):
+    for path in (tmp_path / "none.exr", tmp_path):
+        with pytest.raises(PathTracedError, match="cannot be read"):
+            read_exr(path)
+
+
+def test_huge_windows_are_refused_before_reading(tmp_path, monkeypatch):
+    path = write(tmp_path / "a.exr", {"P.X": ramp()})
+    monkeypatch.setattr(exr, "MAX_SIDE", WIDTH - 1)
+    with pytest.raises(PathTracedError, match="12x8 pixels"):
+        read_exr(path)
+    monkeypatch.setattr(exr, "MAX_SIDE", 16384)
+    monkeypatch.setattr(exr, "MAX_PIXEL_BYTES", 100)
+    with pytest.raises(PathTracedError, match="GiB"):
+        read_exr(path)
+
+
+def test_deep_images_are_refused_by_name(data):
+    with pytest.raises(PathTracedError, match="deep image"):
+        read_exr(data / "exr" / "deep" / "11.deep.exr")
+
+
+def test_broken_files_of_others_within_bounded_memory(data):
+    """Each gives one line or a picture; the process never takes more than 1 GiB."""
+    code = """
+import sys
+from pathlib import Path
+from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.exr import read_exr
+read = 0
+for path in sorted(p for p in Path(sys.argv[1]).rglob("*") if p.is_file()):
+    try:
+        image = read_exr(path)
+        read += 1
+        assert all(image.plane(n).shape == image.size[::-1] for n in image.names), path
+    except PathTracedError as error:
+        assert str(path) in str(error) and "\\n" not in str(error) and len(str(error)) < 600, error
+print(read)
+"""
+
+    def bounded():
+        resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(data / "bad_exr")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        preexec_fn=bounded,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) <= 3 and done.stderr == ""
+
+
+@pytest.mark.parametrize("name", ["t01", "t03", "t05", "t07", "t09", "t11", "t13", "t15"])
+def test_display_windows_of_others(data, name):
+    image = read_exr(data / "exr" / "DisplayWindow" / f"{name}.exr")
+    plane = image.plane("R")
+    assert plane.shape == image.size[::-1]
+    assert np.isnan(plane).any() == (name not in ("t01", "t03", "t05"))
