@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taubench_gl"
 
-LEAF = {"conventions", "channels", "errors", "outputs", "paths", "math3d", "settings"}
+LEAF = {"conventions", "channels", "errors", "glossary", "outputs", "paths", "math3d", "settings"}
 
 LAYERS: tuple[set[str], ...] = (
     LEAF,

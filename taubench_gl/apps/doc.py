@@ -1,4 +1,4 @@
-"""Writes docs/commands/ and docs/api.md from the program itself: ``python -m taubench_gl.apps.doc``."""
+"""Write docs/commands/, docs/api.md and docs/glossary.md: ``python -m taubench_gl.apps.doc``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from taubench_gl import glossary
 from taubench_gl.apps.cli import cli
 from taubench_gl.paths import PACKAGE
 
@@ -130,7 +131,7 @@ def _parameters(signature: inspect.Signature) -> Iterator[str]:
 def pages() -> dict[Path, str]:
     """Every page this module writes, by path."""
     out = {DOCS / "commands" / name: text for name, text in command_pages().items()}
-    return out | {DOCS / "api.md": api_page()}
+    return out | {DOCS / "api.md": api_page(), DOCS / "glossary.md": glossary.page()}
 
 
 def write() -> None:

@@ -11,8 +11,9 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import RGB
+from taubench_gl.glossary import label_of
 from taubench_gl.outputs import write_atomically
-from taubench_gl.report.palette import REASON_COLORS, color_of, name_of
+from taubench_gl.report.palette import REASON_COLORS, color_of
 from taubench_gl.report.pictures import mask_overlay
 
 Array = np.ndarray
@@ -160,7 +161,7 @@ def checkerboard(picture: Array, where: Array, cell: int) -> Array:
 
 def reason_entries(*reasons: Reason) -> list[tuple[str, RGB]]:
     """Legend entries of mask colours."""
-    return [(name_of(reason), color_of(reason)) for reason in reasons]
+    return [(label_of(reason), color_of(reason)) for reason in reasons]
 
 
 def rgb(reason: Reason) -> RGB:

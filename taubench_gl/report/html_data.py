@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taubench_gl import glossary
 from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Reason
 from taubench_gl.report.frame_store import StoredPictures, spread, stored_pictures
-from taubench_gl.report.palette import FEATURE_COLORS, REASON_COLORS, name_of
+from taubench_gl.report.palette import FEATURE_COLORS, REASON_COLORS
 from taubench_gl.report.plots import DASHES
 from taubench_gl.report.tables import length_unit, paper_numbers, thresholds_shown
 
@@ -23,23 +24,6 @@ UNITS = {"position": "m"}
 _CLASSES = (Reason.FIRST, Reason.CUT, Reason.INVALID)
 _DETAILS = (Reason.OUTSIDE, Reason.BEHIND, Reason.DISOCCLUDED, Reason.OCCLUDING, Reason.LIT, Reason.SHADOWED)
 _NEEDS = {Reason.DISOCCLUDED: "position", Reason.OCCLUDING: "position", Reason.LIT: "direct", Reason.SHADOWED: "direct"}
-_TOLD = {
-    "frustum": "seen from outside the last picture, or from behind the last camera",
-    "color": "the displayed colour changed visibly",
-    "position": "another place in the world lies here",
-    "normal": "the surface turned, or another one lies here",
-    "direct": "light that arrives directly changed",
-    "indirect": "light that arrives after bounces changed",
-    "outside": "reprojected past the picture's edge",
-    "behind": "was behind the last camera: decided before dividing",
-    "disoccluded": "hidden in the last frame, just appeared",
-    "occluding": "covers what the last frame saw here",
-    "lit": "direct light rose past its threshold",
-    "shadowed": "direct light fell past its threshold",
-    "first": "no frame before this one",
-    "cut": "the surface took another's place",
-    "invalid": "NaN or infinity in what is compared",
-}
 _ROW_COLUMNS = ("frame", "time_s", "pixels", "comparable", "translation_m", "angle_deg")
 
 
@@ -58,7 +42,13 @@ def report_data(runs: Sequence[ReportRun], labels: Sequence[str], pictures: int 
     budget = MAX_PICTURE_BYTES // max(len(runs), 1)
     return {
         "columns": [
-            {"name": n, "color": _hex(FEATURE_COLORS[n]), "dash": DASHES[n], "unit": UNITS.get(n, ""), "told": _TOLD[n]}
+            {
+                "name": n,
+                "color": _hex(FEATURE_COLORS[n]),
+                "dash": DASHES[n],
+                "unit": UNITS.get(n, ""),
+                "told": glossary.COLUMNS[n].tooltip,
+            }
             for n in COLUMNS
         ],
         "features": list(FEATURES),
@@ -107,7 +97,7 @@ def _pixels(run: ReportRun) -> int:
 
 
 def _rows(frames: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    names = {name_of(r).replace(" ", "_") for r in (*_CLASSES, *_DETAILS)}
+    names = {glossary.key_of(r) for r in (*_CLASSES, *_DETAILS)}
     return {n: [row.get(n) for row in frames] for n in (*_ROW_COLUMNS, *COLUMNS, *sorted(names))}
 
 
@@ -127,13 +117,13 @@ def _curve(summary: Mapping[str, Any], feature: str) -> dict[str, Any] | None:
 def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """What can be toggled, in two groups: Table 4's columns, and why in more detail."""
     bits = {"frustum": FRUSTUM, **FEATURE_BIT}
-    seen = {r for r in _CLASSES if any(row.get(name_of(r)) for row in frames)}
+    seen = {r for r in _CLASSES if any(row.get(glossary.key_of(r)) for row in frames)}
     details = [r for r in _DETAILS if _NEEDS.get(r, "frustum") in measured] + [r for r in _CLASSES if r in seen]
     table = [(name, bits[name], "Table 4", name != "color") for name in measured]
     return [
-        {"name": name, "bits": int(bit), "color": _hex(REASON_COLORS[bit]), "group": group, "on": on,
-         "told": _TOLD[name], "row": name.replace(" ", "_")}
-        for name, bit, group, on in [*table, *((name_of(r), r, "in detail", False) for r in details)]
+        {"name": name, "label": glossary.label_of(bit), "bits": int(bit), "color": _hex(REASON_COLORS[bit]),
+         "group": group, "on": on, "told": glossary.REASONS[bit].tooltip, "row": name}
+        for name, bit, group, on in [*table, *((glossary.key_of(r), r, "in detail", False) for r in details)]
     ]  # fmt: skip
 
 

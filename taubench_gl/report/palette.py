@@ -63,11 +63,6 @@ def color_of(reason: Reason) -> RGB:
     return REASON_COLORS[reason]
 
 
-def name_of(reason: Reason) -> str:
-    """``position``, ``history sky``; a combination is named by its class (frustum)."""
-    return "frustum" if reason == FRUSTUM else (reason.name or str(int(reason))).lower().replace("_", " ")
-
-
 def hex_of(feature: str) -> str:
     """``#rrggbb`` of a column of Table 4."""
     return "#{:02x}{:02x}{:02x}".format(*np.array(FEATURE_COLORS[feature]))

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.conventions import Reason
+from taubench_gl.glossary import label_of
 from taubench_gl.outputs import cannot_write, plain_text
-from taubench_gl.report.palette import DEFAULT_REASONS, color_of, name_of
+from taubench_gl.report.palette import DEFAULT_REASONS, color_of
 
 Array = np.ndarray
 
@@ -52,7 +53,7 @@ def legend(mask: Array, reasons: Sequence[Reason] = DEFAULT_REASONS) -> list[tup
     mask = np.asarray(mask)
     pixels = max(mask.size, 1)
     return [
-        (name_of(reason), color_of(reason), 100.0 * np.count_nonzero(mask & np.uint32(int(reason))) / pixels)
+        (label_of(reason), color_of(reason), 100.0 * np.count_nonzero(mask & np.uint32(int(reason))) / pixels)
         for reason in reasons
     ]
 

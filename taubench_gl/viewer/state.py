@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
-from taubench_gl.report.palette import name_of
+from taubench_gl.glossary import key_of
 
 CAMERAS = ("file", "fly", "orbit")
 COMPARISONS = ("off", "split", "difference")
@@ -15,7 +15,7 @@ SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 
 OVERLAYS: dict[str, Reason] = {
-    name_of(reason).replace(" ", "_"): reason
+    key_of(reason): reason
     for reason in (
         FRUSTUM, Reason.POSITION, Reason.NORMAL, Reason.DIRECT, Reason.INDIRECT, Reason.COLOR, Reason.DISOCCLUDED,
         Reason.OCCLUDING, Reason.LIT, Reason.SHADOWED, Reason.BEHIND, Reason.OUTSIDE, Reason.SKY, Reason.HISTORY_SKY,

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.report.palette import REASON_COLORS, name_of
+from taubench_gl.glossary import key_of
+from taubench_gl.report.palette import REASON_COLORS
 
 SIGHTS = {
     "normal": np.eye(3),
@@ -71,4 +72,4 @@ def test_any_two_colours_are_apart(sight):
     for a, b in itertools.combinations(shown, 2):
         apart = np.linalg.norm(oklab(REASON_COLORS[a], sight) - oklab(REASON_COLORS[b], sight))
         least = SHADOWED if Reason.SHADOWED in (a, b) else MINIMUM
-        assert apart >= least, f"{name_of(a)} and {name_of(b)}: {apart:.3f}"
+        assert apart >= least, f"{key_of(a)} and {key_of(b)}: {apart:.3f}"

@@ -8,7 +8,8 @@ import pytest
 
 from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, Reason
 from taubench_gl.errors import OutputError
-from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of, name_of
+from taubench_gl.glossary import key_of
+from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of
 from taubench_gl.report.pictures import STRIPE_PX, legend, legend_strip, mask_overlay, save_mask_picture
 
 
@@ -20,7 +21,7 @@ def nearest(pixel: np.ndarray) -> Reason:
     return min(DEFAULT_REASONS, key=lambda r: float(np.abs(np.subtract(color_of(r), pixel, dtype=float)).sum()))
 
 
-@pytest.mark.parametrize("reason", DEFAULT_REASONS, ids=name_of)
+@pytest.mark.parametrize("reason", DEFAULT_REASONS, ids=key_of)
 def test_each_reason_shows_its_own_color(reason):
     bit = Reason.OUTSIDE if reason == FRUSTUM else reason
     pixel = mask_overlay(one_reason(bit))[0, 0]

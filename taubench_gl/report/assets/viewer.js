@@ -194,7 +194,7 @@ function makeViewer(box, state) {
         percents.set(r.row, cell);
         const swatch = el("i", { class: "swatch" });
         swatch.style.background = r.color;
-        set.append(el("label", { class: "reason", title: r.told }, tick, swatch, el("span", {}, r.name), cell));
+        set.append(el("label", { class: "reason", title: r.told }, tick, swatch, el("span", {}, r.label), cell));
       }
       panel.append(set);
     }
