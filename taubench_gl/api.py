@@ -47,10 +47,7 @@ def evaluate(
 
     >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
     """
-    try:
-        settings = Settings(**overrides) if settings is None else _replace(settings, overrides)
-    except TypeError as error:
-        raise SettingsError(str(error), hint="see taubench_gl.Settings") from None
+    settings = (settings or Settings()).replace(**overrides)
     unknown = set(save) - set(SAVES)
     if unknown:
         raise SettingsError(f"cannot save {', '.join(sorted(unknown))}", hint=f"choose from {', '.join(SAVES)}")
@@ -69,12 +66,6 @@ def evaluate(
     if report:
         write_html_report([ReportRun(run.summary, run.frames, run.out)], Path(out) / REPORT_FILE)
     return run
-
-
-def _replace(settings: Settings, overrides: dict[str, Any]) -> Settings:
-    import dataclasses
-
-    return dataclasses.replace(settings, **overrides) if overrides else settings
 
 
 class _Saver:

@@ -1,12 +1,26 @@
-"""What a user can choose about an evaluation.  One immutable object, checked when made."""
+"""Settings of one evaluation: four immutable groups, each field declared once with its unit, range and meaning.
+
+``settings.sequence``  which frames of which scene are rendered, and at which size
+``settings.metrics``   what is compared between the two frames of a pair, and how
+``settings.lighting``  radiance: light, shadows, indirect light, exposure
+``settings.device``    the machine that renders, and the precision of its channels
+
+People, files and command lines name fields without their group: ``Settings.of(width=640, exposure=2.0)``,
+``settings.replace(fps=30)``, ``settings.to_dict()`` and ``Settings.from_dict(values)``.  No two groups share a name.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+import difflib
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from taubench_gl.conventions import COLUMNS, DEFAULT_FPS, DEFAULT_THRESHOLD, FEATURES
 from taubench_gl.errors import SettingsError
@@ -26,127 +40,118 @@ PAIR_SAMPLES = ("all", "every:K", "strata:H")
 _PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
 MAX_SIZE = 16384
 MAX_FRAMES = 1_000_000
-"""Frames of one evaluation: more than eleven hours at 24 fps.  What is kept per frame fits in memory up to here."""
+"""Frames of one evaluation: more than eleven hours at 24 fps.  Per-frame data of this many frames fits in memory."""
 _FLOAT32_MAX = 3.4e38
 
+Check = Callable[[str, Any], None]
+"""Takes a field's name in words and its value; raises SettingsError for a value out of range."""
 
-def scheme_of(pairs: str) -> tuple[str, int]:
-    """``Settings.pairs`` as (all | every | strata, number)."""
-    scheme, _, number = pairs.partition(":")
-    return scheme, int(number or 1)
+
+def _at_least(least: float, hint: str, most: float = math.inf) -> Check:
+    """A finite number in [least, most]."""
+
+    def check(name: str, value: Any) -> None:
+        if not (math.isfinite(value) and least <= value <= most):
+            raise SettingsError(f"{name} is {value}", hint=hint)
+
+    return check
+
+
+def _above_zero(hint: str) -> Check:
+    """A finite number above 0."""
+
+    def check(name: str, value: Any) -> None:
+        if not (math.isfinite(value) and value > 0):
+            raise SettingsError(f"{name} is {value}", hint=hint)
+
+    return check
+
+
+def _one_of(allowed: tuple[str, ...]) -> Check:
+    def check(name: str, value: Any) -> None:
+        if value not in allowed:
+            raise SettingsError(f"{name} is {value!r}", hint=f"choose from {', '.join(allowed)}")
+
+    return check
+
+
+def _check_columns(_name: str, value: Any) -> None:
+    for column in value:
+        if column not in COLUMNS:
+            raise SettingsError(f"no column is named {column!r}", hint=f"choose from {', '.join(COLUMNS)}")
+
+
+def _check_sky(name: str, value: Any) -> None:
+    if len(value) != 3 or not all(math.isfinite(c) and c >= 0 for c in value):
+        raise SettingsError(f"{name} is {value}", hint="give three radiances of at least 0: R,G,B")
+
+
+def _check_pairs(name: str, value: Any) -> None:
+    if _PAIR_SAMPLE.fullmatch(value) is None:
+        raise SettingsError(f"{name} is {value!r}", hint=f"choose from {', '.join(PAIR_SAMPLES)}")
+
+
+def _check_thresholds(_name: str, value: Any) -> None:
+    for feature, threshold in value.items():
+        if feature not in FEATURES:
+            raise SettingsError(f"no feature is named {feature!r}", hint=f"choose from {', '.join(FEATURES)}")
+        if not (math.isfinite(threshold) and threshold >= 0):
+            raise SettingsError(f"threshold of {feature} is {threshold}", hint="give a finite number of at least 0")
+
+
+def _setting(default: Any, meaning: str, check: Check | None = None, *, unit: str = "", selects: bool = False) -> Any:
+    """A field.  ``selects``: it names the scene, frames or machine of a run, so presets and summaries leave it out."""
+    metadata = {"meaning": meaning, "unit": unit, "check": check, "selects": selects}
+    if isinstance(default, dict):
+        return dataclasses.field(default_factory=default.copy, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+class _Group:
+    """Checks every field when the group is made.  Raises SettingsError."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(typing.cast(Any, self)):
+            check, name, value = field.metadata["check"], field.name.replace("_", " "), getattr(self, field.name)
+            try:
+                if check is not None:
+                    check(name, value)
+            except (TypeError, AttributeError):
+                raise SettingsError(f"{name} is {value!r}", hint=f"give a value of type {field.type}") from None
+
+
+_SIZE = _at_least(1, f"give a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZE)
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
-    """Settings of one evaluation.
+class SequenceSettings(_Group):
+    """Which frames of which scene are rendered, and at which size."""
 
-    ``frames`` is a Python slice (A, B) of frame numbers, ``None`` for a default end.  ``thresholds`` maps a feature of
-    ``conventions.FEATURES`` to its a_B; the position threshold is in metres *before* ``unit_scale`` multiplies it.
-    """
-
-    width: int = 1920
-    height: int = 1080
-    fps: float = DEFAULT_FPS
-    frames: tuple[int | None, int | None] = (None, None)
-    camera: str | int | None = None  # node name, camera name or index; None: the first, else a framing orbit
-    scene: str | int | None = None
-    animation: tuple[str | int, ...] | None = None  # None: all that do not collide
-    reprojection: str = "camera"
-    sampling: str = "nearest"
-    thresholds: Mapping[str, float] = field(default_factory=dict)
-    unit_scale: float = 1.0
-    culling: str = "gltf"
-    textures: str = "mipmapped"  # finest: no mipmaps, as a path tracer's pixel-centre samples read them
-    columns: tuple[str, ...] = COLUMNS  # columns asked for; what no column needs is not simulated
-    effects: str = "auto"  # auto: what the scene calls for | all: everything, needed or not
-    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear
-    exposure: float = 1.0  # factor on radiance before thresholds and tone mapping
-    tone_map: str = "linear"
-    shadow_size: int = 1024  # texels along a shadow face; directional maps have four times as many
-    shadow_lights: int = 8  # lights that get shadows, the most significant first
-    shadow_filter: str = "bilinear"
-    indirect: str = "auto"  # auto | none | rsm | probes
-    indirect_samples: int = 1024  # virtual lights, all lights together
-    probes: int = 768  # irradiance probes, about
-    light_error: float = 1e-3  # radiance that light culling may leave out of a tile
-    storage: str = "float"  # of channels between passes: float | half (32 or 16 bits a component)
-    samples_per_pixel: int = 1  # sub-pixel places at which both frames of a pair are drawn and judged
-    pairs: str = "all"  # pairs looked at: all | every:K | strata:H (two drawn from each of H stretches)
-    summation: str = "integer"  # of pixel counts over pairs: integer (exact) | compensated | plain (float32)
-    histogram_bits: int = 3  # 2^bits bins per octave of the discard-versus-threshold curves
-    backend: str = "auto"
-    device: int | None = None
-
-    def __post_init__(self) -> None:
-        for name, value in (("width", self.width), ("height", self.height)):
-            if not 1 <= value <= MAX_SIZE:
-                raise SettingsError(f"{name} is {value}", hint=f"give a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels")
-        if not (math.isfinite(self.fps) and self.fps > 0):
-            raise SettingsError(f"fps is {self.fps}", hint="give a rate above 0")
-        if not (math.isfinite(self.unit_scale) and self.unit_scale > 0):
-            raise SettingsError(f"unit scale is {self.unit_scale}", hint="give a factor above 0")
-        for option, value, allowed in (
-            ("reprojection", self.reprojection, REPROJECTIONS),
-            ("sampling", self.sampling, SAMPLINGS),
-            ("culling", self.culling, CULLINGS),
-            ("textures", self.textures, TEXTURES),
-            ("backend", self.backend, BACKENDS),
-            ("effects", self.effects, EFFECTS),
-            ("tone map", self.tone_map, TONE_MAPS),
-            ("indirect rung", self.indirect, INDIRECT),
-            ("shadow filter", self.shadow_filter, SHADOW_FILTERS),
-            ("storage", self.storage, STORAGES),
-            ("summation", self.summation, SUMMATIONS),
-        ):
-            if value not in allowed:
-                raise SettingsError(f"{option} is {value!r}", hint=f"choose from {', '.join(allowed)}")
-        for name in self.columns:
-            if name not in COLUMNS:
-                raise SettingsError(f"no column is named {name!r}", hint=f"choose from {', '.join(COLUMNS)}")
-        if not (math.isfinite(self.exposure) and self.exposure > 0):
-            raise SettingsError(f"exposure is {self.exposure}", hint="give a factor above 0")
-        if len(self.sky) != 3 or not all(math.isfinite(c) and c >= 0 for c in self.sky):
-            raise SettingsError(f"sky is {self.sky}", hint="give three radiances of at least 0: R,G,B")
-        if not 16 <= self.shadow_size <= 4096:
-            raise SettingsError(f"shadow size is {self.shadow_size}", hint="give 16 to 4096 texels")
-        for name, value, least in (("indirect samples", self.indirect_samples, 1), ("probes", self.probes, 8)):
-            if value < least:
-                raise SettingsError(f"{name} is {value}", hint=f"give at least {least}")
-        if self.shadow_lights < 0:
-            raise SettingsError(f"shadow lights is {self.shadow_lights}", hint="give 0 or more")
-        if not (math.isfinite(self.light_error) and self.light_error >= 0):
-            raise SettingsError(f"light error is {self.light_error}", hint="give a radiance of at least 0")
-        if not 1 <= self.samples_per_pixel <= 64:
-            raise SettingsError(f"samples per pixel is {self.samples_per_pixel}", hint="give 1 to 64")
-        if not 0 <= self.histogram_bits <= 8:
-            raise SettingsError(f"histogram bits is {self.histogram_bits}", hint="give 0 to 8")
-        if _PAIR_SAMPLE.fullmatch(self.pairs) is None:
-            raise SettingsError(f"pairs is {self.pairs!r}", hint=f"choose from {', '.join(PAIR_SAMPLES)}")
-        for name, value in self.thresholds.items():
-            if name not in FEATURES:
-                raise SettingsError(f"no feature is named {name!r}", hint=f"choose from {', '.join(FEATURES)}")
-            if not (math.isfinite(value) and value >= 0):
-                raise SettingsError(f"threshold of {name} is {value}", hint="give a finite number of at least 0")
-        for name in FEATURES:
-            if self.threshold(name) > _FLOAT32_MAX:
-                what = f"threshold of {name} is {self.threshold(name):g} with unit scale {self.unit_scale:g}"
-                raise SettingsError(what, hint=f"masks compare float32, give at most {_FLOAT32_MAX:g}")
-
-    def threshold(self, feature: str) -> float:
-        """a_B of ``feature`` as the masks use it: position in scene units, metres times ``unit_scale``."""
-        value = float(self.thresholds.get(feature, DEFAULT_THRESHOLD))
-        return value * self.unit_scale if feature == "position" else value
-
-    @property
-    def pair_scheme(self) -> tuple[str, int]:
-        """``pairs`` as (all | every | strata, number)."""
-        return scheme_of(self.pairs)
+    width: int = _setting(1920, "width of the image", _SIZE, unit="px")
+    height: int = _setting(1080, "height of the image", _SIZE, unit="px")
+    fps: float = _setting(DEFAULT_FPS, "frames per second", _above_zero("give a rate above 0"), unit="1/s")
+    frames: tuple[int | None, int | None] = _setting(
+        (None, None), "Python slice (A, B) of frame numbers; None: the default end", selects=True
+    )
+    camera: str | int | None = _setting(
+        None, "node name, camera name or index; None: the first camera, else a framing orbit", selects=True
+    )
+    scene: str | int | None = _setting(None, "name or index of the file's scene; None: its default", selects=True)
+    animation: tuple[str | int, ...] | None = _setting(
+        None, "animations to play; None: all that do not collide", selects=True
+    )
+    culling: str = _setting("gltf", "back-face culling: as the materials say, or none", _one_of(CULLINGS))
+    textures: str = _setting(
+        "mipmapped", "finest: no mipmaps, as a path tracer samples textures at pixel centers", _one_of(TEXTURES)
+    )
 
     def frame_count(self, duration: float) -> int:
         """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration fps (1 + 2^-23) + 1e-6).
 
         Key times are float32: n / fps rounded down would lose frame n from n = 50 on at 24 fps without the factor.
-        Any number, however large.  Raises SettingsError where a float64 cannot count them.
+        Raises SettingsError where a float64 cannot count the frames.
         """
         if not duration * self.fps < 2.0**53:
             what = f"{duration:g} s at {self.fps:g} fps have no countable frames"
@@ -164,35 +169,202 @@ class Settings:
             raise SettingsError(f"{what}: give --frames A:B", hint=hint)
         return frames
 
+
+@dataclass(frozen=True, slots=True)
+class MetricsSettings(_Group):
+    """What is compared between the two frames of a pair, and how."""
+
+    reprojection: str = _setting(
+        "camera", "history position: camera motion alone, or all motion", _one_of(REPROJECTIONS)
+    )
+    sampling: str = _setting("nearest", "reconstruction filter of the history lookup", _one_of(SAMPLINGS))
+    thresholds: Mapping[str, float] = _setting(
+        {},
+        "a_B per feature of conventions.FEATURES, in its unit (position: metres); features left out get the default",
+        _check_thresholds,
+    )
+    unit_scale: float = _setting(1.0, "scene units per metre", _above_zero("give a factor above 0"), unit="1/m")
+    columns: tuple[str, ...] = _setting(
+        COLUMNS, "columns to measure; what no column needs is not simulated", _check_columns
+    )
+    samples_per_pixel: int = _setting(
+        1,
+        "sub-pixel positions at which both frames of a pair are rendered and compared",
+        _at_least(1, "give 1 to 64", 64),
+    )
+    pairs: str = _setting(
+        "all", "pairs to evaluate: all | every:K | strata:H (two from each of H strata)", _check_pairs
+    )
+    summation: str = _setting(
+        "integer",
+        "summation of pixel counts over pairs: integer (exact) | compensated | plain (float32)",
+        _one_of(SUMMATIONS),
+    )
+    histogram_bits: int = _setting(
+        3, "2^bits bins per octave of the discard-versus-threshold curves", _at_least(0, "give 0 to 8", 8)
+    )
+
+    def __post_init__(self) -> None:
+        # super() without arguments does not work in a dataclass with slots: the decorator makes another class.
+        _Group.__post_init__(self)
+        filled = {name: float(self.thresholds.get(name, DEFAULT_THRESHOLD)) for name in FEATURES}
+        object.__setattr__(self, "thresholds", filled)
+        for name in FEATURES:
+            if self.threshold(name) > _FLOAT32_MAX:
+                what = f"threshold of {name} is {self.threshold(name):g} with unit scale {self.unit_scale:g}"
+                raise SettingsError(what, hint=f"masks compare float32, give at most {_FLOAT32_MAX:g}")
+
+    def threshold(self, feature: str) -> float:
+        """a_B of ``feature`` as the masks use it; position in scene units: metres times ``unit_scale``."""
+        value = self.thresholds[feature]
+        return value * self.unit_scale if feature == "position" else value
+
+    @property
+    def pair_scheme(self) -> tuple[str, int]:
+        """``pairs`` as (all | every | strata, number)."""
+        return scheme_of(self.pairs)
+
+
+@dataclass(frozen=True, slots=True)
+class LightingSettings(_Group):
+    """Radiance: light, shadows, indirect light, exposure."""
+
+    effects: str = _setting("auto", "effects to simulate: those that scene and columns need, or all", _one_of(EFFECTS))
+    sky: tuple[float, float, float] = _setting(
+        (0.0, 0.0, 0.0), "uniform sky radiance, linear RGB", _check_sky, unit="cd/m2"
+    )
+    exposure: float = _setting(
+        1.0, "factor on radiance before thresholds and tone mapping", _above_zero("give a factor above 0")
+    )
+    tone_map: str = _setting("linear", "curve from radiance x exposure to color", _one_of(TONE_MAPS))
+    shadow_size: int = _setting(
+        1024,
+        "texels along a shadow-map face; directional lights get four times as many",
+        _at_least(16, "give 16 to 4096 texels", 4096),
+        unit="texels",
+    )
+    shadow_lights: int = _setting(8, "lights with shadows, the most significant first", _at_least(0, "give 0 or more"))
+    shadow_filter: str = _setting("bilinear", "filter of the shadow-map lookup", _one_of(SHADOW_FILTERS))
+    indirect: str = _setting("auto", "method of indirect light", _one_of(INDIRECT))
+    indirect_samples: int = _setting(
+        1024, "virtual point lights of all lights together", _at_least(1, "give at least 1")
+    )
+    probes: int = _setting(768, "approximate number of irradiance probes", _at_least(8, "give at least 8"))
+    light_error: float = _setting(
+        1e-3,
+        "radiance that light culling may leave out of a tile",
+        _at_least(0, "give a radiance of at least 0"),
+        unit="cd/m2",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSettings(_Group):
+    """The machine that renders, and the precision of its channels."""
+
+    backend: str = _setting("auto", "library that opens the OpenGL context", _one_of(BACKENDS), selects=True)
+    device: int | None = _setting(None, "index of the EGL device; None: the first that works", selects=True)
+    storage: str = _setting(
+        "float", "component type of channels between passes: 32-bit (float) or 16-bit (half)", _one_of(STORAGES)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Settings of one evaluation, in four groups; ``Settings.of`` takes the fields of all groups by name."""
+
+    sequence: SequenceSettings = SequenceSettings()
+    metrics: MetricsSettings = MetricsSettings()
+    lighting: LightingSettings = LightingSettings()
+    device: DeviceSettings = DeviceSettings()
+
+    @staticmethod
+    def of(**values: Any) -> Settings:
+        """Settings from field names without their group: ``Settings.of(width=640, exposure=2.0)``.
+
+        Raises SettingsError for a name that is no setting, or a value out of range.
+        """
+        return Settings().replace(**values)
+
+    def replace(self, **values: Any) -> Settings:
+        """These settings with other values, by field name without the group.  Raises SettingsError as ``of``."""
+        changed: dict[str, dict[str, Any]] = {}
+        for name, value in values.items():
+            changed.setdefault(_group_of(name), {})[name] = value
+        groups = {group: dataclasses.replace(getattr(self, group), **some) for group, some in changed.items()}
+        return dataclasses.replace(self, **groups)
+
+    def get(self, name: str) -> Any:
+        """The value of one field, by its name without the group.  Raises SettingsError for a name that is none."""
+        return getattr(getattr(self, _group_of(name)), name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All fields by name without their group, as plain JSON values.  Lengths in metres."""
+        return {name: _plain(self.get(name)) for name in FIELDS}
+
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> Settings:
+        """The inverse of ``to_dict``; fields left out get their defaults.
+
+        Raises SettingsError for a name that is no setting, and a value of the wrong type or out of range.
+        """
+        converted = {}
+        for name, value in values.items():
+            _group_of(name)
+            try:
+                converted[name] = msgspec.convert(value, FIELD_TYPES[name])
+            except msgspec.ValidationError as error:
+                raise SettingsError(f"{name} is {value!r}: {str(error).replace('`', '')}") from None
+        return Settings.of(**converted)
+
     def as_summary(self, frames: range) -> dict[str, Any]:
-        """The ``settings`` block of summary.json; ``thresholds``: as the masks use them."""
-        return {
-            "width": self.width,
-            "height": self.height,
-            "fps": self.fps,
-            "first_frame": frames[0] if frames else None,
-            "last_frame": frames[-1] if frames else None,
-            "reprojection": self.reprojection,
-            "sampling": self.sampling,
-            "thresholds": {name: self.threshold(name) for name in FEATURES},
-            "unit_scale": self.unit_scale,
-            "culling": self.culling,
-            "textures": self.textures,
-            "columns": list(self.columns),
-            "effects": self.effects,
-            "sky": list(self.sky),
-            "exposure": self.exposure,
-            "tone_map": self.tone_map,
-            "shadow_size": self.shadow_size,
-            "shadow_lights": self.shadow_lights,
-            "shadow_filter": self.shadow_filter,
-            "indirect": self.indirect,
-            "indirect_samples": self.indirect_samples,
-            "probes": self.probes,
-            "light_error": self.light_error,
-            "storage": self.storage,
-            "samples_per_pixel": self.samples_per_pixel,
-            "pairs": self.pairs,
-            "summation": self.summation,
-            "histogram_bits": self.histogram_bits,
-        }
+        """The ``settings`` block of summary.json: ``to_dict`` and the frames evaluated, without ``SELECTING``.
+
+        The position threshold is in scene units.
+        """
+        plain = {name: value for name, value in self.to_dict().items() if name not in SELECTING}
+        ends = {"first_frame": frames[0] if frames else None, "last_frame": frames[-1] if frames else None}
+        thresholds = {name: self.metrics.threshold(name) for name in FEATURES}
+        return plain | ends | {"thresholds": thresholds}
+
+
+GROUPS: dict[str, type] = {
+    "sequence": SequenceSettings,
+    "metrics": MetricsSettings,
+    "lighting": LightingSettings,
+    "device": DeviceSettings,
+}
+_GROUP_OF = {field.name: name for name, group in GROUPS.items() for field in dataclasses.fields(group)}
+FIELDS: dict[str, dataclasses.Field[Any]] = {f.name: f for group in GROUPS.values() for f in dataclasses.fields(group)}
+"""Every field by name; ``metadata`` holds ``meaning``, ``unit``, ``check`` and ``selects``."""
+
+FIELD_TYPES = {name: kind for group in GROUPS.values() for name, kind in typing.get_type_hints(group).items()}
+
+SELECTING = tuple(name for name, field in FIELDS.items() if field.metadata["selects"])
+"""Fields that name the scene, frames or machine of a run: no part of a preset, and recorded elsewhere in a summary."""
+
+
+def scheme_of(pairs: str) -> tuple[str, int]:
+    """``MetricsSettings.pairs`` as (all | every | strata, number)."""
+    scheme, _, number = pairs.partition(":")
+    return scheme, int(number or 1)
+
+
+def unknown_setting(name: str, others: tuple[str, ...] = ()) -> SettingsError:
+    """The error for a name that is no setting; ``others``: further names allowed where it was given."""
+    near = difflib.get_close_matches(name, [*FIELDS, *others], 1)
+    hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*others, *FIELDS])}"
+    return SettingsError(f"no setting is named {name!r}", hint=hint)
+
+
+def _group_of(name: str) -> str:
+    if name not in _GROUP_OF:
+        raise unknown_setting(name)
+    return _GROUP_OF[name]
+
+
+def _plain(value: Any) -> Any:
+    """JSON values: tuples as lists, mappings as dicts."""
+    if isinstance(value, Mapping):
+        return dict(value)
+    return [_plain(one) for one in value] if isinstance(value, tuple) else value

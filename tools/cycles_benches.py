@@ -94,13 +94,13 @@ def _frames(scene: Scene, camera: CameraTrack, fps: float, options: Options, col
     """Milliseconds of each pair's frame and masks, the first left out; which columns the scene does not call for."""
     seen: list[float] = []
     count = 2 + FRAMES * min(options.repeats, 2)
-    settings = Settings(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **OURS[columns])
+    settings = Settings.of(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **OURS[columns])
     start = time.perf_counter()
     run = evaluate_scene(scene, settings, camera=camera, progress=lambda told: seen.append(told.frame_seconds * 1e3))
     if len(seen) < 2:  # a still scene, seen from its own camera, has one frame
         seen = [(time.perf_counter() - start) * 1e3] * 2
     into += seen[1:]
-    null = [c for c in settings.columns if run.summary["discard"][c]["mean_percent"] is None]
+    null = [c for c in settings.metrics.columns if run.summary["discard"][c]["mean_percent"] is None]
     return f"without {', '.join(null)}: the scene calls for none" if null else ""
 
 

@@ -57,7 +57,7 @@ def shares(gpu: Gpu, options: Options) -> Result:
             timer = PassTimer(gpu)
             given = {} if columns is None else {"columns": columns}
             count = 2 + (2 if options.quick else 4) * options.repeats
-            settings = Settings(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given)
+            settings = Settings.of(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given)
             source = RasterSource(gpu, scene, camera, settings, timer=timer)
             count_pairs(gpu, source, range(count), settings, label, timer)
             source.release()
@@ -96,7 +96,7 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     path = real_scene("khronos/CesiumMan/CesiumMan.glb")
     scene = load_scene(path)
     count = 13
-    settings = Settings(
+    settings = Settings.of(
         width=options.size[0],
         height=options.size[1],
         fps=FPS,
@@ -127,9 +127,9 @@ def overlap(gpu: Gpu, options: Options) -> Result:
 
 def _run_ahead(source: RasterSource, masks: MaskPass, settings: Settings, timer: PassTimer, *, late: bool) -> None:
     """Frames and counts as an evaluation makes them; ``late``: as it reads them."""
-    thresholds = {f: settings.threshold(f) for f in FEATURES}
+    thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
     before, waiting = None, None
-    for frame in range(*settings.frames):
+    for frame in range(*settings.sequence.frames):
         view = source.advance(frame)
         if before is not None:
             with timer.measure("masks"):
@@ -154,7 +154,7 @@ def readback(gpu: Gpu, options: Options) -> Result:
     path = real_scene("sponza/Sponza.gltf")
     scene = load_scene(path)
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
-    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY)
+    settings = Settings.of(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY)
     source = RasterSource(gpu, scene, camera, settings, extra=READS)
     watch, ways = Stopwatch(gpu), {"at once": False, "pixel buffers, one frame late": True}
     readers = {name: ChannelReader(gpu, buffered=buffered) for name, buffered in ways.items()}

@@ -50,7 +50,7 @@ class Subject:
 @bench
 def lights(gpu: Gpu, options: Options) -> Result:
     """Direct light of 690 point lights, culled, against 16 lights, in one interleaved run."""
-    settings = Settings(
+    settings = Settings.of(
         width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0
     )
     scenes = {
@@ -65,7 +65,8 @@ def lights(gpu: Gpu, options: Options) -> Result:
         for subject in subjects.values():
             subject.advance()
     rows = [row(f"direct, {name}", subject.samples("direct")) for name, subject in subjects.items()]
-    notes = [f"40 x 40 m of rolling ground, {settings.width}x{settings.height}, light error {settings.light_error:g}"]
+    size = f"{settings.sequence.width}x{settings.sequence.height}"
+    notes = [f"40 x 40 m of rolling ground, {size}, light error {settings.lighting.light_error:g}"]
     for measured, (name, subject) in zip(rows, subjects.items(), strict=True):
         lighting = subject.source.light.lighting
         counts = lighting.tile_counts()
@@ -95,7 +96,7 @@ def valley(gpu: Gpu, options: Options) -> Result:
         few = dataclasses.replace(every, nodes=dataclasses.replace(every.nodes, light=light))
         rows, notes = [], []
         for shadows in (0, 8):
-            settings = Settings(
+            settings = Settings.of(
                 width=options.size[0],
                 height=options.size[1],
                 fps=60,
@@ -122,7 +123,7 @@ def rungs(gpu: Gpu, options: Options) -> Result:
     """What each rung of indirect light costs a frame, on the demo scene: lights and surfaces move all the time."""
     scene = load_scene(ASSETS / "demo.glb")
     subjects = {
-        rung: Subject(gpu, scene, Settings(width=options.size[0], height=options.size[1], fps=FPS, indirect=rung))
+        rung: Subject(gpu, scene, Settings.of(width=options.size[0], height=options.size[1], fps=FPS, indirect=rung))
         for rung in ("none", "rsm", "probes")
     }
     for _ in range(1 + LIGHT_FRAMES * options.repeats):
@@ -143,8 +144,8 @@ def rungs(gpu: Gpu, options: Options) -> Result:
 @bench
 def effects(gpu: Gpu, options: Options) -> Result:
     """Per scene and skipped effect: a frame with that effect alone forced on, less a frame on demand."""
-    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS)
-    geometry = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"))
+    settings = Settings.of(width=options.size[0], height=options.size[1], fps=FPS)
+    geometry = Settings.of(width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"))
     cases = [
         (real_scene(), settings, "all columns"),
         (real_scene("sponza/Sponza.gltf"), geometry, "frustum and position"),

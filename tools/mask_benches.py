@@ -52,7 +52,7 @@ class MaskBench:
         self.renderer = Renderer(gpu, scene, choose_camera(scene), size, self.channels)
         self.shaders = ShaderCache(gpu.ctx)
         self.masks = MaskPass(gpu, self.shaders, size, reprojection=mode)
-        self.thresholds = {f: Settings().threshold(f) for f in FEATURES}
+        self.thresholds = {f: Settings().metrics.threshold(f) for f in FEATURES}
         self.torch = torch
 
     def run_masks(self, pair: Reprojection) -> Counts:

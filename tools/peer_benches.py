@@ -54,7 +54,7 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
     renderer = Renderer(gpu, scene, camera, options.size, EIGHT)
     shaders = ShaderCache(gpu.ctx)
     masks = MaskPass(gpu, shaders, options.size)
-    thresholds = {f: Settings().threshold(f) for f in FEATURES}
+    thresholds = {f: Settings().metrics.threshold(f) for f in FEATURES}
     watch, covered = Stopwatch(gpu), []
 
     def masked(frame: int) -> None:

@@ -94,7 +94,7 @@ def pixels(gpu: Gpu, options: Options) -> Result:
     walkers = [Walker(gpu, scene, size, camera=camera) for size in sizes]
     shaders = ShaderCache(gpu.ctx)
     masks = [MaskPass(gpu, shaders, size) for size in sizes]
-    thresholds = {f: Settings().threshold(f) for f in FEATURES}
+    thresholds = {f: Settings().metrics.threshold(f) for f in FEATURES}
 
     def mask(i: int) -> Callable[[], object]:
         renderer, history = walkers[i].renderer, walkers[i].renderer.history
@@ -130,7 +130,7 @@ def triangles(gpu: Gpu, options: Options) -> Result:
 def lights_growth(gpu: Gpu, options: Options) -> Result:
     """Direct light against the number of lights of a fixed range, without shadows."""
     counts = [16, 64, 256, 1024]
-    settings = Settings(width=SMALL[0], height=SMALL[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0)
+    settings = Settings.of(width=SMALL[0], height=SMALL[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0)
     timers = [PassTimer(gpu) for _ in counts]
     scenes = [lamp_field(count // 4, count - count // 4, reach=4.0) for count in counts]
     sources = [
@@ -185,7 +185,9 @@ def frames(gpu: Gpu, options: Options) -> Result:
     times: list[list[float]] = [[] for _ in counts]
     for turn in range(options.repeats + 1):
         for count, into in zip(counts, times, strict=True):
-            settings = Settings(width=192, height=108, frames=(0, count + 1), columns=("frustum", "position", "normal"))
+            settings = Settings.of(
+                width=192, height=108, frames=(0, count + 1), columns=("frustum", "position", "normal")
+            )
             start = time.perf_counter()
             evaluate_scene(scene, settings)
             if turn:

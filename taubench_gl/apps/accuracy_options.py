@@ -49,7 +49,7 @@ def with_preset(options: dict[str, Any], preset: Path | None) -> dict[str, Any]:
 
     values = load_preset(preset)
     asked = given_options(("size", *values))
-    size = (values.pop("width", Settings().width), values.pop("height", Settings().height))
+    size = (values.pop("width", Settings().sequence.width), values.pop("height", Settings().sequence.height))
     thresholds = values.pop("thresholds", {})
     out = dict(options)
     if "size" not in asked:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import sys
 import traceback
@@ -159,7 +158,7 @@ def _evaluate_one(
 
     more: dict[str, Any] = {}
     scene, row = resolve(scene)
-    settings = dataclasses.replace(settings, **asked_for(row))
+    settings = settings.replace(**asked_for(row))
     if is_sequence(scene):
         from taubench_gl.pathtraced.evaluation import PathTracedOptions
 

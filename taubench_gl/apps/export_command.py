@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +90,7 @@ def export(
 
     settings = settings_from(options)
     source, row = resolve(scene_path)
-    settings = dataclasses.replace(settings, **asked_for(row))
+    settings = settings.replace(**asked_for(row))
     with ProgressBar(Path(source).name, "frames") as progress:
         told = export_scene(
             source,

@@ -39,7 +39,7 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: 
     from taubench_gl.settings import Settings
 
     path, row = resolve(path)
-    settings = Settings(**{name: asked_for(row).get(name, value) for name, value in options.items()})
+    settings = Settings.of(**{name: asked_for(row).get(name, value) for name, value in options.items()})
     facts = describe(load_scene(path, scene, animations or None), settings)
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
@@ -57,12 +57,12 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.frame.plan import FramePlan
 
     poser = Poser(scene)
-    frames = settings.frame_count(scene.duration)
+    frames = settings.sequence.frame_count(scene.duration)
     inspected = min(frames, MAX_INSPECTED)
     chosen = (i if inspected == frames else i * (frames - 1) // (inspected - 1) for i in range(inspected))
-    counts = census(scene, (i / settings.fps for i in chosen), poser)
+    counts = census(scene, (i / settings.sequence.fps for i in chosen), poser)
     center, radius = bounding_sphere(poser, [0.0])
-    nodes, unit = scene.nodes, settings.unit_scale
+    nodes, unit = scene.nodes, settings.metrics.unit_scale
     return {
         "name": scene.name,
         "path": None if scene.path is None else str(scene.path),
@@ -70,7 +70,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "sha256": scene.sha256,
         "scenes": list(scene.scene_names),
         "duration_s": scene.duration,
-        "fps": settings.fps,
+        "fps": settings.sequence.fps,
         "frames": frames,
         "frames_inspected": inspected,
         "bounds": {"center": (center / unit).tolist(), "radius_m": radius / unit},

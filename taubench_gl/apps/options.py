@@ -35,9 +35,7 @@ def with_options(command: Any, *options: Decorator) -> Any:
 def of_settings(flag: str, help: str, *, field: str | None = None, **attributes: Any) -> Decorator:
     """An option for a field of Settings, by default the one of its name; default and type are the field's."""
     name = field or flag.removeprefix("--").replace("-", "_")
-    return click.option(
-        flag, name, help=help, **{"default": getattr(Settings(), name), "show_default": True, **attributes}
-    )
+    return click.option(flag, name, help=help, **{"default": Settings().get(name), "show_default": True, **attributes})
 
 
 def given_options(names: Iterable[str]) -> frozenset[str]:
@@ -54,7 +52,7 @@ def settings_from(options: dict[str, Any], **more: Any) -> Settings:
     """
     options = dict(options)
     width, height = options.pop("size")
-    return Settings(
+    return Settings.of(
         width=width,
         height=height,
         frames=options.pop("frames") or (None, None),
@@ -95,7 +93,7 @@ def scene_options(command: Any) -> Any:
     )
 
 
-def frame_options(size: str = "1920x1080", fps: float = Settings().fps) -> Decorator:
+def frame_options(size: str = "1920x1080", fps: float = Settings().sequence.fps) -> Decorator:
     """Which pictures of a scene: ``--camera``, ``--scene``, ``--animation``, ``--fps``, ``--frames``, ``--size``."""
 
     def decorate(command: Any) -> Any:

@@ -56,8 +56,8 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
 
     asked = ("camera", "scene", "animations", "fps", "frames", "size", "culling", "sky")
     settings = settings_from({name: options[name] for name in asked})
-    scene = load_scene(scene_path, scene=settings.scene, animation=settings.animation)
-    camera = choose_camera(scene, settings.camera)
+    scene = load_scene(scene_path, scene=settings.sequence.scene, animation=settings.sequence.animation)
+    camera = choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
     quality = Quality(
         samples=options["samples"],
@@ -65,13 +65,13 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
         seed=options["seed"],
         seed_per_frame=options["seed_per_frame"],
         crisp=options["crisp"],
-        cull_back_faces=settings.culling == "gltf",
-        sky=settings.sky,
+        cull_back_faces=settings.sequence.culling == "gltf",
+        sky=settings.lighting.sky,
         threads=options["threads"],
     )
     said = _Lines()
     notes = render_reference(
-        scene, camera, frames, out, fps=settings.fps, size=options["size"], quality=quality, progress=said
+        scene, camera, frames, out, fps=settings.sequence.fps, size=options["size"], quality=quality, progress=said
     )
     for note in notes[:10]:
         click.echo(f"note: {note}")
@@ -116,7 +116,7 @@ Examples:
 @click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
 @click.option("--mapping", metavar="NAME|FILE", help="Pass names; blender, mitsuba, falcor, taubench or TOML.")
 @click.option("--layer", metavar="NAME", help="View layer.  [default: the one with most passes]")
-@click.option("--fps", type=float, default=Settings().fps, show_default=True, help="Frames per second.")
+@click.option("--fps", type=float, default=Settings().sequence.fps, show_default=True, help="Frames per second.")
 def check(spec: str, **options: Any) -> int:
     """Find wrong axes, flipped rows, units, motion the wrong way round, and a camera that took other pictures.
 
@@ -129,7 +129,7 @@ def check(spec: str, **options: Any) -> int:
     sequence = PathTracedSequence.open(spec, mapping=options["mapping"], layer=options["layer"])
     given = options["camera_file"] is not None or options["scene_file"] is not None
     told = PathTracedOptions(camera_file=options["camera_file"], scene_file=options["scene_file"])
-    camera, _ = choose_camera_source(told, Settings(fps=options["fps"], camera=options["camera"]))
+    camera, _ = choose_camera_source(told, Settings.of(fps=options["fps"], camera=options["camera"]))
     frames = range(sequence.frames[0], sequence.frames[0] + (2 if sequence.frames[0] + 1 in sequence.files else 1))
     faults = 0
     for finding in check_sequence(sequence, camera if given else None, frames):

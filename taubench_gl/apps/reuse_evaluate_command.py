@@ -154,7 +154,7 @@ def _evaluate_one(
     from taubench_gl.reuse.evaluate import evaluate_methods
     from taubench_gl.reuse.evaluate_output import ReuseFolder
 
-    results = None if folder is None else ReuseFolder(folder, settings.fps, video)
+    results = None if folder is None else ReuseFolder(folder, settings.sequence.fps, video)
     on_frame = None if results is None else results.on_frame
     try:
         with results or nullcontext():

@@ -175,7 +175,9 @@ def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options:
     base = _spec(options["camera"] or "still", options, 0.5)
     width, height = options["size"]
     columns = tuple(name.strip() for name in options["columns"].split(",") if name.strip())
-    settings = Settings(width, height, columns=columns, backend=options["backend"], device=options["device"])
+    settings = Settings.of(
+        width=width, height=height, columns=columns, backend=options["backend"], device=options["device"]
+    )
     plan = Sweep(*sweep)
     name = Path(scene).name
     click.echo(f"{name}: {plan.count} speeds, {base.frames - 1} pairs each", err=True)

@@ -24,9 +24,10 @@ from typing import Any
 from taubench_gl import __version__
 from taubench_gl.batch.lock import LOCK_FILE
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
-from taubench_gl.batch.study import Job, Study, set_apart, settings_dict, settings_from
-from taubench_gl.errors import OutputError
+from taubench_gl.batch.study import Job, Study, set_apart
+from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.outputs import is_partial_of, write_atomically
+from taubench_gl.settings import Settings
 
 STUDY_SCHEMA = "taubench-gl/batch-study/1"
 STUDY_FILE = "study.json"
@@ -65,7 +66,7 @@ class Store:
     def save_study(self, study: Study) -> None:
         """Remember the jobs.  Folders of jobs that an earlier study had are left alone and no longer counted."""
         jobs = [
-            {"id": job.id, "scene": job.scene, "settings": settings_dict(job.settings), "sweep": dict(job.sweep)}
+            {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep)}
             for job in study.jobs
         ]
         values = {"schema": STUDY_SCHEMA, "version": __version__, "name": study.name, "jobs": jobs}
@@ -75,9 +76,9 @@ class Store:
         """The study this folder was last given.  Raises OutputError where there is none."""
         values = self._study_values()
         try:
-            jobs = [Job(j["id"], j["scene"], settings_from(j["settings"]), j["sweep"]) for j in values["jobs"]]
+            jobs = [Job(j["id"], j["scene"], Settings.from_dict(j["settings"]), j["sweep"]) for j in values["jobs"]]
             return Study(values["name"], set_apart(jobs))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, SettingsError) as error:
             raise OutputError(f"is damaged: {error}", where=str(self.out / STUDY_FILE)) from None
 
     def _study_values(self) -> dict[str, Any]:
@@ -148,7 +149,7 @@ class Store:
         told: list[dict[str, Any]] = []
         for path in sorted(self.pairs_folder(job.id).glob("*.parquet")):
             try:
-                found, said = decode(path.read_bytes(), job.settings.histogram_bits)
+                found, said = decode(path.read_bytes(), job.settings.metrics.histogram_bits)
             except (ValueError, OSError):
                 path.unlink(missing_ok=True)
                 continue

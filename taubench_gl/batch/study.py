@@ -9,7 +9,6 @@ import hashlib
 import itertools
 import json
 import tomllib
-import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +18,11 @@ import msgspec
 
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIELD_TYPES, FIELDS, Settings
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """A scene's name -> what ``load_scene`` takes, and the settings that belong to the scene (a registry's row)."""
 
-HINTS = typing.get_type_hints(Settings)
 LISTS = ("columns", "sky", "animation")
 """Settings whose value is a list: a list of lists sweeps them."""
 
@@ -96,7 +94,7 @@ def set_apart(jobs: Iterable[Job]) -> tuple[Job, ...]:
     for i, job in enumerate(out):
         places.setdefault(job.scene, []).append(i)
     for at in places.values():
-        for i, apart in zip(at, differing([flat_settings(settings_dict(out[i].settings)) for i in at]), strict=True):
+        for i, apart in zip(at, differing([flat_settings(out[i].settings.to_dict()) for i in at]), strict=True):
             told = {key: text for key, text in apart.items() if key.partition(".")[0] not in out[i].sweep}
             out[i] = dataclasses.replace(out[i], apart=told)
     return tuple(out)
@@ -108,9 +106,9 @@ def read_choices(values: Mapping[str, Any], where: str, faults: list[str]) -> di
     for key, value in values.items():
         field = key.replace("-", "_")
         name = f"{where}{key}"
-        if field not in HINTS and field != "size":
-            near = difflib.get_close_matches(field, [*HINTS, *OWN_KEYS], 1)
-            meant = f"did you mean {near[0]}?" if near else f"there are {', '.join([*OWN_KEYS, *HINTS])}"
+        if field not in FIELDS and field != "size":
+            near = difflib.get_close_matches(field, [*FIELDS, *OWN_KEYS], 1)
+            meant = f"did you mean {near[0]}?" if near else f"there are {', '.join([*OWN_KEYS, *FIELDS])}"
             faults.append(f"{name} is no setting ({meant})")
             continue
         if field == "thresholds" and isinstance(value, dict):
@@ -141,7 +139,7 @@ def _checked(field: str, value: Any, name: str, faults: list[str]) -> dict[str, 
             value = _frames(value)
         elif field in LISTS and isinstance(value, str):
             value = [word.strip() for word in value.split(",") if word.strip()]
-        return _try({field: msgspec.convert(value, HINTS[field])})
+        return _try({field: msgspec.convert(value, FIELD_TYPES[field])})
     except msgspec.ValidationError as error:
         faults.append(f"{name} is {value!r}: {str(error).replace('`', '')}")
     except TaubenchError as error:
@@ -150,7 +148,7 @@ def _checked(field: str, value: Any, name: str, faults: list[str]) -> dict[str, 
 
 
 def _try(fields: dict[str, Any]) -> dict[str, Any]:
-    Settings(**fields)
+    Settings.of(**fields)
     return fields
 
 
@@ -226,7 +224,7 @@ def _combine(
     swept = [key for key, alternatives in choices.items() if len(alternatives) > 1]
     for picks in itertools.product(*choices.values()):
         fields = row | {name: value for pick in picks for name, value in pick.items()}
-        settings = Settings(**fields)
+        settings = Settings.of(**fields)
         sweep = {key: _shown(key, pick) for key, pick in zip(choices, picks) if key in swept}
         yield Job(job_id(written, settings), scene, settings, sweep)
 
@@ -244,18 +242,8 @@ def _shown(key: str, pick: Mapping[str, Any]) -> Any:
 
 def job_id(written: str, settings: Settings) -> str:
     """Name of a job's folder: the scene's, and a hash of scene (as the study writes it) and settings."""
-    text = json.dumps([written, settings_dict(settings)], sort_keys=True)
+    text = json.dumps([written, settings.to_dict()], sort_keys=True)
     return f"{_safe(Path(written).stem) or 'scene'}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
-
-
-def settings_dict(settings: Settings) -> dict[str, Any]:
-    """All fields as plain values, fit for JSON; the inverse of ``settings_from``."""
-    plain = {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
-    return json.loads(json.dumps(plain | {"thresholds": dict(settings.thresholds)}))
-
-
-def settings_from(values: Mapping[str, Any]) -> Settings:
-    return Settings(**{name: msgspec.convert(value, HINTS[name]) for name, value in values.items()})
 
 
 def _safe(text: str) -> str:

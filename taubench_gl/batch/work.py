@@ -74,12 +74,12 @@ class Workbench:
 
     def _load(self, unit: Unit) -> _Loaded:
         settings = unit.settings
-        key = (unit.scene, settings.scene, settings.animation, settings.camera, unit.job)
+        key = (unit.scene, settings.sequence.scene, settings.sequence.animation, settings.sequence.camera, unit.job)
         if self._loaded is not None and self._loaded.key == key and unit.positions is not None:
             return self._loaded
         self.release()
-        scene = load_scene(unit.scene, scene=settings.scene, animation=settings.animation)
-        self._loaded = _Loaded(key, scene, Poser(scene), choose_camera(scene, settings.camera))
+        scene = load_scene(unit.scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+        self._loaded = _Loaded(key, scene, Poser(scene), choose_camera(scene, settings.sequence.camera))
         return self._loaded
 
     def _count(self, unit: Unit, loaded: _Loaded, gpu: Gpu, on_pair: Callable[[], None], started: float) -> bytes:
@@ -127,9 +127,9 @@ def warm_up() -> None:
 def open_context(settings: Settings) -> Gpu:
     """The worker's GL context.  Raises NoOpenGL, or GraphicsError where the study itself names the backend."""
     try:
-        return open_gpu(settings.backend, settings.device)
+        return open_gpu(settings.device.backend, settings.device.device)
     except GraphicsError as error:
-        if settings.backend != "auto" or settings.device is not None:
+        if settings.device.backend != "auto" or settings.device.device is not None:
             raise
         raise NoOpenGL(error.what, where=error.where, hint=error.hint) from None
 
@@ -138,7 +138,7 @@ def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
     """Everything the summary says without a frame being drawn, as JSON; the cameras of all frames with every digit."""
     require_triangles(scene)
     frames = frame_range(scene, camera, settings)
-    views = [camera.view_at(poser.sample(frame / settings.fps)) for frame in frames]
+    views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
     values = {
         "schema": HEAD_SCHEMA,
         "version": __version__,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -96,7 +95,7 @@ class Twin:
         self.source = RasterSource(gpu, scene, camera, settings, poser=Poser(scene), **more)
         measured = tuple(c for c in COLUMNS if c not in self.source.unmeasured)
         self.stats = SequenceStats(measured, dict(self.source.unmeasured))
-        self._thresholds = {f: settings.threshold(f) for f in FEATURES}
+        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
         self._last: tuple[Any, Channels] | None = None
 
     def step(self, frame: int) -> dict[str, Any] | None:
@@ -114,9 +113,9 @@ class Twin:
             before[1],
             reprojection(view, before[0], *self.source.size),
             self._thresholds,
-            sampling=self.settings.sampling,
+            sampling=self.settings.metrics.sampling,
             reprojection=self.source.reprojection,
-            exposure=self.settings.exposure,
+            exposure=self.settings.lighting.exposure,
         )
         return self.stats.add(Counts(found.mask_histogram(), self._histograms(found)))
 
@@ -149,7 +148,7 @@ def channels_of(scene: Scene, camera: CameraTrack, settings: Settings, frames: t
 
     Sub-pixel samples and left-out pairs do not change what a pixel centre shows, so they are set aside.
     """
-    plain = replace(settings, frames=frames, pairs="all", samples_per_pixel=1)
+    plain = settings.replace(frames=frames, pairs="all", samples_per_pixel=1)
     kept: dict[int, Channels] = {}
 
     def keep(pair: Pair) -> None:
@@ -169,8 +168,8 @@ def compare_features(found: Mapping[int, Channels], reference: Mapping[int, Chan
     A picture of another size is read at the pixel that each pixel centre of the reference falls into; its motion is
     brought to the reference's pixels.
     """
-    scale = settings.unit_scale
-    errors = FeatureErrors(settings.threshold("position") / scale, scale)
+    scale = settings.metrics.unit_scale
+    errors = FeatureErrors(settings.metrics.threshold("position") / scale, scale)
     for frame in sorted(found.keys() & reference.keys()):
         errors.add(_resized(found[frame], reference[frame]["position"].shape[:2]), reference[frame])
     return errors.summary()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -157,7 +157,7 @@ class Job:
 
     def _feature_errors(self, settings: Settings) -> Any:
         """Per-pixel errors at pixel centres; settings that differ only in what does not reach a pixel share them."""
-        plain = replace(settings, pairs="all", samples_per_pixel=1, summation="integer", histogram_bits=3)
+        plain = settings.replace(pairs="all", samples_per_pixel=1, summation="integer", histogram_bits=3)
         key = repr(plain)  # thresholds are a dict, so settings have no hash
         if key not in self._features:
             found = channels_of(self._scene, self._camera, plain, self._window)

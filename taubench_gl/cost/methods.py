@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from taubench_gl.cost.analysis import pareto_front, rises
@@ -143,7 +143,7 @@ def time_pictures(
     """
     count = min(TIMED, len(frames))
     start = frames.start + (len(frames) - count) // 2
-    settings = replace(_settings(base), frames=(start, start + count))
+    settings = _settings(base).replace(frames=(start, start + count))
     run = evaluate_methods(
         scene,
         [c.spec for c in chosen],
@@ -159,7 +159,7 @@ def time_pictures(
 
 def _settings(base: Settings) -> Settings:
     """The base, with surfaces followed, as 'reuse evaluate' has it, and without what belongs to discard counts."""
-    return replace(base, pairs="all", samples_per_pixel=1, summation="integer", reprojection="motion")
+    return base.replace(pairs="all", samples_per_pixel=1, summation="integer", reprojection="motion")
 
 
 @dataclass(frozen=True, slots=True)

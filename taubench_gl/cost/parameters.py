@@ -8,7 +8,7 @@ and printed apart; they never stand on a front and never get into a preset.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -59,26 +59,26 @@ class Knob:
 
     def current(self, settings: Settings) -> Any:
         """The value that ``settings`` has.  ``scale`` is relative: 1."""
-        return 1.0 if self.name == "scale" else getattr(settings, self.field or self.name)
+        return 1.0 if self.name == "scale" else settings.get(self.field or self.name)
 
     def apply(self, settings: Settings, value: Any) -> Settings:
         """``settings`` with this knob at ``value``."""
         if self.name == "scale":
-            size = (max(1, round(side * value)) for side in (settings.width, settings.height))
-            return replace(settings, **dict(zip(("width", "height"), size)))
+            size = (max(1, round(side * value)) for side in (settings.sequence.width, settings.sequence.height))
+            return settings.replace(**dict(zip(("width", "height"), size)))
         if self.name == "fps":
             return _at_rate(settings, value)
         if self.name == "storage" and value == DOUBLE:
             return settings  # the CPU twin judges what the GPU drew
-        return replace(settings, **{self.field or self.name: value})
+        return settings.replace(**{self.field or self.name: value})
 
 
 def _at_rate(settings: Settings, fps: float) -> Settings:
     """Another rate over the same stretch of time."""
-    first, stop = settings.frames
-    start = None if first is None else round(first / settings.fps * fps)
-    end = None if stop is None else round((stop - 1) / settings.fps * fps) + 1
-    return replace(settings, fps=fps, frames=(start, end))
+    first, stop = settings.sequence.frames
+    start = None if first is None else round(first / settings.sequence.fps * fps)
+    end = None if stop is None else round((stop - 1) / settings.sequence.fps * fps) + 1
+    return settings.replace(fps=fps, frames=(start, end))
 
 
 def _too_few(situation: Situation, value: str) -> str | None:
@@ -98,7 +98,7 @@ def _more_than_there_are(situation: Situation, value: int) -> str | None:
 
 def _too_large_an_atlas(situation: Situation, size: int) -> str | None:
     """Shadow maps share one texture, which a device allows so large and no larger."""
-    rows = sorted(situation.ranked[: situation.base.shadow_lights])
+    rows = sorted(situation.ranked[: situation.base.lighting.shadow_lights])
     faces = faces_of(situation.scene, None, rows, (np.zeros(3), 1.0), size)
     width, height = pack(faces)[1]
     if max(width, height) <= situation.max_texture:
@@ -108,7 +108,7 @@ def _too_large_an_atlas(situation: Situation, size: int) -> str | None:
 
 def _only(rung: str) -> Callable[[Situation], str | None]:
     def idle(situation: Situation) -> str | None:
-        used = {"auto": "probes"}.get(situation.base.indirect, situation.base.indirect)
+        used = {"auto": "probes"}.get(situation.base.lighting.indirect, situation.base.lighting.indirect)
         reason = situation.off("indirect")
         return reason or (None if rung in ("any", used) else f"the indirect rung is {used}")
 

@@ -91,7 +91,7 @@ def _best(active: Sequence[str], situation: Situation) -> Setting:
         knob, here = KNOBS[name], replace(situation, base=settings)
         value = knob.best
         if name == "shadow_size" and knob.useless(here, value):
-            value = max((v for v in knob.values if not knob.useless(here, v)), default=settings.shadow_size)
+            value = max((v for v in knob.values if not knob.useless(here, v)), default=settings.lighting.shadow_size)
         choice[name] = value
         settings = knob.apply(settings, value)
     return Setting(BEST, BEST, {n: choice[n] for n in names}, settings)
@@ -141,7 +141,7 @@ def setting_of(role: str, choice: Mapping[str, Any], base: Settings) -> Setting:
 
 def identity(plan: Plan, scene_hash: str | None, frames: range, reference: str, camera: str) -> dict[str, str]:
     """What the records of a study rest on, by part, as short hashes: studies whose parts differ must not be mixed."""
-    base = replace(plan.named(BASE).settings, backend="auto", device=None).as_summary(frames)
+    base = plan.named(BASE).settings.replace(backend="auto", device=None).as_summary(frames)
     parts = {
         "scene": [scene_hash, camera],
         "settings": [base, [frames.start, frames.stop]],

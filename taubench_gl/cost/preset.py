@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import tomllib
 from collections.abc import Mapping
@@ -11,23 +10,20 @@ from typing import Any
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import plain_text, write_atomically
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIELDS, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
-_NOT_IN_PRESETS = ("backend", "device", "frames", "camera", "scene", "animation")
-"""Of the machine and the scene, not of accuracy."""
 
 
 def save_preset(path: Path, settings: Settings, promise: Mapping[str, Any]) -> None:
     """Write every field that differs from the defaults, the size always, and what was measured.  Raises OutputError."""
-    default = Settings()
+    default = Settings().to_dict()
     lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]"]
-    for field in dataclasses.fields(Settings):
-        value = getattr(settings, field.name)
-        if field.name in _NOT_IN_PRESETS:
+    for name, value in settings.to_dict().items():
+        if name in SELECTING:
             continue
-        if field.name in ("width", "height") or value != getattr(default, field.name):
-            lines.append(f"{field.name} = {_toml(value)}")
+        if name in ("width", "height") or value != default[name]:
+            lines.append(f"{name} = {_toml(value)}")
     lines += ["", "[promise]  # measured, not read back", *(f"{k} = {_toml(v)}" for k, v in promise.items())]
     write_atomically(path, "\n".join(lines) + "\n")
 
@@ -50,20 +46,17 @@ def load_preset(path: str | Path) -> dict[str, Any]:
     if not isinstance(settings, dict):
         what = "has no table [settings]" if settings is None else "settings is no table"
         raise SettingsError(what, where=str(path), hint="'taubench-gl cost --within' writes presets")
-    known = {f.name for f in dataclasses.fields(Settings)} - set(_NOT_IN_PRESETS)
+    known = set(FIELDS) - set(SELECTING)
     for name in settings:
         if name not in known:
             raise SettingsError(
                 f"no setting is named {name!r}", where=str(path), hint=f"choose from {', '.join(sorted(known))}"
             )
-    settings = {name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()}
     try:
-        Settings(**settings)
-    except (TypeError, ValueError) as error:
-        raise SettingsError(f"has a value of the wrong type: {error}", where=str(path)) from None
+        checked = Settings.from_dict(settings)
     except SettingsError as error:
         raise SettingsError(error.what, where=str(path), hint=error.hint) from None
-    return settings
+    return {name: checked.get(name) for name in settings}
 
 
 def _toml(value: Any) -> str:

@@ -94,7 +94,7 @@ def _rung(folder: Path) -> Rung:
     times = tuple(
         1e3 * float(s) for _, s in sorted((values.get("frame_seconds") or {}).items(), key=lambda kv: int(kv[0]))
     )
-    fps = float((values.get("settings") or {}).get("fps") or Settings().fps)
+    fps = float((values.get("settings") or {}).get("fps") or Settings().sequence.fps)
     return Rung(
         folder, sequence, int(told["samples"]), int(told["seed"] or 0), bool(told["crisp"]), fps, times, told["clock"]
     )
@@ -103,14 +103,14 @@ def _rung(folder: Path) -> Rung:
 def fitting(settings: Settings, ladder: Ladder) -> Settings:
     """``settings`` at the size, frames and rate of the renders, with the textures that pixel-centre renders show."""
     width, height = ladder.reference.sequence.size
-    textures = "finest" if ladder.reference.crisp else settings.textures
+    textures = "finest" if ladder.reference.crisp else settings.sequence.textures
     frames = (ladder.frames.start, ladder.frames.stop)
-    return replace(settings, width=width, height=height, frames=frames, fps=ladder.reference.fps, textures=textures)
+    return settings.replace(width=width, height=height, frames=frames, fps=ladder.reference.fps, textures=textures)
 
 
 def path_traced_settings(settings: Settings) -> Settings:
     """Of a run over files: what only rendering knows stays at its default."""
-    return replace(settings, pairs="all", samples_per_pixel=1, storage="float", summation="integer")
+    return settings.replace(pairs="all", samples_per_pixel=1, storage="float", summation="integer")
 
 
 def run_rung(rung: Rung, settings: Settings, second: Rung | None = None) -> Run:
@@ -130,7 +130,7 @@ def rung_channels(rung: Rung, settings: Settings, frames: tuple[int, int]) -> di
         kept[pair.frame] = arrays | {"motion": pair.motion(), "camera_position": np.asarray(pair.view.position)}
 
     evaluate_path_traced(
-        f"{PREFIX}{rung.folder}", replace(path_traced_settings(settings), frames=frames), rung.options, on_pair=keep
+        f"{PREFIX}{rung.folder}", path_traced_settings(settings).replace(frames=frames), rung.options, on_pair=keep
     )
     return kept
 

@@ -72,12 +72,12 @@ class Session:
             self._shaders,
             self._source.size,
             reprojection=self._source.reprojection,
-            sampling=settings.sampling,
+            sampling=settings.metrics.sampling,
             radiance=self._source.radiance,
             cuts=self._source.cuts,
-            histogram_bits=settings.histogram_bits,
+            histogram_bits=settings.metrics.histogram_bits,
         )
-        self._thresholds = {f: settings.threshold(f) for f in FEATURES}
+        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
         self._fresh = True
 
     @property
@@ -131,14 +131,16 @@ class Session:
             self._twin.step(frame)
             return [True]
         seen = []
-        for sample in range(self._settings.samples_per_pixel):
-            one = self._settings.samples_per_pixel == 1
+        for sample in range(self._settings.metrics.samples_per_pixel):
+            one = self._settings.metrics.samples_per_pixel == 1
             seen.append(self._source.advance(frame) if one else self._source.advance_sample(frame, sample))
             if judged:
                 with self._timer.measure("masks"):
                     pair = reprojection(seen[-1], last[sample], *self._source.size)
                     current, previous = self._source.current, self._source.previous
-                    self._masks.run(pair, self._thresholds, current, previous, exposure=self._settings.exposure)
+                    self._masks.run(
+                        pair, self._thresholds, current, previous, exposure=self._settings.lighting.exposure
+                    )
                     self._masks.read()
         return seen
 

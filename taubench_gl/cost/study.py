@@ -69,23 +69,23 @@ def cost(
     base = replace(settings or Settings(), **overrides)
     if knobs is not None and not knobs:
         raise SettingsError("no knob is given", hint=f"choose from {', '.join(KNOBS)}, method:NAME")
-    _check_wishes(within, budget_ms, choose_for, base.columns, repeats)
+    _check_wishes(within, budget_ms, choose_for, base.metrics.columns, repeats)
     dials, methods = quality.split_knobs(knobs)
     contest = quality.candidates(methods, method_inputs)
     out = Path(out)
     if not isinstance(scene, Scene):
-        scene = load_scene(scene, scene=base.scene, animation=base.animation)
+        scene = load_scene(scene, scene=base.sequence.scene, animation=base.sequence.animation)
     ladder = None
     if is_sequence(reference):
         ladder = rungs.find_ladder(reference)
         base = rungs.fitting(base, ladder)
     elif reference != REFERENCE_BEST:
         raise SettingsError(f"no reference is named {reference!r}", hint="choose best, or exr:DIR")
-    camera = choose_camera(scene, base.camera)
+    camera = choose_camera(scene, base.sequence.camera)
     frames = frame_range(scene, camera, base)
     if len(frames) < 2:
         raise SettingsError("the scene gives no pair of frames", hint="give more --frames, or an animated scene")
-    gpu = open_gpu(base.backend, base.device)
+    gpu = open_gpu(base.device.backend, base.device.device)
     ranked = tuple(significant_lights(scene, Poser(scene), camera, bound_times(scene)))
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     situation = Situation(scene, decide(scene, base), base, len(frames) - 1, ranked, limit)
@@ -136,8 +136,8 @@ def _about(
     return {
         "scene": {"name": scene.name, "sha256": scene.sha256, "stand_in": scene.stand_in},
         "camera": camera.describe(),
-        "size": [base.width, base.height],
-        "fps": base.fps,
+        "size": [base.sequence.width, base.sequence.height],
+        "fps": base.sequence.fps,
         "frames": [frames.start, frames.stop],
         "pairs": len(frames) - 1,
         "reference": told,

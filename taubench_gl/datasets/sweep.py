@@ -74,12 +74,14 @@ def run_sweep(
     per column (None where not measured).  Raises TaubenchError.
     """
     out = Path(out)
-    settings = dataclasses.replace(settings, fps=base.fps, camera=CAMERA_NAME)
+    settings = settings.replace(fps=base.fps, camera=CAMERA_NAME)
     with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:
         file = Path(folder) / "still.glb"
         still = CameraSpec(frames=base.frames, fps=base.fps, seed=base.seed)
         stress(source, file, still)
-        scene = load_scene(file, settings.scene, settings.animation and (*settings.animation, CAMERA_NAME))
+        scene = load_scene(
+            file, settings.sequence.scene, settings.sequence.animation and (*settings.sequence.animation, CAMERA_NAME)
+        )
         space = VoxelSpace(load_scene(source))
         rows = []
         specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
@@ -92,7 +94,7 @@ def run_sweep(
             raise cannot_write(out, error) from None
         frames = (0, base.frames)
         for value, spec in zip(sweep.values, specs, strict=True):
-            run = evaluate_scene(_posed(scene, spec, space), dataclasses.replace(settings, frames=frames))
+            run = evaluate_scene(_posed(scene, spec, space), settings.replace(frames=frames))
             rows.append(_row(sweep, value, run.summary))
             write_atomically(out / CSV_NAME, _csv(rows))
             if progress is not None:

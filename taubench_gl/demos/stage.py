@@ -59,7 +59,7 @@ class Stage:
     def settings(self, **given: Any) -> Settings:
         """Settings of this stage: its size and backend, one frame a second, no bounced light unless asked for."""
         mine = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none"}
-        return Settings(**(mine | given | {"backend": self.gpu.backend, "device": self.device}))
+        return Settings.of(**(mine | given | {"backend": self.gpu.backend, "device": self.device}))
 
     def evaluate(
         self, scene: Scene, *, camera: CameraTrack | None = None, extra: Sequence[str] = (), **settings: Any

@@ -29,7 +29,7 @@ class Effect:
 def decide(scene: Scene, settings: Settings) -> dict[str, Effect]:
     """Effects by name, for this scene and what is asked of it."""
     effects = _geometry(scene, settings) | _light(scene, settings)
-    if settings.effects == "all":
+    if settings.lighting.effects == "all":
         return force(effects, FORCEABLE, "forced on by --effects all")
     return effects
 
@@ -85,7 +85,7 @@ def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]
     """Columns that come out as null, and why."""
     out = {}
     for column in COLUMNS:
-        if column not in settings.columns:
+        if column not in settings.metrics.columns:
             out[column] = "not asked for"
         elif column in effects and not effects[column].enabled:
             out[column] = effects[column].reason
@@ -108,7 +108,7 @@ def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
     alpha = _count(masked, "masked primitive", "masked primitives")
     if blended:
         alpha += f", {blended} blended (drawn where alpha >= 0.5)"
-    seen = bool({"normal", "direct", "indirect", "color"} & set(settings.columns))
+    seen = bool({"normal", "direct", "indirect", "color"} & set(settings.metrics.columns))
     maps = _count(mapped, "primitive has one", "primitives have one")
     return {
         "skinning": Effect(bool(skins), _count(len(skins), "skin deforms drawn meshes", "skins deform drawn meshes")),
@@ -126,7 +126,7 @@ def _cuts(scene: Scene) -> Effect:
 
 
 def _previous_pose(scene: Scene, settings: Settings) -> Effect:
-    if settings.reprojection != "motion":
+    if settings.metrics.reprojection != "motion":
         return Effect(False, "the reprojection is 'camera'")
     if moves_by_itself(scene):
         return Effect(True, "surfaces move and the reprojection is 'motion'")
@@ -135,12 +135,12 @@ def _previous_pose(scene: Scene, settings: Settings) -> Effect:
 
 def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     kinds = [scene.lights[i].kind for i in scene.nodes.light[scene.light_nodes]]
-    asked = set(settings.columns)
-    sky = any(settings.sky)
+    asked = set(settings.metrics.columns)
+    sky = any(settings.lighting.sky)
     emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
     lit, glowing = bool(kinds) or sky, bool(emitters)
     # Indirect light starts from what the lights give directly.
-    wants_direct = bool(asked & {"direct", "color"}) or ("indirect" in asked and settings.indirect != "none")
+    wants_direct = bool(asked & {"direct", "color"}) or ("indirect" in asked and settings.lighting.indirect != "none")
     effects = {
         f"{kind}_lights": Effect(
             kinds.count(kind) > 0 and wants_direct, _count(kinds.count(kind), f"{kind} light", f"{kind} lights")
@@ -157,11 +157,13 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     )
     if not effects["direct"].enabled or not kinds:
         shadows = Effect(False, "nothing casts them")
-    elif settings.shadow_lights == 0:
+    elif settings.lighting.shadow_lights == 0:
         shadows = Effect(False, "no light may have shadows (--shadow-lights 0)")
     else:
-        given = min(settings.shadow_lights, len(kinds))
-        shadows = Effect(True, f"{given} of {len(kinds)} lights get shadow maps of {settings.shadow_size} texels")
+        given = min(settings.lighting.shadow_lights, len(kinds))
+        shadows = Effect(
+            True, f"{given} of {len(kinds)} lights get shadow maps of {settings.lighting.shadow_size} texels"
+        )
     effects["shadows"] = shadows
     many = len(kinds) > MANY_LIGHTS
     effects["light_culling"] = Effect(
@@ -180,9 +182,9 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
 
 def _indirect(shadows: Effect, settings: Settings) -> Effect:
-    if not {"indirect", "color"} & set(settings.columns):
+    if not {"indirect", "color"} & set(settings.metrics.columns):
         return Effect(False, "no column asks for it")
-    if settings.indirect == "none":
+    if settings.lighting.indirect == "none":
         return Effect(False, "indirect light was switched off (--indirect none)")
     if not shadows.enabled:
         return Effect(False, "no light with a shadow map to start from")
@@ -193,7 +195,7 @@ def _indirect(shadows: Effect, settings: Settings) -> Effect:
 
 def indirect_method(settings: Settings) -> str:
     """The rung that ``auto`` stands for: the best."""
-    return "probes" if settings.indirect == "auto" else settings.indirect
+    return "probes" if settings.lighting.indirect == "auto" else settings.lighting.indirect
 
 
 MANY_LIGHTS = 16

@@ -113,21 +113,21 @@ class _Judge:
     def __init__(self, gpu: Gpu, source: Source, settings: Settings, timer: PassTimer, *, images: bool):
         """``images``: masks and motion are wanted too, so that they must be there when a pair is finished."""
         self.source, self.settings = source, settings
-        self.late = settings.samples_per_pixel == 1 and not images
+        self.late = settings.metrics.samples_per_pixel == 1 and not images
         self._timer = timer
-        self._thresholds = {f: settings.threshold(f) for f in FEATURES}
+        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
         self._shaders = ShaderCache(gpu.ctx)
         self.masks = MaskPass(
             gpu,
             self._shaders,
             source.size,
             reprojection=source.reprojection,
-            sampling=settings.sampling,
+            sampling=settings.metrics.sampling,
             radiance=source.radiance,
             cuts=source.cuts,
             write_mask=images,
             write_motion=images,
-            histogram_bits=settings.histogram_bits,
+            histogram_bits=settings.metrics.histogram_bits,
         )
         self._last: list[View] = []  # per sample within a pixel, of the frame drawn before
 
@@ -136,7 +136,7 @@ class _Judge:
         started = time.perf_counter()
         seen: list[View] = []
         found: Counts | int | None = None
-        for sample in range(self.settings.samples_per_pixel):
+        for sample in range(self.settings.metrics.samples_per_pixel):
             seen.append(self._draw(frame, sample))
             if judged:
                 run = self._compare(seen[-1], self._last[sample])
@@ -149,7 +149,7 @@ class _Judge:
         return view, _Judged(frame, view, (before[0], seen[0]), found, started)
 
     def _draw(self, frame: int, sample: int) -> View:
-        if self.settings.samples_per_pixel == 1:
+        if self.settings.metrics.samples_per_pixel == 1:
             return self.source.advance(frame)
         return self.source.advance_sample(frame, sample)
 
@@ -159,7 +159,7 @@ class _Judge:
         with self._timer.measure("masks"):
             pair = reprojection(view, before, *source.size)
             return self.masks.run(
-                pair, self._thresholds, source.current, source.previous, exposure=self.settings.exposure
+                pair, self._thresholds, source.current, source.previous, exposure=self.settings.lighting.exposure
             )
 
     def counts(self, judged: _Judged) -> Counts:
@@ -190,16 +190,16 @@ class _Rows:
         self.stats = SequenceStats(
             tuple(c for c in COLUMNS if c not in unmeasured),
             unmeasured,
-            summation=settings.summation,
-            histogram_bits=settings.histogram_bits,
+            summation=settings.metrics.summation,
+            histogram_bits=settings.metrics.histogram_bits,
         )
         self.rows: list[dict[str, Any]] = []
 
     def take(self, pair: _Judged) -> None:
         """Read a pair's counts and tell of them."""
         judge, found = self._judge, self._judge.counts(pair)
-        time_s = pair.frame / judge.settings.fps
-        moved = _camera_row(pair.both, judge.settings.unit_scale)
+        time_s = pair.frame / judge.settings.sequence.fps
+        moved = _camera_row(pair.both, judge.settings.metrics.unit_scale)
         row = {"frame": pair.frame, "time_s": time_s, **self.stats.add(found), **moved}
         self.rows.append(row)
         if self._keep is not None:

@@ -41,8 +41,8 @@ def evaluate_scene(
     """
     settings = settings or Settings()
     if not isinstance(scene, Scene):
-        scene = load_scene(scene, scene=settings.scene, animation=settings.animation)
-    camera = camera or choose_camera(scene, settings.camera)
+        scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+    camera = camera or choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
     if out is None:
@@ -61,7 +61,7 @@ def _run(
     on_pair: Callable[[Pair], None] | None,
     extra: tuple[str, ...],
 ) -> Run:
-    gpu = open_gpu(settings.backend, settings.device)
+    gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
         source = RasterSource(gpu, scene, camera, settings, extra=extra, timer=timer, poser=poser)
@@ -70,8 +70,8 @@ def _run(
                 gpu, source, frames, settings, scene.name, timer, writer, progress, on_pair
             )
             gpu.check("evaluation")
-            if settings.pairs != "all":  # the camera's activity is that of all frames, drawn or not
-                views = [camera.view_at(poser.sample(frame / settings.fps)) for frame in frames]
+            if settings.metrics.pairs != "all":  # the camera's activity is that of all frames, drawn or not
+                views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
             facts = scene_facts(scene, camera, frames, settings, poser)
             summary = assemble_summary(facts, frames, settings, views, stats)
             told = source.describe()

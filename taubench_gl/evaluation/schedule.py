@@ -19,15 +19,15 @@ Schedule = list[tuple[int, bool]]
 
 def frame_total(scene: Scene, camera: CameraTrack, settings: Settings) -> int:
     """Frames of the whole sequence, whichever of them ``settings.frames`` asks for."""
-    return settings.frame_count(_duration(scene, camera))
+    return settings.sequence.frame_count(_duration(scene, camera))
 
 
 def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
     """Frame numbers of the evaluation.  Raises SettingsError for a slice that leaves none, or more than MAX_FRAMES."""
-    frames = settings.frame_range(_duration(scene, camera))
+    frames = settings.sequence.frame_range(_duration(scene, camera))
     if not frames:
         count = frame_total(scene, camera, settings)
-        first, stop = settings.frames
+        first, stop = settings.sequence.frames
         given = f"{'' if first is None else first}:{'' if stop is None else stop}"
         raise SettingsError(f"frames {given} of {count} frames are none", hint=f"choose within 0:{count}")
     return frames
@@ -42,7 +42,7 @@ def _duration(scene: Scene, camera: CameraTrack) -> float:
 
 def sampled_pairs(frames: range, settings: Settings) -> PairSample:
     """Which of the pairs of ``frames`` the settings look at; position p is the pair (frames[p], frames[p + 1])."""
-    return sample_pairs(max(len(frames) - 1, 0), *settings.pair_scheme)
+    return sample_pairs(max(len(frames) - 1, 0), *settings.metrics.pair_scheme)
 
 
 def frame_schedule(frames: range, sample: PairSample) -> Schedule:

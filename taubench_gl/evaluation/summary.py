@@ -24,7 +24,7 @@ def scene_facts(scene: Scene, camera: CameraTrack, frames: range, settings: Sett
     notes = [str(note) for note in scene.notes]
     if isinstance(camera, OrbitCamera):
         notes.insert(0, f"the camera is a {camera.describe()}")
-    lost = poser.overflowing(poser.sample(frames[0] / settings.fps).world)
+    lost = poser.overflowing(poser.sample(frames[0] / settings.sequence.fps).world)
     if len(lost):
         name = scene.nodes.names[lost[0]] or f"number {lost[0]}"
         more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
@@ -38,7 +38,7 @@ def scene_facts(scene: Scene, camera: CameraTrack, frames: range, settings: Sett
             "playing": list(scene.playing),
             "stand_in": scene.stand_in,
         },
-        "census": census(scene, (f / settings.fps for f in frames), poser),
+        "census": census(scene, (f / settings.sequence.fps for f in frames), poser),
         "camera_source": camera.describe(),
         "notes": notes,
     }
@@ -54,18 +54,18 @@ def assemble_summary(
     positions = np.array([v.position for v in views]).reshape(-1, 3)
     rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
     activity = camera_activity(positions, rotations)
-    cuts = detect_cuts(activity, settings.unit_scale)
-    in_metres = activity.in_metres(settings.unit_scale)
+    cuts = detect_cuts(activity, settings.metrics.unit_scale)
+    in_metres = activity.in_metres(settings.metrics.unit_scale)
     sample = sampled_pairs(frames, settings)
     discard = stats.discard(cuts[list(sample.positions)])
-    sampling = _sampling(sample, stats, settings, discard) if settings.pairs != "all" else None
+    sampling = _sampling(sample, stats, settings, discard) if settings.metrics.pairs != "all" else None
     return {
         "schema": SUMMARY_SCHEMA,
         "scene": facts["scene"],
         "settings": settings.as_summary(frames),
         "pairs": stats.pairs,
         "census": facts["census"],
-        "camera": summarize(in_metres, cuts, settings.fps, frames[0]) | {"source": facts["camera_source"]},
+        "camera": summarize(in_metres, cuts, settings.sequence.fps, frames[0]) | {"source": facts["camera_source"]},
         "discard": discard,
         **({} if sampling is None else {"sampling": sampling}),
         "classes": stats.classes(),
@@ -96,10 +96,10 @@ def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None) -> list
     if sampling is not None:
         widths = {c: e["half_width_points"] for c, e in sampling["columns"].items()}
         said = ", ".join(f"{c} ±{w:.2f}" for c, w in widths.items() if w is not None)
-        drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.pairs})"
+        drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.metrics.pairs})"
         notes.append(f"{drawn}; 95 % intervals, points: {said or 'unknown'}")
-    if settings.samples_per_pixel > 1:
-        notes.append(f"counts and percentages are over {settings.samples_per_pixel} samples per pixel")
+    if settings.metrics.samples_per_pixel > 1:
+        notes.append(f"counts and percentages are over {settings.metrics.samples_per_pixel} samples per pixel")
     return notes
 
 
@@ -110,4 +110,4 @@ def _sampling(sample: PairSample, stats: SequenceStats, settings: Settings, disc
         found = estimate(sample, stats.per_pair(column))
         discard[column]["mean_percent"] = found.mean
         columns[column] = {"mean_percent": found.mean, "half_width_points": found.half_width, "level": found.level}
-    return {"pairs": settings.pairs, "drawn": len(sample.positions), "total": sample.total, "columns": columns}
+    return {"pairs": settings.metrics.pairs, "drawn": len(sample.positions), "total": sample.total, "columns": columns}

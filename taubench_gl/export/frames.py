@@ -80,11 +80,11 @@ class FrameSource:
         self._reader = ChannelReader(gpu, buffered=buffered)
         self._poser = Poser(scene)
         self._jitter = halton_jitter if jitter == "halton" else None
-        columns = settings.columns if "mask" in names else ("frustum",)
+        columns = settings.metrics.columns if "mask" in names else ("frustum",)
         columns += tuple(c for c in ("direct", "indirect", "color") if c in names and c not in columns)
         if set(names) & {"direct_diffuse", "direct_glossy"} and "direct" not in columns:
             columns += ("direct",)
-        self._settings = settings = replace(settings, columns=columns)
+        self._settings = settings = settings.replace(columns=columns)
         table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
         table |= {"mask_forward": "prev_position", "mask": "position"}
         light = {"direct", "indirect", "color"}
@@ -93,12 +93,12 @@ class FrameSource:
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self._shaders = ShaderCache(gpu.ctx)
-        self._thresholds = {f: settings.threshold(f) for f in FEATURES}
-        self._masks = self._pass(self.source.reprojection, self.source.radiance, settings.sampling)
+        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
+        self._masks = self._pass(self.source.reprojection, self.source.radiance, settings.metrics.sampling)
         self._motion = self._pass("motion", (), "nearest") if "prev_position" in self.source.channels else None
         self._ahead: History | None = None
         if set(FORWARD) & set(self.names):
-            self._ahead = History(gpu, self.source.size, self.source.channels, settings.storage)
+            self._ahead = History(gpu, self.source.size, self.source.channels, settings.device.storage)
         self._drawn: int | None = None
         self._views: list[View] = []
 
@@ -110,12 +110,12 @@ class FrameSource:
         return MaskPass(
             self._gpu, self._shaders, self.source.size, reprojection=mode, sampling=sampling, radiance=radiance,
             cuts=self.source.cuts, write_mask=True, write_motion=True,
-            histogram_bits=self._settings.histogram_bits,
+            histogram_bits=self._settings.metrics.histogram_bits,
         )  # fmt: skip
 
     def view(self, frame: int) -> View:
         """The camera of any frame, without drawing."""
-        view = self._camera.view_at(self._poser.sample(frame / self._settings.fps))
+        view = self._camera.view_at(self._poser.sample(frame / self._settings.sequence.fps))
         return view if self._jitter is None else replace(view, jitter_px=self._jitter(frame))
 
     def frames(self, numbers: Iterable[int]) -> Iterator[ExportFrame]:
@@ -147,7 +147,7 @@ class FrameSource:
         out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
         number, view = submitted.number, submitted.view
         camera = matrices(view, *self.source.size)
-        return ExportFrame(number, number / self._settings.fps, out, camera, view)
+        return ExportFrame(number, number / self._settings.sequence.fps, out, camera, view)
 
     def _advance(self, frame: int) -> None:
         self._views = [*self._views[-1:], self.source.advance(frame)]
@@ -167,7 +167,7 @@ class FrameSource:
         current, previous = self.source.current, self.source.current if declared else self.source.previous
         if "mask" in self.names:
             pair = reprojection(now, before, *self.source.size)
-            exposure = self._settings.exposure
+            exposure = self._settings.lighting.exposure
             self._masks.run(pair, self._thresholds, current, previous, declared, exposure)
             submitted.images["mask"] = self._reader.start(self._masks.mask, "mask")
         if "motion" in self.names:
@@ -179,7 +179,7 @@ class FrameSource:
     def _forward(self, submitted: _Submitted) -> None:
         if self._ahead is None:
             return
-        frame, fps, renderer = submitted.number, self._settings.fps, self.source.renderer
+        frame, fps, renderer = submitted.number, self._settings.sequence.fps, self.source.renderer
         last = frame + 1 >= self._count
         here, there = self.view(frame), self.view(frame if last else frame + 1)
         own, renderer.history = renderer.history, self._ahead

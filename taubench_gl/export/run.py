@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -65,24 +64,24 @@ def export_scene(
     ):  # fmt: skip
         if value not in allowed:
             raise SettingsError(f"no {what} is named {value!r}", hint=f"choose from {', '.join(allowed)}")
-    if settings.samples_per_pixel != 1 or settings.pairs != "all":
+    if settings.metrics.samples_per_pixel != 1 or settings.metrics.pairs != "all":
         raise SettingsError("an export has every frame, with one sample in each pixel", hint="leave both settings out")
     names = choose_channels(channels)
     if format == "sintel":
         names = tuple(dict.fromkeys([*SINTEL_NAMES, *(("color",) if "color" in channels else ())]))
-    loaded = load_scene(scene, scene=settings.scene, animation=settings.animation)
+    loaded = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
     require_triangles(loaded)
-    camera = choose_camera(loaded, settings.camera)
+    camera = choose_camera(loaded, settings.sequence.camera)
     frames = frame_range(loaded, camera, settings)
     count = frame_total(loaded, camera, settings)
-    gpu = open_gpu(settings.backend, settings.device)
+    gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         source = FrameSource(gpu, loaded, camera, settings, names, count, jitter)
         try:
             if not source.names:
                 why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
                 raise SettingsError(f"the scene gives none of these channels: {why}")
-            spec = Spec(loaded.name, source_size(settings), settings.fps, frames, source.names, precision)
+            spec = Spec(loaded.name, source_size(settings), settings.sequence.fps, frames, source.names, precision)
             writer = FORMATS[format](out, spec)
             whole = _claim(out, manifest(spec, settings, format, jitter, loaded.sha256, source.unmeasured), overwrite)
             writer.prepare()
@@ -97,7 +96,7 @@ def export_scene(
 
 
 def source_size(settings: Settings) -> tuple[int, int]:
-    return settings.width, settings.height
+    return settings.sequence.width, settings.sequence.height
 
 
 def _write_all(
@@ -123,7 +122,7 @@ def manifest(
     spec: Spec, settings: Settings, format: str, jitter: str, sha256: str | None, unmeasured: dict[str, str]
 ) -> dict[str, Any]:
     """What export.json says: everything the files depend on."""
-    plain = {f.name: getattr(settings, f.name) for f in dataclasses.fields(settings)}
+    plain = settings.to_dict()
     for name in ("frames", "backend", "device"):
         plain.pop(name)
     return json.loads(
@@ -138,7 +137,7 @@ def manifest(
                 "unmeasured": unmeasured,
                 "precision": spec.precision,
                 "jitter": jitter,
-                "settings": plain | {"thresholds": dict(settings.thresholds)},
+                "settings": plain,
                 "frames": [spec.frames.start, spec.frames.stop],
             }
         )

@@ -46,7 +46,7 @@ def indirect_layout(box: tuple[Array, Array], size: tuple[int, int], settings: S
     voxel = float(extent.max()) * 1.02 / (GRID - 2)
     record["grid_origin"] = (*(low - voxel), voxel)
     # As cubic as the budget allows: one spacing for all axes.
-    spacing = float((extent.prod() / max(settings.probes, 8)) ** (1.0 / 3.0))
+    spacing = float((extent.prod() / max(settings.lighting.probes, 8)) ** (1.0 / 3.0))
     spacing = max(spacing, float(extent.max()) / 64.0)
     counts = np.clip(np.ceil(extent / spacing).astype(int), 2, 64)
     step = extent / counts  # probes at cell centres: none lies on the outer walls
@@ -93,7 +93,7 @@ def indirect_bytes(
     scene: Scene, lights: list[int], box: tuple[Array, Array], size: tuple[int, int], settings: Settings, rung: str
 ) -> int:
     """GPU memory of the pass, bytes, its channel left out; ``lights``: rows of the light table with shadow maps."""
-    resolution = rsm_resolution(scene, lights, settings.indirect_samples)
+    resolution = rsm_resolution(scene, lights, settings.lighting.indirect_samples)
     faces = faces_of(scene, None, lights, (np.zeros(3), 1.0), resolution)
     width, height = pack(faces)[1]
     texel = 4 + sum(CHANNELS[n].bytes for n in CHANNEL_NAMES)

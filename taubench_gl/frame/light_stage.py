@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from taubench_gl.animation import bounding_box, bounding_sphere
@@ -51,7 +49,7 @@ class LightStage:
         self.left_out = 0
         if effects["shadows"].enabled and len(self.table):
             ranked = significant_lights(scene, renderer.poser, renderer.camera, times)
-            chosen = sorted(ranked[: settings.shadow_lights])
+            chosen = sorted(ranked[: settings.lighting.shadow_lights])
             self.left_out = len(self.table) - len(chosen)
             self._shadow = ShadowPass(
                 gpu,
@@ -59,7 +57,7 @@ class LightStage:
                 scene,
                 chosen,
                 (center, radius * BOUND_MARGIN),
-                resolution=settings.shadow_size,
+                resolution=settings.lighting.shadow_size,
                 colored_materials=renderer.colored,
                 draws=renderer.draws,
             )
@@ -80,7 +78,7 @@ class LightStage:
         self.indirect = None
         if effects["indirect"].enabled:
             box = bounding_box(renderer.poser, times)
-            rung = dataclasses.replace(settings, indirect=indirect_method(settings))
+            rung = settings.replace(indirect=indirect_method(settings))
             self.indirect = IndirectPass(
                 gpu,
                 renderer.shaders,

@@ -86,8 +86,8 @@ class FramePlan:
         self.scene, self.settings = scene, settings
         self.effects = decide(scene, settings)
         poser, times = poser or Poser(scene), bound_times(scene)
-        lights = significant_lights(scene, poser, camera or choose_camera(scene, settings.camera), times)
-        self._shadowed = sorted(lights[: settings.shadow_lights])
+        lights = significant_lights(scene, poser, camera or choose_camera(scene, settings.sequence.camera), times)
+        self._shadowed = sorted(lights[: settings.lighting.shadow_lights])
         self._box = bounding_box(poser, times)
         self._drawn = [
             (node, p)
@@ -139,18 +139,18 @@ class FramePlan:
 
     def _channel_bytes(self, name: str) -> int:
         """Of one frame: every sample within a pixel is stored."""
-        per_pixel = CHANNELS[name].components * int(stored_dtype(name, self.settings.storage)[1])
-        return per_pixel * self._pixels * self.settings.samples_per_pixel
+        per_pixel = CHANNELS[name].components * int(stored_dtype(name, self.settings.device.storage)[1])
+        return per_pixel * self._pixels * self.settings.metrics.samples_per_pixel
 
     @property
     def _pixels(self) -> int:
-        return self.settings.width * self.settings.height
+        return self.settings.sequence.width * self.settings.sequence.height
 
     def _light(
         self, on: set[str], channels: tuple[str, ...], passes: list[str], shaders: set[str], memory: dict[str, int]
     ) -> None:
         scene, settings = self.scene, self.settings
-        size = settings.width, settings.height
+        size = settings.sequence.width, settings.sequence.height
         if "direct" in on:
             passes.append("direct")
             switches = ("glossy", "sky", "shadows", "point_lights", "spot_lights", "directional_lights")
@@ -165,7 +165,7 @@ class FramePlan:
         if "shadows" in on:
             passes.append("shadows")
             shaders |= self._geometry_shaders("shadow", on, channels)
-            faces = faces_of(scene, None, self._shadowed, (np.zeros(3), 1.0), settings.shadow_size)
+            faces = faces_of(scene, None, self._shadowed, (np.zeros(3), 1.0), settings.lighting.shadow_size)
             width, height = pack(faces)[1]
             memory["shadow atlas"] = 4 * width * height
         if "indirect" in on:

@@ -77,13 +77,13 @@ class RasterSource:
         ``jitter``: sub-pixel offset (2,) of each frame's samples, such as ``animation.jitter.halton_jitter``;
         ``shading``: fewer pixels or random lights in the place of exact light, see ``frame.shading``."""
         self._jitter = jitter
-        self.samples = settings.samples_per_pixel
+        self.samples = settings.metrics.samples_per_pixel
         self._offsets = grid_offsets(self.samples)
-        self.size = (settings.width, settings.height)
-        self._fps = settings.fps
+        self.size = (settings.sequence.width, settings.sequence.height)
+        self._fps = settings.sequence.fps
         self.effects = switch_off(force_on(decide(scene, settings), force), without)
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
-        self.reprojection = settings.reprojection if self.effects["previous_pose"].enabled else "camera"
+        self.reprojection = settings.metrics.reprojection if self.effects["previous_pose"].enabled else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
         self.cuts = self.effects["cuts"].enabled
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
@@ -95,15 +95,17 @@ class RasterSource:
             camera,
             self.size,
             channels,
-            culling=settings.culling,
-            textures=settings.textures,
-            storage=settings.storage,
+            culling=settings.sequence.culling,
+            textures=settings.sequence.textures,
+            storage=settings.device.storage,
             normal_maps=self.effects["normal_maps"].enabled,
             timer=timer,
             poser=poser,
         )
         # Every sample place has a history of its own; scene, shadows and probes are shared.
-        more = (History(gpu, self.size, self.renderer.channels, settings.storage) for _ in range(self.samples - 1))
+        more = (
+            History(gpu, self.size, self.renderer.channels, settings.device.storage) for _ in range(self.samples - 1)
+        )
         self._histories = [self.renderer.history, *more]
         self.light = None
         if light_flow(self.effects):

@@ -6,7 +6,7 @@ One mask implementation judges both sources; only where channels and cameras com
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -73,13 +73,16 @@ def evaluate_path_traced(
     with the pass that would give it as the reason.  Raises TaubenchError for everything a user can cause.
     """
     settings, options = settings or Settings(), options or PathTracedOptions()
-    for what, value, only in (("pairs", settings.pairs, "all"), ("samples per pixel", settings.samples_per_pixel, 1)):
+    for what, value, only in (
+        ("pairs", settings.metrics.pairs, "all"),
+        ("samples per pixel", settings.metrics.samples_per_pixel, 1),
+    ):
         if value != only:
             raise SettingsError(f"{what} {value} is for rendered scenes", where=str(spec), hint=f"leave it at {only}")
     sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
     camera, fps = choose_camera_source(options, settings)
-    settings = replace(settings, width=sequence.size[0], height=sequence.size[1], fps=fps)
-    frames = sequence.select(settings.frames)
+    settings = settings.replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
+    frames = sequence.select(settings.sequence.frames)
     if out is None:
         return _run(sequence, camera, frames, settings, options, None, progress, on_pair)
     with RunWriter(out, FRAME_COLUMNS) as writer:
@@ -90,13 +93,15 @@ def choose_camera_source(options: PathTracedOptions, settings: Settings) -> tupl
     """Where the camera comes from, and the frame rate to go with it."""
     if options.camera_file is not None:
         camera = SidecarCamera(options.camera_file)
-        return camera, camera.file.fps or settings.fps
+        return camera, camera.file.fps or settings.sequence.fps
     if options.scene_file is not None:
-        scene = load_scene(options.scene_file, scene=settings.scene, animation=settings.animation)
+        scene = load_scene(options.scene_file, scene=settings.sequence.scene, animation=settings.sequence.animation)
         if not len(scene.camera_nodes):
             raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
-        return SceneCamera(scene, choose_camera(scene, settings.camera), settings.fps), settings.fps
-    return FittedCamera(), settings.fps
+        return SceneCamera(
+            scene, choose_camera(scene, settings.sequence.camera), settings.sequence.fps
+        ), settings.sequence.fps
+    return FittedCamera(), settings.sequence.fps
 
 
 def _run(
@@ -109,7 +114,7 @@ def _run(
     progress: Callable[[Progress], None] | None,
     on_pair: Callable[[Pair], None] | None,
 ) -> Run:
-    gpu = open_gpu(settings.backend, settings.device)
+    gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer = PassTimer(gpu)
         source = PathTracedSource(gpu, sequence, camera, settings, lobes=options.lobes)
@@ -136,7 +141,7 @@ def _run(
             if options.second_seed is not None:
                 other = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
                 # Motion reprojection says nothing about a pair without time between its frames.
-                still = replace(settings, reprojection="camera")
+                still = settings.replace(reprojection="camera")
                 floor = noise_floor(gpu, sequence, other, camera, frames, still)
                 summary["noise_floor"] = floor
                 summary["notes"].append(_said(floor))
@@ -159,7 +164,7 @@ def _facts(
             "name": sequence.name,
             "path": str(sequence.path),
             "sha256": sequence.sha256(),
-            "duration_s": (len(frames) - 1) / settings.fps,
+            "duration_s": (len(frames) - 1) / settings.sequence.fps,
             "playing": [],
         },
         "census": {"reason": NO_SCENE},
@@ -187,8 +192,8 @@ class _LobeColumns:
 
     def __init__(self, gpu: Gpu, source: PathTracedSource, settings: Settings):
         self._source = source
-        self._thresholds = {f: settings.threshold(f) for f in FEATURES}
-        self._exposure = settings.exposure
+        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
+        self._exposure = settings.lighting.exposure
         self._shaders = ShaderCache(gpu.ctx)
         self._passes: dict[str, tuple[MaskPass, SequenceStats]] = {}
         for lobe in source.lobes:
@@ -199,7 +204,7 @@ class _LobeColumns:
                 self._shaders,
                 source.size,
                 reprojection=source.reprojection,
-                sampling=settings.sampling,
+                sampling=settings.metrics.sampling,
                 radiance=there,
             )
             self._passes[lobe] = masks, SequenceStats(there, missing)

@@ -46,12 +46,12 @@ def noise_floor(
     stats = SequenceStats(measured, reasons)
     shaders = ShaderCache(gpu.ctx)
     masks = MaskPass(gpu, shaders, first.size, radiance=measured)
-    thresholds = {f: settings.threshold(f) for f in FEATURES}
+    thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
     try:
         for frame in frames:
             view, _ = (source.advance(frame) for source in sources)
             pair = reprojection(view, view, *first.size)
-            masks.run(pair, thresholds, sources[0].current, sources[1].current, exposure=settings.exposure)
+            masks.run(pair, thresholds, sources[0].current, sources[1].current, exposure=settings.lighting.exposure)
             stats.add(masks.read())
     finally:
         masks.release()

@@ -37,7 +37,7 @@ class PathTracedSource:
     ):
         self._gpu, self.sequence, self.camera, self._settings = gpu, sequence, camera, settings
         self.size, self.lobes = sequence.size, tuple(lobes)
-        self.reprojection = settings.reprojection
+        self.reprojection = settings.metrics.reprojection
         if self.reprojection == "motion" and "prev_position" not in sequence.index:
             raise SettingsError(
                 "these files hold no previous positions, so surfaces cannot be followed",
@@ -45,7 +45,7 @@ class PathTracedSource:
             )
         self.missing = sequence.missing(self.lobes)
         self.unmeasured = {c: self.missing[c] for c in COLUMNS if c in self.missing}
-        self.unmeasured |= {c: "not asked for" for c in COLUMNS if c not in settings.columns}
+        self.unmeasured |= {c: "not asked for" for c in COLUMNS if c not in settings.metrics.columns}
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
         self.cuts = False  # pictures do not say which surface took which place
         self.channels = ("position", "normal", *self.radiance)
@@ -132,7 +132,11 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
     if frame.combined is not None:
         color = frame.combined.astype(np.float64)
         encoded = np.clip(color, 0.0, 1.0) if frame.color_encoded else None
-        color = encoded if encoded is not None else display_color(color, settings.exposure, settings.tone_map)
+        color = (
+            encoded
+            if encoded is not None
+            else display_color(color, settings.lighting.exposure, settings.lighting.tone_map)
+        )
         out["color"] = color.astype(np.float32)
     if frame.prev_position is not None:
         origin = 0.0 if frame.relative else previous.position

@@ -67,14 +67,14 @@ def evaluate_methods(
     passes of EXR files.  A method that fails is told of in ``Evaluation.failed`` and harms no other.  Raises
     TaubenchError for what stops them all, and where no method can be run at all.
     """
-    settings = settings or Settings(reprojection="motion")
+    settings = settings or Settings.of(reprojection="motion")
     kind = parse_input(input) if isinstance(input, str) else input
     specs = [MethodSpec.parse(m) if isinstance(m, str) else m for m in methods]
     check_request(specs, metrics, reference)
     if not isinstance(scene, Scene):
-        scene = load_scene(scene, scene=settings.scene, animation=settings.animation)
-    camera = camera or choose_camera(scene, settings.camera)
-    gpu = open_gpu(settings.backend, settings.device)
+        scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+    camera = camera or choose_camera(scene, settings.sequence.camera)
+    gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         bench = Bench(gpu, scene, camera, settings, kind, specs, reference, reference_samples, metrics, cuts, mapping)
         try:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +104,7 @@ class Bench:
                 self._inputs = FileInputs(
                     gpu, scene, camera, settings, kind, reads, cuts=cuts, truth=reference, mapping=mapping
                 )
-                self.frames = self._inputs.frames(settings.frames)
+                self.frames = self._inputs.frames(settings.sequence.frames)
             else:
                 poser = Poser(scene)
                 self.frames = frame_range(scene, camera, settings)
@@ -199,7 +199,7 @@ class Bench:
         before: Shown | None,
         on_frame: Callable[[JudgedFrame], None] | None,
     ) -> Shown:
-        curve = self._settings.tone_map
+        curve = self._settings.lighting.tone_map
         radiance = self._reference.picture(frame)
         finite = np.isfinite(radiance).all(axis=-1)
         reference = _shown(radiance, finite, curve)
@@ -235,7 +235,7 @@ class Bench:
         return None if samples is None or not len(samples) else float(samples[-1])
 
     def summary(self) -> dict[str, Any]:
-        scene, settings = self._scene, replace(self._settings, width=self._inputs.size[0], height=self._inputs.size[1])
+        scene, settings = self._scene, self._settings.replace(width=self._inputs.size[0], height=self._inputs.size[1])
         methods = {label: self._told[label] | record.summary() for label, record in self.records.items()}
         clock = PassTimer.clock
         shading = float(np.median(self._shading)) if getattr(self, "_shading", None) else None

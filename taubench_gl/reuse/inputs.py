@@ -8,7 +8,6 @@ one.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
 from typing import Any
 
 import moderngl
@@ -59,11 +58,11 @@ class RasterInputs:
     ):
         """``reads``: names of INPUTS that frames must hold; ``cuts``: frames declared to begin anew; ``truth``: keep
         ``truth_mask`` and ``truth_motion`` even if no method reads them."""
-        if kind.rate != "full" and min(settings.width, settings.height) < 2:
+        if kind.rate != "full" and min(settings.sequence.width, settings.sequence.height) < 2:
             raise SettingsError(f"shading rate {kind.rate!r} needs 2x2 pixels at least", hint="raise --size")
         self.gpu, self.kind, self.settings = gpu, kind, light_settings(settings, kind)
         self.reads, self._cuts = frozenset(reads), frozenset(cuts)
-        self.size = (settings.width, settings.height)
+        self.size = (settings.sequence.width, settings.sequence.height)
         self.timer = PassTimer(gpu)
         # One offset until every pixel was shaded once: the rate's period divides Halton's, so that with an offset per
         # frame a pixel would be sampled in the same half or quarter of its area for ever.
@@ -109,9 +108,9 @@ class RasterInputs:
         if self._truth_masks is not None:
             self._truth_masks.run(reprojection(view.centered(), before.centered(), *size), declared)
         out = FrameInputs(
-            index=self._index, time=frame / self.settings.fps, textures=self._textures(), pair=pair, view=view,
+            index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
             prev_view=before, jitter_px=view.jitter_px, prev_jitter_px=before.jitter_px,
-            exposure=self.settings.exposure, cut=cut,
+            exposure=self.settings.lighting.exposure, cut=cut,
         )  # fmt: skip
         self._index, self._before = self._index + 1, view
         return out
@@ -172,8 +171,8 @@ class RasterInputs:
 
 def light_settings(settings: Settings, kind: InputKind) -> Settings:
     """``settings`` as the sources need them: every column on, and for noisy light the rung whose estimate it is."""
-    rung = {"indirect": "rsm"} if kind.noisy and settings.indirect != "none" else {}
-    return replace(settings, columns=COLUMNS, samples_per_pixel=1, **rung)
+    rung = {"indirect": "rsm"} if kind.noisy and settings.lighting.indirect != "none" else {}
+    return settings.replace(columns=COLUMNS, samples_per_pixel=1, **rung)
 
 
 def lit_channels(source: RasterSource) -> tuple[str, ...]:

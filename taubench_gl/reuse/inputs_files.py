@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -71,11 +70,11 @@ class FileInputs:
         sequence = PathTracedSequence.open(kind.files, mapping=mapping)
         width, height = self.size = sequence.size
         self.kind, self._cuts = kind, frozenset(cuts)
-        settings = replace(settings, width=width, height=height)
+        settings = settings.replace(width=width, height=height)
         if "prev_position" not in sequence.index:
-            settings = replace(settings, reprojection="camera")
+            settings = settings.replace(reprojection="camera")
         self.settings, self.reads = settings, frozenset(reads)
-        track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.fps)
+        track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
         self._sequence = _Remembering(sequence)
         self.source = PathTracedSource(gpu, self._sequence, track, settings)
         self._drawn = None if scene is None else self._draw_missing(gpu, scene, camera, settings)
@@ -100,7 +99,7 @@ class FileInputs:
         missing = tuple(sorted(read - set(self.source.channels)))
         if not missing:
             return None
-        geometry = replace(settings, columns=("frustum",), textures="finest")
+        geometry = settings.replace(columns=("frustum",), textures="finest")
         return RasterSource(gpu, scene, camera, geometry, extra=missing)
 
     def frames(self, wanted: tuple[int | None, int | None]) -> range:
@@ -114,7 +113,7 @@ class FileInputs:
             if other is not None:
                 other.advance(frame)
         where = f"{self._sequence.path}, frame {frame}"
-        radiance = combined_radiance(self._sequence.read(frame), self.settings.exposure, where)
+        radiance = combined_radiance(self._sequence.read(frame), self.settings.lighting.exposure, where)
         shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
         write_input(self._radiance, "radiance", np.concatenate([radiance, shaded], axis=-1))
         before, cut = self._before or view, frame in self._cuts
@@ -124,9 +123,9 @@ class FileInputs:
             if masks is not None:
                 masks.run(pair, declared)
         out = FrameInputs(
-            index=self._index, time=frame / self.settings.fps, textures=self._textures(), pair=pair, view=view,
-            prev_view=before, jitter_px=np.zeros(2), prev_jitter_px=np.zeros(2), exposure=self.settings.exposure,
-            cut=cut,
+            index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
+            prev_view=before, jitter_px=np.zeros(2), prev_jitter_px=np.zeros(2),
+            exposure=self.settings.lighting.exposure, cut=cut,
         )  # fmt: skip
         self._index, self._before = self._index + 1, view
         return out

@@ -61,7 +61,10 @@ class ComposePass:
             textures[name].use(unit)
             self._program[name] = unit
         self._program["size"] = self._size
-        self._program["sky"], self._program["exposure"] = tuple(self._settings.sky), self._settings.exposure
+        self._program["sky"], self._program["exposure"] = (
+            tuple(self._settings.lighting.sky),
+            self._settings.lighting.exposure,
+        )
         if self._rate != "full":
             self._program["phase"] = phase(self._rate, frame)
         if self._accumulate:
@@ -85,7 +88,7 @@ class MaskInputs:
             shaders,
             source.size,
             reprojection=source.reprojection,
-            sampling=settings.sampling,
+            sampling=settings.metrics.sampling,
             radiance=radiance,
             write_mask=True,
             write_motion=True,
@@ -116,10 +119,10 @@ class MaskInputs:
 
     def run(self, pair: Reprojection, declared: int) -> None:
         """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""
-        thresholds = {f: self._settings.threshold(f) for f in FEATURES}
+        thresholds = {f: self._settings.metrics.threshold(f) for f in FEATURES}
         current, history = self._source.current, self._source.previous
         history = history or current  # files have none before their second frame, which is declared FIRST anyway
-        self._pass.run(pair, thresholds, current, history, declared, self._settings.exposure)
+        self._pass.run(pair, thresholds, current, history, declared, self._settings.lighting.exposure)
         self.mask.use(0)
         self._behind["mask"] = 0
         self._behind["size"] = self.mask.size

@@ -74,7 +74,7 @@ class FileReference:
     """Combined radiance of path-traced files ``exr:DIR``, whose frame numbers are the scene's."""
 
     def __init__(self, spec: str, size: tuple[int, int], frames: range, settings: Settings, mapping: str | None = None):
-        self._sequence, self._exposure = PathTracedSequence.open(spec, mapping=mapping), settings.exposure
+        self._sequence, self._exposure = PathTracedSequence.open(spec, mapping=mapping), settings.lighting.exposure
         if self._sequence.size != size:
             got, wanted = ("x".join(map(str, s)) for s in (self._sequence.size, size))
             raise PathTracedError(f"is {got} pixels, the input {wanted}", where=spec, hint=f"use --size {got}")

@@ -140,7 +140,7 @@ class Bench:
     def _settings(self, given: Mapping[str, Any]) -> Settings:
         # Light that bounces costs seconds a frame on a CPU driver, and no case is about it.
         mine = {"backend": self.gpu.backend, "device": self.device, "indirect": "none"}
-        return Settings(**({"width": self.size[0], "height": self.size[1]} | mine | dict(given)))
+        return Settings.of(**({"width": self.size[0], "height": self.size[1]} | mine | dict(given)))
 
     def compare(
         self,

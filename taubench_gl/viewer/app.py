@@ -75,18 +75,19 @@ class Viewer:
         try:
             comparison = None
             if asked.reference is not None:
-                settings = dataclasses.replace(feed.settings, frames=(None, None))
+                settings = feed.settings.replace(frames=(None, None))
                 reference = PathTracedFeed(self.gpu, asked.reference, settings, asked.options)
                 comparison = PathTracedComparison(reference, feed.size, feed.frames[0])
         except TaubenchError:
             feed.release()
             raise
-        limits = {f: feed.settings.threshold(f) for f in FEATURES}
+        limits = {f: feed.settings.metrics.threshold(f) for f in FEATURES}
         channel = "color" if "color" in feed.pictures() else "shape"
         state = ViewerState(
-            first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.fps, size=feed.size, effects=feed.switchable,
+            first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.sequence.fps, size=feed.size,
+            effects=feed.switchable,
             thresholds=dict(limits), default_thresholds=limits, channel=channel,
-            unit_scale=feed.settings.unit_scale,
+            unit_scale=feed.settings.metrics.unit_scale,
         )  # fmt: skip
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)

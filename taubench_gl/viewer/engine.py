@@ -116,7 +116,7 @@ class ViewerEngine:
                 self._mask_shaders,
                 self.feed.size,
                 reprojection=source.reprojection,
-                sampling=self.feed.settings.sampling,
+                sampling=self.feed.settings.metrics.sampling,
                 radiance=source.radiance,
                 cuts=source.cuts,
                 write_mask=True,
@@ -169,7 +169,7 @@ class ViewerEngine:
             self.pair = reprojection(current.view, previous.view, *self.feed.size)
             declared = Reason.FIRST if first else 0
             thresholds = {f: state.thresholds[f] for f in FEATURES}
-            masks.run(self.pair, thresholds, source.current, source.previous, int(declared), settings.exposure)
+            masks.run(self.pair, thresholds, source.current, source.previous, int(declared), settings.lighting.exposure)
             self.counts = counts_of(masks.read().combos)
         self.drawn.masks += 1
 

@@ -6,7 +6,7 @@ A feed shows a pair of *shots* (a frame seen by a view) and draws only what it d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -73,10 +73,10 @@ class SceneFeed:
     def __init__(self, gpu: Gpu, scene: Scene, settings: Settings, timer: Any, camera: CameraTrack | None = None):
         self._gpu, self.scene, self._timer = gpu, scene, timer
         # One sample in the middle of each pixel: what a person sees is what is judged.
-        self.settings = replace(settings, samples_per_pixel=1)
-        self.camera = camera or choose_camera(scene, settings.camera)
+        self.settings = settings.replace(samples_per_pixel=1)
+        self.camera = camera or choose_camera(scene, settings.sequence.camera)
         self.frames = frame_range(scene, self.camera, settings)
-        self.size, self.name = (settings.width, settings.height), scene.name
+        self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name
         self._poser = Poser(scene)
         self.center, self.radius = bounding_sphere(self._poser, bound_times(scene))
         self._all = decide(scene, self.settings)
@@ -98,7 +98,7 @@ class SceneFeed:
         return pictures.of_scene(dict(self.effects))
 
     def file_shot(self, frame: int) -> Shot:
-        return Shot(frame, self.camera.view_at(self._poser.sample(frame / self.settings.fps)))
+        return Shot(frame, self.camera.view_at(self._poser.sample(frame / self.settings.sequence.fps)))
 
     def plan(self, extra: frozenset[str], off: frozenset[str]) -> bool:
         have = () if self.source is None else self.source.channels
@@ -156,8 +156,8 @@ class PathTracedFeed:
         self.sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
         camera, fps = choose_camera_source(options, settings)
         width, height = self.sequence.size
-        self.settings = replace(settings, width=width, height=height, fps=fps)
-        self.frames = self.sequence.select(settings.frames)
+        self.settings = settings.replace(width=width, height=height, fps=fps)
+        self.frames = self.sequence.select(settings.sequence.frames)
         self.size, self.name = (width, height), self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -62,12 +61,12 @@ def open_feed(gpu: Gpu, asked: Asked, timer: Any) -> Opened:
     text, settings = asked.text, asked.settings
     if asked.resolve is not None:
         text, row = asked.resolve(text)
-        settings = dataclasses.replace(settings, **row)
+        settings = settings.replace(**row)
     return Opened(_scene_feed(gpu, text, settings, timer))
 
 
 def _scene_feed(gpu: Gpu, text: str, settings: Settings, timer: Any) -> SceneFeed:
-    scene = load_scene(text, scene=settings.scene, animation=settings.animation)
+    scene = load_scene(text, scene=settings.sequence.scene, animation=settings.sequence.animation)
     require_triangles(scene)
     return SceneFeed(gpu, scene, settings, timer)
 
@@ -95,7 +94,7 @@ def _scene_of(run: Run, asked: Asked) -> tuple[str, Settings]:
         if "size" not in asked.given and name in kept:
             values[name] = int(kept[name])
     path_traced, path = run.summary.get("path_traced") is not None, scene_path(run.out, str(path))
-    return (f"exr:{path}" if path_traced else path), dataclasses.replace(asked.settings, **values)
+    return (f"exr:{path}" if path_traced else path), asked.settings.replace(**values)
 
 
 def scene_path(out: Path | None, path: str) -> str:

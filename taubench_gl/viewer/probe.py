@@ -60,7 +60,7 @@ def probe_pixel(engine: ViewerEngine, state: ViewerState, x: int, row: int) -> P
             q = texel(gpu, source.current["prev_position"], x, up)[None, :3].astype(np.float64)
         cut = {n: v if n == "position" else v[:, :3] for n, v in now.items()}
         then = {n: v if n == "position" else v[:, :3] for n, v in before.items()}
-        _, distances = compare(cut, q, then, state.thresholds, engine.feed.settings.exposure)
+        _, distances = compare(cut, q, then, state.thresholds, engine.feed.settings.lighting.exposure)
     features = {}
     for name in FEATURES:
         if name not in now:
@@ -101,7 +101,7 @@ def _history(engine: ViewerEngine, names: list[str], at_up: tuple[float, float],
         taps = [[texel(engine.gpu, texture, x0 + i, y0 + j) for i in range(across)] for j in reversed(range(rows))]
         block[name] = np.array(taps, dtype=np.float64)[..., : 4 if name == "position" else 3]
     local = np.array([[at_up[0] - x0, (rows - 1) - (at_up[1] - y0)]])
-    return SAMPLERS[engine.feed.settings.sampling](block, local, np.array([surface]))
+    return SAMPLERS[engine.feed.settings.metrics.sampling](block, local, np.array([surface]))
 
 
 def in_words(word: int) -> str:

@@ -34,7 +34,7 @@ def run_session(session: Session) -> None:
     automatic = lines is not None or session.bench is not None
     kept = prefs.load(session.folder)[0].window if session.folder is not None else None
     settings = session.asked.settings
-    picture = (settings.width, settings.height)
+    picture = (settings.sequence.width, settings.sequence.height)
     exact = (picture[0] + SIDE, picture[1] + BAR)  # scripts and benchmarks count on a window that fits the picture
     size = session.window or kept or (exact if automatic else start_size(picture))
     window = Window(size, vsync=not automatic)

@@ -36,7 +36,7 @@ class FakeEvaluate:
         summary = {
             "schema": "taubench-gl/summary/1",
             "scene": {"name": name},
-            "settings": {"width": 5, "height": 2, "fps": settings.fps, "thresholds": {}},
+            "settings": {"width": 5, "height": 2, "fps": settings.sequence.fps, "thresholds": {}},
             "pairs": self.pairs,
             "discard": {"frustum": {"mean_percent": 25.0}},
             "notes": [f"a note about {name}"],

@@ -239,6 +239,6 @@ def test_a_scene_that_changes_in_between_is_refused(tmp_path):
     from taubench_gl.errors import SceneError
     from taubench_gl.settings import Settings
 
-    settings = Settings(width=8, height=8, columns=("frustum",))
+    settings = Settings.of(width=8, height=8, columns=("frustum",))
     with pytest.raises(SceneError, match="changed while the study was running"):
         Workbench().run(Unit("j", str(DEMO), settings, (0,), "another"))

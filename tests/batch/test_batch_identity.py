@@ -55,12 +55,12 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
 def test_as_evaluate(tmp_path, changes):
     """One chunk boundary every other pair; pairs, sums, curves, census, camera and cuts are those of ``evaluate``."""
     settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")} | changes
-    once = evaluate_scene(DEMO, Settings(**settings), out=tmp_path / "once")
+    once = evaluate_scene(DEMO, Settings.of(**settings), out=tmp_path / "once")
     plain = {k: v for k, v in settings.items() if k != "frames"}
     lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
     first, stop = settings["frames"]
     study = study_of(tmp_path, "\n".join([f'scenes = ["{DEMO}"]', f'frames = "{first}:{stop}"', *lines]))
-    assert study.jobs[0].settings == Settings(**settings)
+    assert study.jobs[0].settings == Settings.of(**settings)
     run_study(study, tmp_path / "out", chunk=2)
     run = load_run(tmp_path / "out" / "jobs" / study.jobs[0].id)
     stored = load_run(tmp_path / "once")

@@ -8,7 +8,7 @@ import pytest
 from batch_tools import study_of, write_study
 
 from taubench_gl.batch.store import Store
-from taubench_gl.batch.study import read_study, settings_dict, settings_from
+from taubench_gl.batch.study import read_study
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
 
@@ -40,7 +40,7 @@ def test_scenes_times_settings(folder):
     assert len(study.jobs) == 3 * 2 * 2 * 2 == len({job.id for job in study.jobs})
     first = study.jobs[0]
     assert first.scene == str(folder / "a.glb")
-    assert first.settings == Settings(
+    assert first.settings == Settings.of(
         width=640, height=360, fps=60.0, frames=(0, 48), reprojection="camera", columns=("frustum", "position"),
         sky=(0.1, 0.2, 0.3), thresholds={"normal": 0.05, "color": 0.2},
     )  # fmt: skip
@@ -50,12 +50,12 @@ def test_scenes_times_settings(folder):
 
 def test_a_list_of_lists_sweeps_settings_that_are_lists(folder):
     study = study_of(folder, 'scenes = ["a.glb"]\ncolumns = [["frustum"], ["frustum", "color"]]')
-    assert [job.settings.columns for job in study.jobs] == [("frustum",), ("frustum", "color")]
+    assert [job.settings.metrics.columns for job in study.jobs] == [("frustum",), ("frustum", "color")]
 
 
 def test_a_scene_may_have_settings_of_its_own(folder):
     study = study_of(folder, 'camera = "Main"\nscenes = ["a.glb", { path = "b.glb", camera = "Top", fps = [24, 60] }]')
-    told = [(Path(job.scene).name, job.settings.camera, job.settings.fps) for job in study.jobs]
+    told = [(Path(job.scene).name, job.settings.sequence.camera, job.settings.sequence.fps) for job in study.jobs]
     assert told == [("a.glb", "Main", 24.0), ("b.glb", "Top", 24.0), ("b.glb", "Top", 60.0)]
 
 
@@ -70,10 +70,10 @@ def test_entries_of_one_scene_are_told_apart_by_what_differs(folder):
     )
     labels = [
         "a.glb (size 640x360)", "a.glb (size 320x180)",
-        "b.glb (size 640x360, camera default, normal threshold default)",
-        "b.glb (size 320x180, camera default, normal threshold default)",
-        "b.glb (size 640x360, camera Top, normal threshold 0.05)",
-        "b.glb (size 320x180, camera Top, normal threshold 0.05)",
+        "b.glb (size 640x360, normal threshold 0.12549, camera default)",
+        "b.glb (size 320x180, normal threshold 0.12549, camera default)",
+        "b.glb (size 640x360, normal threshold 0.05, camera Top)",
+        "b.glb (size 320x180, normal threshold 0.05, camera Top)",
     ]  # fmt: skip
     assert [job.label for job in study.jobs] == labels
     assert all(set(job.sweep) == {"size"} for job in study.jobs)
@@ -108,8 +108,8 @@ def test_names_of_known_scenes_bring_their_settings(folder):
     path = write_study(folder, 'scenes = ["known"]\nfps = 60')
     (job,) = read_study(path, lambda text: ("/cache/known.glb", row)).jobs
     assert job.scene == "/cache/known.glb"
-    assert (job.settings.fps, job.settings.frames) == (60.0, (None, None))
-    assert (job.settings.camera, job.settings.unit_scale) == ("eye", 0.01)
+    assert (job.settings.sequence.fps, job.settings.sequence.frames) == (60.0, (None, None))
+    assert (job.settings.sequence.camera, job.settings.metrics.unit_scale) == ("eye", 0.01)
 
 
 def test_obj_sequences_are_one_scene(folder):
@@ -164,6 +164,6 @@ def test_a_study_that_is_not_there(tmp_path):
 def test_settings_survive_being_stored():
     for settings in (
         Settings(),
-        Settings(camera=2, animation=("Walk", 3), thresholds={"color": 0.5}, frames=(3, None)),
+        Settings.of(camera=2, animation=("Walk", 3), thresholds={"color": 0.5}, frames=(3, None)),
     ):
-        assert settings_from(settings_dict(settings)) == settings
+        assert Settings.from_dict(settings.to_dict()) == settings

@@ -42,5 +42,5 @@ def _demo() -> Scene:
 
 def situation_of(pairs: int = 10, **settings: Any) -> Situation:
     """The demo scene's, as far as dials ask for it."""
-    scene, base = _demo(), Settings(width=64, height=36, **settings)
+    scene, base = _demo(), Settings.of(width=64, height=36, **settings)
     return Situation(scene, decide(scene, base), base, pairs)

@@ -25,12 +25,12 @@ def record(values, **more):
 
 @pytest.fixture(scope="module")
 def full(demo):
-    return from_run(evaluate_scene(demo, Settings(**SMALL)))
+    return from_run(evaluate_scene(demo, Settings.of(**SMALL)))
 
 
 @pytest.mark.parametrize("pairs", ["strata:2", "strata:4", "every:3", "every:5"])
 def test_a_full_run_tells_what_a_sampled_run_measures(demo, full, pairs):
-    run = from_run(evaluate_scene(demo, Settings(**SMALL, pairs=pairs)))
+    run = from_run(evaluate_scene(demo, Settings.of(**SMALL, pairs=pairs)))
     told = sampled(full, pairs)
     for column in SMALL["columns"]:
         measured, expected = run["columns"][column], told["columns"][column]

@@ -21,8 +21,8 @@ from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
-GEOMETRY = Settings(width=48, height=28, frames=(20, 29), columns=("frustum", "position", "normal"))
-LIT = Settings(width=32, height=18, frames=(20, 22), indirect="none")
+GEOMETRY = Settings.of(width=48, height=28, frames=(20, 29), columns=("frustum", "position", "normal"))
+LIT = Settings.of(width=32, height=18, frames=(20, 22), indirect="none")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def full(demo):
 
 @pytest.mark.parametrize("pairs", ["every:3", "strata:2"])
 def test_sampled_pairs_are_the_full_runs_pairs(demo, full, pairs):
-    run = evaluate_scene(demo, dataclasses.replace(GEOMETRY, pairs=pairs))
+    run = evaluate_scene(demo, GEOMETRY.replace(pairs=pairs))
     whole = {row["frame"]: row for row in full.frames}
     assert 0 < len(run.frames) < len(full.frames)
     for row in run.frames:
@@ -49,7 +49,7 @@ def test_sampled_pairs_are_the_full_runs_pairs(demo, full, pairs):
 def test_every_sampled_pair_has_its_history_drawn():
     frames = range(100, 150)
     for pairs in ("all", "every:7", "strata:5"):
-        sample = sampled_pairs(frames, Settings(pairs=pairs))
+        sample = sampled_pairs(frames, Settings.of(pairs=pairs))
         schedule = frame_schedule(frames, sample)
         assert [f for f, judged in schedule if judged] == [frames[p + 1] for p in sample.positions]
         for i, (frame, judged) in enumerate(schedule):
@@ -71,8 +71,8 @@ def test_samples_per_pixel_add_up_to_jittered_runs(demo):
             return dataclasses.replace(self.track.view_at(state), jitter_px=self.offset)
 
     scene = load_scene(demo)
-    short = dataclasses.replace(GEOMETRY, frames=(20, 23))
-    many = evaluate_scene(scene, dataclasses.replace(short, samples_per_pixel=4))
+    short = GEOMETRY.replace(frames=(20, 23))
+    many = evaluate_scene(scene, short.replace(samples_per_pixel=4))
     single = [evaluate_scene(scene, short, camera=Shifted(choose_camera(scene), offset)) for offset in grid_offsets(4)]
     for i, row in enumerate(many.frames):
         for column in COUNT_COLUMNS:
@@ -86,7 +86,7 @@ def test_half_storage_rounds_what_float_storage_holds(demo, gpu):
     scene = load_scene(demo)
     held = {}
     for storage in ("float", "half"):
-        settings = dataclasses.replace(LIT, storage=storage)
+        settings = LIT.replace(storage=storage)
         source = RasterSource(gpu, scene, choose_camera(scene), settings)
         source.advance(20)
         held[storage] = {name: source.read(name) for name in ("position", "normal")}
@@ -107,7 +107,7 @@ def test_half_storage_rounds_what_float_storage_holds(demo, gpu):
 
 @pytest.mark.parametrize("bits", [0, 1, 6])
 def test_coarse_bins_are_sums_of_fine_bins(demo, full, bits):
-    run = evaluate_scene(demo, dataclasses.replace(GEOMETRY, histogram_bits=bits))
+    run = evaluate_scene(demo, GEOMETRY.replace(histogram_bits=bits))
     for feature in ("position", "normal"):
         one, other = (r.summary["curves"][feature] for r in (run, full))
         coarse, fine = sorted((one, other), key=lambda c: len(c["counts"]))
@@ -145,7 +145,7 @@ def test_plain_float32_sums_lose_counts_and_the_others_do_not():
 
 @pytest.mark.parametrize("how", ["plain", "compensated"])
 def test_a_short_run_sums_alike(demo, full, how):
-    run = evaluate_scene(demo, dataclasses.replace(GEOMETRY, summation=how))
+    run = evaluate_scene(demo, GEOMETRY.replace(summation=how))
     for column in ("frustum", "position", "normal"):
         there = full.summary["discard"][column]["mean_percent"]
         assert run.summary["discard"][column]["mean_percent"] == pytest.approx(there, rel=1e-6)
@@ -160,11 +160,11 @@ def test_a_short_run_sums_alike(demo, full, how):
 )  # fmt: skip
 def test_values_that_cannot_be_meant_are_refused(wrong):
     with pytest.raises(SettingsError):
-        Settings(**wrong)
+        Settings.of(**wrong)
 
 
 def test_path_traced_files_have_no_such_knobs(tmp_path):
     for wrong in ({"pairs": "every:2"}, {"samples_per_pixel": 4}):
         with pytest.raises(SettingsError, match="rendered scenes"):
-            evaluate_path_traced(f"exr:{tmp_path}", Settings(**wrong))
+            evaluate_path_traced(f"exr:{tmp_path}", Settings.of(**wrong))
     assert tb.Settings().pairs == "all"

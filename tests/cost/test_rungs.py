@@ -41,14 +41,14 @@ def test_the_most_samples_are_the_reference_and_its_twin_the_floor(ladder_folder
     assert ladder.second.seed == 3
     assert ladder.frames == range(20, 22)
     assert ladder.rungs[0].frame_ms == pytest.approx((500.0, 550.0))
-    base = fitting(Settings(width=999, textures="mipmapped"), ladder)
-    assert (base.width, base.height) == ladder.reference.sequence.size
-    assert (base.fps, base.frames, base.textures) == (12.0, (20, 22), "finest")
+    base = fitting(Settings.of(width=999, textures="mipmapped"), ladder)
+    assert (base.sequence.width, base.sequence.height) == ladder.reference.sequence.size
+    assert (base.sequence.fps, base.sequence.frames, base.sequence.textures) == (12.0, (20, 22), "finest")
 
 
 def test_rungs_are_measured_like_everything_else(ladder_folder):
     ladder = find_ladder(f"exr:{ladder_folder}")
-    settings = fitting(Settings(pairs="every:2", samples_per_pixel=4), ladder)
+    settings = fitting(Settings.of(pairs="every:2", samples_per_pixel=4), ladder)
     run = run_rung(ladder.reference, settings, ladder.second)
     found = from_run(run)
     assert found["columns"]["position"]["percent"] is not None and len(found["columns"]["position"]["pairs"]) == 1

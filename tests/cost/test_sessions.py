@@ -12,7 +12,7 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.settings import Settings
 
-SMALL = Settings(width=16, height=9, frames=(0, 10), columns=("frustum", "position"))
+SMALL = Settings.of(width=16, height=9, frames=(0, 10), columns=("frustum", "position"))
 
 
 ASKED = WARM + 2 * TIMED

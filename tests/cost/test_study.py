@@ -113,7 +113,7 @@ def test_files_say_the_same(small_study):
 def test_the_preset_keeps_its_promise(small_study, demo):
     out, study = small_study
     assert study.chosen.point is not None and study.checked["errors_kept"]
-    settings = Settings(**load_preset(out / "preset.toml"), frames=SMALL["frames"])
+    settings = Settings.of(**load_preset(out / "preset.toml"), frames=SMALL["frames"])
     run = evaluate_scene(demo, settings)
     for column in SMALL["choose_for"]:
         apart = run.summary["discard"][column]["mean_percent"] - study.about["reference"]["percent"][column]
@@ -152,7 +152,7 @@ def test_broken_presets_are_refused(tmp_path, text, complaint):
 
 
 def test_a_preset_of_a_scene_whose_name_is_no_utf8_can_be_read(tmp_path):
-    save_preset(tmp_path / "p.toml", Settings(width=48, height=28), {"scene": 'caf\udce9 "1"'})
+    save_preset(tmp_path / "p.toml", Settings.of(width=48, height=28), {"scene": 'caf\udce9 "1"'})
     assert load_preset(tmp_path / "p.toml") == {"width": 48, "height": 28}
     assert "caf\\\\udce9" in (tmp_path / "p.toml").read_text(encoding="utf-8")
 

@@ -122,7 +122,9 @@ def test_khronos_validator(recipe, made):
 
 def test_a_few_frames_are_drawn_and_the_summary_says_stand_in(made, gpu):
     columns = ("frustum", "position", "normal", "direct")
-    settings = Settings(160, 90, fps=60.0, frames=(178, 184), columns=columns, indirect="none", shadow_lights=1)
+    settings = Settings.of(
+        width=160, height=90, fps=60.0, frames=(178, 184), columns=columns, indirect="none", shadow_lights=1
+    )
     run = evaluate_scene(made["eternal-valley-vr"], settings)
     assert "EternalValleyVR" in run.summary["scene"]["stand_in"]
     assert run.summary["camera"]["cuts"] == [181]
@@ -135,7 +137,9 @@ def test_a_few_frames_are_drawn_and_the_summary_says_stand_in(made, gpu):
 @each
 def test_table_4_of_the_whole_animation(recipe, made, gpu):
     """Not the paper's row, which rests on its geometry and unpublished thresholds, but of its kind."""
-    settings = Settings(160, 90, fps=60.0, columns=("frustum", "direct"), indirect="none", shadow_lights=1)
+    settings = Settings.of(
+        width=160, height=90, fps=60.0, columns=("frustum", "direct"), indirect="none", shadow_lights=1
+    )
     summary = evaluate_scene(made[recipe.name], settings).summary
     assert_rows(summary["camera"], recipe)
     frustum = PAPER[recipe.stands_for]["discard"]["frustum"]
@@ -153,8 +157,8 @@ def test_table_4_is_of_the_papers_character(recipe, made, gpu):
     windows = [(f, f + 2) for f in range(10, 350, 34)]
     found = {name: 0.0 for name in columns}
     for frames in windows:
-        settings = Settings(960, 540, fps=60.0, frames=frames, columns=columns, sky=(0.2, 0.3, 0.5), indirect="none",
-                            shadow_lights=1)  # fmt: skip
+        settings = Settings.of(width=960, height=540, fps=60.0, frames=frames, columns=columns, sky=(0.2, 0.3, 0.5),
+                               indirect="none", shadow_lights=1)  # fmt: skip
         run = evaluate_scene(made[recipe.name], settings)
         for name in columns:
             found[name] += run.summary["discard"][name]["mean_percent"] / len(windows)

@@ -21,7 +21,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import MAX_FRAMES, Settings
 
 DEMO = ASSETS / "demo.glb"
-SMALL = Settings(width=32, height=18, columns=("frustum",))
+SMALL = Settings.of(width=32, height=18, columns=("frustum",))
 
 
 def late(seconds: float) -> Scene:
@@ -31,36 +31,36 @@ def late(seconds: float) -> Scene:
 
 
 def test_as_many_as_there_may_be_and_one_more():
-    at = Settings(fps=1.0)
-    assert len(replace(at, frames=(0, MAX_FRAMES)).frame_range(1e15)) == MAX_FRAMES
+    at = Settings.of(fps=1.0)
+    assert len(at.replace(frames=(0, MAX_FRAMES)).sequence.frame_range(1e15)) == MAX_FRAMES
     with pytest.raises(SettingsError, match=rf"^{MAX_FRAMES + 1} frames are more than {MAX_FRAMES}: give --frames"):
-        replace(at, frames=(7, MAX_FRAMES + 8)).frame_range(1e15)
-    assert replace(at, frames=(9, 12)).frame_range(1e15) == range(9, 12)
-    assert not replace(at, frames=(5, 2)).frame_range(1e15)
+        at.replace(frames=(7, MAX_FRAMES + 8)).sequence.frame_range(1e15)
+    assert at.replace(frames=(9, 12)).sequence.frame_range(1e15) == range(9, 12)
+    assert not at.replace(frames=(5, 2)).sequence.frame_range(1e15)
     with pytest.raises(SettingsError, match="no countable frames"):
-        Settings(fps=1e308).frame_range(10.0)
+        Settings.of(fps=1e308).sequence.frame_range(10.0)
 
 
 @pytest.mark.parametrize("fps", [1e8, 1e15])
 def test_a_rate_that_cannot_be_meant_is_one_line(fps: float, tmp_path: Path):
     for run in (evaluate_scene, export_scene):
         with pytest.raises(SettingsError, match="frames"):
-            run(DEMO, settings=replace(SMALL, fps=fps), out=tmp_path / "x")
+            run(DEMO, settings=SMALL.replace(fps=fps), out=tmp_path / "x")
     assert not os.listdir(tmp_path)
 
 
 def test_a_few_frames_of_thirty_years(tmp_path: Path):
     """Nothing grows with what is not asked for: a list of these frames, or a census of them, would end in no memory."""
-    run = evaluate_scene(late(1e9), replace(SMALL, frames=(2, 5)))
+    run = evaluate_scene(late(1e9), SMALL.replace(frames=(2, 5)))
     assert [row["frame"] for row in run.frames] == [3, 4] and run.summary["settings"]["last_frame"] == 4
-    last = evaluate_scene(late(1e9), replace(SMALL, frames=(-2, None)))
+    last = evaluate_scene(late(1e9), SMALL.replace(frames=(-2, None)))
     assert [row["time_s"] for row in last.frames] == [pytest.approx(1e9, rel=1e-6)]
 
 
 def test_an_export_of_a_few_frames_of_thirty_years_and_a_few_more(tmp_path: Path, monkeypatch):
     monkeypatch.setattr("taubench_gl.export.run.load_scene", lambda *_, **__: late(1e9))
     for first in (2, 4):
-        export_scene("x.glb", settings=replace(SMALL, frames=(first, first + 2)), out=tmp_path, channels=("depth",))
+        export_scene("x.glb", settings=SMALL.replace(frames=(first, first + 2)), out=tmp_path, channels=("depth",))
     assert [p.name for p in sorted(tmp_path.glob("frame*"))] == [f"frame_{i:05d}.exr" for i in range(2, 6)]
     assert len(json.loads((tmp_path / "camera.json").read_text())["frames"]) == 4
 
@@ -88,7 +88,7 @@ def test_a_drawn_node_that_overflows_is_named_with_its_time(scale: float):
     parent = next(int(p) for n, p in enumerate(scene.nodes.parent) if p >= 0 and n in scene.mesh_nodes)
     huge = grown(scale, scene.nodes.names[parent])
     with pytest.raises(SceneError, match=r"node '.+' lies or reaches beyond 1e\+18 at 0\.125 s"):
-        evaluate_scene(huge, replace(SMALL, frames=(3, 5)))
+        evaluate_scene(huge, SMALL.replace(frames=(3, 5)))
 
 
 @pytest.mark.filterwarnings("error")
@@ -108,8 +108,8 @@ def test_a_node_nothing_hangs_on_may_overflow_and_is_noted():
         old = getattr(nodes, column)
         more[column] = np.append(old, np.full(2, value, old.dtype))
     more |= {"parent": np.append(nodes.parent, [-1, len(nodes)]), "names": (*nodes.names, "above", "below")}
-    run: Run = evaluate_scene(replace(scene, nodes=replace(nodes, **more)), replace(SMALL, frames=(0, 2)))
-    plain = evaluate_scene(scene, replace(SMALL, frames=(0, 2)))
+    run: Run = evaluate_scene(replace(scene, nodes=replace(nodes, **more)), SMALL.replace(frames=(0, 2)))
+    plain = evaluate_scene(scene, SMALL.replace(frames=(0, 2)))
     assert [n for n in run.summary["notes"] if "overflows" in n] == [
         "node 'above' and 1 more: the world transform overflows; nothing that is drawn hangs on it"
     ]

@@ -19,7 +19,7 @@ FRAMES = range(20, 24)
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_passes_that_run_ahead_count_the_same(gpu: Gpu, reprojection: str) -> None:
     scene = load_scene(ASSETS / "demo.glb")
-    settings = Settings(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
+    settings = Settings.of(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
     rows = []
     for waits in (True, False, False):
         timer = PassTimer(gpu, enabled=waits)

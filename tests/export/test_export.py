@@ -71,7 +71,7 @@ def test_names_that_are_no_text_are_exported(tmp_path):
     """Scene and folder with a byte that is no UTF-8."""
     lost = os.fsdecode(b"caf\xe9")
     (tmp_path / f"{lost}.glb").symlink_to(DEMO)
-    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    settings = Settings.of(width=WIDTH, height=HEIGHT, frames=(0, 1))
     export_scene(tmp_path / f"{lost}.glb", tmp_path / lost, settings, channels=FAST)
     assert json.loads((tmp_path / lost / "export.json").read_text())["scene"] == lost
     data = (tmp_path / lost / "frame_00000.exr").read_bytes()
@@ -168,7 +168,7 @@ def test_the_command(tmp_path, capsys):
 
 def test_a_start_that_was_killed_locks_nobody_out(tmp_path):
     """What a killed writer of the manifest leaves is ours; anything else in a folder without one is not."""
-    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    settings = Settings.of(width=WIDTH, height=HEIGHT, frames=(0, 1))
     out = tmp_path / "out"
     out.mkdir()
     (out / f".{MANIFEST}.123-0.partial").write_text("half")

@@ -22,7 +22,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import Settings
 
-SMALL = Settings(width=16, height=12, shadow_size=16, probes=8, indirect_samples=32)
+SMALL = Settings.of(width=16, height=12, shadow_size=16, probes=8, indirect_samples=32)
 PASSES_OF = {
     "lighting/lighting.comp.glsl": ("direct",),
     "lighting/cull.comp.glsl": ("direct",),
@@ -56,9 +56,9 @@ def used(program) -> PassFlow:
     ("settings", "shading"),
     [
         (SMALL, None),
-        (dataclasses.replace(SMALL, reprojection="motion", indirect="rsm", sky=(0.1, 0.1, 0.1)), None),
-        (dataclasses.replace(SMALL, columns=("direct",)), None),
-        (dataclasses.replace(SMALL, columns=("direct", "indirect")), Shading(light_samples=1, indirect_samples=1)),
+        (SMALL.replace(reprojection="motion", indirect="rsm", sky=(0.1, 0.1, 0.1)), None),
+        (SMALL.replace(columns=("direct",)), None),
+        (SMALL.replace(columns=("direct", "indirect")), Shading(light_samples=1, indirect_samples=1)),
     ],
     ids=["all", "rsm, sky and motion", "direct alone", "at random"],
 )
@@ -116,7 +116,7 @@ def test_direct_light_with_all_it_can_do_reads_all_that_it_declares(gpu):
 @pytest.mark.parametrize("effects", ["auto", "all"])
 @pytest.mark.parametrize("mode", ["camera", "motion"])
 def test_every_frame_can_run(columns, effects, mode, data):
-    settings = dataclasses.replace(SMALL, columns=columns, effects=effects, reprojection=mode)
+    settings = SMALL.replace(columns=columns, effects=effects, reprojection=mode)
     paths = (PACKAGE.parent / "assets" / "demo.glb", find_scene(data, "CesiumMan.glb"))
     for scene in (lit_scene(), *map(load_scene, paths)):
         found = decide(scene, settings)

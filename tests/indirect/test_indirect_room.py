@@ -22,7 +22,7 @@ def indirect_on(texels: int, buffers: int = 1 << 27, **settings) -> IndirectPass
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True)))
     s.light(kind="point")
-    chosen = Settings(**{"indirect": "probes", **settings})
+    chosen = Settings.of(**{"indirect": "probes", **settings})
     bounds = np.zeros(3), 3.0
     return IndirectPass(device, None, s.build(), [0], bounds, BOX, (64, 48), chosen, frozenset(), draws=())
 

@@ -52,7 +52,7 @@ def test_the_demo_is_planned_right(gpu):
 
 
 def check(gpu, scene, asked) -> None:
-    settings = Settings(**asked)
+    settings = Settings.of(**asked)
     plan = FramePlan(scene, settings)
     needs = plan.needs(plan.effects)
     with opened(gpu, scene, **asked) as source:
@@ -71,7 +71,7 @@ def check(gpu, scene, asked) -> None:
 
 
 def test_inspect_tells_effects_as_json():
-    facts = json.loads(json.dumps(describe(everything(), Settings(**SIZE))))
+    facts = json.loads(json.dumps(describe(everything(), Settings.of(**SIZE))))
     assert facts["effects"]["shadows"]["on"] is True and facts["effects"]["shadows"]["gpu_bytes"] > 0
     assert facts["effects"]["skinning"] == {
         "on": False, "reason": "no skins deform drawn meshes", "passes": [], "textures": [], "shaders": [],
@@ -80,7 +80,7 @@ def test_inspect_tells_effects_as_json():
 
 
 def test_costs_are_what_a_frame_loses_without_the_effect():
-    costs = FramePlan(everything(), Settings(**SIZE)).costs()
+    costs = FramePlan(everything(), Settings.of(**SIZE)).costs()
     pixels = SIZE["width"] * SIZE["height"]
     assert costs["color"]["on"] and costs["color"]["passes"] == ["color"]
     assert costs["shadows"]["textures"] == ["indirect", "indirect buffers", "shadow atlas"]  # indirect rests on shadows

@@ -21,7 +21,7 @@ from taubench_gl.settings import Settings
 
 
 def test_the_gpu_counts_what_the_twin_counts(renders):
-    settings = Settings(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
+    settings = Settings.of(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
     masks = {}
 
     def keep(pair):
@@ -31,11 +31,11 @@ def test_the_gpu_counts_what_the_twin_counts(renders):
     sequence = PathTracedSequence.open(renders)
     views = {f: view_of(pose(0.3 * f)) for f in (4, 5, 6)}
     frames = {f: frame_channels(sequence.read(f), view, view, settings) for f, view in views.items()}
-    thresholds = {f: settings.threshold(f) for f in FEATURES}
+    thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
     assert run.summary["pairs"] == 2 and set(masks) == {5, 6}
     for f, mask in masks.items():
         pair = reprojection(views[f], views[f - 1], WIDTH, HEIGHT)
-        twin = pair_masks(frames[f], frames[f - 1], pair, thresholds, exposure=settings.exposure)
+        twin = pair_masks(frames[f], frames[f - 1], pair, thresholds, exposure=settings.lighting.exposure)
         np.testing.assert_array_equal(mask, twin.mask)
         row = next(r for r in run.frames if r["frame"] == f)
         assert row["direct"] == int(((twin.mask & Reason.DIRECT) != 0).sum()) > 0
@@ -133,7 +133,7 @@ def test_options_that_cannot_be_meant(renders):
     with pytest.raises(SettingsError, match="no lobe"):
         PathTracedOptions(lobes=("shiny",))
     with pytest.raises(SettingsError, match="no previous positions"):
-        evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders))
+        evaluate_path_traced(f"exr:{renders}", Settings.of(reprojection="motion"), options(renders))
 
 
 def test_the_noise_floor_of_one_render_against_itself_is_zero(renders):

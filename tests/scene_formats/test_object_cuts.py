@@ -17,7 +17,7 @@ from taubench_gl.settings import Settings
 FACES = ("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n", "f 1 2 3 4\nf 4 3 2 1\n")
 """The left object's, frame by frame: others from frame 2 on."""
 
-SETTINGS = Settings(96, 54, fps=24.0, columns=("frustum", "position", "normal"))
+SETTINGS = Settings.of(width=96, height=54, fps=24.0, columns=("frustum", "position", "normal"))
 
 
 def sequence(folder, faces=FACES):
@@ -43,16 +43,19 @@ def pairs_of(scene, **options):
 
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_changed_faces_are_cut_in_their_pair_alone(gpu, tmp_path, reprojection, monkeypatch):
-    monkeypatch.setattr(f"{__name__}.SETTINGS", Settings(96, 54, columns=SETTINGS.columns, reprojection=reprojection))
+    monkeypatch.setattr(
+        f"{__name__}.SETTINGS",
+        Settings.of(width=96, height=54, columns=SETTINGS.metrics.columns, reprojection=reprojection),
+    )
     scene = sequence(tmp_path)
     assert len(scene.replacements) == 1
     run, seen = pairs_of(scene)
     assert run.summary["effects"]["cuts"]["on"]
     assert any("changes its faces: a cut" in note for note in run.summary["notes"])
-    half = SETTINGS.width // 2
+    half = SETTINGS.sequence.width // 2
     for row, mask, read in seen:
         cut, ids = mask & Reason.CUT > 0, read["ids"]
-        left = (ids[..., 0] > 0) & (np.arange(SETTINGS.width) < half)
+        left = (ids[..., 0] > 0) & (np.arange(SETTINGS.sequence.width) < half)
         if row["frame"] == 2:
             assert left.sum() > 500 and not np.any(mask[left] & ~np.uint32(Reason.CUT))
             np.testing.assert_array_equal(cut, left)
@@ -67,7 +70,9 @@ def test_changed_faces_are_cut_in_their_pair_alone(gpu, tmp_path, reprojection, 
 
 def test_frames_between_may_be_left_out(gpu, tmp_path, monkeypatch):
     """At half the rate the change still falls into one pair, and into no other."""
-    monkeypatch.setattr(f"{__name__}.SETTINGS", Settings(96, 54, fps=12.0, columns=SETTINGS.columns))
+    monkeypatch.setattr(
+        f"{__name__}.SETTINGS", Settings.of(width=96, height=54, fps=12.0, columns=SETTINGS.metrics.columns)
+    )
     run, _ = pairs_of(sequence(tmp_path, (*FACES[:2], *FACES[2:], FACES[-1])))
     assert [row["cut"] > 0 for row in run.frames] == [True, False]
 

@@ -21,8 +21,8 @@ from taubench_gl.viewer.probe import in_words, probe_pixel
 
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_percentages_are_those_of_evaluate(drive, reprojection):
-    settings = replace(QUIET, reprojection=reprojection)
-    run = evaluate_scene(DEMO, replace(settings, frames=(7, 10)))
+    settings = QUIET.replace(reprojection=reprojection)
+    run = evaluate_scene(DEMO, settings.replace(frames=(7, 10)))
     driven = drive(settings=settings)
     for row in run.frames:
         driven.run(f"frame {row['frame']}")
@@ -34,8 +34,8 @@ def test_percentages_are_those_of_evaluate(drive, reprojection):
 
 
 def test_light_is_judged_as_evaluate_judges_it(drive):
-    settings = replace(QUIET, columns=("direct", "color", "position"), indirect="none", width=48, height=27)
-    row = evaluate_scene(DEMO, replace(settings, frames=(4, 6))).frames[0]
+    settings = QUIET.replace(columns=("direct", "color", "position"), indirect="none", width=48, height=27)
+    row = evaluate_scene(DEMO, settings.replace(frames=(4, 6))).frames[0]
     driven = drive(settings=settings, light=True)
     driven.run("frame 5\nexpect overlay.direct > 0")
     assert [driven.engine.counts[n] for n in ("direct", "color", "lit")] == [row[n] for n in ("direct", "color", "lit")]
@@ -145,7 +145,7 @@ def test_motion_error_is_zero_for_what_stands_still(drive):
 @pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_the_probe_says_what_the_twin_says(drive, sampling, reprojection):
-    driven = drive(settings=replace(QUIET, sampling=sampling, reprojection=reprojection))
+    driven = drive(settings=QUIET.replace(sampling=sampling, reprojection=reprojection))
     driven.run("frame 10")
     engine, s = driven.engine, driven.state
     source = engine.feed.source
@@ -193,7 +193,7 @@ def test_reasons_in_words(word, start):
     ids=["geometry", "light"],
 )
 def test_every_picture_can_be_shown(drive, columns, least):
-    driven = drive(light=True, settings=Settings(width=32, height=18, indirect="none", columns=columns))
+    driven = drive(light=True, settings=Settings.of(width=32, height=18, indirect="none", columns=columns))
     driven.run("frame 6")
     assert len(driven.state.channels) >= least
     for name in driven.state.channels:
@@ -202,7 +202,7 @@ def test_every_picture_can_be_shown(drive, columns, least):
 
 
 def test_a_run_opens_at_its_worst_pair_with_its_settings(drive, tmp_path):
-    settings = replace(QUIET, frames=(5, 12), thresholds={"normal": 0.31}, unit_scale=2.0)
+    settings = QUIET.replace(frames=(5, 12), thresholds={"normal": 0.31}, unit_scale=2.0)
     run = evaluate_scene(DEMO, settings, out=tmp_path / "run")
     worst = max(run.frames, key=lambda r: sum(r[n] or 0 for n in ("frustum", "position", "normal")))
     driven = drive(tmp_path / "run", Settings())
@@ -248,4 +248,4 @@ class TestPathTraced:
     def test_another_size_is_refused(self, drive, data):
         scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
         with pytest.raises(SettingsError, match="--size 96x54"):
-            drive(scene, replace(QUIET, width=64), reference=f"exr:{self.renders}", options=self.options())
+            drive(scene, QUIET.replace(width=64), reference=f"exr:{self.renders}", options=self.options())

@@ -185,9 +185,10 @@ def test_limits_of_a_run_are_metres_whatever_scale_is_asked_for(tmp_path):
     kept = {"unit_scale": 2.0, "thresholds": {"position": 0.5, "normal": 0.25}}
     run = Run({"scene": {"path": str(tmp_path)}, "settings": kept}, [], tmp_path)
     for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):
-        _, found = _scene_of(run, Asked("run", Settings(unit_scale=100.0), given=given))
-        assert found.unit_scale == scale and found.thresholds == {"position": 0.25, "normal": 0.25}
-        assert found.threshold("position") == 0.25 * scale
+        _, found = _scene_of(run, Asked("run", Settings.of(unit_scale=100.0), given=given))
+        assert found.metrics.unit_scale == scale
+        assert (found.metrics.thresholds["position"], found.metrics.thresholds["normal"]) == (0.25, 0.25)
+        assert found.metrics.threshold("position") == 0.25 * scale
 
 
 def test_only_metres_are_called_metres():

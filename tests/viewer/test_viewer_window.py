@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import replace
 
 import pytest
 from viewer_tools import DEMO, QUIET, pixels
@@ -24,7 +23,7 @@ def view(environment, *arguments):
 
 
 def test_driven_in_a_window(display, gpu, tmp_path):
-    row = evaluate_scene(DEMO, replace(QUIET, frames=(5, 7))).frames[0]
+    row = evaluate_scene(DEMO, QUIET.replace(frames=(5, 7))).frames[0]
     (tmp_path / "bad.glb").write_bytes(b"nonsense")
     script = tmp_path / "steps.txt"
     script.write_text(f"""

@@ -37,7 +37,7 @@ class ColorPass:
                 "HAS_DIRECT": "direct" in inputs,
                 "HAS_INDIRECT": "indirect" in inputs,
                 "HAS_EMISSION": "emission" in inputs,
-                "TONE_MAP": TONE_MAPS.index(settings.tone_map),
+                "TONE_MAP": TONE_MAPS.index(settings.lighting.tone_map),
                 "GROUP_X": self._group[0],
                 "GROUP_Y": self._group[1],
                 **storage_defines(settings),
@@ -47,8 +47,8 @@ class ColorPass:
 
     def run(self, textures: Mapping[str, moderngl.Texture]) -> None:
         record = COLOR.zeros()
-        record["sky"][:3], record["size"][:2] = self._settings.sky, self._size
-        record["exposure"] = self._settings.exposure
+        record["sky"][:3], record["size"][:2] = self._settings.lighting.sky, self._size
+        record["exposure"] = self._settings.lighting.exposure
         self._parameters.write(record.tobytes())
         self._parameters.bind_to_uniform_block(0)
         bind_channels(self._gpu, self._inputs, 1, textures)

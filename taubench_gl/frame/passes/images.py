@@ -46,8 +46,9 @@ def bind_images(**textures: moderngl.Texture) -> None:
 
 def channel_images(names: Iterable[str], first: int, settings: Settings) -> str:
     """GLSL that declares channels of four components as images to read, from binding ``first`` on."""
+    storage = settings.device.storage
     return "\n".join(
-        f"layout({_FORMATS[stored_dtype(name, settings.storage)]}, binding = {unit}) readonly uniform image2D {name};"
+        f"layout({_FORMATS[stored_dtype(name, storage)]}, binding = {unit}) readonly uniform image2D {name};"
         for unit, name in enumerate(names, first)
     )
 

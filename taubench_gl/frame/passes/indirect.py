@@ -87,10 +87,10 @@ class IndirectPass:
         self._rate, self._gather_each, self._glossy = rate, gather_each, glossy
         self._gpu, self._shaders, self._scene, self._size = gpu, shaders, scene, size
         self._lights, self._bounds, self._colored = lights, bounds, colored_materials
-        self._probes = settings.indirect == "probes"
+        self._probes = settings.lighting.indirect == "probes"
         self._storage = storage_defines(settings)
         self._channels = "\n" + channel_images(CHANNEL_NAMES, CHANNEL_UNIT, settings)
-        self._resolution = rsm_resolution(scene, lights, settings.indirect_samples)
+        self._resolution = rsm_resolution(scene, lights, settings.lighting.indirect_samples)
         faces = faces_of(scene, None, lights, bounds, self._resolution)
         self._offsets, atlas = pack(faces)
         self._center = 0.5 * (box[0] + box[1])
@@ -293,7 +293,7 @@ def _require_room(gpu: Gpu, count: int, faces: int, atlas: tuple[int, int], reco
         if max(width, height) > limit:
             needed = f"{width}x{height} texels"
             raise GraphicsError(f"{what} would need {needed}, this device's textures end at {limit}", hint=hint)
-    if settings.indirect != "probes":
+    if settings.lighting.indirect != "probes":
         return
     probes = int(np.prod(record["probe_counts"][:3]))
     needed, limit = visibility_bytes(probes, count), gpu.ctx.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]

@@ -68,17 +68,17 @@ def lighting_preamble() -> str:
 
 def storage_defines(settings: Settings) -> dict[str, str]:
     """What a shader that writes radiance must be told where channels are stored as halves (common/storage.glsl)."""
-    return {"RADIANCE_FORMAT": "rgba16f"} if settings.storage == "half" else {}
+    return {"RADIANCE_FORMAT": "rgba16f"} if settings.device.storage == "half" else {}
 
 
 def lighting_record(view: View, size: tuple[int, int], settings: Settings, lights: int) -> np.ndarray:
     """A LIGHTING record with all but the tiles and the phase filled in."""
     record = LIGHTING.zeros()
-    record["sky"][:3] = settings.sky
+    record["sky"][:3] = settings.lighting.sky
     if view.camera.kind != "perspective":
         record["parallel_view"] = (*view.world_from_view[:, 2], 1.0)
     record["size"] = (*size, 0, lights)
-    record["light_error"] = settings.light_error
+    record["light_error"] = settings.lighting.light_error
     return record
 
 
@@ -117,7 +117,7 @@ class LightingPass:
         switches = ("sky", "glossy", "point_lights", "spot_lights", "directional_lights")
         defines |= {name.upper(): name in effects for name in switches}
         if self._shadows:
-            defines["SHADOW_TAPS"] = 4 if settings.shadow_filter == "bilinear" else 1
+            defines["SHADOW_TAPS"] = 4 if settings.lighting.shadow_filter == "bilinear" else 1
         defines |= storage_defines(settings)
         self._program = shaders.compute("lighting/lighting.comp.glsl", defines, preamble)
         tiles_x, tiles_y = -(-size[0] // TILE), -(-size[1] // TILE)

@@ -155,12 +155,12 @@ class MaskPass:
             context.shaders,
             source.size,
             reprojection=source.reprojection if reprojection is None else reprojection,
-            sampling=settings.sampling if sampling is None else sampling,
+            sampling=settings.metrics.sampling if sampling is None else sampling,
             radiance=source.radiance if radiance is None else radiance,
             cuts=source.cuts,
             write_mask=write_mask,
             write_motion=write_motion,
-            histogram_bits=settings.histogram_bits,
+            histogram_bits=settings.metrics.histogram_bits,
         )
 
     def run(

@@ -50,7 +50,7 @@ class StochasticPass:
         self._shading, self._indirect = shading, indirect
         self._group = (32, 1) if gpu.software else (8, 8)
         self._shadows = "shadows" in effects and light_count > 0
-        bilinear = settings.shadow_filter == "bilinear"
+        bilinear = settings.lighting.shadow_filter == "bilinear"
         defines = {
             "SHADOWS": self._shadows,
             "SHADOW_TAPS": 1,

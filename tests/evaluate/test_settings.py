@@ -1,0 +1,83 @@
+"""Settings: groups, flat names, validation, and one serialization."""
+
+import dataclasses
+import json
+
+import pytest
+
+from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
+from taubench_gl.errors import SettingsError
+from taubench_gl.settings import FIELDS, GROUPS, SELECTING, Settings
+
+CHANGED = {
+    "width": 320, "height": 200, "fps": 30.0, "frames": (3, None), "camera": "Top", "scene": 1,
+    "animation": ("Walk", 2),
+    "reprojection": "motion", "sampling": "bilinear", "thresholds": {"color": 0.5}, "unit_scale": 100.0,
+    "culling": "none", "textures": "finest", "columns": ("frustum", "color"), "effects": "all", "sky": (0.1, 0.2, 0.3),
+    "exposure": 2.0, "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
+    "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
+    "samples_per_pixel": 4, "pairs": "every:3", "summation": "plain", "histogram_bits": 5, "backend": "egl",
+    "device": 0,
+}  # fmt: skip
+
+WRONG = {
+    "width": 0, "height": 16385, "fps": 0.0, "reprojection": "no", "sampling": "no", "thresholds": {"color": -1.0},
+    "unit_scale": float("nan"), "culling": "no", "textures": "no", "columns": ("no",), "effects": "no",
+    "sky": (1.0, 2.0), "exposure": float("inf"), "tone_map": "no", "shadow_size": 15, "shadow_lights": -1,
+    "shadow_filter": "no", "indirect": "no", "indirect_samples": 0, "probes": 7, "light_error": -1.0, "storage": "no",
+    "samples_per_pixel": 65, "pairs": "every:0", "summation": "no", "histogram_bits": 9, "backend": "no",
+}  # fmt: skip
+
+
+def test_no_two_groups_share_a_field_name():
+    names = [field.name for group in GROUPS.values() for field in dataclasses.fields(group)]
+    assert len(set(names)) == len(names)
+    assert set(CHANGED) == set(FIELDS)
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_flat_name_reaches_its_field_and_no_other(name):
+    settings, default = Settings.of(**{name: CHANGED[name]}), Settings()
+    different = {one for one in FIELDS if settings.get(one) != default.get(one)}
+    assert different == {name}
+    assert FIELDS[name].metadata["meaning"]
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_value_out_of_range_is_a_settings_error(name):
+    with pytest.raises(SettingsError):
+        Settings.of(**{name: WRONG[name]})
+
+
+@pytest.mark.parametrize("values", [{"width": "wide"}, {"sky": 1.0}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}])
+def test_wrong_type_or_name_is_a_settings_error(values):
+    with pytest.raises(SettingsError):
+        Settings.of(**values)
+    with pytest.raises(SettingsError):
+        Settings.from_dict(values)
+
+
+def test_serialization_round_trip_through_json():
+    for settings in (Settings(), Settings.of(**CHANGED)):
+        stored = json.loads(json.dumps(settings.to_dict()))
+        assert list(stored) == list(FIELDS)
+        assert Settings.from_dict(stored) == settings
+
+
+def test_omitted_thresholds_get_the_default():
+    thresholds = Settings.of(thresholds={"normal": 0.25}).metrics.thresholds
+    assert thresholds == {name: 0.25 if name == "normal" else DEFAULT_THRESHOLD for name in FEATURES}
+
+
+def test_summary_block_is_the_serialization_without_selecting_fields():
+    settings = Settings.of(**CHANGED)
+    block = settings.as_summary(range(3, 9))
+    assert set(block) == set(FIELDS) - set(SELECTING) | {"first_frame", "last_frame"}
+    assert (block["first_frame"], block["last_frame"], block["width"]) == (3, 8, 320)
+
+
+def test_replace_changes_only_the_named_fields():
+    settings = Settings.of(**CHANGED)
+    other = settings.replace(exposure=3.0, width=64)
+    assert (other.lighting.exposure, other.sequence.width) == (3.0, 64)
+    assert other.metrics is settings.metrics and other.device is settings.device
