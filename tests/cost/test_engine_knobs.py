@@ -167,4 +167,4 @@ def test_path_traced_files_have_no_such_knobs(tmp_path):
     for wrong in ({"pairs": "every:2"}, {"samples_per_pixel": 4}):
         with pytest.raises(SettingsError, match="rendered scenes"):
             evaluate_path_traced(f"exr:{tmp_path}", Settings.of(**wrong))
-    assert tb.Settings().pairs == "all"
+    assert tb.Settings().metrics.pairs == "all"
