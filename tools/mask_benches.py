@@ -90,12 +90,12 @@ class MaskBench:
         if self.torch is not None:
             bits = {bit.name: int(bit) for bit in Reason}
             told = self.torch.ask(current=current, history=history, pair=pair, thresholds=self.thresholds, bits=bits)
-            self._compare("PyTorch", told["combos"], counts)
+            self._compare("PyTorch", told["mask_histogram"], counts)
             watch.samples["PyTorch"].append(told["ms"])
 
-    def _compare(self, name: str, combos: np.ndarray, counts: Counts) -> None:
+    def _compare(self, name: str, mask_histogram: np.ndarray, counts: Counts) -> None:
         """In float32 and float64 a few pixels lie on either side of a threshold; more than that is a fault."""
-        differ = int(np.abs(combos - counts.combos.astype(np.int64)).sum())
+        differ = int(np.abs(mask_histogram - counts.mask_histogram.astype(np.int64)).sum())
         if differ > 1e-3 * self.size[0] * self.size[1]:
             raise SystemExit(f"tools/bench: masks and {name} differ in {differ} counts; no timing means anything")
 

@@ -38,16 +38,16 @@ def numba_masks(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pixels per reason word (65536,) and histograms (2, bins) of position and normal distances, both int64."""
     threads = numba.get_num_threads()
-    combos = np.zeros((threads, 1 << 16), dtype=np.int64)
+    mask_histogram = np.zeros((threads, 1 << 16), dtype=np.int64)
     histograms = np.zeros((threads, 2, HISTOGRAM_BINS), dtype=np.int64)
     motion = reprojection == "motion"
     _judge(
         current["position"], current["normal"], current["prev_position" if motion else "position"],
         history["position"], history["normal"], pair.clip_from_current, pair.prev_clip_from_prev, pair.sky_origin,
         pair.sky_dx, pair.sky_dy, pair.prev_forward, pair.camera_delta, pair.prev_near * (1.0 - NEAR_GUARD),
-        float(pair.near), thresholds["position"], thresholds["normal"], motion, combos, histograms,
+        float(pair.near), thresholds["position"], thresholds["normal"], motion, mask_histogram, histograms,
     )  # fmt: skip
-    return combos.sum(axis=0), histograms.sum(axis=0)
+    return mask_histogram.sum(axis=0), histograms.sum(axis=0)
 
 
 @njit(inline="always")
@@ -64,12 +64,12 @@ def _row(m, i, x, y, z, w):
 @njit(parallel=True)
 def _judge(
     position, normal, prev_position, history_position, history_normal, clip, prev_clip, sky, sky_dx, sky_dy, forward,
-    delta, prev_near, near, most_moved, most_turned, motion, combos, histograms,
+    delta, prev_near, near, most_moved, most_turned, motion, mask_histogram, histograms,
 ):  # fmt: skip
     h, w = position.shape[:2]
-    threads = combos.shape[0]
+    threads = mask_histogram.shape[0]
     for thread in prange(threads):
-        mine, bins = combos[thread], histograms[thread]
+        mine, bins = mask_histogram[thread], histograms[thread]
         for row in range(thread * h // threads, (thread + 1) * h // threads):
             y = h - 1 - row
             for x in range(w):

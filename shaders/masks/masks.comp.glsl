@@ -3,7 +3,7 @@
 // Reads    current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
 //          and, where defined, prev_position, ids, direct, indirect, color.
 // Writes   mask (reason bits), motion (previous - current, pixels, +y up).
-// Counts   combos[mask] (16 reason bits: every count is a sum of these), histogram of each feature's distance.
+// Counts   mask_histogram[mask] (16 reason bits: every count is a sum of these), histogram of each feature's distance.
 // Twin     metrics.masks.pair_masks
 // Departs  Eq. (3) carries a guard of GUARD_PX and the near test one of NEAR_GUARD: a still pixel lies exactly on the
 //          boundary.  The position is interpolated and projected here, which equals interpolating the previous clip
@@ -20,7 +20,7 @@ Reprojection P; // ``block``, kept in registers and on the stack: see hoist()
 #else
 #define P block
 #endif
-layout(std430, binding = 1) coherent buffer Combos { uint combos[]; };
+layout(std430, binding = 1) coherent buffer MaskHistogram { uint mask_histogram[]; };
 layout(std430, binding = 2) coherent buffer Histograms { uint histograms[]; };
 
 #if GEOMETRY_IMAGES // 32-bit floats on llvmpipe: an image's texel costs it less than a texture's, which is a function call
@@ -306,7 +306,7 @@ void main() {
         vec2 motion;
         uint mask = judge(pixel, motion);
         if (mask != word && run > 0u) {
-            atomicAdd(combos[word], run);
+            atomicAdd(mask_histogram[word], run);
             run = 0u;
         }
         word = mask;
@@ -318,5 +318,5 @@ void main() {
         imageStore(motion_out, pixel, vec4(motion, 0.0, 0.0));
 #endif
     }
-    if (run > 0u) atomicAdd(combos[word], run);
+    if (run > 0u) atomicAdd(mask_histogram[word], run);
 }

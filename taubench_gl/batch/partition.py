@@ -16,7 +16,7 @@ import numpy as np
 
 from taubench_gl.conventions import FEATURES, histogram_bins
 from taubench_gl.errors import OutputError
-from taubench_gl.frame.passes.masks import COMBOS, Counts
+from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
 from taubench_gl.outputs import plain_text
 from taubench_gl.run import CAMERA_COLUMNS, COUNT_COLUMNS
 
@@ -52,7 +52,7 @@ def encode(records: Sequence[PairRecord], told: Mapping[str, Any]) -> bytes:
         columns["pair"].append(record.position)
         for name in (*_PLAIN, *COUNT_COLUMNS, *CAMERA_COLUMNS):
             columns[name].append(record.row[name])
-        for name, values in (("word", record.counts.combos), ("bin", record.counts.histograms)):
+        for name, values in (("word", record.counts.mask_histogram), ("bin", record.counts.histograms)):
             flat = np.asarray(values, dtype=np.int64).ravel()
             used = np.flatnonzero(flat)
             columns[name].append(used)
@@ -79,12 +79,12 @@ def decode(data: bytes, histogram_bits: int) -> tuple[list[PairRecord], dict[str
     bins = histogram_bins(histogram_bits)
     out = []
     for values in rows:
-        combos = np.zeros(COMBOS, dtype=np.int64)
-        combos[values.pop("word")] = values.pop("word_pixels")
+        mask_histogram = np.zeros(MASK_WORDS, dtype=np.int64)
+        mask_histogram[values.pop("word")] = values.pop("word_pixels")
         histograms = np.zeros(len(FEATURES) * bins, dtype=np.int64)
         histograms[values.pop("bin")] = values.pop("bin_pixels")
         position = values.pop("pair")
-        out.append(PairRecord(position, values, Counts(combos, histograms.reshape(len(FEATURES), bins))))
+        out.append(PairRecord(position, values, Counts(mask_histogram, histograms.reshape(len(FEATURES), bins))))
     return out, told
 
 

@@ -38,7 +38,7 @@ class SequenceStats:
 
     def add(self, counted: Counts) -> dict[str, int | None]:
         """Take in one pair; its raw counts, ``None`` where a feature was not measured."""
-        counts: dict[str, int | None] = counts_of(counted.combos)
+        counts: dict[str, int | None] = counts_of(counted.mask_histogram)
         self.pairs += 1
         self._comparable_pixels += counts["comparable"]
         self._counts["pixels"].append(counts["pixels"])

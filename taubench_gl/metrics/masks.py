@@ -25,7 +25,7 @@ class PairMasks:
     at_px: Array  # (h, w, 2) float64 previous coordinates, as ``motion_px``
     distances: Mapping[str, Array]  # feature -> (h, w) float64; NaN where not compared
 
-    def combos(self) -> Array:
+    def mask_histogram(self) -> Array:
         """Pixels per reason word.  (65536,) int64."""
         return np.bincount(self.mask.ravel(), minlength=1 << 16)
 

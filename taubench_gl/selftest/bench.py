@@ -184,7 +184,7 @@ class Bench:
             framebuffer.clear()
             channels = {"position": texture, "normal": texture}
             masks.run(still_pair(size), limits(None), channels, channels)
-            return counts_of(masks.read().combos)
+            return counts_of(masks.read().mask_histogram)
         finally:
             for item in (masks, framebuffer, texture):
                 item.release()
@@ -291,4 +291,6 @@ def _images(masks: MaskPass, pair: Reprojection, current, history, view=None, pr
     counted = masks.read()
     mask = read_channel(masks.mask, "mask")[..., 0]
     motion = read_channel(masks.motion, "motion")
-    return PairImages(mask, motion, counts_of(counted.combos), counted, pair, current, history, view, previous_view)
+    return PairImages(
+        mask, motion, counts_of(counted.mask_histogram), counted, pair, current, history, view, previous_view
+    )

@@ -142,9 +142,9 @@ def _sky_at_the_far_plane() -> AbstractContextManager[None]:
 def _sum_in_floats() -> AbstractContextManager[None]:
     original = counts.counts_of
 
-    def floats(combos: Array) -> dict[str, int]:
+    def floats(mask_histogram: Array) -> dict[str, int]:
         """Adding 1 no longer changes a float32 of 2^24."""
-        return {name: min(value, 2**24) for name, value in original(combos).items()}
+        return {name: min(value, 2**24) for name, value in original(mask_histogram).items()}
 
     return _replaced((bench, "counts_of", floats))
 

@@ -112,11 +112,11 @@ def many_pixels(bench: Bench) -> Outcome:
     source="exact: integers",
 )
 def past_32_bits(bench: Bench) -> Outcome:
-    combos = np.zeros(1 << 16, dtype=np.uint32)
-    combos[int(Reason.SKY)] = combos[int(Reason.SKY | Reason.BEHIND)] = 2**32 - 1
+    mask_histogram = np.zeros(1 << 16, dtype=np.uint32)
+    mask_histogram[int(Reason.SKY)] = mask_histogram[int(Reason.SKY | Reason.BEHIND)] = 2**32 - 1
     exact = 2 * (2**32 - 1)
     naive = int(np.uint32(exact & 0xFFFFFFFF))
-    return count(exact, counts_of(combos)["pixels"], Naive("32-bit sum", naive, exact - naive))
+    return count(exact, counts_of(mask_histogram)["pixels"], Naive("32-bit sum", naive, exact - naive))
 
 
 @case(

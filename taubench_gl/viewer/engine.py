@@ -170,7 +170,7 @@ class ViewerEngine:
             declared = Reason.FIRST if first else 0
             thresholds = {f: state.thresholds[f] for f in FEATURES}
             masks.run(self.pair, thresholds, source.current, source.previous, int(declared), settings.lighting.exposure)
-            self.counts = counts_of(masks.read().combos)
+            self.counts = counts_of(masks.read().mask_histogram)
         self.drawn.masks += 1
 
     def _show(self, state: ViewerState) -> None:

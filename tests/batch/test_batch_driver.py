@@ -17,7 +17,7 @@ from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Lost, NoG
 from taubench_gl.batch.work import Workbench
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.passes.masks import COMBOS, Counts
+from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
 from taubench_gl.metrics.counts import counts_of
 
 PIXELS = 40
@@ -25,14 +25,14 @@ FRAMES = 20
 
 
 def record(position: int) -> PairRecord:
-    combos = np.zeros(COMBOS, dtype=np.uint32)
-    combos[0], combos[int(Reason.OUTSIDE)] = PIXELS - position, position
+    mask_histogram = np.zeros(MASK_WORDS, dtype=np.uint32)
+    mask_histogram[0], mask_histogram[int(Reason.OUTSIDE)] = PIXELS - position, position
     histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.uint32)
     histograms[1, 30 + position] = 5
     camera = dict.fromkeys(("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg"), 0.1 * position)
-    row = {"frame": position + 1, "time_s": (position + 1) / 24, **counts_of(combos), **camera, "gimbal": False}
+    row = {"frame": position + 1, "time_s": (position + 1) / 24, **counts_of(mask_histogram), **camera, "gimbal": False}
     row |= {"direct": None, "lit": None, "shadowed": None}
-    return PairRecord(position, row, Counts(combos, histograms))
+    return PairRecord(position, row, Counts(mask_histogram, histograms))
 
 
 def answer(unit: Unit) -> bytes:
@@ -115,7 +115,7 @@ def test_partitions_hold_every_count():
     assert told == {"told": 1}
     for ours, theirs in zip(records, back, strict=True):
         assert theirs.position == ours.position and theirs.row == ours.row
-        np.testing.assert_array_equal(theirs.counts.combos, ours.counts.combos)
+        np.testing.assert_array_equal(theirs.counts.mask_histogram, ours.counts.mask_histogram)
         np.testing.assert_array_equal(theirs.counts.histograms, ours.counts.histograms)
     for broken in (data[:-10], data[: len(data) // 2], b"", b"PAR1"):
         with pytest.raises(ValueError, match="no partition"):

@@ -145,7 +145,7 @@ def draw_pair(
         pair = pair_matrices(now, before, *size)
         masks.run(pair, thresholds, renderer.history.current.textures, renderer.history.previous.textures)
         counts = masks.read()
-        counts = replace(counts, combos=counts.combos.copy(), histograms=counts.histograms.copy())
+        counts = replace(counts, mask_histogram=counts.mask_histogram.copy(), histograms=counts.histograms.copy())
         names = renderer.channels if read else ()
         return PairResult(
             counts,

@@ -79,7 +79,7 @@ def turning(yfov: float, axis: str, degrees: float, base: np.ndarray, position=(
 
 def measured(gpu, scene, camera, size) -> float:
     result = draw_pair(gpu, scene, camera, size, (0.0, 1.0), read=False)
-    counts = counts_of(result.counts.combos)
+    counts = counts_of(result.counts.mask_histogram)
     assert counts["invalid"] == 0
     assert counts["frustum"] + counts["comparable"] == size[0] * size[1]
     return 100.0 * counts["frustum"] / counts["pixels"]
@@ -128,6 +128,6 @@ def test_a_half_turn_leaves_nothing(gpu) -> None:
     """Everything that is now ahead was behind: decided by depth, never by a division."""
     camera, _ = turning(np.radians(60.0), "yaw", 180.0, np.eye(3))
     result = draw_pair(gpu, make_scene(room()), camera, (320, 180), (0.0, 1.0), read=False)
-    counts = counts_of(result.counts.combos)
+    counts = counts_of(result.counts.mask_histogram)
     assert counts["behind"] == counts["frustum"] == 320 * 180
     assert np.all(result.motion == 0)

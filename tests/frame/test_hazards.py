@@ -49,7 +49,7 @@ def run(gpu, scene: Scene, *, shading: Shading | None = None, extra: tuple[str, 
             pair = reprojection(now, before, *SIZE)
             masks.run(pair, dict.fromkeys(FEATURES, 0.1), source.current, source.previous)
             before = now
-            assert masks.read().combos.sum() == SIZE[0] * SIZE[1]
+            assert masks.read().mask_histogram.sum() == SIZE[0] * SIZE[1]
             for texture in (masks.mask, masks.motion, *source.current.values()):
                 assert len(np.frombuffer(texture.read(), np.uint8))
     finally:

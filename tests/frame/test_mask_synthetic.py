@@ -80,7 +80,7 @@ def judge(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", ra
     masks.run(pair, THRESHOLDS, *textures, declared=declared)
     counts = masks.read()
     result = SimpleNamespace(
-        combos=counts.combos.astype(np.int64),
+        mask_histogram=counts.mask_histogram.astype(np.int64),
         histograms=counts.histograms.astype(np.int64),
         mask=read_channel(masks.mask, "mask")[..., 0],
         motion=read_channel(masks.motion, "motion"),
@@ -110,8 +110,8 @@ def test_every_feature_and_every_fault(gpu, broken: float, sampling: str, reproj
     hard = differ & ~in_band(twin, got, sampling, THRESHOLDS) & ((got.mask ^ twin.mask) & ~ranges > 0)
     assert not hard.any(), f"{hard.sum()} differ, first at {np.argwhere(hard)[0]}"
     assert differ.mean() <= FLIPS
-    np.testing.assert_array_equal(got.combos, np.bincount(got.mask.ravel(), minlength=1 << 16))
-    counts = counts_of(got.combos)
+    np.testing.assert_array_equal(got.mask_histogram, np.bincount(got.mask.ravel(), minlength=1 << 16))
+    counts = counts_of(got.mask_histogram)
     assert (counts["invalid"] > 0) == (broken > 0)
     # Every reason there is takes part, or the comparison above shows nothing.
     for name in ("sky", "history_sky", "outside", "position", "normal", "direct", "indirect", "color", "disoccluded",
@@ -155,7 +155,7 @@ def test_surfaces_without_history_are_cut_alone(gpu, sampling: str) -> None:
     np.testing.assert_array_equal(got.mask[cut], int(Reason.CUT))
     np.testing.assert_array_equal(got.mask[~cut], plain.mask[~cut])
     np.testing.assert_array_equal(twin.mask & Reason.CUT > 0, cut)
-    counts = counts_of(got.combos)
+    counts = counts_of(got.mask_histogram)
     assert counts["cut"] == cut.sum() and not got.motion[cut].any()
     assert sum(counts[name] for name in ("cut", "invalid", "frustum", "comparable")) == counts["pixels"]
     assert (got.mask != twin.mask).mean() <= FLIPS
@@ -169,7 +169,7 @@ def test_a_declared_frame_compares_nothing(gpu, declared: Reason) -> None:
                 declared=int(declared))  # fmt: skip
     assert np.all(got.mask & NOT_COMPARABLE == declared)
     assert not got.histograms.any()
-    counts = counts_of(got.combos)
+    counts = counts_of(got.mask_histogram)
     assert counts[declared.name.lower()] == counts["pixels"]
 
 

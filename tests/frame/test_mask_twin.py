@@ -97,8 +97,8 @@ def test_masks_equal_the_twin(gpu, data, name: str, reprojection: str, sampling:
 @pytest.mark.parametrize("name", ["Sponza.gltf", "Fox.gltf", "MorphStressTest.glb"])
 def test_counts_are_sums_of_the_mask(gpu, data, name: str) -> None:
     result = pair_of(gpu, data, name, "motion", "nearest")
-    np.testing.assert_array_equal(result.counts.combos, np.bincount(result.mask.ravel(), minlength=1 << 16))
-    assert counts_of(result.counts.combos)["pixels"] == result.mask.size
+    np.testing.assert_array_equal(result.counts.mask_histogram, np.bincount(result.mask.ravel(), minlength=1 << 16))
+    assert counts_of(result.counts.mask_histogram)["pixels"] == result.mask.size
 
 
 @pytest.mark.parametrize("edge", [2.0**-14, 0.001953125, 0.125, 0.25, 1.0])
@@ -106,7 +106,7 @@ def test_histogram_tail_is_the_count_at_that_threshold(gpu, data, edge: float) -
     """With a threshold just below a bin's edge, 'greater than' is 'at or above the edge': counts must match exactly."""
     below = float(np.nextafter(np.float32(edge), np.float32(0)))
     result = pair_of(gpu, data, "Fox.gltf", "camera", "nearest", dict.fromkeys(FEATURES, below))
-    counts = counts_of(result.counts.combos)
+    counts = counts_of(result.counts.mask_histogram)
     first = int(bin_of(np.array(edge)))
     assert edges()[first - 1] == edge
     for feature in ("position", "normal"):

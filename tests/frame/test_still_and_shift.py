@@ -30,7 +30,7 @@ ZERO = dict.fromkeys(THRESHOLDS, 0.0)
 
 def assert_still(result) -> None:
     """Not one pixel leaves, and with thresholds of 0 not one distance differs from 0."""
-    counts = counts_of(result.counts.combos)
+    counts = counts_of(result.counts.mask_histogram)
     assert counts["comparable"] == counts["pixels"] and counts["sky"] == counts["history_sky"]
     kinds = ("pixels", "comparable", "sky", "history_sky")
     assert {name: n for name, n in counts.items() if n and name not in kinds} == {}
@@ -83,7 +83,7 @@ def test_a_surface_cut_open_by_the_near_plane_stands_still(gpu) -> None:
 
 def test_moving_the_world_changes_nothing(gpu) -> None:
     """A moving camera counts the same a thousand kilometres away."""
-    combos = []
+    mask_histograms = []
     for offset in ((0, 0, 0), (1e6, 1e6, -1e6)):
         scene = make_scene(clutter(2), materials=(Material(double_sided=True),), origin=offset)
 
@@ -91,10 +91,10 @@ def test_moving_the_world_changes_nothing(gpu) -> None:
             return np.add(offset, (0.3 * t, 0.1 * t, -0.2 * t)), rotation_about("y", 5 * t) @ rotation_about("x", 2 * t)
 
         track = FormulaCamera(Camera(yfov=0.9, znear=0.1, zfar=1e4), place)
-        combos.append(draw_pair(gpu, scene, track, (320, 180), (0.0, 1.0)).counts.combos.astype(int))
+        mask_histograms.append(draw_pair(gpu, scene, track, (320, 180), (0.0, 1.0)).counts.mask_histogram.astype(int))
     # 1e6 + 0.1 is rounded at 1e-10 m: at most a pixel or two on an edge may differ.
-    assert np.abs(combos[0] - combos[1]).sum() <= 4
-    assert counts_of(combos[0])["position"] > 1000
+    assert np.abs(mask_histograms[0] - mask_histograms[1]).sum() <= 4
+    assert counts_of(mask_histograms[0])["position"] > 1000
 
 
 def noise_wall(distance: float, half: float):
@@ -128,7 +128,7 @@ def test_a_shift_by_whole_pixels_discards_its_rows_and_columns(gpu, kind: str, s
     outside |= ((columns < 0) | (columns >= w))[None, :]
     outside |= ((rows < 0) | (rows >= h))[:, None]
     np.testing.assert_array_equal(result.mask, np.where(outside, Reason.OUTSIDE, 0))
-    assert counts_of(result.counts.combos)["frustum"] == w * h - (w - abs(right)) * (h - abs(up))
+    assert counts_of(result.counts.mask_histogram)["frustum"] == w * h - (w - abs(right)) * (h - abs(up))
     np.testing.assert_allclose(result.motion[..., 0], right, atol=2e-4)
     np.testing.assert_allclose(result.motion[..., 1], -up, atol=2e-4)
     # The texture went along: the colour now is the colour then at the place the motion points to.
@@ -144,7 +144,7 @@ def test_sky_moves_with_the_rotation_alone(gpu) -> None:
     assert_still(draw_pair(gpu, scene, walking, (160, 90), (0.0, 1.0)))
     turning = FormulaCamera(Camera(yfov=0.8), lambda t: ((0, 0, 0), rotation_about("y", -10 * t)))
     result = draw_pair(gpu, scene, turning, (160, 90), (0.0, 1.0))
-    assert counts_of(result.counts.combos)["sky"] == 160 * 90
+    assert counts_of(result.counts.mask_histogram)["sky"] == 160 * 90
     middle = result.motion[44:46, 79:81].mean(axis=(0, 1))
     focal = 45 / np.tan(0.4)
     assert middle[0] == pytest.approx(focal * np.tan(np.radians(10)), rel=2e-3)
@@ -157,7 +157,7 @@ def test_parallel_sky_shifts_with_the_camera(gpu) -> None:
     camera = Camera(kind="orthographic", ymag=4.5, znear=0.0, zfar=100.0)
     track = FormulaCamera(camera, lambda t: ((0.2 * t, 0, 0), np.eye(3)))  # two pixels of 0.1 m
     result = draw_pair(gpu, scene, track, (160, 90), (0.0, 1.0))
-    assert counts_of(result.counts.combos)["outside"] == 2 * 90
+    assert counts_of(result.counts.mask_histogram)["outside"] == 2 * 90
     np.testing.assert_allclose(result.motion[..., 0], 2.0, atol=1e-4)
 
 

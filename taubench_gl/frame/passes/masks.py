@@ -40,7 +40,7 @@ REPROJECTION = Struct(
     Field("exposure", "float", "factor on direct and indirect radiance before they are compared"),
     Field("declared", "uint", "FIRST or CUT for the whole frame, else 0"),
 )
-COMBOS = 1 << 16
+MASK_WORDS = 1 << 16
 RADIANCE = ("direct", "indirect", "color")
 GEOMETRY = ("position", "normal", "history_position", "history_normal", "prev_position")
 _MASK_IMAGE, _MOTION_IMAGE, _GEOMETRY_IMAGES = 0, 1, 2
@@ -60,15 +60,15 @@ def preamble(histogram_bits: int = HISTOGRAM_MANTISSA_BITS) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What one pair counted, exact.  ``combos`` (65536,) uint32 pixels per reason word; ``histograms`` (5, bins)."""
+    """Exact pixel counts of one pair."""
 
-    combos: np.ndarray
-    histograms: np.ndarray
+    mask_histogram: np.ndarray  # (65536,) pixels per mask word; uint32 as read back, int64 once added
+    histograms: np.ndarray  # (5, bins) pixels per bin of each feature's distance
 
     def __add__(self, other: Counts) -> Counts:
-        """Counts of both together, exact: of several samples per pixel, say."""
-        combos, histograms = (np.asarray(x, dtype=np.int64) for x in (self.combos, self.histograms))
-        return Counts(combos + other.combos, histograms + other.histograms)
+        """Exact sum of both, as of several samples per pixel."""
+        words, distances = (np.asarray(x, dtype=np.int64) for x in (self.mask_histogram, self.histograms))
+        return Counts(words + other.mask_histogram, distances + other.histograms)
 
 
 class ComparedSource(Protocol):
@@ -127,7 +127,7 @@ class MaskPass:
         self._bins = histogram_bins(histogram_bits)
         ctx = gpu.ctx
         self._parameters = ctx.buffer(reserve=REPROJECTION.dtype.itemsize)
-        sizes = 4 * COMBOS, 4 * len(FEATURES) * self._bins
+        sizes = 4 * MASK_WORDS, 4 * len(FEATURES) * self._bins
         self._counters = [tuple(ctx.buffer(reserve=size) for size in sizes) for _ in range(2)]
         self._runs = 0
         self.mask = ctx.texture(size, 1, dtype="u4") if write_mask else None
@@ -235,8 +235,8 @@ class MaskPass:
         run = self._runs if run is None else run
         if not self._runs - 1 <= run <= self._runs or run < 1:
             raise ValueError(f"run {run} of {self._runs} is not kept: only the last two are")
-        combos, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._counters[run % 2])
-        return Counts(combos, histograms.reshape(len(FEATURES), self._bins))
+        mask_histogram, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._counters[run % 2])
+        return Counts(mask_histogram, histograms.reshape(len(FEATURES), self._bins))
 
     def release(self) -> None:
         for item in (self._parameters, *(b for pair in self._counters for b in pair), self.mask, self.motion):
