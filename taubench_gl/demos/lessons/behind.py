@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,9 @@ from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
 from taubench_gl.demos.props import BRICK, LEAF, SEA, Props, hall
 from taubench_gl.demos.sheet import Sheet, checkerboard, note
 from taubench_gl.demos.stage import Stage
+from taubench_gl.metrics.reprojection import Reprojected, reproject
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.bench import PairImages, pixel_grid
-from taubench_gl.selftest.guards import all_off
+from taubench_gl.selftest.bench import pixel_grid
 from taubench_gl.selftest.scenes import IDENTITY, turn_y
 
 Array = np.ndarray
@@ -44,14 +45,11 @@ def fetched(picture: Array, motion: Array, kept: Array) -> Array:
     return np.where(kept[..., None], picture[row, column], np.nan)
 
 
-def without_the_test(stage: Stage) -> PairImages:
-    """The same pair, judged by the same shader with the line that tests w taken out."""
-    with all_off(("w-test",)):
-        bench = type(stage.bench)(stage.gpu, stage.size, stage.device)  # compiles anew
-        try:
-            return bench.pair(scene())
-        finally:
-            bench.release()
+def without_the_test(stage: Stage) -> Reprojected:
+    """The same pair by the float64 reference, with a near plane at minus infinity: no w is rejected."""
+    images = stage.bench.pair(scene())
+    pair = dataclasses.replace(images.pair, prev_near=-np.inf)
+    return reproject(pair, images.current["position"].astype(np.float64))
 
 
 @demo(
@@ -72,13 +70,13 @@ def without_the_test(stage: Stage) -> PairImages:
 def run(stage: Stage, out: Path) -> Result:
     lit = stage.pair(scene(), columns=("frustum", "color"))
     naive = without_the_test(stage)
-    kept_naive, kept = ~naive.has(Reason.BEHIND | Reason.OUTSIDE), ~lit.has(Reason.BEHIND | Reason.OUTSIDE)
+    kept_naive, kept = ~(naive.behind | naive.outside), ~lit.has(Reason.BEHIND | Reason.OUTSIDE)
     cell = max(stage.size[0] // 60, 1)
     last = lit.before["color"][..., :3]
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     sheet.panel(0, 0, last, "the last frame")
     sheet.panel(1, 0, lit.now["color"][..., :3], "this frame: the camera has turned round")
-    ghost = fetched(last, naive.motion, kept_naive)
+    ghost = fetched(last, naive.motion_px, kept_naive)
     axes = sheet.panel(0, 1, checkerboard(np.nan_to_num(ghost), ~kept_naive, cell), "history, w not tested: a ghost")
     note(axes, f"{100 * kept_naive.mean():.1f} % wrongly kept")
     real = fetched(last, lit.motion, kept)
@@ -87,7 +85,7 @@ def run(stage: Stage, out: Path) -> Result:
     sheet.legend([("checkerboard: no history", CHECKER)])
     path = sheet.save(out / "03-behind.png")
     mirror = pixel_grid(stage.size)[::-1]  # row r reads row h - 1 - r of its own column
-    error = np.abs(pixel_grid(stage.size) + naive.motion - mirror)[kept_naive].max()
+    error = np.abs(pixel_grid(stage.size) + naive.motion_px - mirror)[kept_naive].max()
     turn = "(x, y, -1) turned by 180° is (-x, y, 1); divided by w = -1 it is (x, -y): always on screen"
     findings = (
         Finding(100.0 * float(kept_naive.mean()), "%", "of the picture is reused by mistake where w is not tested",

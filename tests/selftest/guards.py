@@ -1,13 +1,14 @@
-"""What keeps the hard cases right, each with a way to switch it off: so anyone can see that the cases notice.
+"""Safeguards of the pipeline that the hard cases test, each with a context manager that disables it.
 
-``GUARDS`` lists them; ``with guard.off(): run_selftest(...)`` runs without one.  Nothing here is used by the pipeline.
+``GUARDS`` lists them; ``with guard.disabled(): run_selftest(...)`` runs without one.  Disabling replaces attributes of
+the package or text of its shaders, so it is for tests only.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,24 +25,24 @@ from taubench_gl.scene.gltf import meshes
 from taubench_gl.selftest import bench
 from taubench_gl.selftest.animation import plain_slerp
 from taubench_gl.selftest.statistics import one_pass_variance
-from taubench_gl.settings import Settings
+from taubench_gl.settings import SequenceSettings
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """``off()`` is a context manager that breaks it; ``noticed_by``: cases of which at least one must then fail."""
+    """``disabled()``: a context manager without it; ``detected_by``: cases of which at least one must then fail."""
 
     name: str
     what: str
-    off: Callable[[], AbstractContextManager[None]]
-    noticed_by: tuple[str, ...]
+    disabled: Callable[[], AbstractContextManager[None]]
+    detected_by: tuple[str, ...]
 
 
 @contextmanager
 def _replaced(*changes: tuple[Any, str, Any]) -> Iterator[None]:
-    """Attributes (owner, name, value) replaced for a while."""
+    """Attributes (owner, name, value), replaced inside the block."""
     kept = [(owner, name, getattr(owner, name)) for owner, name, _ in changes]
     try:
         for owner, name, value in changes:
@@ -54,7 +55,7 @@ def _replaced(*changes: tuple[Any, str, Any]) -> Iterator[None]:
 
 @contextmanager
 def _shader_text(old: str, new: str) -> Iterator[None]:
-    """GLSL in which ``old`` reads ``new``.  Raises LookupError if no shader resolved meanwhile contains ``old``."""
+    """Replace ``old`` by ``new`` in all GLSL text resolved here.  Raises LookupError if no text contains it."""
     resolve, seen = shader.resolve, []
 
     def edited(*arguments: Any, **keywords: Any) -> shader.Source:
@@ -108,7 +109,7 @@ def _world_blending() -> AbstractContextManager[None]:
 
 @contextmanager
 def _current_pose_as_previous() -> Iterator[None]:
-    """What many engines do: the current pose, relative to the previous camera."""
+    """The current pose relative to the previous camera, as many engines have it."""
     run = deform.DeformPass.run
 
     def posed(one: Any, state: FrameState, view: View, before: FrameState, before_view: View, buffers: Any) -> Array:
@@ -150,7 +151,7 @@ def _sum_in_floats() -> AbstractContextManager[None]:
 
 
 class _OnePass(streaming.Welford):
-    """Sums of squares, as on a pocket calculator."""
+    """E[x^2] - E[x]^2, from sums of squares."""
 
     __slots__ = ("values",)
 
@@ -254,80 +255,182 @@ _NEAR_TEST = "if (prev_depth <= limit) return mask | BEHIND;"
 _NORMAL = "vec3 r = vec3(dot(yz, n), dot(cross(z, x), n), dot(cross(x, y), n));"
 
 GUARDS: tuple[Guard, ...] = (
-    Guard("w-test", "previous depth against near, before the division", _glsl(_NEAR_TEST, ""),
-          ("turn-180", "turn-180-sky", "near-plane-crossing", "w-exactly-zero")),
-    Guard("screen-guard", "1/256 px at the edge of the screen", _python((conventions, "GUARD_PX", 0.0)),
-          ("screen-edge",)),
-    Guard("near-guard", "1e-5 at the near plane", _python((masks, "NEAR_GUARD", 0.0)), ("on-the-near-plane",)),
-    Guard("camera-relative", "matrices composed in float64 relative to the camera", _world_floats,
-          ("offset-1e6", "offset-1e9")),
-    Guard("camera-relative-skins", "palettes relative to the camera before the blend", _world_blending,
-          ("offset-1e6", "offset-1e9")),
-    Guard("previous-pose", "the previous pose at the previous time", _current_pose_as_previous,
-          ("skinned-motion", "skinned-with-camera", "morph-motion")),
+    Guard(
+        "w-test",
+        "previous depth compared with near before the division by w",
+        _glsl(_NEAR_TEST, ""),
+        ("turn-180", "turn-180-sky", "near-plane-crossing", "w-exactly-zero"),
+    ),
+    Guard(
+        "screen-guard",
+        "tolerance of 1/256 px at the edge of the screen",
+        _python((conventions, "GUARD_PX", 0.0)),
+        ("screen-edge",),
+    ),
+    Guard(
+        "near-guard",
+        "relative tolerance of 1e-5 at the near plane",
+        _python((masks, "NEAR_GUARD", 0.0)),
+        ("on-the-near-plane",),
+    ),
+    Guard(
+        "camera-relative",
+        "matrices composed in float64, relative to the camera",
+        _world_floats,
+        ("offset-1e6", "offset-1e9"),
+    ),
+    Guard(
+        "camera-relative-skins",
+        "skin palettes made relative to the camera before blending",
+        _world_blending,
+        ("offset-1e6", "offset-1e9"),
+    ),
+    Guard(
+        "previous-pose",
+        "previous positions use the pose at the previous time",
+        _current_pose_as_previous,
+        ("skinned-motion", "skinned-with-camera", "morph-motion"),
+    ),
     Guard("no-wrapped-time", "previous time is never wrapped", _previous_time_wrapped, ("loop-end",)),
-    Guard("sky-direction", "sky is a direction, w = 0", _sky_at_the_far_plane, ("sky-translation",)),
-    Guard("float-depth", "depth in 32-bit floats", _python((Gpu, "depth_texture", _fixed_point_depth)),
-          ("depth-1km", "depth-100km")),
-    Guard("hemisphere", "quaternion keys on one hemisphere", _python((curves, "slerp", _slerp_always(False))),
-          ("opposite-hemispheres",)),
-    Guard("equal-keys", "no division by sin(0)", _python((curves, "slerp", _slerp_always(True))),
-          ("equal-keys", "opposite-keys", "close-keys")),
-    Guard("half-turn", "a dot product of rounding noise does not choose the way", _python((curves, "HALF_TURN", 0.0)),
-          ("half-turn-keys",)),
-    Guard("exact-hermite", "v0 + h01 (v1 - v0)", _python((curves, "hermite", _hermite_of_all_terms)), ("cubic-still",)),
-    Guard("zero-quaternion", "the zero quaternion means no rotation",
-          _python((curves, "unit_quaternions", _divided_by_length)),
-          ("cubic-rotation",)),
-    Guard("wrap", "differences of angles wrapped", _python((activity, "wrap_degrees", lambda difference: difference)),
-          ("angle-wrap",)),
-    Guard("gimbal-rule", "roll held near the poles", _python((activity, "euler_changes", _plain_euler)),
-          ("pitch-through-90", "gimbal-flag")),
-    Guard("chord-angle", "4 atan2 of chords", _python((math3d, "quat_angle", _acos_angle)), ("tiny-rotation",)),
-    Guard("proper-rotation", "scale and mirror left out of the view",
-          _python((math3d, "orthonormal", lambda mat3: mat3)), ("scaled-camera-node",)),
+    Guard("sky-direction", "sky is a direction: w = 0", _sky_at_the_far_plane, ("sky-translation",)),
+    Guard(
+        "float-depth",
+        "depth is stored as 32-bit float",
+        _python((Gpu, "depth_texture", _fixed_point_depth)),
+        ("depth-1km", "depth-100km"),
+    ),
+    Guard(
+        "hemisphere",
+        "quaternion keys are taken on one hemisphere",
+        _python((curves, "slerp", _slerp_always(False))),
+        ("opposite-hemispheres",),
+    ),
+    Guard(
+        "equal-keys",
+        "slerp of equal keys does not divide by sin(0)",
+        _python((curves, "slerp", _slerp_always(True))),
+        ("equal-keys", "opposite-keys", "close-keys"),
+    ),
+    Guard(
+        "half-turn",
+        "a dot product of rounding noise does not choose the direction of rotation",
+        _python((curves, "HALF_TURN", 0.0)),
+        ("half-turn-keys",),
+    ),
+    Guard(
+        "exact-hermite",
+        "Hermite blending as v0 + h01 (v1 - v0), exact for equal keys",
+        _python((curves, "hermite", _hermite_of_all_terms)),
+        ("cubic-still",),
+    ),
+    Guard(
+        "zero-quaternion",
+        "the zero quaternion means no rotation",
+        _python((curves, "unit_quaternions", _divided_by_length)),
+        ("cubic-rotation",),
+    ),
+    Guard(
+        "wrap",
+        "differences of angles are wrapped",
+        _python((activity, "wrap_degrees", lambda difference: difference)),
+        ("angle-wrap",),
+    ),
+    Guard(
+        "gimbal-rule",
+        "roll is held near pitch +-90 degrees",
+        _python((activity, "euler_changes", _plain_euler)),
+        ("pitch-through-90", "gimbal-flag"),
+    ),
+    Guard(
+        "chord-angle",
+        "angle = 4 atan2 of chord lengths",
+        _python((math3d, "quat_angle", _acos_angle)),
+        ("tiny-rotation",),
+    ),
+    Guard(
+        "proper-rotation",
+        "the view matrix contains no scale and no mirroring",
+        _python((math3d, "orthonormal", lambda mat3: mat3)),
+        ("scaled-camera-node",),
+    ),
     Guard("cut-rule", "a step is compared with the changes around it", _everything_keyed, ("running-is-not-a-cut",)),
-    Guard("normal-cofactors", "normals through the cofactor matrix",
-          _glsl(_NORMAL, "vec3 r = vec3(dot(x, n), dot(y, n), dot(z, n));"), ("sheared-normal", "flattened-normal")),
-    Guard("scaled-cofactors", "rows scaled before they are multiplied",
-          _glsl("float scale = peak > 0.0 ? 1.0 / peak : 0.0;", "float scale = 1.0;"), ("tiny-scale-normal",)),
-    Guard("safe-normalize", "a vector of length 0 stays 0",
-          _glsl("if (!(peak > 0.0)) return vec3(0.0);", ""), ("zero-normals", "degenerate-triangles")),
-    Guard("front-faces", "mirrored draws turn their fronts over", _fronts_not_turned, ("negative-scale",)),
-    Guard("shown-side", "normals turned to the visible side",
-          _glsl("return gl_FrontFacing ? n : -n;", "return n;"), ("back-of-a-wall",)),
+    Guard(
+        "normal-cofactors",
+        "normals are transformed by the cofactor matrix",
+        _glsl(_NORMAL, "vec3 r = vec3(dot(x, n), dot(y, n), dot(z, n));"),
+        ("sheared-normal", "flattened-normal"),
+    ),
+    Guard(
+        "scaled-cofactors",
+        "matrix rows are scaled before they are multiplied",
+        _glsl("float scale = peak > 0.0 ? 1.0 / peak : 0.0;", "float scale = 1.0;"),
+        ("tiny-scale-normal",),
+    ),
+    Guard(
+        "safe-normalize",
+        "normalizing a zero vector gives zero",
+        _glsl("if (!(peak > 0.0)) return vec3(0.0);", ""),
+        ("zero-normals", "degenerate-triangles"),
+    ),
+    Guard("front-faces", "mirrored draws swap front and back faces", _fronts_not_turned, ("negative-scale",)),
+    Guard(
+        "shown-side",
+        "normals face the viewer",
+        _glsl("return gl_FrontFacing ? n : -n;", "return n;"),
+        ("back-of-a-wall",),
+    ),
     Guard("wide-indices", "32-bit indices", _sixteen_bit_indices, ("many-vertices",)),
-    Guard("non-finite", "NaN and Inf found in the bits",
-          _glsl("return (floatBitsToUint(x) & 0x7f800000u) == 0x7f800000u;", "return false;"),
-          ("nan-current", "nan-history", "inf-current", "invalid-position")),
-    Guard("finite-taps", "taps that are not finite are left out of the blend",
-          _glsl("if (bad || is_surface(s.position) != surface) continue;", ""), ("nan-beside-bilinear",)),
-    Guard("strict-threshold", "strictly greater than the threshold",
-          _glsl("if (direct_distance > P.threshold_direct)", "if (direct_distance >= P.threshold_direct)"),
-          ("on-threshold-direct",)),
-    Guard("signed-light", "lighter and darker told apart",
-          _glsl("luminance < 0.0 ? SHADOWED : 0u", "LIT"), ("lit-and-shadowed",)),
-    Guard("sky-discards", "sky against surface is always a discard",
-          _glsl("surface != history_surface", "false"), ("silhouette-camera", "silhouette-motion")),
+    Guard(
+        "non-finite",
+        "NaN and Inf are detected by their bits",
+        _glsl("return (floatBitsToUint(x) & 0x7f800000u) == 0x7f800000u;", "return false;"),
+        ("nan-current", "nan-history", "inf-current", "invalid-position"),
+    ),
+    Guard(
+        "finite-taps",
+        "bilinear taps that are not finite have weight 0",
+        _glsl("if (bad || is_surface(s.position) != surface) continue;", ""),
+        ("nan-beside-bilinear",),
+    ),
+    Guard(
+        "strict-threshold",
+        "a discard is strictly greater than the threshold",
+        _glsl("if (direct_distance > P.threshold_direct)", "if (direct_distance >= P.threshold_direct)"),
+        ("on-threshold-direct",),
+    ),
+    Guard(
+        "signed-light",
+        "brightened and darkened pixels get different bits",
+        _glsl("luminance < 0.0 ? SHADOWED : 0u", "LIT"),
+        ("lit-and-shadowed",),
+    ),
+    Guard(
+        "sky-discards",
+        "sky against surface is always a discard",
+        _glsl("surface != history_surface", "false"),
+        ("silhouette-camera", "silhouette-motion"),
+    ),
     Guard("integer-counts", "counts are integers", _sum_in_floats, ("more-than-2^24-pixels",)),
-    Guard("stable-variance", "Welford, not E[x^2] - E[x]^2", _one_pass_variance,
-          ("variance-stream", "variance-blocks")),
-    Guard("unit-scale", "the position threshold follows the scene's scale", _absolute_threshold,
-          ("scale-2^-20", "scale-1e6")),
-    Guard("normalised-weights", "skin weights sum to 1", _python((meshes, "skin_weights", _weights_as_stored)),
-          ("weights-not-one", "weights-all-zero")),
-    Guard("frame-tolerance", "2^-23 of the duration and 1e-6 of a frame more",
-          _python((Settings, "frame_count", lambda s, duration: int(np.floor(duration * s.fps)) + 1)),
-          ("duration-from-float-keys",)),
-)  # fmt: skip
-"""Every guard, with the cases that notice when it is gone."""
-
-
-@contextmanager
-def all_off(names: tuple[str, ...]) -> Iterator[None]:
-    """Several guards off at once, by name."""
-    with ExitStack() as stack:
-        for guard in GUARDS:
-            if guard.name in names:
-                stack.enter_context(guard.off())
-        yield
+    Guard(
+        "stable-variance",
+        "variance by Welford, not by E[x^2] - E[x]^2",
+        _one_pass_variance,
+        ("variance-stream", "variance-blocks"),
+    ),
+    Guard(
+        "unit-scale", "the position threshold scales with unit_scale", _absolute_threshold, ("scale-2^-20", "scale-1e6")
+    ),
+    Guard(
+        "normalised-weights",
+        "skin weights are normalized to a sum of 1",
+        _python((meshes, "skin_weights", _weights_as_stored)),
+        ("weights-not-one", "weights-all-zero"),
+    ),
+    Guard(
+        "frame-tolerance",
+        "frame count with tolerances of 2^-23 of the duration and 1e-6 of a frame",
+        _python((SequenceSettings, "frame_count", lambda s, duration: int(np.floor(duration * s.fps)) + 1)),
+        ("duration-from-float-keys",),
+    ),
+)
+"""Every guard, with the cases that fail when it is disabled."""

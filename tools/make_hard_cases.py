@@ -1,0 +1,86 @@
+#!/usr/bin/env python3
+"""Writes docs/hard-cases.md from the registered cases and from the guards of their tests: tools/make_hard_cases.py"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "selftest")]
+from guards import GUARDS  # noqa: E402
+
+from taubench_gl.selftest import cases  # noqa: E402
+from taubench_gl.selftest.case import GROUPS  # noqa: E402
+
+PATH = ROOT / "docs" / "hard-cases.md"
+
+TITLES = {
+    "projection": "Reprojection and screen edges",
+    "depth": "Depth and grazing angles",
+    "camera": "Camera motion",
+    "offsets": "Large offsets and scales",
+    "animation": "Animation keys and times",
+    "geometry": "Transforms and triangles",
+    "skinning": "Deforming surfaces",
+    "lighting": "Lights",
+    "radiance": "Radiance and thresholds",
+    "statistics": "Sums and counts",
+    "storage": "Half, float and double precision",
+    "files": "Invalid files",
+}
+
+HEAD = """# Hard cases
+
+Inputs on which temporal reprojection, animation or counting commonly fails.  Each row is a test case with a known
+answer.  Run them on your own GPU or CPU driver:
+
+```
+taubench-gl selftest
+taubench-gl selftest --only offsets --backend osmesa
+taubench-gl selftest --json > selftest.json
+```
+
+A case passes if its error is at most its tolerance.  A tolerance of 0 means equal to the last bit or pixel.  Where a
+simpler formula fails the case, the case also evaluates that formula and prints its result.
+
+This page is generated from the cases by `tools/make_hard_cases.py`.
+"""
+
+GUARDS_HEAD = """
+## Guards
+
+Each guard is one rule of the pipeline.  The tests disable one guard at a time and check that at least one of the
+named cases fails (`tests/selftest/guards.py`).
+
+| Guard | Rule | Detected by |
+| --- | --- | --- |
+"""
+
+
+def page() -> str:
+    """The whole page, Markdown."""
+    out = [HEAD]
+    every = cases()
+    for group in GROUPS:
+        out.append(f"\n## {TITLES[group]}\n\n")
+        out.append("| Case | Test | Common failure | Approach here | Tolerance |\n")
+        out.append("| --- | --- | --- | --- | --- |\n")
+        for one in every:
+            if one.group == group:
+                cells = (f"`{one.name}`", one.what, one.elsewhere, one.here, f"{one.tolerance:g}: {one.source}")
+                out.append(f"| {' | '.join(_cell(c) for c in cells)} |\n")
+    out.append(GUARDS_HEAD)
+    for guard in GUARDS:
+        detected = ", ".join(f"`{name}`" for name in guard.detected_by)
+        out.append(f"| `{guard.name}` | {_cell(guard.what)} | {detected} |\n")
+    return "".join(out)
+
+
+def _cell(text: str) -> str:
+    """Bars would end the cell; asterisks would set it in italics."""
+    return text.replace("|", "\\|").replace("*", "\\*")
+
+
+if __name__ == "__main__":
+    PATH.write_text(page(), encoding="utf-8")
