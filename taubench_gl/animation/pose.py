@@ -10,8 +10,8 @@ import dataclasses
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.animation.curves import Timeline
 from taubench_gl.animation.state import FrameState
-from taubench_gl.animation.timeline import Timeline
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Camera, Light, Primitive, Scene
 

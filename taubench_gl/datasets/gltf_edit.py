@@ -16,9 +16,8 @@ import numpy as np
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import text_bytes, write_atomically
-from taubench_gl.scene.gltf.container import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document
-from taubench_gl.scene.gltf.images import MEDIA_TYPES
-from taubench_gl.scene.gltf.uri import read_uri
+from taubench_gl.scene.gltf.document import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document, read_uri
+from taubench_gl.scene.gltf.materials import IMAGE_MEDIA_TYPES
 
 Json = dict[str, Any]
 _FLOAT = 5126
@@ -126,7 +125,7 @@ class GltfEditor:
             uri = image.get("uri")
             if uri is None or uri[:5].lower() == "data:":
                 continue
-            data = read_uri(document, uri, f"/images/{i}/uri", MEDIA_TYPES)
+            data = read_uri(document, uri, f"/images/{i}/uri", IMAGE_MEDIA_TYPES)
             kind = next((kind for magic, kind in _MAGIC.items() if data.startswith(magic)), None)
             if kind is not None:
                 image["uri"] = f"data:{kind};base64," + base64.b64encode(data).decode()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Scene
-from taubench_gl.scene.obj.sequence import is_sequence
+from taubench_gl.scene.obj.reader import is_sequence
 
 
 def _read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:

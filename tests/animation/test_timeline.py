@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_scenes import make_channel
 
 from taubench_gl.animation import curves
-from taubench_gl.animation.timeline import Timeline
+from taubench_gl.animation.curves import Timeline
 
 WIDTH = {"translation": 3, "rotation": 4, "scale": 3, "weights": 2, "visible": 1}
 

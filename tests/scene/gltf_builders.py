@@ -110,12 +110,18 @@ def finish(gltf: Gltf) -> Gltf:
     return gltf
 
 
-def refuse(path: Path, *parts: str, **options: Any) -> str:
-    """The message of the SceneError, which must hold every part and fit one line."""
+def refuse(path: Path, where: str | None = None, *values: object, **options: Any) -> SceneError:
+    """The SceneError that loading raises: one printable line, at JSON pointer ``where``, that contains ``values``.
+
+    ``where`` '' is the file itself, None any place.  ``values``: numbers and names of the file, not wording.
+    """
     with pytest.raises(SceneError) as caught:
         load_scene(path, **options)
-    text = str(caught.value)
-    assert "\n" not in text and text.isprintable()
-    for part in parts:
-        assert part in text, text
-    return text
+    error = caught.value
+    assert "\n" not in str(error) and str(error).isprintable()
+    if where is not None:
+        file, _, at = str(error.where).partition("#")
+        assert (Path(file).name, at) == (path.name, where), str(error)
+    for value in values:
+        assert str(value) in str(error), str(error)
+    return error

@@ -231,9 +231,9 @@ def test_takes_of_one_character_do_not_mix(data: Path) -> None:
     assert any("--animation" in n.message and "'Run'" in n.message for n in scene.notes)
     assert load_scene(fox, animation=["Run"]).playing == ("Run",)
     assert load_scene(fox, animation=[1]).playing == load_scene(fox, animation=["1"]).playing == ("Walk",)
-    with pytest.raises(SceneError, match="moves too"):
+    with pytest.raises(SceneError):
         load_scene(fox, animation=["Run", "Walk"])
-    with pytest.raises(SceneError, match="no animation 'Swim'"):
+    with pytest.raises(SceneError, match="'Swim'"):
         load_scene(fox, animation=["Swim"])
 
 

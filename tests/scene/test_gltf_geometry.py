@@ -19,7 +19,7 @@ from gltf_builders import (
 from gltf_files import TRIANGLE, Gltf, triangle_scene
 
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.gltf.triangles import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES, triangle_list
+from taubench_gl.scene.gltf.meshes import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES, triangle_list
 
 
 def test_reader_needs_no_gl() -> None:

@@ -1,4 +1,4 @@
-"""Hostile files: cut, escaping, bombs.  Each is one SceneError, and costs next to nothing."""
+"""Hostile files: truncated files, paths outside the folder, bombs.  Each is one SceneError and allocates little."""
 
 from __future__ import annotations
 
@@ -21,41 +21,42 @@ from taubench_gl.scene import load_scene
 # Files
 
 
-def test_unknown_suffix_lists_known_ones() -> None:
-    refuse(Path("model.fbx"), ".fbx", ".glb, .gltf")
+def test_unknown_suffix_lists_readable_ones() -> None:
+    error = refuse(Path("model.fbx"), "", ".fbx")
+    assert ".glb" in error.hint and ".gltf" in error.hint
 
 
-def test_missing_folder_empty(tmp_path: Path) -> None:
-    refuse(tmp_path / "no.gltf", "no such file")
+def test_missing_empty_and_unusable_paths(tmp_path: Path) -> None:
+    refuse(tmp_path / "no.gltf", "")
     (tmp_path / "folder.gltf").mkdir()
-    refuse(tmp_path / "folder.gltf", "is a folder")
+    refuse(tmp_path / "folder.gltf", "")
     (tmp_path / "empty.glb").touch()
-    refuse(tmp_path / "empty.glb", "is empty")
-    refuse(tmp_path / ("x" * 300 + ".gltf"), "cannot be read")
+    refuse(tmp_path / "empty.glb", "")
+    refuse(tmp_path / ("x" * 300 + ".gltf"), "")
     refuse(Path("nul\0.gltf"))
 
 
-def test_no_pipe_is_opened(tmp_path: Path) -> None:
+def test_pipes_are_not_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.gltf")
-    refuse(tmp_path / "pipe.gltf", "not a regular file")
+    refuse(tmp_path / "pipe.gltf", "")
     os.mkfifo(tmp_path / "pipe.bin")
     gltf = triangle_scene()
     gltf.json["buffers"] = [{"byteLength": 36, "uri": "pipe.bin"}]
-    refuse(gltf.save(tmp_path), "/buffers/0/uri", "not a regular file")
+    refuse(gltf.save(tmp_path), "/buffers/0/uri", "pipe.bin")
 
 
-def test_json_errors_say_line_and_column(tmp_path: Path) -> None:
+def test_json_errors_have_line_and_column(tmp_path: Path) -> None:
     path = tmp_path / "a.gltf"
     path.write_text('{\n  "asset": {"version": "2.0"},\n  "nodes": [,]\n}')
-    refuse(path, "line 3 column 13")
+    refuse(path, "", "line 3 column 13")
     path.write_bytes(b"\xef\xbb\xbf{}")
-    refuse(path, "byte order mark")
+    refuse(path, "")
     path.write_text('{"asset": {"version": "2.0"}')
-    refuse(path, "not valid JSON")
+    refuse(path, "")
     path.write_text("[1]")
-    refuse(path, "Expected object")
+    refuse(path, "")
     path.write_text('{"asset": {"version": "2.0"}, "nodes": [{"translation": [NaN, 0, 0]}]}')
-    refuse(path, "not valid JSON")
+    refuse(path, "")
 
 
 @pytest.mark.parametrize("place", ["extras", "extensions", "nodes"])
@@ -63,26 +64,26 @@ def test_deep_json(tmp_path: Path, place: str) -> None:
     path = tmp_path / "deep.gltf"
     opening, closing = '{"a":[' * 200_000, "]}" * 200_000
     path.write_text('{"asset": {"version": "2.0"}, "' + place + '": ' + opening + closing + "}")
-    refuse(path, "nested too deeply" if place == "extras" else "")
+    refuse(path)
 
 
-def test_glb_cut_at_every_length(tmp_path: Path) -> None:
+def test_glb_truncated_at_every_length(tmp_path: Path) -> None:
     whole = triangle_scene().save(tmp_path, "whole.glb").read_bytes()
     path = tmp_path / "cut.glb"
     for length in range(1, len(whole), 7):
         path.write_bytes(whole[:length])
-        refuse(path, "cut.glb")
+        refuse(path, "")
 
 
 def test_glb_header(tmp_path: Path) -> None:
     whole = triangle_scene().save(tmp_path, "whole.glb").read_bytes()
     path = tmp_path / "a.glb"
     path.write_bytes(b"glTX" + whole[4:])
-    refuse(path, "not a binary glTF")
+    refuse(path, "", "glTX")
     path.write_bytes(whole[:4] + b"\1\0\0\0" + whole[8:])
-    refuse(path, "version 1")
+    refuse(path, "", 1)
     path.write_bytes(glb(b""))
-    refuse(path, "JSON")
+    refuse(path, "")
 
 
 # URIs
@@ -97,7 +98,7 @@ def test_glb_header(tmp_path: Path) -> None:
     ids=lambda uri: uri[:24],
 )  # fmt: skip
 @pytest.mark.parametrize("kind", ["buffer", "image"])
-def test_uris_stay_in_the_folder(tmp_path: Path, uri: str, kind: str) -> None:
+def test_uris_outside_the_folder_are_refused(tmp_path: Path, uri: str, kind: str) -> None:
     folder = tmp_path / "scene"
     (folder / "sub").mkdir(parents=True)
     secret = png() if kind == "image" else bytes(100)
@@ -119,7 +120,7 @@ def test_absolute_paths_are_refused_even_inside(tmp_path: Path, encode: Callable
     gltf = triangle_scene()
     (tmp_path / "a.bin").write_bytes(gltf.blob)
     gltf.json["buffers"] = [{"byteLength": len(gltf.blob), "uri": encode(str(tmp_path / "a.bin"))}]
-    refuse(gltf.save(tmp_path), "/buffers/0/uri", "is absolute")
+    refuse(gltf.save(tmp_path), "/buffers/0/uri")
 
 
 def test_links_within_the_folder_are_followed(tmp_path: Path) -> None:
@@ -142,7 +143,7 @@ def test_bad_data_uris(tmp_path: Path, uri: str) -> None:
     refuse(gltf.save(tmp_path), "/buffers/0/uri")
 
 
-# Bombs: the peak of what is allocated, which tracemalloc sees for NumPy too, stays small
+# Bombs: peak allocation, which tracemalloc also records for NumPy, stays small
 
 
 def change(**changes: Any) -> Callable[[Gltf], None]:
@@ -158,7 +159,7 @@ def no_view(gltf: Gltf) -> None:
 
 
 def no_view_many(gltf: Gltf) -> None:
-    """Each within reason, all together not."""
+    """Each accessor is below the limit, their sum is not."""
     accessor = {"componentType": 5126, "type": "MAT4", "count": 2**21}
     first = len(gltf.json["accessors"])
     gltf.json["accessors"] += [dict(accessor) for _ in range(100)]
@@ -214,8 +215,9 @@ def test_truncated_image_fails_in_decode_only(tmp_path: Path) -> None:
     data = png((64, 64))[:-30]
     gltf.json["images"][0]["uri"] = "data:image/png;base64," + base64.b64encode(data).decode()
     scene = load_scene(gltf.save(tmp_path))
-    with pytest.raises(SceneError, match=r"/images/0.*cannot be decoded"):
+    with pytest.raises(SceneError) as caught:
         scene.images[0].decode()
+    assert caught.value.where == "scene.gltf#/images/0"
 
 
 def test_long_chain_of_nodes(tmp_path: Path) -> None:
@@ -227,11 +229,11 @@ def test_long_chain_of_nodes(tmp_path: Path) -> None:
     for i in range(1500, 5000):
         gltf.json["nodes"][i]["children"] = [i + 1]
         gltf.node()
-    refuse(gltf.save(tmp_path), "levels below its root")
+    refuse(gltf.save(tmp_path), "/nodes/2000", 2000)
 
 
 def test_shared_accessors_share_memory(tmp_path: Path) -> None:
-    """A thousand primitives over one accessor of ten thousand vertices: without sharing, hundreds of megabytes."""
+    """A thousand primitives on one accessor of ten thousand vertices: hundreds of megabytes without sharing."""
     gltf = Gltf()
     points = np.random.default_rng(0).random((10_000, 3), np.float32)
     weights = np.tile([0.5, 0.5, 0, 0], (10_000, 1))

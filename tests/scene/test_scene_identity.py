@@ -13,7 +13,7 @@ from gltf_files import Gltf
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene import load_scene
-from taubench_gl.scene.identity import Identity
+from taubench_gl.scene.files import Identity
 
 
 def gltf(folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""What every reader of a text format owes: one line that names the file, the line and the fault."""
+"""The error that every reader of a text format raises: one line, with file, line number and the offending value."""
 
 from __future__ import annotations
 
@@ -10,9 +10,15 @@ from taubench_gl.errors import SceneError
 from taubench_gl.scene import load_scene
 
 
-def refused(path: Path, line: int, what: str, named: str | None = None) -> None:
-    """Loading ``path`` fails in one line that begins with ``named`` (by default the file itself) and ``line``."""
+def refused(path: Path, line: int, value: object = "", file: str | None = None) -> None:
+    """Loading ``path`` fails at ``line`` of ``file`` (default: the file itself); the message contains ``value``."""
     with pytest.raises(SceneError) as caught:
         load_scene(path)
-    message = str(caught.value)
-    assert message.startswith(f"{named or path.name}:{line}: ") and what in message and "\n" not in message, message
+    error = caught.value
+    assert error.where == f"{file or path.name}:{line}" and str(value) in error.what, str(error)
+    assert "\n" not in str(error)
+
+
+def notes_about(scene, *values: object) -> list[str]:
+    """``where`` of every note of the scene that contains all ``values``."""
+    return [note.where for note in scene.notes if all(str(value) in note.message for value in values)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from aff_files import TRIANGLE, VIEW, keys, write
-from bad_files import refused
+from bad_files import notes_about, refused
 from PIL import Image as Picture
 
 from taubench_gl.animation import choose_camera, pose_normals, pose_vertices, sample
@@ -43,7 +43,7 @@ def test_movement_turn_scale_and_visibility_of_one_node(tmp_path):
     grow = keys(np.array([[t, 1 + t, 1, 1, 0, 0, 0] for t in (-1, 0, 2, 3)]))
     text = f"a 0 2 48\nx car {{ {TRIANGLE} }}\nk car {{ transl {move} rot {turn} scale {grow} visibility 1 1.5 0 }}"
     scene = load_scene(write(tmp_path, text))
-    assert scene.duration == 2.0 and any("--fps 24" in str(n) for n in scene.notes)
+    assert scene.duration == 2.0 and notes_about(scene, "--fps 24")
     for t in (0.0, 0.4, 1.0, 1.9):
         c, s = np.cos(np.pi / 2 * t), np.sin(np.pi / 2 * t)
         expected = [[t, 0, 0], [t + (1 + t) * c, (1 + t) * s, 0], [t - s, c, 0]]
@@ -186,86 +186,88 @@ def test_includes_share_material_and_block(tmp_path):
     )
     assert len(scene.mesh_nodes) == 2 and corners(scene, 1)[0, 0] == 5
     assert {m.primitives[0].material for m in scene.meshes} == {0}, "what a file sets stays set behind it"
-    assert any("left_out.aff is left out" in str(n) for n in scene.notes)
+    assert notes_about(scene, "left_out.aff")
     scene = load_scene(write(tmp_path, "d 3 i 3 part.aff"))
     assert len(scene.mesh_nodes) == 1
 
 
-def test_trouble_with_textures_is_noted(tmp_path):
+def test_unusable_textures_are_noted(tmp_path):
     (tmp_path.parent / "secret.png").write_bytes(b"")
     text = "".join(f"tt {name} 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\n" for name in ("none.ppm", "../secret.png", "/etc/x"))
     scene = load_scene(write(tmp_path, text))
-    notes = " ".join(str(n) for n in scene.notes)
-    assert "does not exist; drawn without it [scene.aff:1]" in notes
-    assert "leads out of the scene's folder" in notes and "absolute" in notes and not scene.images
+    for line, name in enumerate(("none.ppm", "../secret.png", "/etc/x"), start=1):
+        assert notes_about(scene, repr(name)) == [f"scene.aff:{line}"]
+    assert not scene.images
 
 
 BAD = {
-    "q 1 2 3": (1, "'q' is not a statement"),
-    "\n\ns 0 0 0": (3, "a sphere needs 4 numbers, the file has 3"),
-    "s 0 0\n0 one": (2, "'one' where a sphere needs a number"),
-    "s 0 0 0 0": (1, "radius 0"),
-    "s nan 0 0 1": (1, "'nan' in a sphere is not a usable number"),
-    "s 1e39 0 0 1": (1, "not a usable number"),
-    "p 2 0 0 0 1 1 1": (1, "must lie in 3.."),
-    "p 999999999 0 0 0": (1, "needs 2999999997 numbers"),
-    "c 0 0 0 1 0 0 0 1": (1, "no height"),
-    "v from 0 0 0 to 1 1 1": (1, "'to' instead of 'at'"),
-    VIEW.replace("at 0 0 0", "at 0 0 10"): (1, "looks at itself"),
-    VIEW.replace("angle 40", "angle 180"): (1, "must lie in 0..180"),
-    "xs 1 1 1 0 1 0 0 0 0 0 {\ns 0 0 0 1": (1, "never closed"),
-    "s 0 0 0 1\n}": (2, "} closes nothing"),
-    "x car\ns 0 0 0 1": (2, "'s' instead of '{'"),
-    "k a { transl 3": (1, "must lie in 4.."),
-    "k a { wobble 4": (1, "'wobble' is no kind of keys"),
-    "k a { visibility 1 0 1": (1, "the file ends"),
-    "a 2 1 5": (1, "ends at 1 before it starts"),
-    "m vertices 1 0 0 0 corners 1": (1, "'corners' instead of 'triangles'"),
-    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 3": (2, "index 3 in a mesh of 3 vertices"),
-    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 -1": (2, "index -1"),
-    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 .5": (2, "needs a whole number"),
-    "\ni 0 ../x.aff": (2, "leads out of the scene's folder"),
-    "i 0 none.aff": (1, "'none.aff' does not exist"),
-    "i zero x.aff": (1, "should be a whole number"),
+    "q 1 2 3": (1, "'q'"),
+    "\n\ns 0 0 0": (3, 4),
+    "s 0 0\n0 one": (2, "'one'"),
+    "s 0 0 0 0": (1, 0),
+    "s nan 0 0 1": (1, "'nan'"),
+    "s 1e39 0 0 1": (1, "'1e39'"),
+    "p 2 0 0 0 1 1 1": (1, 3),
+    "p 999999999 0 0 0": (1, 2999999997),
+    "c 0 0 0 1 0 0 0 1": (1, ""),
+    "v from 0 0 0 to 1 1 1": (1, "'to'"),
+    VIEW.replace("at 0 0 0", "at 0 0 10"): (1, ""),
+    VIEW.replace("angle 40", "angle 180"): (1, 180),
+    "xs 1 1 1 0 1 0 0 0 0 0 {\ns 0 0 0 1": (1, ""),
+    "s 0 0 0 1\n}": (2, "}"),
+    "x car\ns 0 0 0 1": (2, "'s'"),
+    "k a { transl 3": (1, 3),
+    "k a { wobble 4": (1, "'wobble'"),
+    "k a { visibility 1 0 1": (1, ""),
+    "a 2 1 5": (1, 1),
+    "m vertices 1 0 0 0 corners 1": (1, "'corners'"),
+    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 3": (2, 3),
+    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 -1": (2, -1),
+    "m vertices 3 0 0 0 1 0 0 0 1 0 triangles 1\n0 1 .5": (2, ".5"),
+    "\ni 0 ../x.aff": (2, "'../x.aff'"),
+    "i 0 none.aff": (1, "'none.aff'"),
+    "i zero x.aff": (1, "'zero'"),
 }
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_bad_files_give_one_line_with_file_and_line(tmp_path, text):
+def test_errors_carry_file_and_line(tmp_path, text):
     refused(write(tmp_path, text), *BAD[text])
 
 
 def test_files_that_include_each_other(tmp_path):
     write(tmp_path, "s 0 0 0 1\ni 0 b.aff", "a.aff")
     write(tmp_path, "i 0 a.aff", "b.aff")
-    with pytest.raises(SceneError, match=r"b.aff:1: files include each other: a.aff > b.aff > a.aff"):
+    with pytest.raises(SceneError, match=r"a\.aff > b\.aff > a\.aff") as caught:
         load_scene(write(tmp_path, "i 0 a.aff"))
+    assert caught.value.where == "b.aff:1"
 
 
 def test_include_bombs_end_early(tmp_path):
     for k in range(30):
         write(tmp_path, f"i 0 f{k + 1}.aff\n" * 4, f"f{k}.aff")
     write(tmp_path, TRIANGLE, "f30.aff")
-    with pytest.raises(SceneError, match="more than 20000 files are included"):
+    with pytest.raises(SceneError, match=str(parser.MAX_INCLUDES)):
         load_scene(tmp_path / "f0.aff")
 
 
 def test_vertex_bombs_end_early(tmp_path, monkeypatch):
     monkeypatch.setattr(parser, "MAX_VERTICES", 1000)
     write(tmp_path, "s 0 0 0 1", "ball.aff")
-    with pytest.raises(SceneError, match="more than 1000 vertices"):
+    with pytest.raises(SceneError, match="1000"):
         load_scene(write(tmp_path, "i 0 ball.aff\n" * 3))
 
 
 @pytest.mark.parametrize("data", [b"", b"\0\1\2"])
 def test_not_a_text_file(tmp_path, data):
     (tmp_path / "x.aff").write_bytes(data)
-    with pytest.raises(SceneError, match=r"is empty|is not a text file"):
+    with pytest.raises(SceneError) as caught:
         load_scene(tmp_path / "x.aff")
+    assert caught.value.where == str(tmp_path / "x.aff")
 
 
 def test_scene_and_animation_choices(tmp_path):
     path = write(tmp_path, f"x car {{ {TRIANGLE} }} k car {{ visibility 1 1 0 }} a 0 2 4")
     assert load_scene(path, animation=[]).channels == ()
-    with pytest.raises(SceneError, match="hold one scene"):
+    with pytest.raises(SceneError):
         load_scene(path, scene=0)

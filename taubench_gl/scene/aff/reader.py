@@ -17,10 +17,9 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.aff import splines
-from taubench_gl.scene.aff.content import AffFile, Fill, Motion
-from taubench_gl.scene.aff.parser import Parser
-from taubench_gl.scene.beside import read_image
+from taubench_gl.scene.aff.parser import AffFile, Fill, Motion, Parser
 from taubench_gl.scene.build import half_diagonal
+from taubench_gl.scene.files import read_image
 from taubench_gl.scene.model import Animation, Camera, Channel, Image, Light, Material, Mesh, Scene, Texture
 
 Array = np.ndarray

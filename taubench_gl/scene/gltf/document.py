@@ -1,17 +1,22 @@
-"""One glTF file while it is being read: decoded JSON, bytes of its buffers, notes, and errors that say where."""
+"""One glTF file while it is read: container, JSON, buffers, URIs, extensions, and errors that carry a JSON pointer."""
 
 from __future__ import annotations
 
+import base64
+import binascii
 import re
+import struct
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
+from urllib.parse import unquote
 
 import msgspec
 
 from taubench_gl.errors import SceneError
+from taubench_gl.scene.files import Identity, find_referenced, read_file, shortened
 from taubench_gl.scene.gltf import schema
-from taubench_gl.scene.identity import Identity
 from taubench_gl.scene.model import Note
 
 T = TypeVar("T")
@@ -19,35 +24,38 @@ T = TypeVar("T")
 
 @dataclass
 class Document:
-    """``buffers`` holds each buffer's bytes; None where the file gives it none (meshopt fallback, placeholders)."""
+    """Decoded JSON, buffers and notes of one file.
+
+    ``buffers`` holds the bytes of each buffer; None where the file has none (meshopt fallback, placeholder).
+    """
 
     path: Path
     root: schema.Root
     binary: bool = False  # GLB
     chunk: memoryview | None = None  # its BIN chunk
     buffers: list[memoryview | None] = field(default_factory=list)
-    external: dict[Path, bytes] = field(default_factory=dict)  # files the buffers lie in, in order of first use
+    external: dict[Path, bytes] = field(default_factory=dict)  # contents of buffer files, in order of first use
     notes: dict[Note, None] = field(default_factory=dict)  # an ordered set
     identity: Identity = field(default_factory=Identity)
 
     def error(self, what: str, pointer: str = "", hint: str | None = None) -> SceneError:
-        """A SceneError that names this file and a JSON pointer.  Returned, so that the caller raises it."""
+        """A SceneError at a JSON pointer of this file, for the caller to raise."""
         return SceneError(what, where=f"{self.path.name}#{pointer}" if pointer else self.path.name, hint=hint)
 
     def note(self, message: str, pointer: str = "") -> None:
-        """Keep a decision for the user; the same one is kept once."""
+        """Record a decision for the user; equal notes are recorded once."""
         self.notes[Note(message, pointer)] = None
 
     def item(self, collection: str, index: int, pointer: str) -> Any:
-        """The object ``root.<collection>[index]``, or an error at ``pointer`` where the reference is made."""
+        """The object ``root.<collection>[index]``.  Raises SceneError at ``pointer``, where the reference is."""
         items = getattr(self.root, collection) or []
         if index >= len(items):
             name = re.sub(r"_(.)", lambda m: m[1].upper(), collection)
-            raise self.error(f"refers to {name}[{index}], the file has {len(items)}", pointer)
+            raise self.error(f"refers to {name}[{index}]; the file has {len(items)}", pointer)
         return items[index]
 
     def extension(self, owner: schema.Property, name: str, kind: type[T], pointer: str) -> T | None:
-        """One extension object of ``owner`` (itself at ``pointer``), decoded as ``kind``; None where it is absent."""
+        """One extension object of ``owner``, which is at ``pointer``, decoded as ``kind``; None where it is absent."""
         value = owner.extensions.get(name)
         if value is None:
             return None
@@ -59,7 +67,261 @@ class Document:
 
 
 def explain(error: msgspec.ValidationError) -> tuple[str, str]:
-    """msgspec's message as (what is wrong, JSON pointer)."""
+    """msgspec's message, split into (what is wrong, JSON pointer)."""
     what, _, path = str(error).partition(" - at `$")
     pointer = re.sub(r"\[(\d+|\.\.\.)\]", lambda m: "/*" if m[1] == "..." else f"/{m[1]}", path.rstrip("`"))
     return what.replace("`", ""), pointer.replace(".", "/")
+
+
+def read_uri(document: Document, uri: str, pointer: str, media_types: tuple[str, ...]) -> bytes:
+    """The bytes of a data URI of one of ``media_types``, or of a file.  A file is read once.  Raises SceneError."""
+    if is_data_uri(uri):
+        return _data_uri(document, uri, pointer, media_types)
+    path = resolve_uri(document, uri, pointer)
+    if path not in document.external:
+        try:
+            document.external[path] = path.read_bytes()
+        except OSError as e:
+            raise document.error(f"{shortened(uri)} cannot be read: {e.strerror}", pointer) from None
+    return document.external[path]
+
+
+def is_data_uri(uri: str) -> bool:
+    return uri[:5].lower() == "data:"
+
+
+def resolve_uri(document: Document, uri: str, pointer: str) -> Path:
+    """The regular file inside the scene's folder that a relative URI refers to.  Raises SceneError."""
+    try:
+        name = unquote(uri, errors="strict")
+    except UnicodeDecodeError:
+        raise document.error(f"{shortened(uri)} is not percent-encoded UTF-8", pointer) from None
+    found = find_referenced(document.path.parent, name, backslashes=False)
+    if isinstance(found, str):
+        raise document.error(found, pointer, f"put the file into the folder of {document.path.name}")
+    return found
+
+
+def _data_uri(document: Document, uri: str, pointer: str, media_types: tuple[str, ...]) -> bytes:
+    header, comma, payload = uri[5:].partition(",")
+    media_type, *parameters = header.split(";")
+    if not comma or parameters[-1:] != ["base64"] or not all("=" in p for p in parameters[:-1]):
+        raise document.error("is not a base64 data URI", pointer)
+    if media_type.lower() not in media_types:
+        raise document.error(f"data URI of type {shortened(media_type)}, expected {' or '.join(media_types)}", pointer)
+    try:
+        return base64.b64decode(payload if "%" not in payload else unquote(payload), validate=True)
+    except (binascii.Error, ValueError) as e:
+        raise document.error(f"data URI is not valid base64: {e}", pointer) from None
+
+
+GLB_MAGIC = b"glTF"
+JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
+BUFFER_MEDIA_TYPES = ("application/octet-stream", "application/gltf-buffer")
+MESHOPT = frozenset({"EXT_meshopt_compression", "KHR_meshopt_compression"})
+
+_decoder = msgspec.json.Decoder(schema.Root)
+
+
+def open_document(path: Path) -> Document:
+    """Read a .gltf or .glb file and all its buffers.  Raises SceneError."""
+    data = read_file(path)
+    binary = data[:4] == GLB_MAGIC or path.suffix.lower() == ".glb"
+    json_bytes, chunk, extra = _split_glb(data, path) if binary else (data, None, 0)
+    document = Document(path, _decode(json_bytes, path), binary, chunk)
+    if extra:
+        document.note(f"{extra} bytes after the end of the binary container are ignored")
+    _check_version(document)
+    document.identity.add(data)
+    for index, buffer in enumerate(document.root.buffers or []):
+        document.buffers.append(_buffer_bytes(document, buffer, index))
+    for external in document.external.values():
+        document.identity.add(external)
+    return document
+
+
+def _split_glb(data: bytes, path: Path) -> tuple[memoryview, memoryview | None, int]:
+    """JSON chunk, BIN chunk and the number of bytes after the container.  Checks every length.  Raises SceneError."""
+
+    def bad(what: str, hint: str = "the file is damaged or truncated: export or download it again") -> SceneError:
+        return SceneError(what, where=path.name, hint=hint)
+
+    if data[:4] != GLB_MAGIC:
+        raise bad(f"not a binary glTF file: begins with {data[:4]!r} instead of {GLB_MAGIC!r}", "check the file format")
+    if len(data) < 12:
+        raise bad(f"binary glTF header truncated after {len(data)} bytes")
+    version, length = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise bad(f"binary glTF version {version}, only 2 is supported", "convert the file to glTF 2.0")
+    if length < 12 or length > len(data):
+        raise bad(f"header declares {length} bytes, the file has {len(data)}")
+    view, offset, chunks, seen = memoryview(data), 12, {}, 0
+    while offset < length:
+        if offset + 8 > length:
+            raise bad(f"chunk header at byte {offset} is truncated")
+        size, kind = struct.unpack_from("<II", data, offset)
+        offset += 8
+        if offset + size > length:
+            raise bad(f"chunk at byte {offset - 8} declares {size} bytes, {length - offset} remain")
+        if seen == 0 and kind != JSON_CHUNK:
+            raise bad(f"first chunk is {kind:#010x}, must be JSON")
+        if kind in chunks:
+            raise bad(f"two chunks of type {kind:#010x}")
+        if kind == BIN_CHUNK and seen != 1:
+            raise bad("BIN chunk is not the second chunk")
+        if kind in (JSON_CHUNK, BIN_CHUNK):
+            chunks[kind] = view[offset : offset + size]
+        offset, seen = offset + size, seen + 1
+    if not chunks.get(JSON_CHUNK):
+        raise bad("has no JSON chunk, or an empty JSON chunk")
+    return chunks[JSON_CHUNK], chunks.get(BIN_CHUNK), len(data) - length
+
+
+def _decode(data: bytes | memoryview, path: Path) -> schema.Root:
+    if bytes(data[:3]) == b"\xef\xbb\xbf":
+        raise SceneError(
+            "begins with a byte order mark, which glTF forbids", where=path.name, hint="save as UTF-8 without BOM"
+        )
+    try:
+        try:
+            return _decoder.decode(data)
+        except msgspec.ValidationError as e:
+            if "Expected `int`, got `float`" not in str(e):
+                raise
+            # JSON does not distinguish 1 from 1.0, and glTF allows both for integers: convert integral floats to int.
+            return msgspec.convert(_integral(msgspec.json.decode(data)), schema.Root)
+    except msgspec.ValidationError as e:
+        what, pointer = explain(e)
+        hint = "glTF forbids empty arrays: omit the property" if "length >= 1" in what else None
+        raise SceneError(what, where=f"{path.name}#{pointer}", hint=hint) from None
+    except RecursionError:
+        raise SceneError("JSON is nested too deeply", where=path.name) from None
+    except (ValueError, UnicodeError) as e:
+        raise SceneError(f"is not valid JSON{_line_column(str(e), data)}: {e}", where=path.name) from None
+
+
+def _integral(value: Any) -> Any:
+    if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
+        return int(value)
+    if isinstance(value, list):
+        return [_integral(v) for v in value]
+    if isinstance(value, dict):
+        return {k: _integral(v) for k, v in value.items()}
+    return value
+
+
+def _line_column(message: str, data: bytes | memoryview) -> str:
+    match = re.search(r"\(byte (\d+)\)", message)
+    if match is None:
+        return ""
+    before = bytes(data[: int(match[1])])
+    return f" at line {before.count(10) + 1} column {len(before) - before.rfind(10)}"
+
+
+def _check_version(document: Document) -> None:
+    asset = document.root.asset
+    for name, text in (("version", asset.version), ("minVersion", asset.min_version)):
+        if text is None:
+            continue
+        match = re.fullmatch(r"(\d{1,9})\.(\d{1,9})", text)
+        if match is None:
+            raise document.error(f"{text!r} is not a version number like 2.0", f"/asset/{name}")
+        if int(match[1]) != 2 or (name == "minVersion" and int(match[2]) > 0):
+            raise document.error(
+                f"glTF {text} is not supported, only 2.0 is", f"/asset/{name}", "convert the file to glTF 2.0"
+            )
+
+
+def _buffer_bytes(document: Document, buffer: schema.Buffer, index: int) -> memoryview | None:
+    pointer = f"/buffers/{index}"
+    if buffer.uri is not None:
+        data = read_uri(document, buffer.uri, f"{pointer}/uri", BUFFER_MEDIA_TYPES)
+    elif index == 0 and document.chunk is not None:
+        data = document.chunk
+    elif index == 0 and document.binary and not MESHOPT & buffer.extensions.keys():
+        raise document.error("buffer has neither a uri nor a BIN chunk", pointer, "the file has no data")
+    else:
+        return None  # legal while nothing reads it: meshopt fallbacks, placeholders
+    if len(data) < buffer.byte_length:
+        raise document.error(
+            f"byteLength is {buffer.byte_length}; the data has {len(data)} bytes",
+            f"{pointer}/byteLength",
+            "the data is truncated: export or download the file again",
+        )
+    return memoryview(data)[: buffer.byte_length]
+
+
+SUPPORTED: dict[str, tuple[str, ...]] = {
+    "KHR_lights_punctual": ("", "nodes"),
+    "KHR_texture_transform": ("textureInfo",),
+    "KHR_mesh_quantization": (),
+    "KHR_materials_unlit": ("materials",),
+    "KHR_materials_emissive_strength": ("materials",),
+    "KHR_materials_specular": ("materials",),
+    "KHR_node_visibility": ("nodes",),
+    "KHR_animation_pointer": ("target",),
+    "EXT_mesh_gpu_instancing": ("nodes",),
+    "KHR_draco_mesh_compression": ("primitives",),
+    "EXT_meshopt_compression": ("bufferViews", "buffers"),
+    "KHR_meshopt_compression": ("bufferViews", "buffers"),
+    "EXT_texture_webp": ("textures",),
+}
+"""Extension -> kinds of object that may carry it ('' is the document itself)."""
+
+METADATA_ONLY = frozenset({"KHR_xmp", "KHR_xmp_json_ld"})
+"""Extensions that do not change the image: no note is recorded for them."""
+
+
+def check_extensions(document: Document) -> None:
+    """Check the extensions of a file.
+
+    Raises SceneError for a required extension that is not supported, and for a supported one on the wrong kind of
+    object.  Records a note for a used extension that is not supported.
+    """
+    root = document.root
+    for i, name in enumerate(root.extensions_required or []):
+        if name not in SUPPORTED and name not in METADATA_ONLY:
+            raise document.error(
+                f"requires the extension {name}, which is not supported",
+                f"/extensionsRequired/{i}",
+                "export without it",
+            )
+    for name in dict.fromkeys(root.extensions_used or []):
+        if name not in SUPPORTED and name not in METADATA_ONLY:
+            document.note(f"extension {name} is used but not simulated")
+    for owner, kind, pointer in _owners(root):
+        for name in owner.extensions:
+            places = SUPPORTED.get(name)
+            if places is not None and kind not in places:
+                raise document.error(f"extension {name} is not allowed on this object", f"{pointer}/extensions/{name}")
+
+
+def _owners(root: schema.Root) -> Iterator[tuple[schema.Property, str, str]]:
+    """Objects that may carry extensions: (object, kind, JSON pointer)."""
+    yield root, "", ""
+    for kind, items in (
+        ("nodes", root.nodes),
+        ("scenes", root.scenes),
+        ("materials", root.materials),
+        ("textures", root.textures),
+        ("images", root.images),
+        ("samplers", root.samplers),
+        ("meshes", root.meshes),
+        ("skins", root.skins),
+        ("cameras", root.cameras),
+        ("accessors", root.accessors),
+        ("bufferViews", root.buffer_views),
+        ("buffers", root.buffers),
+        ("animations", root.animations),
+    ):
+        for i, item in enumerate(items or []):
+            pointer = f"/{kind}/{i}"
+            if item.extensions:
+                yield item, kind, pointer
+            if kind == "meshes":
+                yield from ((p, "primitives", f"{pointer}/primitives/{k}") for k, p in enumerate(item.primitives))
+            elif kind == "animations":
+                for k, channel in enumerate(item.channels):
+                    yield channel, "channels", f"{pointer}/channels/{k}"
+                    yield channel.target, "target", f"{pointer}/channels/{k}/target"
+                yield from ((s, "animationSamplers", f"{pointer}/samplers/{k}") for k, s in enumerate(item.samplers))

@@ -1,16 +1,58 @@
-"""Materials and how they sample textures."""
+"""Materials, textures and images.  Image headers are read with the scene, pixels on demand."""
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
 
+from taubench_gl.errors import SceneError
+from taubench_gl.scene.files import ImageSource, decode_image, open_image
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import Accessors
-from taubench_gl.scene.gltf.document import Document
-from taubench_gl.scene.gltf.images import read_image, unused_image
+from taubench_gl.scene.gltf.document import Document, is_data_uri, read_uri, resolve_uri
 from taubench_gl.scene.model import Image, Material, Sampler, Texture
 
 Array = np.ndarray
+
+IMAGE_MEDIA_TYPES = ("image/png", "image/jpeg", "image/webp")
+IMAGE_FORMATS = ("PNG", "JPEG", "WEBP")
+
+
+def read_image(document: Document, accessors: Accessors, index: int) -> Image:
+    """One image of the file, its size from the header.  Raises SceneError."""
+    image, pointer = document.root.images[index], f"/images/{index}"
+    if (image.uri is None) == (image.buffer_view is None):
+        raise document.error("must have either a uri or a bufferView", pointer)
+    if image.mime_type is not None and image.mime_type not in IMAGE_MEDIA_TYPES:
+        raise document.error(f"image of type {image.mime_type} is not supported", pointer, "use PNG, JPEG or WebP")
+    if image.buffer_view is not None:
+        source: ImageSource = accessors.view_bytes(image.buffer_view, f"{pointer}/bufferView")
+    elif is_data_uri(image.uri):
+        source = read_uri(document, image.uri, f"{pointer}/uri", IMAGE_MEDIA_TYPES)
+    else:
+        source = resolve_uri(document, image.uri, f"{pointer}/uri")
+        document.identity.add_file(source)
+    where = f"{document.path.name}#{pointer}"  # not the document, which the decoder would keep in memory
+
+    def error(what: str, hint: str | None) -> SceneError:
+        return SceneError(what, where=where, hint=hint)
+
+    with open_image(source, IMAGE_FORMATS, error) as opened:
+        size = opened.size
+    name = image.name or (source.stem if isinstance(source, Path) else "")
+    return Image(name, size, partial(decode_image, source, IMAGE_FORMATS, error))
+
+
+def unused_image(document: Document, index: int) -> Image:
+    """Placeholder for an image that no material samples: its file is never opened."""
+    error = document.error("is not sampled by any material and was not read", f"/images/{index}")
+
+    def decode() -> Array:
+        raise error
+
+    return Image(document.root.images[index].name, (0, 0), decode)
 
 
 class MaterialReader:

@@ -1,4 +1,4 @@
-"""Meshes: attributes, triangles, morph targets and skin weights."""
+"""Meshes: vertex attributes, triangles, morph targets and skin weights."""
 
 from __future__ import annotations
 
@@ -10,15 +10,142 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from taubench_gl.scene.gltf import schema
-from taubench_gl.scene.gltf.accessors import COMPONENT_NAMES, Accessors
-from taubench_gl.scene.gltf.attributes import FORMATS, TARGET_FORMATS, check_format, check_semantics
-from taubench_gl.scene.gltf.compression import decode_draco
+from taubench_gl.scene.gltf.accessors import COMPONENT_NAMES, Accessors, decode_draco
 from taubench_gl.scene.gltf.document import Document
-from taubench_gl.scene.gltf.triangles import POINTS, TRIANGLES, line_count, triangle_list
-from taubench_gl.scene.gltf.weights import skin_weights
 from taubench_gl.scene.model import Material, Mesh, MorphTarget, Primitive
 
 Array = np.ndarray
+
+BYTE, UBYTE, SHORT, USHORT, FLOAT = 5120, 5121, 5122, 5123, 5126
+_FLOAT = {(FLOAT, False)}
+_UNSIGNED = {(UBYTE, True), (USHORT, True)}
+_SIGNED = {(BYTE, True), (SHORT, True)}
+_ANY = {(c, n) for c in (BYTE, UBYTE, SHORT, USHORT) for n in (False, True)}
+
+Formats = dict[str, tuple[tuple[str, ...], set[tuple[int, bool]], set[tuple[int, bool]]]]
+
+FORMATS: Formats = {
+    "POSITION": (("VEC3",), _FLOAT, _ANY),
+    "NORMAL": (("VEC3",), _FLOAT, _SIGNED),
+    "TANGENT": (("VEC4",), _FLOAT, _SIGNED),
+    "TEXCOORD": (("VEC2",), _FLOAT | _UNSIGNED, _ANY),
+    "COLOR": (("VEC3", "VEC4"), _FLOAT | _UNSIGNED, set()),
+    "JOINTS": (("VEC4",), {(UBYTE, False), (USHORT, False)}, set()),
+    "WEIGHTS": (("VEC4",), _FLOAT | _UNSIGNED, set()),
+}
+"""Semantic -> accessor types, (component, normalized) of the core specification, those quantization adds."""
+
+TARGET_FORMATS: Formats = {
+    "POSITION": (("VEC3",), _FLOAT, {(c, n) for c in (BYTE, SHORT) for n in (False, True)}),
+    "NORMAL": (("VEC3",), _FLOAT, _SIGNED),
+    "TANGENT": (("VEC3",), _FLOAT, _SIGNED),
+    "TEXCOORD": (("VEC2",), _FLOAT | _UNSIGNED | _SIGNED, _ANY),
+    "COLOR": (("VEC3", "VEC4"), _FLOAT | _UNSIGNED | _SIGNED, set()),
+}
+
+_SEMANTIC = re.compile(r"POSITION|NORMAL|TANGENT|(?:TEXCOORD|COLOR|JOINTS|WEIGHTS)_(?:0|[1-9]\d{0,3})")
+
+
+def check_semantics(document: Document, primitive: schema.Primitive, pointer: str) -> None:
+    """Attribute names are glTF's or begin with an underscore; numbered ones count from 0 without a gap."""
+    sets: dict[str, set[int]] = {}
+    for name in primitive.attributes:
+        if name.startswith("_"):
+            continue
+        where = f"{pointer}/attributes/{name}"
+        if _SEMANTIC.fullmatch(name) is None:
+            raise document.error("is no attribute of glTF 2.0", where, "names of your own begin with an underscore")
+        base, _, number = name.partition("_")
+        if number:
+            sets.setdefault(base, set()).add(int(number))
+    for base, numbers in sets.items():
+        if max(numbers) != len(numbers) - 1:
+            raise document.error(f"numbers of {base}_n do not count from 0 without a gap", f"{pointer}/attributes")
+    if sets.get("JOINTS", set()) != sets.get("WEIGHTS", set()):
+        raise document.error("JOINTS_n and WEIGHTS_n do not come in pairs", f"{pointer}/attributes")
+
+
+def check_format(
+    document: Document, accessors: Accessors, name: str, index: int, formats: Formats, pointer: str
+) -> None:
+    """The accessor's type, component type and normalization are among those its semantic may have."""
+    accessor = accessors.get(index, pointer)
+    if accessor.component_type == 5125:
+        raise document.error("vertex attributes cannot be UNSIGNED_INT", pointer)
+    if name.startswith("_"):
+        return
+    semantic = name.partition("_")[0]
+    if semantic not in formats:
+        raise document.error("is no attribute of a morph target", pointer)
+    types, core, quantized = formats[semantic]
+    allowed = core | quantized if "KHR_mesh_quantization" in (document.root.extensions_used or []) else core
+    if accessor.type not in types or (accessor.component_type, accessor.normalized) not in allowed:
+        hint = "KHR_mesh_quantization is not declared" if quantized and allowed is core else None
+        raise document.error(f"{semantic} is {accessors.describe(index, pointer)}, which glTF does not allow", pointer,
+                             hint)  # fmt: skip
+
+
+POINTS, LINES, LINE_LOOP, LINE_STRIP, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = range(7)
+
+
+def triangle_list(mode: int, indices: Array) -> Array:
+    """Corners of every triangle, wound as glTF says.  (n,) -> (T, 3) uint32.
+
+    A list keeps its degenerate triangles (the file's count stays the file's); those of strips and fans, which only
+    stitch pieces together, are dropped.  Indices left over at the end make no triangle.
+    """
+    indices = indices.astype(np.uint32, copy=False)
+    if mode == TRIANGLES:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    count = max(len(indices) - 2, 0)
+    i = np.arange(count)
+    if mode == TRIANGLE_STRIP:
+        corners = np.stack([i, i + 1 + i % 2, i + 2 - i % 2], axis=1)
+    elif mode == TRIANGLE_FAN:
+        corners = np.stack([i + 1, i + 2, np.zeros_like(i)], axis=1)
+    else:
+        raise ValueError(f"mode {mode} has no triangles")
+    triangles = indices[corners].reshape(-1, 3)
+    a, b, c = triangles.T
+    return triangles[(a != b) & (b != c) & (c != a)]
+
+
+def line_count(mode: int, count: int) -> int:
+    """Segments that ``count`` indices make in a line mode."""
+    return {LINES: count // 2, LINE_LOOP: count if count > 1 else 0, LINE_STRIP: max(count - 1, 0)}[mode]
+
+
+SUM_TOLERANCE = 1e-3
+
+
+def skin_weights(
+    document: Document, fixes: Counter[str], arrays: dict[str, Array], pointer: str
+) -> tuple[Array | None, Array | None]:
+    """Joints (V, 4 k) uint32 and weights (V, 4 k) float32, or (None, None).  ``fixes`` counts what was repaired."""
+    sets = sorted(int(name[7:]) for name in arrays if name.startswith("JOINTS_"))
+    if not sets:
+        return None, None
+    joints = np.concatenate([arrays[f"JOINTS_{i}"] for i in sets], axis=1)
+    weights = np.concatenate([arrays[f"WEIGHTS_{i}"] for i in sets], axis=1).astype(np.float64)
+    negative = np.any(weights < 0, axis=1)
+    if np.any(negative):
+        raise document.error(
+            f"vertex {int(np.argmax(negative))} has a negative weight", f"{pointer}/attributes/WEIGHTS_0"
+        )
+    total = weights.sum(axis=1)
+    empty = total == 0
+    if np.any(empty):
+        # The only joint such a vertex names; without this it would collapse into the origin.
+        weights[empty, 0], total[empty] = 1.0, 1.0
+        fixes["vertices without any skin weight follow the first joint they name"] += int(empty.sum())
+    off = np.abs(total - 1.0) > SUM_TOLERANCE
+    if np.any(off):
+        fixes["vertices had skin weights that did not sum to 1; they were normalized"] += int(off.sum())
+    weights = (weights / total[:, None]).astype(np.float32)
+    joints.flags.writeable = weights.flags.writeable = False
+    return joints, weights
+
+
 UNIT_TOLERANCE = 0.00674  # on a vector's length; half a step of a normalized byte, as the Khronos validator has it
 
 

@@ -1,4 +1,4 @@
-"""Nodes, the hierarchy, the chosen scene, and EXT_mesh_gpu_instancing."""
+"""Nodes, the hierarchy, the selected scene, skins, cameras, lights and EXT_mesh_gpu_instancing."""
 
 from __future__ import annotations
 
@@ -8,12 +8,136 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.scene.gltf import schema
-from taubench_gl.scene.gltf.accessors import Accessors
+from taubench_gl.scene.gltf.accessors import FLOAT, Accessors
 from taubench_gl.scene.gltf.document import Document
-from taubench_gl.scene.gltf.views import LIGHTS
-from taubench_gl.scene.model import Mesh, Nodes, Skin
+from taubench_gl.scene.model import Camera, Light, Mesh, Nodes, Skin
 
 Array = np.ndarray
+
+LIGHTS = "KHR_lights_punctual"
+
+
+def read_cameras(document: Document) -> tuple[Camera, ...]:
+    """All cameras of the file."""
+    return tuple(_camera(document, camera, f"/cameras/{i}") for i, camera in enumerate(document.root.cameras or []))
+
+
+def read_lights(document: Document) -> tuple[Light, ...]:
+    """All lights of the file; none where it does not use the extension."""
+    lights = document.extension(document.root, LIGHTS, schema.PunctualLights, "")
+    if lights is None:
+        return ()
+    return tuple(_light(document, light, f"/extensions/{LIGHTS}/lights/{i}") for i, light in enumerate(lights.lights))
+
+
+def _camera(document: Document, camera: schema.Camera, pointer: str) -> Camera:
+    p, o = camera.perspective, camera.orthographic
+    if (p is None) == (o is None) or (p is None) == (camera.type == "perspective"):
+        raise document.error(f"must have exactly one of perspective and orthographic, that of its type {camera.type}",
+                             pointer)  # fmt: skip
+    if p is not None:
+        if p.yfov >= math.pi:
+            raise document.error(f"yfov {p.yfov:g} is not below pi", f"{pointer}/perspective/yfov")
+        if p.zfar is not None and p.zfar <= p.znear:
+            raise document.error(f"zfar {p.zfar:g} is not beyond znear {p.znear:g}", f"{pointer}/perspective/zfar")
+        return Camera(
+            camera.name,
+            "perspective",
+            yfov=p.yfov,
+            aspect=p.aspect_ratio,
+            znear=p.znear,
+            zfar=math.inf if p.zfar is None else p.zfar,
+        )
+    for name in ("xmag", "ymag"):
+        if getattr(o, name) == 0:
+            raise document.error(f"{name} must not be 0", f"{pointer}/orthographic/{name}")
+    if o.zfar <= o.znear:
+        raise document.error(f"zfar {o.zfar:g} is not beyond znear {o.znear:g}", f"{pointer}/orthographic/zfar")
+    return Camera(camera.name, "orthographic", xmag=o.xmag, ymag=o.ymag, znear=o.znear, zfar=o.zfar)
+
+
+def _light(document: Document, light: schema.PunctualLight, pointer: str) -> Light:
+    spot = light.spot or schema.Spot()
+    if light.type == "spot":
+        if light.spot is None:
+            raise document.error("a spot light must have the property spot", pointer)
+        if not spot.inner_cone_angle < spot.outer_cone_angle <= math.pi / 2 + 1e-6:
+            raise document.error(
+                f"needs innerConeAngle {spot.inner_cone_angle:g} < outerConeAngle {spot.outer_cone_angle:g} <= pi/2",
+                f"{pointer}/spot",
+            )
+    return Light(
+        name=light.name,
+        kind=light.type,
+        color=light.color,
+        intensity=light.intensity,
+        range=math.inf if light.range is None else light.range,
+        inner_cone=spot.inner_cone_angle,
+        outer_cone=min(spot.outer_cone_angle, math.pi / 2),
+    )
+
+
+def read_skins(document: Document, accessors: Accessors, parent: Array) -> tuple[Skin, ...]:
+    """All skins of the file.  ``parent`` (N,) of the nodes, loops already refused."""
+    return tuple(
+        _skin(document, accessors, skin, parent, f"/skins/{i}") for i, skin in enumerate(document.root.skins or [])
+    )
+
+
+def _skin(document: Document, accessors: Accessors, skin: schema.Skin, parent: Array, pointer: str) -> Skin:
+    for k, joint in enumerate(skin.joints):
+        document.item("nodes", joint, f"{pointer}/joints/{k}")
+    if len(set(skin.joints)) != len(skin.joints):
+        raise document.error("lists a joint twice", f"{pointer}/joints")
+    _check_common_root(document, skin, parent, pointer)
+    count = len(skin.joints)
+    inverse_bind = np.tile(np.eye(4), (count, 1, 1))
+    if skin.inverse_bind_matrices is not None:
+        where = f"{pointer}/inverseBindMatrices"
+        accessor = accessors.get(skin.inverse_bind_matrices, where)
+        if accessor.type != "MAT4" or accessor.component_type != FLOAT:
+            raise document.error(
+                f"is {accessors.describe(skin.inverse_bind_matrices, where)}, must be MAT4 of FLOAT", where
+            )
+        accessors.no_stride(skin.inverse_bind_matrices, where)
+        if accessor.count < count:
+            raise document.error(f"{accessor.count} matrices for {count} joints", where)
+        # glTF stores columns, so the rows of the reshaped array are columns.
+        raw = accessors.raw(skin.inverse_bind_matrices, where)[:count].astype(np.float64)
+        inverse_bind = raw.reshape(count, 4, 4).swapaxes(1, 2)
+        if np.any(inverse_bind[:, 3] != (0, 0, 0, 1)):
+            at = int(np.argmax(np.any(inverse_bind[:, 3] != (0, 0, 0, 1), axis=1)))
+            raise document.error(f"matrix {at} does not end in the row 0 0 0 1", where)
+    joints = np.array(skin.joints, dtype=np.int32)
+    joints.flags.writeable = inverse_bind.flags.writeable = False
+    return Skin(skin.name, joints, inverse_bind)
+
+
+def _lineage(node: int, parent: Array) -> list[int]:
+    out = [node]
+    while parent[out[-1]] >= 0:
+        out.append(int(parent[out[-1]]))
+    return out
+
+
+def _check_common_root(document: Document, skin: schema.Skin, parent: Array, pointer: str) -> None:
+    common: set[int] | None = None
+    seen: set[int] = set()
+    for joint in skin.joints:
+        if common is not None and parent[joint] in seen:
+            seen.add(joint)  # its ancestors are those of a joint already counted, and itself
+            continue
+        lineage = _lineage(joint, parent)
+        common = set(lineage) if common is None else common & set(lineage)
+        seen.add(joint)
+    if not common:
+        raise document.error("joints have no common root", f"{pointer}/joints")
+    if skin.skeleton is not None:
+        document.item("nodes", skin.skeleton, f"{pointer}/skeleton")
+        if skin.skeleton not in common:
+            raise document.error(f"nodes[{skin.skeleton}] is not a common root of the joints", f"{pointer}/skeleton")
+
+
 QUATERNION_TOLERANCE = 0.00769  # on the length, as the Khronos validator has it: a step of a normalized byte
 MATRIX_TOLERANCE = 1e-3  # on the cosine between columns
 MAX_DEPTH = 2000

@@ -7,14 +7,10 @@ from pathlib import Path
 
 from taubench_gl.scene.gltf.accessors import Accessors
 from taubench_gl.scene.gltf.animations import AnimationReader, choose_animations
-from taubench_gl.scene.gltf.container import open_document
-from taubench_gl.scene.gltf.document import Document
-from taubench_gl.scene.gltf.extensions import check_extensions
+from taubench_gl.scene.gltf.document import Document, check_extensions, open_document
 from taubench_gl.scene.gltf.materials import MaterialReader
 from taubench_gl.scene.gltf.meshes import MeshReader
-from taubench_gl.scene.gltf.nodes import choose_scene, parents, read_nodes
-from taubench_gl.scene.gltf.skins import read_skins
-from taubench_gl.scene.gltf.views import read_cameras, read_lights
+from taubench_gl.scene.gltf.nodes import choose_scene, parents, read_cameras, read_lights, read_nodes, read_skins
 from taubench_gl.scene.model import Scene
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.beside import find_beside, read_bytes, read_image
+from taubench_gl.scene.files import find_referenced, read_image, read_text_file
 from taubench_gl.scene.model import Image, Material, Note, Texture
 
 OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1,
@@ -40,15 +40,15 @@ class Library:
 
     def read(self, names: str, where: str) -> None:
         """``mtllib``: one file whose name may hold spaces, or several.  One that is missing is noted."""
-        found = find_beside(self.folder, names)
+        found = find_referenced(self.folder, names)
         several = [names] if isinstance(found, Path) else names.split()
         for name in several:
-            found = find_beside(self.folder, name)
+            found = find_referenced(self.folder, name)
             if isinstance(found, str):
                 self.note(f"material library {found}; drawn without it", where)
             elif found not in self._read:
                 self._read.add(found)
-                data = read_bytes(found, where)
+                data = read_text_file(found, where)
                 self.data.append(data)
                 self._parse(found, data)
 
@@ -124,7 +124,7 @@ class Library:
         words, name = _without_options(words), ""
         if words:
             name = " ".join(words)
-        found = find_beside(self.folder, name)
+        found = find_referenced(self.folder, name)
         if isinstance(found, str):
             self.note(f"texture {found}; drawn without it", where)
             return None

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.beside import read_bytes
+from taubench_gl.scene.files import read_text_file
 
 Array = np.ndarray
 
@@ -55,7 +55,7 @@ class ObjFile:
 
 def parse_obj(path: Path) -> ObjFile:
     """Read one OBJ file.  Raises SceneError with file and line."""
-    raw = read_bytes(path)
+    raw = read_text_file(path)
     return _Lines(path, raw).file(raw)
 
 

@@ -1,0 +1,172 @@
+"""The files of a scene: reading and decoding them, finding those it refers to, and one checksum over all of them.
+
+A scene refers to other files by relative paths.  Nothing outside the scene's folder is opened.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import threading
+import warnings
+from collections.abc import Callable
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+
+from taubench_gl.errors import SceneError
+from taubench_gl.scene.model import Image
+
+Array = np.ndarray
+ImageSource = Path | bytes | memoryview
+MakeError = Callable[[str, str | None], SceneError]
+"""(what is wrong, hint) -> the error, with its location."""
+
+MAX_TEXT_BYTES = 2**30
+"""Size limit of a text file."""
+MAX_SIDE = 16384
+"""Limit on the width and height of a texture.  Pillow's own limit of about 179 million pixels also applies."""
+TEXT_SCENE_IMAGES = ("PNG", "JPEG", "WEBP", "PPM", "BMP", "TGA", "TIFF")
+"""Image formats read for OBJ and AFF scenes."""
+
+_ABSOLUTE = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]*:|[/\\]")
+_BLOCK = 1 << 20
+_warnings_lock = threading.Lock()  # warnings.catch_warnings is not thread-safe
+
+
+def read_file(path: Path, where: str | None = None, max_bytes: int | None = None) -> bytes:
+    """The content of a regular file that is not empty.
+
+    ``where``: what refers to the file, by default the file itself.  Raises SceneError for anything else, and for a file
+    larger than ``max_bytes``.
+    """
+    where = where or str(path)
+    try:
+        if path.is_dir():
+            raise SceneError("is a folder, not a scene file", where=where, hint="name a file inside it")
+        if path.exists() and not path.is_file():
+            raise SceneError("is not a regular file", where=where)
+        if max_bytes is not None and path.exists() and path.stat().st_size > max_bytes:
+            raise SceneError(f"{path.name} is larger than {max_bytes >> 20} MiB", where=where)
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise SceneError("no such file", where=where, hint="check the path") from None
+    except (OSError, ValueError) as e:
+        raise SceneError(f"cannot be read: {getattr(e, 'strerror', None) or e}", where=where) from None
+    if not data:
+        raise SceneError("is empty", where=where, hint="export the scene again")
+    return data
+
+
+def read_text_file(path: Path, where: str | None = None) -> bytes:
+    """``read_file`` for text of at most ``MAX_TEXT_BYTES``; raises SceneError for binary content."""
+    data = read_file(path, where, MAX_TEXT_BYTES)
+    if b"\0" in data[:4096]:
+        raise SceneError("is not a text file", where=where or str(path), hint="check the file format")
+    return data
+
+
+def find_referenced(folder: Path, name: str, backslashes: bool = True) -> Path | str:
+    """The regular file ``name`` inside ``folder`` after following links, or the reason why there is none, in words.
+
+    ``backslashes``: whether a backslash separates folders, as in files written on Windows.
+    """
+    shown = shortened(name)
+    if not name or "\0" in name:
+        return f"{shown} is not a file name"
+    if _ABSOLUTE.match(name):
+        return f"{shown} is absolute or has a scheme; only files in the scene's folder are read"
+    try:
+        target = (folder / (name.replace("\\", "/") if backslashes else name)).resolve()
+        if not target.is_relative_to(folder.resolve()):
+            return f"{shown} is outside the scene's folder"
+        if target.is_file():
+            return target
+        return f"{shown} is not a regular file" if target.exists() else f"{shown} does not exist"
+    except (OSError, RuntimeError, ValueError):  # name too long, link loop
+        return f"{shown} is not a valid file name"
+
+
+def shortened(text: str, limit: int = 80) -> str:
+    """``text`` in quotes, cut to ``limit`` characters, for messages."""
+    return repr(text if len(text) <= limit else text[: limit - 3] + "...")
+
+
+def open_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> PIL.Image.Image:
+    """An opened image whose size is known and whose pixels are not decoded.  Raises ``error``."""
+    file = io.BytesIO(source) if isinstance(source, (bytes, memoryview)) else source
+    try:
+        with _warnings_lock, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            opened = PIL.Image.open(file, formats=formats)
+    except PIL.UnidentifiedImageError:
+        raise error(f"is not an image of type {', '.join(formats)}", "export the texture again") from None
+    except (OSError, ValueError, SyntaxError, PIL.Image.DecompressionBombError) as e:
+        raise error(f"image cannot be read: {e}", None) from None
+    if max(opened.size) > MAX_SIDE:
+        opened.close()
+        raise error(f"image is {opened.size[0]} x {opened.size[1]} pixels; the limit is {MAX_SIDE} a side", None)
+    return opened
+
+
+def decode_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> Array:
+    """RGBA pixels (h, w, 4) uint8, row 0 = top.  Raises ``error``."""
+    try:
+        with open_image(source, formats, error) as opened:
+            opened.load()
+            if opened.mode.startswith("I"):  # 16-bit gray: Pillow's conversion clips instead of scaling
+                gray = (np.asarray(opened).astype(np.int64) >> 8).clip(0, 255).astype(np.uint8)
+                return np.dstack([gray, gray, gray, np.full_like(gray, 255)])
+            return np.array(opened.convert("RGBA"))
+    except (OSError, ValueError, SyntaxError, EOFError) as e:
+        raise error(f"image cannot be decoded: {e}", "export the texture again") from None
+
+
+def read_image(path: Path) -> Image:
+    """A texture of an OBJ or AFF scene: size from the header, pixels decoded on demand.  Raises SceneError."""
+
+    def error(what: str, hint: str | None) -> SceneError:
+        return SceneError(what, where=path.name, hint=hint)
+
+    with open_image(path, TEXT_SCENE_IMAGES, error) as opened:
+        size = opened.size
+    return Image(path.stem, size, partial(decode_image, path, TEXT_SCENE_IMAGES, error))
+
+
+class Identity:
+    """SHA-256 over the bytes of every file a scene is read from, in the order in which its reader opens them.
+
+    Results measured on different bytes are never combined.  The checksum of a scene in one file is the file's own.
+    Images enter by their file bytes and are not decoded; images that no material samples do not enter.
+    """
+
+    def __init__(self) -> None:
+        self._digest = sha256()
+        self._added: set[Path] = set()
+        self.files = 0
+        """Number of files added."""
+
+    def add(self, data: bytes | memoryview) -> None:
+        """Add the bytes of a file that is in memory."""
+        self._digest.update(data)
+        self.files += 1
+
+    def add_file(self, path: Path) -> None:
+        """Add a file from disk.  Adding it again changes nothing.  Raises SceneError."""
+        if path in self._added:
+            return
+        self._added.add(path)
+        self.files += 1
+        try:
+            with path.open("rb") as file:
+                while block := file.read(_BLOCK):
+                    self._digest.update(block)
+        except OSError as e:
+            raise SceneError(f"cannot be read: {e.strerror}", where=path.name) from None
+
+    def hexdigest(self) -> str:
+        """64 hexadecimal digits over everything added."""
+        return self._digest.hexdigest()
