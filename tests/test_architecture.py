@@ -45,7 +45,7 @@ NO_GL_MODULES = tuple(f"pathtraced.{name}" for name in ("exr", "sequence", "came
 MAY_IMPORT_MODERNGL = {"gpu", "frame", "pathtraced", "reuse", "viewer"}
 
 LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}
-MAX_LINES = 450
+MAX_LINES = 700
 
 
 def modules() -> list[Path]:
