@@ -13,9 +13,9 @@ from taubench_gl.conventions import FEATURE_BIT, Reason
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import Pair, evaluate_scene
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced, is_sequence
-from taubench_gl.report import save_mask_picture, write_report
-from taubench_gl.report.frame_store import PictureKeeper
-from taubench_gl.report.html import REPORT_FILE, ReportRun, write_html_report
+from taubench_gl.report import save_mask_image, write_report
+from taubench_gl.report.frame_store import FrameRecorder
+from taubench_gl.report.run_page import REPORT_FILE, ReportRun, write_html_report
 from taubench_gl.run import FRAMES_FILE, Progress, Run
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -58,7 +58,7 @@ def evaluate(
         if save or report:
             raise SettingsError("nowhere to save to", hint="give out, a folder")
         return run_on(scene, settings, progress=progress)
-    saver = _Saver(Path(out), frozenset(save), PictureKeeper(Path(out)) if report else None)
+    saver = _Saver(Path(out), frozenset(save), FrameRecorder(Path(out)) if report else None)
     extra = SAVED_CHANNELS if "channels" in save else ()
     run = run_on(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
     saver.finish(run)
@@ -71,8 +71,8 @@ def evaluate(
 class _Saver:
     """Keeps the most discarded pair seen so far and writes what ``save`` asks for."""
 
-    def __init__(self, out: Path, save: frozenset[str], keeper: PictureKeeper | None = None):
-        self._out, self._save, self._keeper = out, save, keeper
+    def __init__(self, out: Path, save: frozenset[str], recorder: FrameRecorder | None = None):
+        self._out, self._save, self._recorder = out, save, recorder
         self._worst: tuple[int, int, np.ndarray, np.ndarray] | None = None
         self._measured: set[str] = set()
 
@@ -81,9 +81,9 @@ class _Saver:
         discarded = sum(pair.row[name] or 0 for name in ("frustum", *FEATURE_BIT))
         if self._worst is None or discarded > self._worst[0]:
             self._worst = (discarded, pair.frame, pair.mask(), shaded(pair))
-        if self._keeper is not None:
+        if self._recorder is not None:
             pictures = shaded(pair), shaded(pair, previous=True)
-            self._keeper.add(pair.frame, discarded, *pictures, pair.mask(), pair.motion())
+            self._recorder.add(pair.frame, discarded, *pictures, pair.mask(), pair.motion())
         try:
             if "masks" in self._save:
                 self._save_masks(pair)
@@ -98,7 +98,7 @@ class _Saver:
         mask = pair.mask()
         np.savez_compressed(folder / f"mask_{pair.frame:05d}.npz", mask=mask.astype(np.uint16))
         title = f"frame {pair.frame}"
-        save_mask_picture(folder / f"mask_{pair.frame:05d}.png", mask, shaded(pair), self._reasons(), title)
+        save_mask_image(folder / f"mask_{pair.frame:05d}.png", mask, shaded(pair), self._reasons(), title)
 
     def _save_channels(self, pair: Pair) -> None:
         folder = self._out / "channels"
@@ -117,11 +117,11 @@ class _Saver:
         """Write the picture of the most discarded pair, and close the report's pictures."""
         if self._worst is None or run.out is None:
             return
-        if self._keeper is not None:
-            self._keeper.finish(run.out / FRAMES_FILE)
+        if self._recorder is not None:
+            self._recorder.finish(run.out / FRAMES_FILE)
         _, frame, mask, base = self._worst
         title = f"{run.summary['scene']['name']}: most discarded pair, frames {frame - 1} and {frame}"
-        save_mask_picture(run.out / "mask.png", mask, base, self._reasons(), title)
+        save_mask_image(run.out / "mask.png", mask, base, self._reasons(), title)
 
 
 def shaded(pair: Pair, *, previous: bool = False) -> np.ndarray:

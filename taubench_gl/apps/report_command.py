@@ -36,7 +36,7 @@ def report(runs: tuple[str, ...], out: Path | None, pictures: int) -> None:
     Tables 1 to 4 beside the paper's rows, plots per frame, the frames with masks to switch on and off, thresholds to
     drag, effects, cuts, and where every number comes from.
     """
-    from taubench_gl.report.html import REPORT_FILE, ReportRun, write_html_report
+    from taubench_gl.report.run_page import REPORT_FILE, ReportRun, write_html_report
     from taubench_gl.run import load_run
 
     loaded = [load_run(run) for run in runs]

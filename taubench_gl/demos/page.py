@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from taubench_gl import __version__
 from taubench_gl.demos.demo import Demo, Finding, Result
-from taubench_gl.report.html import asset
+from taubench_gl.report.page import asset
 
 INDEX_FILE = "index.html"
 escape = html.escape

@@ -14,7 +14,7 @@ from taubench_gl.demos.demo import RGB
 from taubench_gl.glossary import label_of
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.palette import REASON_COLORS, color_of
-from taubench_gl.report.pictures import mask_overlay
+from taubench_gl.report.mask_images import mask_overlay
 
 Array = np.ndarray
 

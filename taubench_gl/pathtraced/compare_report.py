@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.conventions import FEATURE_BIT, FRUSTUM
 from taubench_gl.outputs import cannot_write
-from taubench_gl.report.pictures import legend, legend_strip, mask_overlay
+from taubench_gl.report.mask_images import legend, legend_strip, mask_overlay
 
 Array = np.ndarray
 NONE = "–"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.outputs import cannot_write, write_atomically
-from taubench_gl.report.pictures import mask_overlay, save_mask_picture
+from taubench_gl.report.mask_images import mask_overlay, save_mask_image
 from taubench_gl.report.plots import plot_frames, plot_thresholds
 from taubench_gl.report.render import FORMATS, MIN_WIDTH, TablesView
 from taubench_gl.report.tables import Column, Row, Table, paper_tables
@@ -26,7 +26,7 @@ __all__ = [
     "paper_tables",
     "plot_frames",
     "plot_thresholds",
-    "save_mask_picture",
+    "save_mask_image",
     "write_report",
 ]
 

@@ -1,15 +1,13 @@
-"""One colour per reason and per feature, the same in every picture and plot.
+"""One color per reason and per column, the same in all images, plots and pages.
 
-From the palettes of Okabe and Ito (2008) and Paul Tol.  Any two are at least 0.05 apart in OKLab, for normal sight and
-for simulated protanopia, deuteranopia and tritanopia (tests/report/test_palette.py).  The reasons that often
-touch (frustum, position, normal, direct, color) also differ in lightness.
+The colors are from the palettes of Okabe and Ito (2008) and Paul Tol.  Any two differ by at least 0.05 in OKLab, for
+normal vision and for simulated protanopia, deuteranopia and tritanopia (tests/report/test_palette.py).  Reasons that
+are often adjacent (frustum, position, normal, direct, color) also differ in lightness.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-
-import numpy as np
 
 from taubench_gl.conventions import FRUSTUM, Reason
 
@@ -55,14 +53,14 @@ DEFAULT_REASONS: tuple[Reason, ...] = (
     Reason.INDIRECT,
     Reason.COLOR,
 )
-"""What a mask picture shows unless told otherwise: the classes that are not compared, then the features."""
+"""The reasons that a mask image shows by default: pixels that are not classified, then the columns of Table 4."""
 
 
 def color_of(reason: Reason) -> RGB:
-    """8-bit sRGB of a reason or a combination in REASON_COLORS.  Raises KeyError for others."""
+    """8-bit sRGB of a reason or combination in REASON_COLORS.  Raises KeyError for others."""
     return REASON_COLORS[reason]
 
 
-def hex_of(feature: str) -> str:
-    """``#rrggbb`` of a column of Table 4."""
-    return "#{:02x}{:02x}{:02x}".format(*np.array(FEATURE_COLORS[feature]))
+def hex_of(color: str | RGB) -> str:
+    """``#rrggbb`` of a column of Table 4 or of an 8-bit sRGB color."""
+    return "#{:02x}{:02x}{:02x}".format(*(FEATURE_COLORS[color] if isinstance(color, str) else color))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import html
 import io
 import math
 from collections.abc import Sequence
@@ -178,27 +177,25 @@ def to_latex(tables: Sequence[Table]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def to_html(tables: Sequence[Table]) -> str:
-    """A fragment without scripts; carries its few styles inline, as notebooks strip style sheets."""
-    right, left, dim = ' style="text-align:right"', ' style="text-align:left"', ' style="opacity:.65"'
-    parts = []
+def to_html(tables: Sequence[Table], scroll: bool = False) -> str:
+    """A fragment without scripts or style sheet.  ``scroll``: each table in a box that scrolls on a narrow screen."""
+    from markupsafe import Markup
+
+    from taubench_gl.report.page import render
+
+    mark = Markup("<sup>{}</sup>").format
+    shown = []
     for table in tables:
-        lines, footnotes = _body(table, lambda mark: f"\x01{mark}\x02")
-        heads = "".join(f"<th{right}>{html.escape(_heading(column))}</th>" for column in table.columns)
-        rows = []
-        for row, (label, *cells) in zip(table.rows, lines, strict=True):
-            body = f"<th{left} scope='row'>{html.escape(label)}</th>"
-            body += "".join(f"<td{right}>{html.escape(cell)}</td>" for cell in cells)
-            body = body.replace("\x01", "<sup>").replace("\x02", "</sup>")
-            rows.append(f"<tr{dim if row.paper else ''}>{body}</tr>")
-        notes = [f"<sup>{i}</sup> {html.escape(note)}" for i, note in enumerate(footnotes, start=1)]
-        notes += [html.escape(note) for note in table.notes]
-        caption = f"<caption style='text-align:left;font-weight:bold'>{html.escape(_title(table))}</caption>"
-        parts.append(
-            f"<table>{caption}<thead><tr><th></th>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-            f"<p{dim}><small>{'<br>'.join(notes)}</small></p>"
-        )
-    return f"<div class='taubench-tables'>{''.join(parts)}</div>"
+        rows, footnotes = _body(table, mark)
+        shown.append({
+            "title": _title(table),
+            "heads": ["", *map(_heading, table.columns)],
+            "rows": rows,
+            "notes": [mark(i) + " " + note for i, note in enumerate(footnotes, start=1)] + list(table.notes),
+            "dim": [i for i, row in enumerate(table.rows) if row.paper],
+            "region": f"Table {table.number}" if scroll else "",
+        })  # fmt: skip
+    return Markup(render("tables.html", tables=shown))
 
 
 class TablesView:

@@ -1,16 +1,11 @@
-"""A cost study as one HTML file: the fronts to point at and to walk through with the keyboard, the tables below.
-
-Nothing is loaded from anywhere: data, style and script are in the page.
-"""
+"""The page of a cost study: templates/cost.html with cost.js; the tables are below the figure."""
 
 from __future__ import annotations
 
-import html
-import json
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any
 
+from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import hex_of
 from taubench_gl.report.study_tables import grids_html, heading
 
@@ -18,54 +13,25 @@ Study = Mapping[str, Any]
 
 METHOD_COLOR, WORST_COLOR = "#7f7f7f", "#9e9e9e"
 
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
-
 
 def study_html(study: Study) -> str:
     """The page, for study.json's values (schema ``taubench-gl/cost/1``)."""
-    assets = resources.files(__package__).joinpath("assets")
-    style, script = (assets.joinpath(name).read_text(encoding="utf-8") for name in ("study.css", "study.js"))
-    data = json.dumps(_for_script(study), allow_nan=False, ensure_ascii=False)
-    data = data.replace("<", "\\u003c")  # no name in a file can end the script element
     title, *about = heading(study)
-    said = [r["words"] for r in study["recommendations"]]
-    said += [f"reuse methods, {words}" for words in (study["quality"] or {}).get("recommendations", ())]
-    words = "".join(f"<li>{html.escape(line)}</li>" for line in said)
-    chosen = study["chosen"]
-    if chosen is not None:
-        words = f"<li><strong>{html.escape(chosen['words'])}</strong></li>{words}"
-    tables = grids_html(study).replace("<table>", "<div class='wide'><table>").replace("</table>", "</table></div>")
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<title>{html.escape(title)}</title>
-<style>
-{style}</style>
-</head>
-<body>
-<h1>{html.escape(title)}</h1>
-<p>{"<br>".join(html.escape(line) for line in about)}</p>
-<h2>Error against time</h2>
-<div class="controls">
-<label for="column">column <select id="column"></select></label>
-<span id="roles" class="controls"></span>
-</div>
-<svg id="plot" viewBox="0 0 1000 520" role="group" aria-label="error against time, one mark per setting"></svg>
-<p id="told" aria-live="polite"></p>
-<noscript><p>The figure needs scripts; front_*.svg beside this file show the same.</p></noscript>
-<h2>Which to use</h2>
-<ul>{words}</ul>
-<h2>Tables</h2>
-{tables}
-<script type="application/json" id="study">{data}</script>
-<script>
-{script}</script>
-</body>
-</html>
-"""
+    methods = (study["quality"] or {}).get("recommendations", ())
+    return render_page(
+        "cost.html",
+        styles=("cost.css",),
+        scripts=("cost.js",),
+        data=_for_script(study),
+        title=title,
+        about=about,
+        chosen=study["chosen"] and study["chosen"]["words"],
+        recommendations=[
+            *(r["words"] for r in study["recommendations"]),
+            *(f"reuse methods, {words}" for words in methods),
+        ],
+        tables=grids_html(study, scroll=True),
+    )
 
 
 def _for_script(study: Study) -> dict[str, Any]:

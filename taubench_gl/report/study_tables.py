@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import html
 import io
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -269,19 +268,21 @@ class StudyView:
         return grids_html(self.study)
 
 
-def grids_html(study: Study) -> str:
-    """Heading, tables and words as an HTML fragment without scripts or styles."""
-    parts = ["<p>" + "<br>".join(html.escape(line) for line in heading(study)) + "</p>"]
-    for grid in grids(study):
-        heads = "".join(f"<th scope='col'>{html.escape(h)}</th>" for h in grid.heads)
-        rows = "".join(
-            f"<tr><th scope='row'>{html.escape(row[0])}</th>"
-            + "".join(f"<td>{html.escape(c)}</td>" for c in row[1:])
-            + "</tr>"
-            for row in grid.rows
-        )
-        notes = "".join(f"<p><small>{html.escape(n)}</small></p>" for n in grid.notes)
-        caption = f"<caption>{html.escape(grid.title)}</caption>"
-        parts.append(f"<table>{caption}<thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{notes}")
-    parts.append("<p>" + "<br>".join(html.escape(line) for line in spoken(study)) + "</p>")
-    return "\n".join(parts)
+def grids_html(study: Study, scroll: bool = False) -> str:
+    """Heading, tables and text as an HTML fragment without scripts or style sheet.
+
+    ``scroll``: each table in a box that scrolls on a narrow screen, without the heading, for a page.
+    """
+    from markupsafe import Markup
+
+    from taubench_gl.report.page import render
+
+    tables = [
+        {"title": g.title, "heads": g.heads, "rows": g.rows, "notes": g.notes, "dim": (), "region": scroll and g.title}
+        for g in grids(study)
+    ]
+    lines = Markup("<p>{}</p>").format
+    about = "" if scroll else lines(Markup("<br>").join(heading(study)))
+    return Markup("{}{}{}").format(about, Markup(render("tables.html", tables=tables)), lines(
+        Markup("<br>").join(spoken(study))
+    ))

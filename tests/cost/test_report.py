@@ -59,7 +59,7 @@ def test_every_measured_setting_has_a_mark(page, small_study):
     page.select_option("#column", "position")
     shown = {m.get_attribute("data-name") for m in marks(page).all()}
     assert shown == {p.name for p in study.points if p.role != "question"}
-    bright = {m.get_attribute("data-name") for m in page.locator("#plot .mark:not(.off)").all()}
+    bright = {m.get_attribute("data-name") for m in page.locator("#plot .mark:not(.dim)").all()}
     assert bright == {p.name for p in study.front("position")}
 
 
@@ -69,10 +69,10 @@ def test_the_page_has_the_front_that_recommendations_rest_on(page, small_study):
     options = page.locator("#column option")
     assert [o.get_attribute("value") for o in options.all()] == [*study.columns, "all"]
     assert options.last.inner_text() == "worst of position, normal"
-    bright = {m.get_attribute("data-name") for m in page.locator("#plot .mark:not(.off)").all()}
+    bright = {m.get_attribute("data-name") for m in page.locator("#plot .mark:not(.dim)").all()}
     assert bright == {p.name for p in study.front("all")}
     page.locator('#plot .mark[data-name="best"]').hover()
-    assert "worst of position, normal: " in page.inner_text("#told")
+    assert "worst of position, normal: " in page.inner_text("#status")
 
 
 def test_the_time_axis_is_logarithmic(page, values):
@@ -89,19 +89,19 @@ def test_pointing_at_a_mark_tells_its_setting(page, small_study):
     _, study = small_study
     page.select_option("#column", "normal")
     page.locator('#plot .mark[data-name="best"]').hover()
-    told = page.inner_text("#told")
+    told = page.inner_text("#status")
     assert study.point("best").label in told and "ms per frame" in told and "normal:" in told and "clock" in told
 
 
 def test_the_keyboard_walks_through_the_marks(page):
     page.select_option("#column", "position")
     marks(page).first.focus()
-    first = page.inner_text("#told")
+    first = page.inner_text("#status")
     page.keyboard.press("ArrowRight")
-    second = page.inner_text("#told")
+    second = page.inner_text("#status")
     assert first != second
     page.keyboard.press("ArrowLeft")
-    assert page.inner_text("#told") == first
+    assert page.inner_text("#status") == first
     assert page.evaluate("document.activeElement.getAttribute('aria-label')") == first
 
 

@@ -15,8 +15,8 @@ from PIL import Image
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import OutputError
 from taubench_gl.report import frame_store
-from taubench_gl.report.frame_store import PictureKeeper, reproject_picture, spread, stored_pictures
-from taubench_gl.report.html import ReportRun, report_html, write_html_report
+from taubench_gl.report.frame_store import FrameRecorder, reproject_image, spread, stored_frames
+from taubench_gl.report.run_page import ReportRun, report_html, write_html_report
 from taubench_gl.report.plots import discard_curve
 
 EVIL = """</script><script>alert("x")</script>'"&<!--${title}$"""
@@ -118,12 +118,12 @@ STILL = np.zeros((12, 20, 2), np.float32)
 def keep(folder, count: int, discarded=lambda i: 0, mask=MASK, picture=PICTURE):
     folder.mkdir(exist_ok=True)
     (folder / "frames.csv").write_text("frame\n1\n")
-    keeper = PictureKeeper(folder)
+    keeper = FrameRecorder(folder)
     for i in range(count):
         motion = np.zeros((*mask.shape, 2), np.float32)
         keeper.add(i + 1, discarded(i), picture, picture, mask, motion)
     keeper.finish(folder / "frames.csv")
-    return stored_pictures(folder)
+    return stored_frames(folder)
 
 
 def unpacked(uri: str) -> np.ndarray:
@@ -162,8 +162,8 @@ def test_large_frames_are_made_smaller(tmp_path, monkeypatch):
 def test_an_earlier_runs_pictures_give_way_and_nothing_else(tmp_path):
     keep(tmp_path / "run", 5)
     (tmp_path / "run" / "pictures" / "mine.png").write_bytes(b"kept")
-    PictureKeeper(tmp_path / "run")
-    assert stored_pictures(tmp_path / "run")[0].frames == (1, 2, 3, 4, 5)  # untouched until there is a first pair
+    FrameRecorder(tmp_path / "run")
+    assert stored_frames(tmp_path / "run")[0].frames == (1, 2, 3, 4, 5)  # untouched until there is a first pair
     stored, _ = keep(tmp_path / "run", 2)
     assert stored.frames == (1, 2)
     assert len(list(stored.folder.iterdir())) == 1 + 2 * 3 + 1
@@ -172,15 +172,15 @@ def test_an_earlier_runs_pictures_give_way_and_nothing_else(tmp_path):
 def test_pictures_of_another_run_are_not_shown(tmp_path):
     keep(tmp_path / "run", 2)
     (tmp_path / "run" / "frames.csv").write_text("frame\n1\n2\n")
-    assert stored_pictures(tmp_path / "run") == (None, "the pictures in its folder are of another run")
+    assert stored_frames(tmp_path / "run") == (None, "the pictures in its folder are of another run")
 
 
 def test_a_missing_or_broken_picture_is_said(tmp_path):
     stored, _ = keep(tmp_path / "run", 2)
     (stored.folder / "mask_00002.png").unlink()
-    assert stored_pictures(tmp_path / "run")[1] == "pictures/mask_00002.png is missing"
+    assert stored_frames(tmp_path / "run")[1] == "pictures/mask_00002.png is missing"
     (stored.folder / "index.json").write_text("{")
-    assert stored_pictures(tmp_path / "run")[1] == "pictures/index.json cannot be read"
+    assert stored_frames(tmp_path / "run")[1] == "pictures/index.json cannot be read"
 
 
 def test_reprojected_picture_follows_motion_and_hatches_the_rest():
@@ -188,7 +188,7 @@ def test_reprojected_picture_follows_motion_and_hatches_the_rest():
     mask[:, -3:] = int(Reason.OUTSIDE)
     motion = STILL.copy()
     motion[..., 0] = 3.0
-    moved = reproject_picture(PICTURE, mask, motion)
+    moved = reproject_image(PICTURE, mask, motion)
     assert (moved[:, :-3] == PICTURE[:, 3:]).all()
     assert set(np.unique(moved[:, -3:])) == {0.58, 0.82}
 
@@ -203,7 +203,7 @@ def test_pictures_are_cut_to_the_budget(tmp_path, run, monkeypatch):
     from taubench_gl.report import html_data
 
     run.save(tmp_path)
-    keeper = PictureKeeper(tmp_path)
+    keeper = FrameRecorder(tmp_path)
     for i in range(12):
         keeper.add(i + 1, 1 if i == 4 else 0, PICTURE, PICTURE, MASK, STILL)
     keeper.finish(tmp_path / "frames.csv")

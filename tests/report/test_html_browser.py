@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from taubench_gl.conventions import FRUSTUM, Reason
-from taubench_gl.report.frame_store import PictureKeeper
-from taubench_gl.report.html import ReportRun, write_html_report
+from taubench_gl.report.frame_store import FrameRecorder
+from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.run import Run
 
 WIDTH, HEIGHT, PAIRS = 40, 20, 12  # of the made-up run
@@ -43,7 +43,7 @@ def runs(tmp_path_factory, make_run) -> list[Run]:
         run.summary["camera"]["cuts"] = [5]
         out = tmp_path_factory.mktemp("run")
         run.save(out)
-        keeper = PictureKeeper(out)
+        keeper = FrameRecorder(out)
         for i in range(1, PAIRS + 1):
             picture = np.full((HEIGHT, WIDTH, 3), i / 20 + 0.3 * which)
             keeper.add(i, 9 if i == 7 else 0, picture, 1 - picture, _mask(i), np.zeros((HEIGHT, WIDTH, 2)))

@@ -10,7 +10,7 @@ from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, Reason
 from taubench_gl.errors import OutputError
 from taubench_gl.glossary import key_of
 from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of
-from taubench_gl.report.pictures import STRIPE_PX, legend, legend_strip, mask_overlay, save_mask_picture
+from taubench_gl.report.mask_images import STRIPE_PX, legend, legend_strip, mask_overlay, save_mask_image
 
 
 def one_reason(reason: Reason, shape=(6, 8)) -> np.ndarray:
@@ -91,7 +91,7 @@ def test_legend_strip_wraps_instead_of_cutting():
 
 def test_picture_file_holds_overlay_and_legend(tmp_path):
     mask = one_reason(Reason.POSITION, (300, 500))
-    path = save_mask_picture(tmp_path / "mask.png", mask, title="frame 1")
+    path = save_mask_image(tmp_path / "mask.png", mask, title="frame 1")
     picture = iio.imread(path)
     assert np.array_equal(picture[:300], mask_overlay(mask))
     assert picture.shape[0] > 300 and picture.shape[1] == 500
@@ -99,13 +99,13 @@ def test_picture_file_holds_overlay_and_legend(tmp_path):
 
 def test_small_masks_are_enlarged(tmp_path):
     mask = one_reason(Reason.POSITION, (2, 4))
-    picture = iio.imread(save_mask_picture(tmp_path / "mask.png", mask))
+    picture = iio.imread(save_mask_image(tmp_path / "mask.png", mask))
     assert picture.shape[1] == 480
 
 
 def test_unwritable_picture_is_one_line(tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
-        save_mask_picture(tmp_path / "missing" / "mask.png", one_reason(Reason(0)))
+        save_mask_image(tmp_path / "missing" / "mask.png", one_reason(Reason(0)))
 
 
 def test_every_reason_and_feature_has_a_color_and_defaults_differ():

@@ -100,7 +100,7 @@ def test_what_fails_before_its_first_row_leaves_nothing(frames, tmp_path):
 def test_names_that_are_no_text_are_written_and_come_back(run, tmp_path):
     """A path with a byte that is no UTF-8: summary, tables, plots, page."""
     from taubench_gl.report import write_report
-    from taubench_gl.report.html import ReportRun, write_html_report
+    from taubench_gl.report.run_page import ReportRun, write_html_report
     from taubench_gl.run import Run
 
     lost = os.fsdecode(b"caf\xe9.glb")

@@ -1,28 +1,29 @@
-// The frame viewer: a picture, the reasons over it, a slider through the frames, and before against after.
+// The frame viewer of the run page: the frame with its reason masks, a slider over the frames, and comparisons with the
+// reprojected history, the plain frame or another run.
 const MODES = [
   ["masks", "Masks"],
-  ["history", "Last frame, reprojected"],
-  ["plain", "Picture against masks"],
+  ["history", "Reprojected history"],
+  ["plain", "Frame and masks"],
   ["runs", "Other run"],
 ];
 const STRIPE = 4;
 
 function makeViewer(box, state) {
-  let run, pictures, at = 0, mode = "masks", opacity = 0.8, split = 0.5, words = null, playing = 0, turn = 0;
+  let run, images, at = 0, mode = "masks", opacity = 0.8, split = 0.5, words = null, playing = 0, turn = 0;
   const shown = new Map();
   const stage = el("div", { class: "stage" });
   const base = el("canvas", { class: "base", role: "img" });
   const mask = el("canvas", { class: "mask", "aria-hidden": "true" });
   const tags = [el("span", { class: "tag left" }), el("span", { class: "tag right" })];
   const divider = el("div", {
-    class: "divider", tabindex: "0", role: "slider", "aria-label": "Divider between before and after",
+    class: "divider", tabindex: "0", role: "slider", "aria-label": "Divider between the two images",
     "aria-valuemin": "0", "aria-valuemax": "100",
   });
   stage.append(base, mask, ...tags, divider);
   const slider = el("input", { type: "range", id: "frame", min: "0", value: "0", "aria-label": "Frame" });
-  const told = el("output", { for: "frame" });
+  const status = el("output", { for: "frame" });
   const play = el("button", { type: "button", "aria-label": "Play" }, "▶");
-  const modes = el("div", { class: "modes", role: "group", "aria-label": "What is shown" });
+  const modes = el("div", { class: "modes", role: "group", "aria-label": "View" });
   const panel = el("div", { class: "panel" });
   const note = el("p", { class: "muted" });
   const percents = new Map();
@@ -32,7 +33,7 @@ function makeViewer(box, state) {
     if (!pics.cache) pics.cache = new Map();
     if (!pics.cache.has(key)) {
       const image = new Image();
-      // Not decode(): the page's own load event waits for an image that loads, so a page printed at once has its picture.
+      // Not decode(): the load event of the page waits for this image, so a page printed at once shows it.
       pics.cache.set(key, new Promise((done, failed) => {
         image.onload = () => done(image);
         image.onerror = () => failed(new Error(`${part} of frame ${pics.items[index].n} is damaged`));
@@ -54,13 +55,13 @@ function makeViewer(box, state) {
   }
 
   function paintMask() {
-    const { width, height } = pictures;
+    const { width, height } = images;
     mask.width = width;
     mask.height = height;
     const pen = mask.getContext("2d", { willReadFrequently: true });
-    const picture = pen.createImageData(width, height);
-    const wanted = run.reasons.filter((r) => shown.get(r.name));
-    const colors = wanted.map((r) => [1, 3, 5].map((k) => parseInt(r.color.slice(k, k + 2), 16)));
+    const pixels = pen.createImageData(width, height);
+    const enabled = run.reasons.filter((r) => shown.get(r.name));
+    const colors = enabled.map((r) => [1, 3, 5].map((k) => parseInt(r.color.slice(k, k + 2), 16)));
     const start = mode === "plain" ? Math.round(split * width) : 0;
     const alpha = Math.round(255 * opacity);
     const hits = [];
@@ -69,30 +70,30 @@ function makeViewer(box, state) {
         const word = words[y * width + x];
         if (!word) continue;
         hits.length = 0;
-        for (let k = 0; k < wanted.length; k++) if (word & wanted[k].bits) hits.push(k);
+        for (let k = 0; k < enabled.length; k++) if (word & enabled[k].bits) hits.push(k);
         if (!hits.length) continue;
         const color = colors[hits[Math.floor((x + y) / STRIPE) % hits.length]];
-        picture.data.set([color[0], color[1], color[2], alpha], 4 * (y * width + x));
+        pixels.data.set([color[0], color[1], color[2], alpha], 4 * (y * width + x));
       }
     }
-    pen.putImageData(picture, 0, 0);
+    pen.putImageData(pixels, 0, 0);
     mask.style.display = mode === "history" || mode === "runs" ? "none" : "";
   }
 
   function otherRun() {
-    return state.runs.find((r) => r !== run && r.pictures);
+    return state.runs.find((r) => r !== run && r.images);
   }
 
   async function show() {
     const mine = ++turn;
-    const { width, height } = pictures;
-    const item = pictures.items[at];
+    const { width, height } = images;
+    const item = images.items[at];
     slider.value = at;
     const row = run.rows.frame.indexOf(item.n);
     const seconds = run.rows.time_s[row];
     const which = `frame ${item.n}` + (seconds === null || seconds === undefined ? "" : `, ${seconds.toFixed(3)} s`);
-    const ends = item.n === pictures.worst ? `${which} · most discarded` : which;
-    told.textContent = ends;
+    const ends = item.n === images.worst ? `${which} · worst frame` : which;
+    status.textContent = ends;
     slider.setAttribute("aria-valuetext", ends);
     for (const [name, cell] of percents) {
       const count = (run.rows[name] || [])[row];
@@ -100,12 +101,12 @@ function makeViewer(box, state) {
     }
     state.onFrame(item.n);
     const other = mode === "runs" ? otherRun() : null;
-    const second = other && other.pictures;
+    const second = other && other.images;
     const nearest = second && second.items.reduce((best, it, i) =>
       Math.abs(it.n - item.n) < Math.abs(second.items[best].n - item.n) ? i : best, 0);
     const parts = await Promise.all([
-      load(pictures, at, "frame"), load(pictures, at, "mask"),
-      mode === "history" ? load(pictures, at, "previous") : second ? load(second, nearest, "frame") : null,
+      load(images, at, "frame"), load(images, at, "mask"),
+      mode === "history" ? load(images, at, "previous") : second ? load(second, nearest, "frame") : null,
     ]);
     if (mine !== turn) return;
     words = unpack(parts[1], width, height);
@@ -115,19 +116,19 @@ function makeViewer(box, state) {
     base.setAttribute("aria-label", `${run.label}, ${which}`);
     paintBase(parts[0], parts[2]);
     paintMask();
-    const names = { history: ["last frame, reprojected", "this frame"], plain: ["picture", "masks"],
+    const names = { history: ["reprojected history", "current frame"], plain: ["frame", "masks"],
       runs: [other ? `${other.label}, frame ${second.items[nearest].n}` : "", run.label] }[mode] || ["", ""];
     tags.forEach((tag, i) => { tag.textContent = names[i]; tag.hidden = !names[i]; });
     divider.hidden = mode === "masks";
     stage.dataset.frame = item.n;
-    for (const next of [at + 1, at - 1]) if (pictures.items[next]) load(pictures, next, "frame");
+    for (const next of [at + 1, at - 1]) if (images.items[next]) load(images, next, "frame");
   }
 
   let drawn = [null, null];
   function paintBase(image, before) {
     drawn = [image, before];
     const pen = base.getContext("2d");
-    const { width, height } = pictures;
+    const { width, height } = images;
     pen.filter = mode === "masks" ? "saturate(.35)" : "none";
     pen.drawImage(image, 0, 0, width, height);
     if (before) {
@@ -162,14 +163,14 @@ function makeViewer(box, state) {
   });
 
   function go(index) {
-    at = clamp(index, 0, pictures.items.length - 1);
+    at = clamp(index, 0, images.items.length - 1);
     return show();
   }
   slider.addEventListener("input", () => go(Number(slider.value)));
   play.addEventListener("click", () => {
     clearInterval(playing);
     const on = play.textContent === "▶";
-    playing = on ? setInterval(() => go((at + 1) % pictures.items.length), 160) : 0;
+    playing = on ? setInterval(() => go((at + 1) % images.items.length), 160) : 0;
     play.textContent = on ? "❚❚" : "▶";
     play.setAttribute("aria-label", on ? "Pause" : "Play");
   });
@@ -191,14 +192,14 @@ function makeViewer(box, state) {
         tick.checked = shown.get(r.name);
         tick.addEventListener("change", () => { shown.set(r.name, tick.checked); paintMask(); });
         const cell = el("span", { class: "pc" });
-        percents.set(r.row, cell);
+        percents.set(r.name, cell);
         const swatch = el("i", { class: "swatch" });
         swatch.style.background = r.color;
-        set.append(el("label", { class: "reason", title: r.told }, tick, swatch, el("span", {}, r.label), cell));
+        set.append(el("label", { class: "reason", title: r.definition }, tick, swatch, el("span", {}, r.label), cell));
       }
       panel.append(set);
     }
-    const range = el("input", { type: "range", min: "0", max: "100", value: Math.round(100 * opacity), "aria-label": "Opacity of the masks" });
+    const range = el("input", { type: "range", min: "0", max: "100", value: Math.round(100 * opacity), "aria-label": "Mask opacity" });
     const number = el("output", {}, `${Math.round(100 * opacity)} %`);
     range.addEventListener("input", () => { opacity = range.value / 100; number.textContent = `${range.value} %`; paintMask(); });
     panel.append(el("div", { class: "opacity" }, el("span", {}, "opacity"), range, number));
@@ -206,32 +207,32 @@ function makeViewer(box, state) {
 
   function setRun(next) {
     run = next;
-    pictures = run.pictures;
+    images = run.images;
     clearInterval(playing);
     play.textContent = "▶";
-    if (!pictures) {
+    if (!images) {
       box.replaceChildren(el("p", { class: "missing" },
-        `No pictures: ${run.no_pictures}. Evaluate the scene again with --report to see the frames with their masks here; everything else on this page needs none.`));
+        `No images: ${run.no_images}. Evaluate the scene again with --report to show the frames with their masks here.`));
       return;
     }
     fillPanel();
     modes.replaceChildren(...MODES.filter(([name]) => name !== "runs" || otherRun()).map(([name, text]) =>
       el("button", { type: "button", "data-mode": name, "aria-pressed": name === mode, onclick: () => setMode(name) }, text)));
     if (mode === "runs" && !otherRun()) mode = "masks";
-    slider.max = pictures.items.length - 1;
-    const worst = pictures.items.findIndex((item) => item.n === pictures.worst);
+    slider.max = images.items.length - 1;
+    const worst = images.items.findIndex((item) => item.n === images.worst);
     at = Math.max(worst, 0);
-    note.textContent = `${pictures.told} A pixel with several reasons is striped in all their colours.`;
+    note.textContent = `${images.summary} A pixel with several reasons shows stripes in the color of each.`;
     box.replaceChildren(modes, el("div", { class: "viewer" },
-      el("div", {}, stage, el("div", { class: "bar" }, play, slider, told), note), panel));
+      el("div", {}, stage, el("div", { class: "bar" }, play, slider, status), note), panel));
     setMode(mode);
   }
 
   return {
     setRun,
     goTo(frame) {
-      if (!pictures) return;
-      go(pictures.items.reduce((best, it, i) => Math.abs(it.n - frame) < Math.abs(pictures.items[best].n - frame) ? i : best, 0));
+      if (!images) return;
+      go(images.items.reduce((best, it, i) => Math.abs(it.n - frame) < Math.abs(images.items[best].n - frame) ? i : best, 0));
     },
   };
 }

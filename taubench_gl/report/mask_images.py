@@ -1,4 +1,4 @@
-"""Mask pictures: which pixels are discarded and why, over a grey image of the frame, with a legend."""
+"""Mask images: the discarded pixels in the colors of their reasons over a gray image of the frame, with a legend."""
 
 from __future__ import annotations
 
@@ -15,40 +15,40 @@ from taubench_gl.report.palette import DEFAULT_REASONS, color_of
 Array = np.ndarray
 
 STRIPE_PX = 4
+_ONLY_WHERE_PRESENT = {label_of(reason) for reason in (Reason.FIRST, Reason.CUT, Reason.INVALID)}
 _BACKGROUND = (24, 24, 24)
-_NO_BASE = 0.45  # grey where no base image is given
-_TINT = 0.78  # how much of a discarded pixel is its reason's colour; the rest is the shaded base
+_NO_BASE = 0.45  # gray level without a base image
+_TINT = 0.78  # weight of the reason's color on a discarded pixel; the rest is the base
 
 
 def mask_overlay(mask: Array, base: Array | None = None, reasons: Sequence[Reason] = DEFAULT_REASONS) -> Array:
-    """Colour every pixel by its reasons.  (h, w) uint32, (h, w, 3) float or None -> (h, w, 3) uint8, row 0 = top.
+    """Color every pixel by its reasons.  (h, w) uint32, (h, w, 3) float or None -> (h, w, 3) uint8, row 0 = top.
 
-    ``base`` is display-referred in [0, 1] (clipped, NaN as black) and shown in grey.  A pixel with several of
-    ``reasons`` is striped diagonally in all their colours, STRIPE_PX wide, so that none hides another.  Raises
-    ValueError if the shapes do not fit.
+    ``base`` is display-referred in [0, 1] (clipped, NaN as black) and shown in gray.  A pixel with several of
+    ``reasons`` shows diagonal stripes, STRIPE_PX wide, in the color of each.  Raises ValueError if shapes differ.
     """
     mask = np.asarray(mask)
     if mask.ndim != 2:
         raise ValueError(f"mask has shape {mask.shape}, expected (h, w)")
-    picture = np.repeat(_grey(base, mask.shape)[..., None], 3, axis=-1)
+    image = np.repeat(_gray(base, mask.shape)[..., None], 3, axis=-1)
     hits = np.stack([(mask & np.uint32(int(reason))) != 0 for reason in reasons]) if reasons else None
     if hits is None:
-        return np.round(255.0 * picture).astype(np.uint8)
+        return np.round(255.0 * image).astype(np.uint8)
     count = hits.sum(axis=0)
     rows, columns = np.indices(mask.shape)
     turn = ((rows + columns) // STRIPE_PX) % np.maximum(count, 1)
-    order = np.cumsum(hits, axis=0) - 1  # of a pixel's reasons, the how-manieth this one is
+    order = np.cumsum(hits, axis=0) - 1  # index of each reason among those of the pixel
     for reason, hit, place in zip(reasons, hits, order, strict=True):
         chosen = hit & (place == turn)
         color = np.array(color_of(reason)) / 255.0
-        picture[chosen] = (1.0 - _TINT) * picture[chosen] + _TINT * color
-    return np.round(255.0 * picture).astype(np.uint8)
+        image[chosen] = (1.0 - _TINT) * image[chosen] + _TINT * color
+    return np.round(255.0 * image).astype(np.uint8)
 
 
 def legend(mask: Array, reasons: Sequence[Reason] = DEFAULT_REASONS) -> list[tuple[str, tuple[int, int, int], float]]:
-    """Name, colour (r, g, b in 0 .. 255) and percentage of w·h of each reason in ``mask``, (h, w) uint32.
+    """Label, color (r, g, b in 0 .. 255) and percentage of all pixels of each reason in ``mask``, (h, w) uint32.
 
-    Reasons overlap, so percentages need not add up to the discarded.
+    Reasons overlap, so the percentages need not add up to the discard rate.
     """
     mask = np.asarray(mask)
     pixels = max(mask.size, 1)
@@ -58,34 +58,34 @@ def legend(mask: Array, reasons: Sequence[Reason] = DEFAULT_REASONS) -> list[tup
     ]
 
 
-def save_mask_picture(
+def save_mask_image(
     path: str | Path,
     mask: Array,
     base: Array | None = None,
     reasons: Sequence[Reason] = DEFAULT_REASONS,
     title: str = "",
 ) -> Path:
-    """Write ``mask_overlay`` with a legend strip beneath it as PNG.  Small masks are enlarged by whole pixels.
+    """Write ``mask_overlay`` with a legend below it as PNG.  Small masks are enlarged by an integer factor.
 
-    Give only ``reasons`` that were measured: the legend says 0 % for a feature that no pixel has.  First, cut and
-    invalid stay out of it where there are none.  Raises OutputError.
+    ``reasons`` should hold measured ones only: the legend lists 0 % for a reason that no pixel has, except for first,
+    cut and invalid, which it omits then.  Raises OutputError.
     """
     import imageio.v3 as iio
 
-    picture = mask_overlay(mask, base, reasons)
-    enlarge = max(1, -(-480 // max(picture.shape[1], 1)))
-    picture = np.repeat(np.repeat(picture, enlarge, axis=0), enlarge, axis=1)
-    entries = [entry for entry in legend(mask, reasons) if entry[2] > 0 or entry[0] not in ("first", "cut", "invalid")]
+    image = mask_overlay(mask, base, reasons)
+    enlarge = max(1, -(-480 // max(image.shape[1], 1)))
+    image = np.repeat(np.repeat(image, enlarge, axis=0), enlarge, axis=1)
+    entries = [entry for entry in legend(mask, reasons) if entry[2] > 0 or entry[0] not in _ONLY_WHERE_PRESENT]
     path = Path(path)
     try:
-        iio.imwrite(path, np.concatenate([picture, legend_strip(entries, picture.shape[1], title)]), extension=".png")
+        iio.imwrite(path, np.concatenate([image, legend_strip(entries, image.shape[1], title)]), extension=".png")
     except OSError as error:
         raise cannot_write(path, error) from None
     return path
 
 
 def legend_strip(entries: Sequence[tuple[str, tuple[int, int, int], float]], width: int, title: str = "") -> Array:
-    """Swatches with names and percentages, wrapped to ``width`` pixels.  -> (rows, width, 3) uint8."""
+    """Swatches with labels and percentages, wrapped to ``width`` pixels.  -> (rows, width, 3) uint8."""
     from PIL import Image, ImageDraw, ImageFont
 
     size = int(np.clip(width / 64, 12, 26))
@@ -93,7 +93,7 @@ def legend_strip(entries: Sequence[tuple[str, tuple[int, int, int], float]], wid
     pad, gap, line = size // 2, int(1.6 * size), int(1.7 * size)
     items = [(f"{name} {percent:.2f} %", color) for name, color, percent in entries]
     places, x, y = [], pad, pad
-    title = plain_text(title)  # it names a file
+    title = plain_text(title)  # may hold a file name that is not UTF-8
     if title:
         y += line
     for text, _ in items:
@@ -112,8 +112,8 @@ def legend_strip(entries: Sequence[tuple[str, tuple[int, int, int], float]], wid
     return np.asarray(strip)
 
 
-def _grey(base: Array | None, shape: tuple[int, int]) -> Array:
-    """Luma of ``base``, compressed so that neither black nor white drowns the colours on top.  -> (h, w) float64."""
+def _gray(base: Array | None, shape: tuple[int, int]) -> Array:
+    """Luma of ``base`` in 0.12 .. 0.8, so that the colors on top stand out everywhere.  -> (h, w) float64."""
     if base is None:
         return np.full(shape, _NO_BASE)
     base = np.asarray(base, dtype=np.float64)

@@ -1,0 +1,281 @@
+"""The report of one or several runs as one HTML file: templates/run.html with frame_viewer.js and run.js.
+
+Figures, tables and details are HTML; the frame viewer, the plots over time and the threshold curves are drawn by the
+scripts from one block of JSON (``report_data``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taubench_gl import glossary
+from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Reason
+from taubench_gl.outputs import write_atomically
+from taubench_gl.report.frame_store import StoredFrames, spread, stored_frames
+from taubench_gl.report.page import render_page
+from taubench_gl.report.palette import REASON_COLORS, hex_of
+from taubench_gl.report.plots import DASHES
+from taubench_gl.report.render import NONE, to_html
+from taubench_gl.report.tables import length_unit, paper_numbers, paper_tables, run_labels, thresholds_shown
+
+Summary = Mapping[str, Any]
+
+REPORT_FILE = "report.html"
+MAX_IMAGES = 60
+"""Default number of pairs with images per report, all runs together."""
+MAX_IMAGE_BYTES = 18_000_000
+"""Bytes of base64 text of the images, all runs together: a phone still opens the page."""
+
+UNITS = {"position": "m"}
+_CLASSES = (Reason.FIRST, Reason.CUT, Reason.INVALID)
+_DETAILS = (Reason.OUTSIDE, Reason.BEHIND, Reason.DISOCCLUDED, Reason.OCCLUDING, Reason.LIT, Reason.SHADOWED)
+_COLUMN_OF = {
+    Reason.DISOCCLUDED: "position", Reason.OCCLUDING: "position", Reason.LIT: "direct", Reason.SHADOWED: "direct",
+}  # fmt: skip
+"""The column that must be measured for a detail to be known; the frustum column for the others."""
+_ROW_COLUMNS = ("frame", "time_s", "pixels", "comparable", "translation_m", "angle_deg")
+
+
+@dataclass(frozen=True, slots=True)
+class ReportRun:
+    """One run of a report: summary.json, the rows of frames.csv, and the folder that holds them, if any."""
+
+    summary: Summary
+    frames: Sequence[Mapping[str, Any]]
+    out: Path | None = None
+
+
+def write_html_report(runs: Sequence[ReportRun], path: str | Path, images: int = MAX_IMAGES) -> Path:
+    """Write ``report_html`` to ``path`` atomically.  Raises OutputError."""
+    path = Path(path)
+    write_atomically(path, report_html(runs, images))
+    return path
+
+
+def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
+    """The page.  ``images``: most pairs with images, all runs together; fewer where they take MAX_IMAGE_BYTES.
+
+    Raises ValueError without a run.
+    """
+    if not runs:
+        raise ValueError("runs is empty, expected at least one")
+    summaries = [run.summary for run in runs]
+    labels = run_labels(summaries)
+    return render_page(
+        "run.html",
+        styles=("run.css",),
+        scripts=("frame_viewer.js", "run.js"),
+        data=report_data(runs, labels, images),
+        title=" and ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
+        several=len(runs) > 1,
+        runs=[_run_view(summary, label) for summary, label in zip(summaries, labels, strict=True)],
+        tables=to_html(paper_tables(summaries), scroll=True),
+    )
+
+
+# -------------------------------------------------------------------------------------------------- values of run.html
+
+
+def _run_view(summary: Summary, label: str) -> dict[str, Any]:
+    """Values of one run that the template shows without scripts."""
+    camera, timing = summary.get("camera") or {}, summary.get("timing") or {}
+    passes = {name: ms for name, ms in (timing.get("passes") or {}).items() if ms is not None}
+    most = max(passes.values(), default=0.0) or 1.0
+    fps = (summary.get("settings") or {}).get("fps")
+    return {
+        "label": label,
+        "about": _about(summary),
+        "figures": [_figure(summary, column) for column in COLUMNS],
+        "effects": _effects(summary),
+        "cuts": [{"frame": c, "time": f"{c / fps:.3f} s" if fps else ""} for c in camera.get("cuts") or ()],
+        "cuts_text": _cuts_text(summary),
+        "notes": [str(note) for note in summary.get("notes") or ()],
+        "passes": [(name, ms, 100.0 * ms / most) for name, ms in passes.items()],
+        "clock": timing.get("clock") or "unknown",
+        "listings": [
+            (head, {k.replace("_", " "): _plain(v) for k, v in (summary.get(block) or {}).items()})
+            for head, block in (("Settings", "settings"), ("Scene", "scene"), ("Provenance", "provenance"))
+        ],
+    }
+
+
+def _about(summary: Summary) -> str:
+    """``60 pairs at 24 fps · 320 × 180 pixels · camera reprojection, nearest sampling``."""
+    settings = summary.get("settings") or {}
+    rate, count = settings.get("fps"), summary.get("pairs", 0)
+    parts = [
+        f"{count} pair{'' if count == 1 else 's'} at {'?' if rate is None else f'{rate:g}'} fps",
+        f"{settings.get('width', '?')} × {settings.get('height', '?')} pixels",
+        f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling",
+    ]
+    stand_in = (summary.get("scene") or {}).get("stand_in")
+    return " · ".join(parts + ([f"stand-in: {stand_in}"] if stand_in else []))
+
+
+def _figure(summary: Summary, column: str) -> dict[str, Any]:
+    """One key figure: the mean of a column, its worst frame, and the paper's scenes on a line (x in 4 .. 116)."""
+    entry = (summary.get("discard") or {}).get(column) or {}
+    mean, highest = entry.get("mean_percent"), entry.get("max_percent")
+    figure = {"column": column, "definition": glossary.COLUMNS[column].tooltip, "reason": None}
+    if mean is None:
+        return figure | {"reason": entry.get("reason") or "not measured"}
+    end = max(40.0, 1.08 * mean)
+    paper = {scene["name"]: scene["discard"][column] for scene in paper_numbers()["scenes"]}
+    return figure | {
+        "mean": _percent(mean),
+        "highest": None if highest is None else _percent(highest),
+        "x": 4.0 + 112.0 * mean / end,
+        "paper": [
+            {"x": 4.0 + 112.0 * value / end, "text": f"{name}: {value:g} %"}
+            for name, value in paper.items()
+            if value is not None
+        ],
+    }
+
+
+def _effects(summary: Summary) -> list[dict[str, str]]:
+    """Effects with the reason of each decision, the enabled ones first."""
+    found = [
+        {"name": name.replace("_", " "), "state": "on" if e.get("on") else "off", "reason": str(e.get("reason") or "")}
+        for name, e in (summary.get("effects") or {}).items()
+    ]
+    return sorted(found, key=lambda effect: effect["state"] != "on")
+
+
+def _cuts_text(summary: Summary) -> str:
+    camera = summary.get("camera") or {}
+    cuts, gimbal = len(camera.get("cuts") or ()), len(camera.get("gimbal_pairs") or ())
+    text = f"{cuts} of {summary.get('pairs')} pairs are cuts. The tables also list values without them."
+    if not cuts:
+        text = "No pair is a cut."
+    if gimbal:
+        text += f" In {gimbal} pairs the camera points straight up or down, where yaw and roll are ill-defined."
+    return text
+
+
+def _plain(value: Any) -> str:
+    if value is None:
+        return NONE
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_plain(v)}" for k, v in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(_plain, value)) or NONE
+    return str(value)
+
+
+def _percent(value: float) -> str:
+    return "<0.01" if 0 < value < 0.005 else f"{value:.2f}"
+
+
+# ----------------------------------------------------------------------------------------------- values of the scripts
+
+
+def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int = MAX_IMAGES) -> dict[str, Any]:
+    """Values of the scripts, fit for JSON, with images of at most ``images`` pairs in all."""
+    share = max(1, images // max(len(runs), 1))
+    budget = MAX_IMAGE_BYTES // max(len(runs), 1)
+    return {
+        "columns": [{"name": name, "dash": DASHES[name], "unit": UNITS.get(name, "")} for name in COLUMNS],
+        "features": list(FEATURES),
+        "runs": [_run_data(run, label, share, budget) for run, label in zip(runs, labels, strict=True)],
+    }
+
+
+def _run_data(run: ReportRun, label: str, most: int, budget: int) -> dict[str, Any]:
+    summary, settings = run.summary, run.summary.get("settings") or {}
+    discard = summary.get("discard") or {}
+    measured = [c for c in COLUMNS if (discard.get(c) or {}).get("mean_percent") is not None]
+    images, why = _images(run, most, budget)
+    return {
+        "label": label,
+        "pairs": summary.get("pairs") or 0,
+        "pixels": _pixels(run),
+        "width": settings.get("width"),
+        "height": settings.get("height"),
+        "measured": measured,
+        "discard": {c: discard.get(c) or {} for c in COLUMNS},
+        "thresholds": thresholds_shown(summary),
+        "curves": {f: _curve(summary, f) for f in FEATURES},
+        "rows": _rows(run.frames),
+        "cuts": list((summary.get("camera") or {}).get("cuts") or ()),
+        "reasons": _reasons(measured, run.frames),
+        "images": images,
+        "no_images": why,
+    }
+
+
+def _pixels(run: ReportRun) -> int:
+    """Pixels of all pairs, every sample of a pixel counted: the denominator of percentages."""
+    counted = [row.get("pixels") for row in run.frames]
+    if counted and None not in counted:
+        return int(sum(counted))
+    settings = run.summary.get("settings") or {}
+    return int((run.summary.get("pairs") or 0) * (settings.get("width") or 0) * (settings.get("height") or 0))
+
+
+def _rows(frames: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    names = {glossary.key_of(r) for r in (*_CLASSES, *_DETAILS)}
+    return {n: [row.get(n) for row in frames] for n in (*_ROW_COLUMNS, *COLUMNS, *sorted(names))}
+
+
+def _curve(summary: Summary, feature: str) -> dict[str, Any] | None:
+    """Bin edges (position: meters) and the exact number of pixels at or above each, all pairs together."""
+    curve = (summary.get("curves") or {}).get(feature)
+    if not curve or not curve.get("counts") or (summary["discard"].get(feature) or {}).get("mean_percent") is None:
+        return None
+    above, total = [], 0
+    for count in reversed(curve["counts"][1:]):
+        total += count
+        above.append(total)
+    scale = length_unit(summary) if feature == "position" else 1.0
+    return {"edges": [edge / scale for edge in curve["edges"]], "above": above[::-1]}
+
+
+def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The reasons that the viewer lists, in two groups: the columns of Table 4, and the reason classes."""
+    bits = {"frustum": FRUSTUM, **FEATURE_BIT}
+    present = {r for r in _CLASSES if any(row.get(glossary.key_of(r)) for row in frames)}
+    details = [r for r in _DETAILS if _COLUMN_OF.get(r, "frustum") in measured]
+    details += [r for r in _CLASSES if r in present]
+    columns = [(bits[name], "Table 4", name != "color") for name in measured]
+    return [
+        {"name": glossary.key_of(bit), "label": glossary.label_of(bit), "bits": int(bit), "group": group, "on": on,
+         "color": hex_of(REASON_COLORS[bit]), "definition": glossary.REASONS[bit].tooltip}
+        for bit, group, on in [*columns, *((reason, "Reason classes", False) for reason in details)]
+    ]  # fmt: skip
+
+
+def _images(run: ReportRun, most: int, budget: int) -> tuple[dict[str, Any] | None, str]:
+    """Images of at most ``most`` pairs and ``budget`` bytes, or None and the reason."""
+    stored, why = stored_frames(run.out)
+    if stored is None:
+        return None, why
+    while True:
+        chosen = spread(stored.frames, most, stored.worst)
+        try:
+            items = [{"n": f, **{part: stored.uri(part, f) for part in ("frame", "previous", "mask")}} for f in chosen]
+        except OSError as error:
+            return None, f"an image cannot be read: {error.strerror}"
+        size = sum(len(item[part]) for item in items for part in ("frame", "previous", "mask"))
+        if size <= budget or most <= 2:
+            text = _images_text(run, stored, len(items))
+            return {"width": stored.width, "height": stored.height, "worst": stored.worst, "summary": text,
+                    "items": items}, ""  # fmt: skip
+        most = max(2, int(len(chosen) * budget / size))
+
+
+def _images_text(run: ReportRun, stored: StoredFrames, shown: int) -> str:
+    """Which pairs have images, and at what size."""
+    pairs = run.summary.get("pairs") or 0
+    text = f"{shown} of {pairs} pairs have images, evenly spaced" if shown < pairs else f"All {pairs} pairs have images"
+    if shown < pairs and stored.worst is not None:
+        text += ", including the worst frame"
+    text += f", at {stored.width}×{stored.height} pixels"
+    if stored.step > 1:
+        text += f" (one of {stored.step} rows and columns)"
+    return f"{text}. Percentages refer to the full frames."
