@@ -43,7 +43,7 @@ def evaluate(
     folder that receives summary.json, frames.csv, tables, plots and a picture of the most discarded frame's mask.
     ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  ``path_traced`` holds
     the options of path-traced files.  ``report`` adds report.html, one self-contained page, and the folder
-    ``pictures`` it was made from.  Raises TaubenchError.
+    ``images`` that it shows.  Raises TaubenchError.
 
     >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
     """
@@ -82,8 +82,8 @@ class _Saver:
         if self._worst is None or discarded > self._worst[0]:
             self._worst = (discarded, pair.frame, pair.mask(), shaded(pair))
         if self._recorder is not None:
-            pictures = shaded(pair), shaded(pair, previous=True)
-            self._recorder.add(pair.frame, discarded, *pictures, pair.mask(), pair.motion())
+            images = shaded(pair), shaded(pair, previous=True)
+            self._recorder.add(pair.frame, discarded, *images, pair.mask(), pair.motion())
         try:
             if "masks" in self._save:
                 self._save_masks(pair)
@@ -114,7 +114,7 @@ class _Saver:
         return (*_GEOMETRY_REASONS, *(f for f in features if f is not Reason.DIRECT), *light)
 
     def finish(self, run: Run) -> None:
-        """Write the picture of the most discarded pair, and close the report's pictures."""
+        """Write the mask image of the worst frame and the index of the report's images."""
         if self._worst is None or run.out is None:
             return
         if self._recorder is not None:

@@ -13,8 +13,8 @@ from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import RGB
 from taubench_gl.glossary import label_of
 from taubench_gl.outputs import write_atomically
-from taubench_gl.report.palette import REASON_COLORS, color_of
 from taubench_gl.report.mask_images import mask_overlay
+from taubench_gl.report.palette import REASON_COLORS, color_of
 
 Array = np.ndarray
 

@@ -283,6 +283,6 @@ def grids_html(study: Study, scroll: bool = False) -> str:
     ]
     lines = Markup("<p>{}</p>").format
     about = "" if scroll else lines(Markup("<br>").join(heading(study)))
-    return Markup("{}{}{}").format(about, Markup(render("tables.html", tables=tables)), lines(
-        Markup("<br>").join(spoken(study))
-    ))
+    return Markup("{}{}{}").format(
+        about, Markup(render("tables.html", tables=tables)), lines(Markup("<br>").join(spoken(study)))
+    )

@@ -13,8 +13,8 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import column_major
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.display import BACKGROUND, KINDS, scale_glsl
-from taubench_gl.report.palette import color_of
 from taubench_gl.report.mask_images import STRIPE_PX
+from taubench_gl.report.palette import color_of
 from taubench_gl.viewer.state import COMPARISONS, OVERLAYS
 
 Array = np.ndarray

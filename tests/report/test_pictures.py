@@ -9,8 +9,8 @@ import pytest
 from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, Reason
 from taubench_gl.errors import OutputError
 from taubench_gl.glossary import key_of
-from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of
 from taubench_gl.report.mask_images import STRIPE_PX, legend, legend_strip, mask_overlay, save_mask_image
+from taubench_gl.report.palette import DEFAULT_REASONS, REASON_COLORS, color_of
 
 
 def one_reason(reason: Reason, shape=(6, 8)) -> np.ndarray:

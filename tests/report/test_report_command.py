@@ -27,7 +27,7 @@ def test_several_runs_in_a_named_file(run, tmp_path):
         run.save(tmp_path / name)
     assert report(tmp_path / "a", tmp_path / "b", "--out", tmp_path / "both.html") == 0
     text = (tmp_path / "both.html").read_text()
-    assert text.count("class='figures'") == 2
+    assert text.count('class="figures"') == 2
     assert not (tmp_path / "a" / "report.html").exists()
 
 
