@@ -19,8 +19,6 @@ Examples:
 @click.argument("shell", type=click.Choice(SHELLS))
 def completion(shell: str) -> None:
     """Print the script that completes commands and options in SHELL."""
-    from taubench_gl.apps.cli import cli
-
     maker = get_completion_class(shell)
     assert maker is not None, shell  # click has all three
-    click.echo(maker(cli, {}, "taubench-gl", VARIABLE).source())
+    click.echo(maker(click.get_current_context().find_root().command, {}, "taubench-gl", VARIABLE).source())

@@ -60,7 +60,7 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
     if missing:
         raise SettingsError(f"the viewer needs {' and '.join(missing)}", hint="run: pip install 'taubench-gl[viewer]'")
     _require_there(source, options["reference"])
-    from taubench_gl.viewer.session import Session, run_session
+    from taubench_gl.viewer.window import Session, run_session
 
     run_session(
         Session(
@@ -79,7 +79,7 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
 
 def _asked(source: str, options: dict[str, Any]) -> Any:
     from taubench_gl.pathtraced.evaluation import PathTracedOptions
-    from taubench_gl.viewer.opening import Asked
+    from taubench_gl.viewer.feeds import Asked
 
     names = ("size", "frames", "camera", "scene", "animations", "fps", "reprojection", "sampling", "thresholds",
              "unit_scale", "culling", "textures", "columns", "effects", "sky", "exposure", "tone_map", "shadow_size",
@@ -96,7 +96,7 @@ def _require_there(source: str, reference: str | None) -> None:
     from taubench_gl.pathtraced.sequence import find_frames, is_sequence
     from taubench_gl.scene import is_sequence as is_obj_sequence
     from taubench_gl.scene import load_scene
-    from taubench_gl.viewer.opening import is_run
+    from taubench_gl.viewer.feeds import is_run
 
     for spec in (text for text in (source, reference) if text and is_sequence(text)):
         find_frames(spec)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -20,9 +22,8 @@ from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.display import motion_error
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
-from taubench_gl.viewer.display import Content, Display, Held
+from taubench_gl.viewer.display import PICTURES, Content, Display, Held
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
-from taubench_gl.viewer.pictures import PICTURES
 from taubench_gl.viewer.state import ViewerState
 
 Array = np.ndarray
@@ -317,3 +318,28 @@ class ViewerEngine:
             if part is not None:
                 part.release()
         self.gpu.collect()
+
+
+SMOOTH = 0.2
+
+
+class LiveTimer:
+    """Stands in for ``gpu.timing.PassTimer``: the latest times, smoothed, and only while ``enabled``."""
+
+    clock = "finish + monotonic clock"
+
+    def __init__(self, gpu: Gpu):
+        self._gpu, self.enabled = gpu, False
+        self.ms: dict[str, float] = {}
+
+    @contextmanager
+    def measure(self, name: str) -> Iterator[None]:
+        if not self.enabled:
+            yield
+            return
+        self._gpu.finish()
+        start = time.perf_counter()
+        yield
+        self._gpu.finish()
+        taken = (time.perf_counter() - start) * 1e3
+        self.ms[name] = taken + (1.0 - SMOOTH) * (self.ms.get(name, taken) - taken)

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from imgui_bundle import imgui
 
-from taubench_gl.viewer.keys import KEYS, MOVEMENT, chord
-
-if TYPE_CHECKING:
-    from taubench_gl.viewer.app import Viewer
+from taubench_gl.viewer.actions import KEYS, MOVEMENT, chord
+from taubench_gl.viewer.model import ViewerModel
 
 SPLIT_REACH = 8.0
 """Window points on either side of the split line in which it can be grabbed."""
@@ -19,7 +15,7 @@ _EDIT = ("BACKSPACE", "ENTER", "LEFT_ARROW", "RIGHT_ARROW", "TAB", "ESCAPE")
 class Input:
     """Takes events in window points, y down."""
 
-    def __init__(self, viewer: Viewer):
+    def __init__(self, viewer: ViewerModel):
         self._viewer = viewer
         self.mouse = (-1.0, -1.0)
         self.held: set[str] = set()

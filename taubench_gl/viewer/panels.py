@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from taubench_gl.conventions import FEATURES
 from taubench_gl.report.palette import color_of
-from taubench_gl.viewer import theme
-from taubench_gl.viewer.actions import ACTIONS
-from taubench_gl.viewer.keys import KEYS, help_lines, key_words
+from taubench_gl.viewer.actions import ACTIONS, KEYS, help_lines, key_words
+from taubench_gl.viewer.display import PICTURES
+from taubench_gl.viewer.imgui_renderer import ACCENT, FAINT
 from taubench_gl.viewer.layout import Layout, Rect
-from taubench_gl.viewer.pictures import PICTURES
+from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.state import CAMERAS, COMPARISONS, OVERLAYS, SECTIONS
-
-if TYPE_CHECKING:
-    from taubench_gl.viewer.app import Viewer
 
 _FIXED = (
     imgui.WindowFlags_.no_move.value | imgui.WindowFlags_.no_resize.value | imgui.WindowFlags_.no_collapse.value
     | imgui.WindowFlags_.no_title_bar.value | imgui.WindowFlags_.no_saved_settings.value
     | imgui.WindowFlags_.no_nav.value
 )  # fmt: skip
-_FAINT = ImVec4(*theme.FAINT, 1.0)
+_FAINT = ImVec4(*FAINT, 1.0)
 
 
 class Panels:
     """Draws everything but the picture.  ``widgets``: where each control is, so that scripts can find it."""
 
-    def __init__(self, viewer: Viewer):
+    def __init__(self, viewer: ViewerModel):
         self._viewer = viewer
         self.widgets: dict[str, Rect] = {}
         self.reveal: str | None = None  # a control to scroll to
@@ -260,7 +256,7 @@ class Panels:
             for group, lines in help_lines().items():
                 imgui.table_next_row()
                 imgui.table_next_column()
-                imgui.text_colored(ImVec4(*theme.ACCENT, 1.0), group)
+                imgui.text_colored(ImVec4(*ACCENT, 1.0), group)
                 for i, (keys, doc) in enumerate(lines):
                     if i % 2 == 0:
                         imgui.table_next_row()

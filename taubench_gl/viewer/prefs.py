@@ -9,8 +9,7 @@ from typing import Any
 
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.outputs import cannot_write, write_atomically
-from taubench_gl.viewer.state import OVERLAYS, SECTIONS, ViewerState
-from taubench_gl.viewer.variables import assign, values
+from taubench_gl.viewer.state import OVERLAYS, SECTIONS, ViewerState, set_variable, variables
 
 FILE = "viewer.json"
 _KEPT = ("opacity", "overlays", "arrows", "frusta", "panels", "speed", "gain")
@@ -47,14 +46,14 @@ def apply(prefs: Prefs, state: ViewerState) -> None:
     for name, value in (prefs.values or {}).items():
         if name in _kept():
             try:
-                assign(state, name, str(value))
+                set_variable(state, name, str(value))
             except TaubenchError:  # of another version
                 continue
 
 
 def save(folder: Path, state: ViewerState, window: tuple[int, int] | None) -> str:
     """Keep the state's way of showing; a note where that did not work."""
-    now = values(state)
+    now = variables(state)
     text = json.dumps({"window": window, "values": {n: now[n] for n in _kept()}}, indent=1) + "\n"
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.viewer import variables
-from taubench_gl.viewer.actions import ACTIONS
+from taubench_gl.viewer.actions import ACTIONS, split_chord
 from taubench_gl.viewer.app import Viewer
-from taubench_gl.viewer.keys import split_chord
+from taubench_gl.viewer.state import set_variable, variables
 
 COMMANDS: dict[str, tuple[int, int, str]] = {
     "frame": (1, 1, "frame N: go to a frame"),
@@ -136,7 +135,7 @@ class ScriptRunner:
         self._viewer.act(name)
 
     def do_set(self, name: str, value: str) -> None:
-        variables.assign(self._viewer.state, name, value)
+        set_variable(self._viewer.state, name, value)
 
     def do_mouse(self, x: str, y: str) -> None:
         self._viewer.input.mouse_move(*self._place(x, y))
@@ -184,7 +183,8 @@ class ScriptRunner:
     def do_screenshot(self, path: str, what: str = "picture") -> None:
         if what not in ("picture", "window"):
             raise SettingsError(f"a screenshot of {what!r}", hint="choose from picture, window")
-        if not self._viewer.screenshot(Path(path), window=what == "window"):
+        save = self._viewer.window_screenshot if what == "window" else self._viewer.screenshot
+        if not save(Path(path)):
             raise OutputError(self._viewer.state.message)
 
     def do_expect(self, name: str, sign: str, text: str, tolerance: str = "0") -> None:
@@ -218,7 +218,7 @@ class ScriptRunner:
 
     def _read(self, name: str) -> Any:
         viewer, group, member = self._viewer, *name.partition(".")[::2]
-        known = variables.values(viewer.state)
+        known = variables(viewer.state)
         percentages = viewer.engine.percentages()
         if group == "overlay" and member in percentages:
             return percentages[member]

@@ -18,7 +18,7 @@ from taubench_gl.settings import Settings
 def drive(gpu, tmp_path) -> Iterator[Callable[..., Driven]]:
     """drive(scene=DEMO, settings=QUIET, ...) -> Driven; closed at the end."""
     pytest.importorskip("imgui_bundle", reason="the viewer extra is not installed")
-    from taubench_gl.viewer.opening import Asked
+    from taubench_gl.viewer.feeds import Asked
 
     opened = []
 

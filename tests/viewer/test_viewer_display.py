@@ -11,8 +11,7 @@ from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.display import KINDS, channel_rgb, color_scale, id_color, masked
 from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.palette import color_of
-from taubench_gl.viewer.display import Content, Display
-from taubench_gl.viewer.pictures import PICTURES
+from taubench_gl.viewer.display import PICTURES, Content, Display
 from taubench_gl.viewer.state import OVERLAYS
 
 SIZE = (37, 21)

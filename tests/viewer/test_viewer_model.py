@@ -10,12 +10,11 @@ import pytest
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings
-from taubench_gl.viewer import prefs, variables
-from taubench_gl.viewer.actions import ACTIONS
-from taubench_gl.viewer.keys import KEYS, MOVEMENT, help_lines, key_words, markdown, split_chord
+from taubench_gl.viewer import prefs
+from taubench_gl.viewer.actions import ACTIONS, KEYS, MOVEMENT, help_lines, key_words, markdown, split_chord
+from taubench_gl.viewer.feeds import Asked, _scene_of, scene_path
 from taubench_gl.viewer.layout import arrange, start_size
-from taubench_gl.viewer.opening import Asked, _scene_of, scene_path
-from taubench_gl.viewer.state import OVERLAYS, ViewerState
+from taubench_gl.viewer.state import OVERLAYS, ViewerState, set_variable, variable_names, variables
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
 
@@ -39,7 +38,7 @@ def test_help_names_every_action_once():
 
 def test_the_manual_has_this_keyboard():
     assert markdown() in DOC.read_text(encoding="utf-8"), (
-        "docs/viewer.md: put in what taubench_gl.viewer.keys.markdown() gives"
+        "docs/viewer.md: put in what taubench_gl.viewer.actions.markdown() gives"
     )
 
 
@@ -112,13 +111,13 @@ def test_loop_ends_give_way_to_each_other():
 def test_every_variable_can_be_set_and_read_back():
     s = state(channels=("shape", "normal"))
     texts = {"camera": "fly", "channel": "normal", "comparison": "split", "feature": "color", "effect": "color"}
-    for name in variables.names(s):
+    for name in variable_names(s):
         if name.startswith(("loop", "range")):
             continue
         number = name.startswith("threshold.") or name in ("speed", "opacity", "split", "gain")
         text = texts.get(name, "5" if name == "frame" else "0.5" if number else "off")
-        variables.assign(s, name, text)
-        found = variables.values(s)[name]
+        set_variable(s, name, text)
+        found = variables(s)[name]
         assert str(found) == text or float(found) == {"off": 0, "5": 5, "0.5": 0.5}[text], name
 
 
@@ -135,10 +134,10 @@ def test_every_variable_can_be_set_and_read_back():
 )
 def test_wrong_values_are_refused(name, text):
     s = state()
-    before = variables.values(s)
+    before = variables(s)
     with pytest.raises(SettingsError):
-        variables.assign(s, name, text)
-    assert variables.values(s) == before
+        set_variable(s, name, text)
+    assert variables(s) == before
 
 
 @pytest.mark.parametrize("panels", [True, False])

@@ -141,7 +141,7 @@ def test_a_scene_that_is_lost_stays_on_the_screen(drive, tmp_path):
     assert "here.glb" in driven.state.message
     shutil.copy(DEMO, scene)
     driven.run("key F5")
-    assert driven.state.message == "read again from disk"
+    assert driven.state.message == "reloaded from disk"
 
 
 def test_path_traced_files_that_vanish_while_looking(drive, tmp_path):

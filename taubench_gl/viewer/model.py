@@ -1,0 +1,189 @@
+"""The viewer without window, input and panels: runs actions, keeps state and engine consistent, records clips."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from taubench_gl.conventions import FEATURES
+from taubench_gl.errors import TaubenchError
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.outputs import write_png
+from taubench_gl.viewer import prefs
+from taubench_gl.viewer.actions import ACTIONS
+from taubench_gl.viewer.capture import Clip, free_name
+from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
+from taubench_gl.viewer.feeds import Asked, PathTracedComparison, PathTracedFeed, open_feed
+from taubench_gl.viewer.layout import Layout, arrange
+from taubench_gl.viewer.probe import Probe, probe_pixel
+from taubench_gl.viewer.state import ViewerState, variables
+
+LIGHT = ("direct", "color", "emission")
+"""Effects that start disabled on software OpenGL."""
+
+
+class ViewerModel:
+    """State, engine and everything that actions change.
+
+    ``light``: start with the LIGHT effects enabled; None: only where OpenGL is hardware.  ``folder``: where
+    preferences are stored, None for nowhere.  Raises TaubenchError if ``asked`` cannot be opened.
+    """
+
+    hint = "?: keys"
+
+    def __init__(self, gpu: Gpu, asked: Asked, *, light: bool | None = None, folder: Path | None = None):
+        self.gpu, self._asked, self._light, self._folder = gpu, asked, light, folder
+        self.timer = LiveTimer(gpu)
+        stored, note = prefs.load(folder) if folder is not None else (prefs.Prefs(), "")
+        self.window_size = stored.window or (0, 0)  # screen points; (0, 0) while minimized
+        self.state, self.engine = self._open(asked)
+        prefs.apply(stored, self.state)
+        self.state.message = note or self.state.message
+        self.shots = Path(".")  # folder of screenshots and clips
+        self.clip: Clip | None = None
+        self.done = False
+        self.fps = 0.0
+        self._last_image: tuple[int, object] = (0, None)  # the image that was drawn last, for clips
+        self._probed: tuple[object, Probe] | None = None
+
+    def _open(self, asked: Asked) -> tuple[ViewerState, ViewerEngine]:
+        opened = open_feed(self.gpu, asked, self.timer)
+        feed = opened.feed
+        try:
+            comparison = None
+            if asked.reference is not None:
+                settings = feed.settings.replace(frames=(None, None))
+                reference = PathTracedFeed(self.gpu, asked.reference, settings, asked.options)
+                comparison = PathTracedComparison(reference, feed.size, feed.frames[0])
+        except TaubenchError:
+            feed.release()
+            raise
+        limits = {f: feed.settings.metrics.threshold(f) for f in FEATURES}
+        channel = "color" if "color" in feed.pictures() else "shape"
+        state = ViewerState(
+            first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.sequence.fps, size=feed.size, effects=feed.switchable,
+            thresholds=dict(limits), default_thresholds=limits, channel=channel,
+            unit_scale=feed.settings.metrics.unit_scale,
+        )  # fmt: skip
+        state.effect = state.effects[0] if state.effects else ""
+        state.go_to(state.first + 1 if opened.frame is None else opened.frame)
+        state.message = "; ".join(opened.notes)
+        dark = self._light is False or (self._light is None and self.gpu.software)
+        if dark and set(LIGHT) & set(state.effects) and opened.frame is None:
+            state.switched_off = frozenset(LIGHT) & set(state.effects)
+            state.channel = "shape"
+            state.message = "software OpenGL: light is disabled; enable it under effects, or start with --light"
+        engine = ViewerEngine(self.gpu, feed, self.timer, comparison)
+        try:
+            engine.update(state)  # a scene that cannot be drawn is an error here, not later
+        except TaubenchError:
+            engine.release()
+            raise
+        return state, engine
+
+    def reopen(self, asked: Asked) -> bool:
+        """Open ``asked``, or read the same source from disk again.  False, with nothing changed, if that fails."""
+        try:
+            state, engine = self._open(asked)
+        except TaubenchError as error:
+            self.state.message = str(error)
+            return False
+        if self.clip is not None:
+            self._toggle_clip()
+        prefs.apply(prefs.Prefs(values=variables(self.state)), state)
+        self.engine.release()
+        self._asked, self.state, self.engine, self._probed = asked, state, engine, None
+        return True
+
+    def drop(self, paths: list[str]) -> None:
+        """Open the first of the files that were dropped on the window."""
+        if paths:
+            path = Path(paths[0])
+            exr = path.is_dir() and any(path.glob("[!.]*.exr"))
+            self.reopen(dataclasses.replace(self._asked, text=f"exr:{path}" if exr else str(path), reference=None))
+
+    def act(self, name: str) -> None:
+        """Run an action and serve its requests.  Raises KeyError for an unknown action."""
+        ACTIONS[name].run(self.state)
+        for request in self.state.requests:
+            self._serve(request)
+        self.state.requests.clear()
+
+    def _serve(self, request: str) -> None:
+        if request == "quit":
+            self.done = True
+        elif request == "reset camera":
+            self.engine.reset_camera(self.state)
+        elif request == "reload":
+            if self.reopen(self._asked):
+                self.state.message = "reloaded from disk"
+        elif request == "clip":
+            self._toggle_clip()
+        elif request == "screenshot":
+            self.screenshot(free_name(self.shots, self.stem, ".png"))
+
+    @property
+    def stem(self) -> str:
+        """Start of the names of screenshots and clips: ``demo-00007``."""
+        name = "".join(c if c.isalnum() or c in "-_" else "-" for c in self.engine.feed.name) or "view"
+        return f"{name}-{self.state.frame:05d}"
+
+    def screenshot(self, path: Path) -> bool:
+        """Save the image as PNG; False, with a message, if that fails."""
+        try:
+            write_png(path, self.engine.image())
+        except TaubenchError as error:
+            self.state.message = str(error)
+            return False
+        self.state.message = f"saved {path.name}"
+        return True
+
+    def _toggle_clip(self) -> None:
+        try:
+            if self.clip is None:
+                path = free_name(self.shots, self.stem, ".mp4")
+                self.clip = Clip(path, self.state.size, self.state.fps)
+                self.state.message = f"recording {path.name}: F9 stops"
+            else:
+                self.clip.close()
+                self.state.message, self.clip = f"saved {self.clip.path.name}, {self.clip.pictures} frames", None
+        except (TaubenchError, OSError) as error:
+            self.state.message, self.clip = str(error), None
+
+    def tick(self, seconds: float) -> None:
+        """Advance time by ``seconds`` and update the image."""
+        self.state.advance(seconds)
+        self.timer.enabled = self.state.sections["time"] and self.state.panels
+        try:
+            self.engine.update(self.state)
+        except TaubenchError as error:  # such as an EXR file that was deleted: report it, keep the last image
+            self.state.message, self.state.playing = str(error), False
+        image = (self.engine.drawn.pictures, self.engine)
+        if self.clip is not None and (self.clip.pictures == 0 or image != self._last_image):
+            try:
+                self.clip.add(self.engine.image())
+            except TaubenchError as error:
+                self.state.message, self.clip = str(error), None
+        self._last_image = image
+
+    @property
+    def layout(self) -> Layout:
+        return arrange(self.window_size, self.engine.feed.size, self.state.panels)
+
+    def probe(self) -> Probe | None:
+        """The probed pixel, read from the GPU only if the pair or the pixel changed; None without a pixel."""
+        s = self.state
+        if s.probe is None or self.engine.pair is None or s.freeze_current:
+            return None
+        key = (s.probe, self.engine.drawn.masks, self.engine.drawn.plans)
+        if self._probed is None or self._probed[0] != key:
+            self._probed = (key, probe_pixel(self.engine, s, *s.probe))
+        return self._probed[1]
+
+    def close(self) -> None:
+        """Store the preferences, finish the clip, free the GPU resources."""
+        if self.clip is not None:
+            self._toggle_clip()
+        if self._folder is not None:
+            prefs.save(self._folder, self.state, self.window_size if min(self.window_size) > 0 else None)
+        self.engine.release()
