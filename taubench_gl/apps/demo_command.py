@@ -61,7 +61,7 @@ def demo(
 
     Without a name: what there is.  Ends with exit code 1 if a number is not what theory says.
     """
-    from taubench_gl.demos.demo import demos, find_demo
+    from taubench_gl.demos.lessons import demos, find_demo
 
     if every and names:
         raise SettingsError("--all and names were given", hint="give one of them")

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from taubench_gl.errors import SettingsError
-
 if TYPE_CHECKING:
     from taubench_gl.demos.stage import Stage
     from taubench_gl.scene.model import Scene
@@ -152,25 +150,3 @@ def demo(
         return run
 
     return register
-
-
-def demos() -> list[Demo]:
-    """All demos by number."""
-    from taubench_gl.demos import lessons  # noqa: F401  (registers them)
-
-    return sorted(REGISTRY.values(), key=lambda d: d.number)
-
-
-def find_demo(text: str) -> Demo:
-    """A demo by name, number or unmistakable beginning of its name.  Raises SettingsError."""
-    every = demos()
-    word = text.strip().lower()
-    if word.isdigit():
-        found = [d for d in every if d.number == int(word)]
-    else:
-        found = [d for d in every if d.name == word] or [d for d in every if word and d.name.startswith(word)]
-    if len(found) == 1:
-        return found[0]
-    what = "several demos begin with" if found else "no demo is"
-    names = ", ".join(f"{d.number} {d.name}" for d in (found or every))
-    raise SettingsError(f"{what} {text!r}", hint=f"choose from {names}")

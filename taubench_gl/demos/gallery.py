@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from taubench_gl.demos.demo import Demo, Result, find_demo
+from taubench_gl.demos.demo import Demo, Result
+from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.page import INDEX_FILE, demo_page, index_page
 from taubench_gl.demos.stage import SIZE, Stage
 from taubench_gl.errors import OutputError

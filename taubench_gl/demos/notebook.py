@@ -48,7 +48,7 @@ _RUN = """\
 import tempfile
 
 from IPython.display import Image, Markdown, display
-from taubench_gl.demos.demo import find_demo
+from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.gallery import run_demo
 
 demo = find_demo("{name}")

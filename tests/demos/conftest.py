@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from taubench_gl.demos.demo import Demo, Result, demos
+from taubench_gl.demos.demo import Demo, Result
+from taubench_gl.demos.lessons import demos
 from taubench_gl.demos.stage import Stage
 
 SIZE = (160, 90)

@@ -8,7 +8,8 @@ import pytest
 
 from taubench_gl.apps import cli
 from taubench_gl.demos import demo as record
-from taubench_gl.demos.demo import Expected, find_demo
+from taubench_gl.demos.demo import Expected
+from taubench_gl.demos.lessons import find_demo
 from taubench_gl.scene import load_scene
 
 
