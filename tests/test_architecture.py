@@ -1,11 +1,13 @@
-"""The house rules that a machine can check: imports run one way, OpenGL stays in its room, files stay small."""
+"""Rules of the architecture: imports run one way and without cycles, OpenGL stays in its packages, no machine paths."""
 
 from __future__ import annotations
 
 import ast
+import graphlib
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -33,102 +35,144 @@ LAYERS: tuple[set[str], ...] = (
     {"apps"},
     {"__main__"},
 )
-"""Rooms from the bottom to the top.  A room imports from rooms below it and from itself, never sideways or upwards;
-leaf modules may use each other.  A new room takes its place here first."""
+"""Packages and top-level modules, lowest first.  Each imports only from lower layers and from itself; leaf modules may
+import each other."""
 
 NO_GL = {"scene", "animation", "effects", "metrics", "report", "run", *LEAF}
-"""Rooms that work where there is no OpenGL at all."""
+"""Packages that must import without OpenGL."""
 
 NO_GL_MODULES = tuple(f"pathtraced.{name}" for name in ("exr", "sequence", "cameras", "check", "cycles.render"))
-"""Modules that work without OpenGL, in packages of which other parts need it."""
+"""Modules that must import without OpenGL although their package needs it elsewhere."""
 
 MAY_IMPORT_MODERNGL = {"gpu", "frame", "pathtraced", "reuse", "viewer"}
 
-LEVEL = {room: level for level, rooms in enumerate(LAYERS) for room in rooms}
-MAX_LINES = 700
+LEVEL = {package: level for level, packages in enumerate(LAYERS) for package in packages}
 
 
-def modules() -> list[Path]:
-    return sorted(PACKAGE.rglob("*.py"))
+def sources() -> dict[Path, str]:
+    return {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
 
 
-def room_of(path: Path) -> str:
+def package_of(path: Path) -> str:
     relative = path.relative_to(PACKAGE)
     return relative.parts[0] if len(relative.parts) > 1 else relative.stem
 
 
-def imports_of(path: Path) -> list[tuple[int, str]]:
-    """Line and absolute dotted name of every import, those inside functions and TYPE_CHECKING blocks too."""
-    return imports_in(path.read_text(encoding="utf-8"), path)
-
-
-def imports_in(text: str, path: Path) -> list[tuple[int, str]]:
-    found = []
+def imports_in(text: str, path: Path) -> Iterator[tuple[int, str]]:
+    """Line and absolute dotted name of every import, also inside functions and TYPE_CHECKING blocks."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
-            found += [(node.lineno, alias.name) for alias in node.names]
+            yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
             if node.level:
                 package = ("taubench_gl", *path.relative_to(PACKAGE).parent.parts)
                 base = ".".join([*package[: len(package) - node.level + 1], *([base] if base else [])])
-            # "from taubench_gl import math3d" names a room only in its last part.
-            found += [(node.lineno, f"{base}.{alias.name}") for alias in node.names]
-    return found
+            # "from taubench_gl import math3d" names the module only in its last part.
+            yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
 
 
-def faults_in(text: str, path: Path) -> list[str]:
-    room, faults = room_of(path), []
-    where = path.relative_to(ROOT)
+def layer_faults(text: str, path: Path) -> list[tuple[int, str, str]]:
+    """(line, imported name, rule) of each import that breaks a rule: "moderngl", "unknown", "order" or "no-gl"."""
+    package, faults = package_of(path), []
     for line, name in imports_in(text, path):
         parts = name.split(".")
-        if parts[0] == "moderngl" and room not in MAY_IMPORT_MODERNGL:
-            faults.append(f"{where}:{line}: moderngl belongs to {', '.join(sorted(MAY_IMPORT_MODERNGL))}")
-        if parts[0] != "taubench_gl" or len(parts) < 2 or parts[1].startswith("__") or parts[1] == room:
+        if parts[0] == "moderngl" and package not in MAY_IMPORT_MODERNGL:
+            faults.append((line, name, "moderngl"))
+        if parts[0] != "taubench_gl" or len(parts) < 2 or parts[1].startswith("__") or parts[1] == package:
             continue
         other = parts[1]
         if other not in LEVEL:
             if other[0].islower() and ((PACKAGE / other).is_dir() or (PACKAGE / f"{other}.py").is_file()):
-                faults.append(f"{where}:{line}: room {other} has no place in LAYERS")
+                faults.append((line, name, "unknown"))
             continue  # a name of taubench_gl/__init__.py, such as Run
-        if LEVEL[other] >= LEVEL[room] and not (other in LEAF and room in LEAF):
-            faults.append(f"{where}:{line}: {room} imports {other}, which is not below it")
-        if room in NO_GL and other not in NO_GL:
-            faults.append(f"{where}:{line}: {room} works without OpenGL, {other} does not")
+        if LEVEL[other] >= LEVEL[package] and not (other in LEAF and package in LEAF):
+            faults.append((line, name, "order"))
+        if package in NO_GL and other not in NO_GL:
+            faults.append((line, name, "no-gl"))
     return faults
 
 
-def test_every_room_has_its_place():
-    rooms = {room_of(path) for path in modules()} - {"__init__"}
-    assert rooms <= LEVEL.keys(), f"give {sorted(rooms - LEVEL.keys())} a place in LAYERS"
+def import_graph(texts: dict[Path, str]) -> dict[str, set[str]]:
+    """Module -> modules of the package that it imports.  The package itself resolves its names on first use: left out.
+
+    "from package import module" counts as an import of the module, not of the package's ``__init__``.
+    """
+    modules = {}
+    for path in texts:
+        parts = ("taubench_gl", *path.relative_to(PACKAGE).with_suffix("").parts)
+        modules[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    graph = {}
+    for module, path in modules.items():
+        graph[module] = set()
+        for _, name in imports_in(texts[path], path):
+            while name and name not in modules:
+                name = name.rpartition(".")[0]
+            if name not in ("", "taubench_gl", module):
+                graph[module].add(name)
+    return graph
 
 
-def test_imports_run_one_way():
+def cycle_in(graph: dict[str, set[str]]) -> list[str]:
+    """The modules of one import cycle, in order; empty if there is none."""
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_every_package_has_a_layer():
+    packages = {package_of(path) for path in sources()} - {"__init__"}
+    assert packages <= LEVEL.keys(), f"add to LAYERS: {sorted(packages - LEVEL.keys())}"
+
+
+def test_imports_follow_the_layers():
     faults = [
-        fault
-        for path in modules()
+        f"{path.relative_to(ROOT)}:{line}: {name} ({rule})"
+        for path, text in sources().items()
         if path != PACKAGE / "__init__.py"
-        for fault in faults_in(path.read_text(encoding="utf-8"), path)
+        for line, name, rule in layer_faults(text, path)
     ]
     assert not faults, "\n".join(faults)
 
 
+@pytest.mark.xfail(reason="gpu.context and gpu.timing import each other", strict=False)
+def test_no_import_cycle():
+    assert not cycle_in(import_graph(sources()))
+
+
 @pytest.mark.parametrize(
-    ("file", "text", "complaint"),
+    ("a", "b"),
     [
-        ("metrics/x.py", "import moderngl", "moderngl belongs to"),
-        ("metrics/x.py", "def f():\n    from moderngl import Context", "moderngl belongs to"),
-        ("scene/x.py", "from taubench_gl.animation import sample", "not below it"),
-        ("scene/x.py", "from taubench_gl import metrics", "not below it"),
-        ("scene/x.py", "from ..evaluation import evaluate_scene", "not below it"),
-        ("scene/gltf/x.py", "from ...gpu import context", "not below it"),
-        ("gpu/x.py", "import taubench_gl.scene.model", "not below it"),
-        ("report/x.py", "from taubench_gl.frame import graph", "works without OpenGL"),
-        ("errors.py", "from taubench_gl.run import Run", "not below it"),
+        ("from taubench_gl.gpu.b import f", "from taubench_gl.gpu.a import g"),
+        ("def f():\n    from taubench_gl.gpu.b import f", "from .a import g"),
+        ("if TYPE_CHECKING:\n    from taubench_gl.gpu import b", "import taubench_gl.gpu.a"),
+    ],
+    ids=["module", "function", "TYPE_CHECKING"],
+)
+def test_a_cycle_is_found(a, b):
+    texts = {PACKAGE / "gpu" / "a.py": a, PACKAGE / "gpu" / "b.py": b}
+    assert set(cycle_in(import_graph(texts))) == {"taubench_gl.gpu.a", "taubench_gl.gpu.b"}
+    assert not cycle_in(import_graph(texts | {PACKAGE / "gpu" / "b.py": "import numpy"}))
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "rule"),
+    [
+        ("metrics/x.py", "import moderngl", "moderngl"),
+        ("metrics/x.py", "def f():\n    from moderngl import Context", "moderngl"),
+        ("scene/x.py", "from taubench_gl.animation import sample", "order"),
+        ("scene/x.py", "from taubench_gl import metrics", "order"),
+        ("scene/x.py", "from ..evaluation import evaluate_scene", "order"),
+        ("scene/gltf/x.py", "from ...gpu import context", "order"),
+        ("gpu/x.py", "import taubench_gl.scene.model", "order"),
+        ("report/x.py", "from taubench_gl.frame import graph", "no-gl"),
+        ("errors.py", "from taubench_gl.run import Run", "order"),
     ],
 )
-def test_the_walk_finds_what_is_forbidden(file, text, complaint):
-    assert any(complaint in fault for fault in faults_in(text, PACKAGE / file))
+def test_forbidden_imports_are_found(file, text, rule):
+    assert rule in [found for _, _, found in layer_faults(text, PACKAGE / file)]
 
 
 @pytest.mark.parametrize(
@@ -141,20 +185,20 @@ def test_the_walk_finds_what_is_forbidden(file, text, complaint):
         ("evaluation/x.py", "from taubench_gl.run import Run"),
     ],
 )
-def test_the_walk_allows_what_is_allowed(file, text):
-    assert faults_in(text, PACKAGE / file) == []
+def test_allowed_imports_pass(file, text):
+    assert layer_faults(text, PACKAGE / file) == []
 
 
-def test_no_gl_rooms_leave_moderngl_unloaded():
-    rooms = sorted(f"taubench_gl.{room}" for room in NO_GL if (PACKAGE / room).is_dir() or room == "run")
-    rooms += [f"taubench_gl.{name}" for name in NO_GL_MODULES]
-    code = f"import sys, {', '.join(rooms)}; assert not {{'moderngl', 'glcontext'}} & set(sys.modules)"
+def test_packages_without_gl_do_not_load_moderngl():
+    packages = sorted(f"taubench_gl.{package}" for package in NO_GL if (PACKAGE / package).is_dir() or package == "run")
+    packages += [f"taubench_gl.{name}" for name in NO_GL_MODULES]
+    code = f"import sys, {', '.join(packages)}; assert not {{'moderngl', 'glcontext'}} & set(sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
 
 
 def tracked_files() -> list[Path]:
-    """Files of the repository, those not yet added included; a source archive without git is searched whole."""
+    """Files of the repository, untracked ones included; without git (a source archive) all files."""
     command = ["git", "-C", str(ROOT), "ls-files", "-co", "--exclude-standard", "-z"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     if done.returncode == 0:
@@ -163,7 +207,7 @@ def tracked_files() -> list[Path]:
     return [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_file()]
 
 
-# Put together here, so that this file does not find itself.
+# Assembled from parts, so that this file does not match itself.
 _SLASH = "/"
 MACHINE = re.compile("|".join([rf"(?<![\w.]){_SLASH}{top}{_SLASH}" for top in ("work", "root", "home", "Users")]))
 REGISTRY = re.compile("|".join(re.escape(".".join(host)) for host in (
@@ -185,17 +229,7 @@ def test_no_file_names_a_machine_or_a_registry():
     assert not faults, "\n".join(faults)
 
 
-def test_the_search_finds_paths_and_hosts():
+def test_the_patterns_match_paths_and_hosts():
     assert MACHINE.search("open('" + "/".join(["", "home", "me", "x.glb"]) + "')")
     assert not MACHINE.search("shared/root/x") and not MACHINE.search("homework / root")
     assert REGISTRY.search("https://" + "pypi" + ".org/simple")
-
-
-def test_files_stay_small():
-    long = {}
-    for path in tracked_files():
-        if path.suffix in (".py", ".glsl"):
-            lines = path.read_text(encoding="utf-8").count("\n") + 1
-            if lines >= MAX_LINES:
-                long[str(path.relative_to(ROOT))] = lines
-    assert not long, f"split these (fewer than {MAX_LINES} lines each): {long}"

@@ -61,7 +61,8 @@ class ViewerModel:
         limits = {f: feed.settings.metrics.threshold(f) for f in FEATURES}
         channel = "color" if "color" in feed.pictures() else "shape"
         state = ViewerState(
-            first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.sequence.fps, size=feed.size, effects=feed.switchable,
+            first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.sequence.fps, size=feed.size,
+            effects=feed.switchable,
             thresholds=dict(limits), default_thresholds=limits, channel=channel,
             unit_scale=feed.settings.metrics.unit_scale,
         )  # fmt: skip
