@@ -1,7 +1,7 @@
-"""One OpenEXR file -> named planes of its display window, or one PathTracedError line.
+"""Reads one OpenEXR file: named planes over its display window.
 
-The file is not trusted: kind and sizes are checked in the header before a pixel is read, parts that the library
-dropped are missed, and what the library prints on its own goes into the error instead of the terminal.
+Files are untrusted.  The header's kind and sizes are checked before pixels are decoded, a part that the library drops
+silently is an error, and text that the library prints to the terminal becomes part of the error message.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ from taubench_gl.errors import PathTracedError
 
 Array = np.ndarray
 Window = tuple[int, int, int, int]
-"""x0, y0, x1, y1, both ends included, y down: OpenEXR's own."""
+"""x0, y0, x1, y1 in pixels, both ends included, +y down, as OpenEXR stores it."""
 
 MAGIC = b"\x76\x2f\x31\x01"
 _NON_IMAGE_FLAG = 1 << 11  # version field, bit 11: the file holds deep data
 MAX_SIDE = 16384
-"""Pixels; the largest picture taken, data and display window alike."""
+"""Largest accepted width or height of the data and display windows, in pixels."""
 
 MAX_PIXEL_BYTES = 8 << 30
-"""Decoded bytes of one file.  69 float channels of 3840x2160 are 2.3 GB, so this refuses broken headers only."""
+"""Largest accepted decoded size of one file, in bytes.  69 float channels of 3840x2160 take 2.3 GB, so only broken
+headers exceed it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +42,17 @@ class ExrImage:
 
     path: Path
     size: tuple[int, int]  # width, height of the display window
-    attributes: dict[str, Any]  # header of the first part, text and numbers only
+    attributes: dict[str, Any]  # text and number attributes of the first part's header
     _planes: dict[str, tuple[Array, Window]] = field(repr=False)
     _display: Window = field(repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Full channel names, ``Layer.Pass.R``; channels of a named part get its name unless they carry it."""
+        """Full channel names, ``Layer.Pass.R``.  Channels of a named part are prefixed with the part's name."""
         return tuple(self._planes)
 
     def plane(self, name: str) -> Array:
-        """(h, w) float32 over the display window; NaN where the data window does not reach.  uint becomes float."""
+        """(h, w) float32 over the display window; NaN outside the data window.  uint channels are converted to float."""
         values, window = self._planes[name]
         if window == self._display:
             return np.ascontiguousarray(values, dtype=np.float32)
@@ -66,9 +67,9 @@ class ExrImage:
 
 
 def read_exr(path: str | Path) -> ExrImage:
-    """Read one image: single- or multi-part, half, float or uint, any compression the library reads.
+    """Read one image: single-part or multi-part; half, float or uint; any compression that the library supports.
 
-    Raises PathTracedError for what is missing, damaged, cut off, deep, or larger than MAX_SIDE or MAX_PIXEL_BYTES.
+    Raises PathTracedError for missing, damaged, truncated and deep files, and above MAX_SIDE or MAX_PIXEL_BYTES.
     """
     path = Path(path)
     check_kind(path)
@@ -80,7 +81,7 @@ def read_exr(path: str | Path) -> ExrImage:
         window = _window(header["dataWindow"])
         shape = (window[3] - window[1] + 1, window[2] - window[0] + 1)
         for name, channel in part.channels.items():
-            # A subsampled plane (luminance-chroma pictures) is no per-pixel feature: it is left out.
+            # Subsampled planes (luminance-chroma images) have no value per pixel and are skipped.
             if channel.pixels is not None and channel.pixels.shape == shape:
                 planes.setdefault(full_name(name, header.get("name")), (channel.pixels, window))
     plain = {k: v for k, v in headers[0].items() if isinstance(v, str | int | float)}
@@ -90,14 +91,14 @@ def read_exr(path: str | Path) -> ExrImage:
 
 @dataclass(frozen=True, slots=True)
 class ExrHeader:
-    """What a file says before its pixels."""
+    """Size and channel names from a file's headers."""
 
     size: tuple[int, int]  # width, height of the display window
     names: tuple[str, ...]  # full channel names, as in ExrImage
 
 
 def read_header(path: str | Path) -> ExrHeader:
-    """Size and channels of one file, no pixel read.  Raises PathTracedError as ``read_exr`` does."""
+    """Read size and channel names without decoding pixels.  Raises PathTracedError as ``read_exr`` does."""
     path = Path(path)
     check_kind(path)
     headers = [part.header for part in _open(path)]
@@ -107,7 +108,7 @@ def read_header(path: str | Path) -> ExrHeader:
 
 
 def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:
-    """One image of several files of the same size; each file's channels become ``prefix.channel``."""
+    """Combine files of equal size into one image; channels become ``prefix.channel``.  Raises PathTracedError."""
     first = images[0][1]
     planes = {f"{prefix}.{n}" if prefix else n: p for prefix, image in images for n, p in image._planes.items()}
     windows = {image._display for _, image in images}
@@ -124,7 +125,7 @@ def full_name(channel: str, part: str | None) -> str:
 
 
 def check_kind(path: Path) -> None:
-    """Raise PathTracedError unless ``path`` starts as a flat OpenEXR image does."""
+    """Raise PathTracedError unless the first 8 bytes are those of a flat OpenEXR image."""
     try:
         with open(path, "rb") as file:
             head = file.read(8)
@@ -139,7 +140,7 @@ def check_kind(path: Path) -> None:
 
 
 def check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
-    """The common display window; raises PathTracedError for what could not or should not be read."""
+    """The display window that all parts share.  Raises PathTracedError for deep, oversized or inconsistent parts."""
     if not headers:
         raise _damaged(path, "no part has a readable header")
     total, display = 0, _window(headers[0]["displayWindow"])
@@ -158,36 +159,36 @@ def check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
             if what == "data":
                 total += width * height * sum(_sample_bytes(c) for c in header["channels"])
     if total > MAX_PIXEL_BYTES:
-        limit = f"the limit is {MAX_PIXEL_BYTES >> 30} GiB; write fewer passes or a smaller picture"
+        limit = f"the limit is {MAX_PIXEL_BYTES >> 30} GiB; write fewer passes or a smaller image"
         raise PathTracedError(f"its pixels need {total / 2**30:.1f} GiB", where=str(path), hint=limit)
     return display
 
 
 def _open(path: Path, *, expected: int | None = None) -> list[Any]:
-    """Parts of the file: headers only, or with pixels where ``expected`` says how many there must be.
+    """Parts of the file.  ``expected`` None: headers only; otherwise with pixels, and this many parts must decode.
 
-    The library raises several exception types, and silently drops a part it cannot decode but for a print.
+    The library raises several exception types.  It drops a part that it cannot decode and only prints a message.
     """
-    said, native = io.StringIO(), []
+    printed, native = io.StringIO(), []
     try:
-        with contextlib.redirect_stdout(said), _native_stderr(native):
+        with contextlib.redirect_stdout(printed), _native_stderr(native):
             parts = OpenEXR.File(str(path), separate_channels=True, header_only=expected is None).parts
     except Exception as error:
         raise _from_library(path, error) from None
     if expected is not None and len(parts) != expected:
         what = f"{expected - len(parts)} of {expected} parts cannot be decoded"
-        detail = "".join([said.getvalue(), *native])
+        detail = "".join([printed.getvalue(), *native])
         raise _damaged(path, what if expected > 1 else "its pixels cannot be decoded", detail)
     return parts
 
 
 @contextlib.contextmanager
-def _native_stderr(said: list[str]) -> Iterator[None]:
-    """What native code writes to file descriptor 2 meanwhile goes to ``said``."""
+def _native_stderr(captured: list[str]) -> Iterator[None]:
+    """Append to ``captured`` the text that native code writes to file descriptor 2."""
     try:
         sys.stderr.flush()
         saved = os.dup(2)
-    except (OSError, ValueError, AttributeError):  # no standard error at all: nothing to catch
+    except (OSError, ValueError, AttributeError):  # the process has no standard error
         yield
         return
     with tempfile.TemporaryFile() as file:
@@ -198,13 +199,13 @@ def _native_stderr(said: list[str]) -> Iterator[None]:
             os.dup2(saved, 2)
             os.close(saved)
             file.seek(0)
-            said.append(file.read(2000).decode(errors="replace"))
+            captured.append(file.read(2000).decode(errors="replace"))
 
 
 def _from_library(path: Path, error: Exception) -> PathTracedError:
     if isinstance(error, MemoryError):
         return PathTracedError(
-            "does not fit into memory", where=str(path), hint="write fewer passes or a smaller picture"
+            "does not fit into memory", where=str(path), hint="write fewer passes or a smaller image"
         )
     if "deep" in str(error).lower():
         return _deep(path)
@@ -216,8 +217,8 @@ def _from_library(path: Path, error: Exception) -> PathTracedError:
 def _damaged(path: Path, what: str, detail: str = "") -> PathTracedError:
     detail = re.sub(r"^.*?\(EXR_ERR_\w+\)|^Warning:[^\n]* - ", "", detail.replace(str(path), ""), flags=re.M)
     first = next((line.strip() for line in detail.splitlines() if line.strip()), "")
-    said = f": {first[:160]}" if first else ""
-    return PathTracedError(f"damaged or cut off: {what[:200]}{said}", where=str(path), hint="render or copy it again")
+    detail = f": {first[:160]}" if first else ""
+    return PathTracedError(f"damaged or cut off: {what[:200]}{detail}", where=str(path), hint="render or copy it again")
 
 
 def _deep(path: Path) -> PathTracedError:

@@ -1,50 +1,222 @@
-"""Planes of a file -> the quantities the masks compare, in our axes, units and signs."""
+"""Channels of a file -> canonical quantities: pass mappings, channel lookup, and conversion of axes, units and signs.
+
+A mapping (TOML or JSON; ``presets/`` holds the built-in ones) gives, for each pass, its name in the files of one
+program, and that program's conventions.  ``ChannelIndex`` finds the channels; ``read_frame`` converts them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+import json
+import tomllib
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage
-from taubench_gl.pathtraced.mapping import BOUNCES, LOBES, ChannelIndex, PassMap
 
 Array = np.ndarray
+LOBES = ("diffuse", "glossy", "transmission", "volume")
+BOUNCES = ("direct", "indirect")
+
+COMPONENTS = {
+    "combined": 3, "depth": 1, "position": 3, "normal": 3, "motion": 2, "emission": 3, "environment": 3,
+    "direct": 3, "indirect": 3, "prev_position": 3,
+    **{f"{lobe}_{what}": 3 for lobe in LOBES for what in (*BOUNCES, "color") if (lobe, what) != ("volume", "color")},
+}  # fmt: skip
+"""Canonical passes and their number of components.  ``direct`` and ``indirect``, if not mapped, are sums over lobes."""
+
+_REQUIRED_LOBES = LOBES[:3]
+"""Lobes without which direct and indirect are null.  A file without volume passes has no volumes."""
+
 UNIT_ROUNDING = 5e-7
-_NEEDED_LOBES = LOBES[:3]  # a file without volume passes has no volume; without glossy passes it has half a picture
+"""Normals whose length differs from 1 by at most this (float32 rounding) are kept bit for bit."""
+
+_LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ", "RGB")}
+_PRESETS = Path(__file__).parent / "presets"
+_CHOICES = {
+    "up": ("z", "y"),
+    "depth": ("planar", "distance"),
+    "color": ("linear", "encoded"),
+    "positions": ("world", "relative"),
+    "motion.unit": ("px", "uv"),
+    "motion.direction": ("previous-current", "current-previous"),
+    "motion.y": ("up", "down"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PassMap:
+    """Pass names and conventions of one program's files.  ``presets/blender.toml`` documents each field."""
+
+    name: str
+    passes: Mapping[str, tuple[Any, ...]]  # canonical pass -> alternatives in order: a pass name, or a tuple of full channel names
+    up: str = "z"
+    depth: str = "planar"
+    background_depth: float = 1e9
+    color: str = "linear"
+    positions: str = "world"  # relative: minus the position of the frame's camera (prev_position: the previous frame's)
+    motion_unit: str = "px"
+    motion_direction: str = "previous-current"
+    motion_y: str = "up"
+
+    def file_name(self, name: str) -> str:
+        """Name of a pass in files, for messages: its first alternative."""
+        first = self.passes[name][0] if name in self.passes else None
+        return first if isinstance(first, str) and first else name
+
+
+def presets() -> tuple[str, ...]:
+    """Names of the built-in mappings."""
+    return tuple(sorted(p.stem for p in _PRESETS.glob("*.toml")))
+
+
+def load_mapping(source: str | Path | None) -> PassMap:
+    """``source``: name of a preset, or a TOML or JSON file; None: blender.  Raises PathTracedError naming the faulty key."""
+    source = "blender" if source is None else source
+    path = _PRESETS / f"{source}.toml" if str(source) in presets() else Path(source)
+    try:
+        text = path.read_text(encoding="utf-8")
+        values = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
+    except (OSError, ValueError) as error:
+        hint = f"give a TOML or JSON file or one of {', '.join(presets())}"
+        what = f"is no pass mapping: {getattr(error, 'strerror', None) or error}"
+        raise PathTracedError(what, where=str(source), hint=hint) from None
+    return parse_mapping(values, str(source))
+
+
+def parse_mapping(values: Any, where: str) -> PassMap:
+    """Check every key of a decoded mapping file.  Raises PathTracedError."""
+    if not isinstance(values, dict) or not isinstance(values.get("passes"), dict):
+        raise PathTracedError("has no [passes]", where=where, hint="see the built-in preset 'blender' for an example")
+    motion = values.get("motion", {})
+    flat = {k: v for k, v in values.items() if k not in ("passes", "motion", "name", "background_depth")}
+    flat |= {f"motion.{k}": v for k, v in (motion.items() if isinstance(motion, dict) else ())}
+    for key, value in flat.items():
+        if key not in _CHOICES:
+            raise PathTracedError(f"unknown key {key!r}", where=where, hint=f"known: {', '.join(_CHOICES)}")
+        if value not in _CHOICES[key]:
+            raise PathTracedError(f"{key} is {value!r}", where=where, hint=f"choose from {', '.join(_CHOICES[key])}")
+    background = values.get("background_depth", 1e9)
+    if isinstance(background, bool) or not isinstance(background, int | float) or not background > 0:
+        raise PathTracedError(f"background_depth is {background!r}", where=where, hint="give a number above 0")
+    passes = {name: _alternatives(name, given, where) for name, given in values["passes"].items()}
+    fields = {key.replace(".", "_"): value for key, value in flat.items()}
+    return PassMap(str(values.get("name", where)), passes, background_depth=float(background), **fields)
+
+
+def _alternatives(name: str, given: Any, where: str) -> tuple[Any, ...]:
+    if name not in COMPONENTS:
+        raise PathTracedError(
+            f"passes: no pass is named {name!r}", where=where, hint=f"choose from {', '.join(COMPONENTS)}"
+        )
+    out = []
+    for item in given if isinstance(given, list) else [given]:
+        if isinstance(item, str):
+            out.append(item)
+            continue
+        channels = item.get("channels") if isinstance(item, dict) else None
+        count = COMPONENTS[name]
+        if not (isinstance(channels, list) and all(isinstance(c, str) for c in channels) and len(channels) == count):
+            hint = f"give a pass name, or {{ channels = [...] }} with {count} names"
+            raise PathTracedError(f"passes.{name} is {item!r}", where=where, hint=hint)
+        out.append(tuple(channels))
+    return tuple(out)
+
+
+class ChannelIndex:
+    """Finds passes among channel names ``Layer.Pass.Component``; any layer name is accepted.
+
+    Raises PathTracedError if ``layer`` does not exist.
+    """
+
+    def __init__(self, names: Iterable[str], mapping: PassMap, layer: str | None = None):
+        self.names, self.mapping = tuple(names), mapping
+        self._found: dict[str, tuple[str, ...]] = {}
+        known = {n.casefold() for alternatives in mapping.passes.values() for n in alternatives if isinstance(n, str)}
+        tables: dict[str, dict[str, dict[str, str]]] = {}  # layer -> pass -> component -> channel
+        for channel in self.names:
+            parts = channel.split(".")
+            component = parts[-1].upper()
+            # Pass names may contain dots ("dd.y"): try every split, longest pass name first.
+            for first in range(len(parts)):
+                name = ".".join(parts[first:-1]).casefold()
+                if name in known:
+                    tables.setdefault(".".join(parts[:first]), {}).setdefault(name, {})[component] = channel
+                    break
+        self.layers = tuple(tables)
+        if layer is not None and layer not in tables:
+            listed = ", ".join(repr(name) for name in tables) or "none with a known pass"
+            raise PathTracedError(f"no layer {layer!r}", hint=f"it has {listed}")
+        # Take the layer with most passes.  Passes that it lacks may be at the root of the file (combined as R, G, B).
+        order = [layer] if layer is not None else sorted(tables, key=lambda name: -len(tables[name]))
+        self.layer = order[0] if order else ""
+        for name, alternatives in mapping.passes.items():
+            found = self._search(alternatives, COMPONENTS[name], [tables[t] for t in order if t in (self.layer, "")])
+            if found:
+                self._found[name] = found
+
+    def _search(self, alternatives: tuple[Any, ...], count: int, tables: list[dict]) -> tuple[str, ...] | None:
+        for name in alternatives:
+            if not isinstance(name, str):
+                if all(channel in self.names for channel in name):
+                    return name
+                continue
+            for table in tables:
+                components = table.get(name.casefold(), {})
+                for letters in _LETTERS[count]:
+                    if all(letter in components for letter in letters):
+                        return tuple(components[letter] for letter in letters)
+        return None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._found
+
+    def channels(self, name: str) -> tuple[str, ...]:
+        """Full channel names of a canonical pass, in component order."""
+        return self._found[name]
 
 
 @dataclass(frozen=True, slots=True)
 class PathTracedFrame:
-    """One path-traced frame.  Row 0 is the top; glTF axes (+Y up), metres; None where the file has no such pass.
+    """One path-traced frame.  Row 0 is the top row; glTF axes (+Y up); metres.  None: the file has no such pass.
 
-    NaN marks pixels outside the data window.  Radiance is linear; ``motion`` previous - current, pixels, +y down.
+    NaN marks pixels outside the data window.
     """
 
     size: tuple[int, int]
-    sky: Array  # (h, w) bool, no surface
+    sky: Array  # (h, w) bool, True where no surface is visible
     normal: Array | None  # (h, w, 3) float32, unit, world
-    position: Array | None  # (h, w, 3) float32, world, as rendered
-    depth: Array | None  # (h, w) float32, planar or distance as ``depth_kind`` says
-    depth_kind: str
+    position: Array | None  # (h, w, 3) float32, world
+    depth: Array | None  # (h, w) float32, as ``depth_kind``
+    depth_kind: str  # planar: along the view direction; distance: from the camera position
     prev_position: Array | None  # (h, w, 3) float32, world
-    motion: Array | None  # (h, w, 2) float32
-    combined: Array | None  # (h, w, 3) float32
-    emission: Array | None
-    environment: Array | None
-    radiance: Mapping[str, Array]  # direct, indirect; (h, w, 3) float32
-    lobes: Mapping[str, Array]  # "diffuse_direct", ... those that were asked for
-    missing: Mapping[str, str] = field(default_factory=dict)  # column -> which pass would give it
-    color_encoded: bool = False  # combined is display-encoded already
-    relative: bool = False  # positions are relative to the frame's camera, previous ones to the previous camera
+    motion: Array | None  # (h, w, 2) float32, previous - current, pixels, +x right, +y down
+    combined: Array | None  # (h, w, 3) float32, linear radiance unless ``color_encoded``
+    emission: Array | None  # (h, w, 3) float32, linear radiance
+    environment: Array | None  # (h, w, 3) float32, linear radiance
+    radiance: Mapping[str, Array]  # direct, indirect: (h, w, 3) float32, linear
+    lobes: Mapping[str, Array]  # requested lobes, "diffuse_direct", ...: (h, w, 3) float32, linear
+    color_encoded: bool = False  # combined is tone-mapped and sRGB-encoded
+    relative: bool = False  # position is relative to the frame's camera, prev_position to the previous frame's
+
+    def linear_radiance(self, exposure: float, where: str) -> Array:
+        """Combined pass times ``exposure``, linear, (h, w, 3) float32.  Raises PathTracedError if there is none."""
+        if self.combined is None:
+            hint = "switch it on in the renderer, or give --mapping"
+            raise PathTracedError("has no combined pass", where=where, hint=hint)
+        if self.color_encoded:
+            raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
+        return self.combined[..., :3].astype(np.float32) * np.float32(exposure)
 
 
 def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()) -> PathTracedFrame:
-    """Quantities of one file.  ``lobes``: those of LOBES to give apart as well.
+    """Convert the channels of one frame.  ``lobes``: lobes to return separately too.
 
-    Raises PathTracedError where neither position nor depth says what is seen.
+    Raises PathTracedError if the file has neither a position nor a depth pass.
     """
     mapping = index.mapping
 
@@ -63,7 +235,7 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         )
     depth = None if depth is None else depth[..., 0]
     sky = find_sky(position, normal, depth, mapping.background_depth)
-    radiance, apart = _light(index, take, lobes)
+    radiance, separate = _light(index, take, lobes)
     prev = take("prev_position")
     return PathTracedFrame(
         size=image.size,
@@ -78,18 +250,17 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         emission=take("emission"),
         environment=take("environment"),
         radiance=radiance,
-        lobes=apart,
-        missing=missing_columns(index, lobes),
+        lobes=separate,
         color_encoded=mapping.color == "encoded",
         relative=mapping.positions == "relative",
     )
 
 
 def find_sky(position: Array | None, normal: Array | None, depth: Array | None, background: float) -> Array:
-    """Pixels without a surface.  (h, w) bool.
+    """Pixels without a surface, (h, w) bool.
 
-    With a depth pass: depth 0, infinite, or at or beyond ``background`` (Cycles writes 1e10).  Without: position and
-    normal (where there is one) exactly 0.  NaN is no sky but invalid.
+    With a depth pass: depth is 0 or at least ``background`` (Cycles writes 1e10).  Without: position and, if present,
+    normal are exactly 0.  NaN pixels are invalid, not sky.
     """
     if depth is not None:
         return (depth >= background) | (depth == 0)
@@ -98,16 +269,16 @@ def find_sky(position: Array | None, normal: Array | None, depth: Array | None, 
 
 
 def to_y_up(vectors: Array, up: str) -> Array:
-    """Blender's (x, y, z), +Z up -> glTF's (x, z, -y), +Y up.  (..., 3) -> (..., 3)."""
+    """Convert (..., 3) vectors from ``up`` = "z" (Blender) to glTF axes: (x, y, z) -> (x, z, -y).  "y": unchanged."""
     if up == "y":
         return vectors
     return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
 
 
 def unit(normals: Array) -> Array:
-    """Unit vectors; Cycles averages normals over the pixel, which shortens them.  Zero stays zero, NaN stays NaN.
+    """Normalize (h, w, 3) normals.  Cycles averages normals over the pixel, which shortens them.
 
-    What is a unit vector already, but for the rounding of float32, keeps its bits.
+    Zero and NaN are kept.  Vectors of unit length within UNIT_ROUNDING are kept bit for bit.
     """
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     scale = np.where((length > 0) & (np.abs(length - 1) > UNIT_ROUNDING), length, 1)
@@ -124,15 +295,15 @@ def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Ar
         factor *= -1
     if mapping.motion_y == "up":
         factor[1] *= -1
-    return motion * factor + np.float32(0)  # + 0: no negative zeros
+    return motion * factor + np.float32(0)  # + 0 turns -0 into 0
 
 
 def _light(
     index: ChannelIndex, take: Callable[[str], Array | None], lobes: Collection[str]
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """direct and indirect: sum over lobes of Direct x Color (volume has no colour); the lobes asked for, apart."""
-    radiance, apart = {}, {}
-    colors = {lobe: take(f"{lobe}_color") for lobe in _NEEDED_LOBES}
+    """direct and indirect, and the requested lobes: sums over lobes of Direct x Color (volumes have no Color pass)."""
+    radiance, separate = {}, {}
+    colors = {lobe: take(f"{lobe}_color") for lobe in _REQUIRED_LOBES}
     for bounce in BOUNCES:
         whole, total = take(bounce), None
         summed = whole is None and not _lacking(index, bounce)
@@ -142,16 +313,16 @@ def _light(
                 continue
             scattered = light * colors[lobe] if lobe in colors else light
             if lobe in lobes:
-                apart[f"{lobe}_{bounce}"] = scattered
+                separate[f"{lobe}_{bounce}"] = scattered
             if summed:
                 total = scattered if total is None else total + scattered
         if whole is not None or total is not None:
             radiance[bounce] = total if whole is None else whole
-    return radiance, apart
+    return radiance, separate
 
 
 def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[str, str]:
-    """Columns, and ``lobe_bounce`` of the lobes asked for, that these passes cannot give -> which pass would."""
+    """Columns and requested ``lobe_bounce`` entries that cannot be computed -> reason with the missing passes."""
     missing = {}
     for column, name in (("normal", "normal"), ("color", "combined")):
         if name not in index:
@@ -161,16 +332,16 @@ def missing_columns(index: ChannelIndex, lobes: Collection[str] = ()) -> dict[st
         if bounce not in index and lacking:
             missing[bounce] = _needs(lacking, index.mapping)
         for lobe in lobes:
-            wanted = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in _NEEDED_LOBES else [])
-            lacking = [n for n in wanted if n not in index]
+            required = [f"{lobe}_{bounce}"] + ([f"{lobe}_color"] if lobe in _REQUIRED_LOBES else [])
+            lacking = [n for n in required if n not in index]
             if lacking:
                 missing[f"{lobe}_{bounce}"] = _needs(lacking, index.mapping)
     return missing
 
 
 def _lacking(index: ChannelIndex, bounce: str) -> list[str]:
-    wanted = [n for lobe in _NEEDED_LOBES for n in (f"{lobe}_{bounce}", f"{lobe}_color")]
-    return [n for n in wanted if n not in index]
+    required = [n for lobe in _REQUIRED_LOBES for n in (f"{lobe}_{bounce}", f"{lobe}_color")]
+    return [n for n in required if n not in index]
 
 
 def _needs(names: list[str], mapping: PassMap) -> str:
