@@ -10,15 +10,16 @@ from typing import Any
 
 from taubench_gl.animation import CameraTrack
 from taubench_gl.cost import methods as quality
-from taubench_gl.cost import rungs
 from taubench_gl.cost.clock import pass_timer
-from taubench_gl.cost.errors import channels_of, compare_features, feature_frames, from_run, measure_errors
+from taubench_gl.cost.errors import KEPT, channels_of, compare_features, feature_frames, from_run, measure_errors
 from taubench_gl.cost.plan import BASE, BEST, Plan
 from taubench_gl.cost.records import Records
 from taubench_gl.cost.rounds import SWEEPS, due_visits, rounds_of
 from taubench_gl.cost.sessions import Pool
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.pathtraced.compare import noise_floor_percent
 from taubench_gl.pathtraced.sequence import PREFIX
+from taubench_gl.pathtraced.series import Render, SampleCountSeries
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -46,7 +47,7 @@ class Job:
         frames: range,
         plan: Plan,
         contest: Sequence[quality.Candidate],
-        ladder: rungs.Ladder | None,
+        series: SampleCountSeries | None,
         records: Records,
         repeats: int,
         verdict: Any,
@@ -54,7 +55,7 @@ class Job:
         now: Callable[[], float],
     ):
         self._gpu, self._scene, self._camera, self._frames = gpu, scene, camera, frames
-        self._plan, self._ladder, self._records, self._now = plan, ladder, records, now
+        self._plan, self._series, self._records, self._now = plan, series, records, now
         self._contest = {c.input: [o for o in contest if o.input == c.input] for c in contest}
         self._repeats, self._verdict = repeats, verdict
         self._progress = progress or (lambda step: None)
@@ -63,18 +64,18 @@ class Job:
         self._features: dict[str, Any] = {}
         visits = len(due_visits(plan.settings, repeats, records.of("time")))
         errors = {r["setting"] for r in records.of("error")}
-        rungs = [] if ladder is None else [r.name for r in ladder.rungs]
-        self._due = [n for n in (*rungs, *(s.name for s in plan.settings)) if n not in errors]
+        renders = [] if series is None else [r.name for r in series.renders]
+        self._due = [n for n in (*renders, *(s.name for s in plan.settings)) if n not in errors]
         judged = len(self._contest) - len(records.of("quality"))
         turns = repeats * len(self._contest) - len(records.of("quality_time"))
         self._done, self._total = 0, len(self._due) + visits + judged + max(turns, 0)
 
     def measure_errors(self) -> None:
-        """One full run of every rung and setting whose errors are not recorded yet."""
-        for rung in () if self._ladder is None else self._ladder.rungs:
-            if rung.name in self._due:
-                self._say(f"errors: {rung.name}")
-                self._records.add({"kind": "error", "setting": rung.name} | self._rung(rung))
+        """One full run of every render and setting whose errors are not recorded yet."""
+        for render in () if self._series is None else self._series.renders:
+            if render.name in self._due:
+                self._say(f"errors: {render.name}")
+                self._records.add({"kind": "error", "setting": render.name} | self._render(render))
         for setting in self._plan.settings:
             if setting.name not in self._due:
                 continue
@@ -101,7 +102,7 @@ class Job:
         """Reuse methods: errors of every input once, then their times, input by input in turn."""
         base = self._plan.named(BASE).settings
         judged = {r["input"] for r in self._records.of("quality")}
-        reference = "max" if self._ladder is None else f"{PREFIX}{self._ladder.reference.folder}"
+        reference = "max" if self._series is None else f"{PREFIX}{self._series.reference.folder}"
         for kind, chosen in self._contest.items():
             if kind not in judged:
                 self._say(f"pictures of {len(chosen)} methods: {kind}")
@@ -143,15 +144,15 @@ class Job:
             "base_ms": times[BASE],
         }
 
-    def _rung(self, rung: rungs.Rung) -> dict[str, Any]:
-        base, ladder = self._plan.named(BASE).settings, self._ladder
-        is_reference = rung is ladder.reference
-        run = rungs.run_rung(rung, base, ladder.second if is_reference else None)
+    def _render(self, render: Render) -> dict[str, Any]:
+        base, series = self._plan.named(BASE).settings, self._series
+        is_reference = render is series.reference
+        run = render.evaluate(base, series.second if is_reference else None)
         found = from_run(run)
         if is_reference:
-            found["floor"] = dict(rungs.floor_of(run))
+            found["floor"] = noise_floor_percent(run.summary)
         else:
-            kept = rungs.rung_channels(rung, base, self._window)
+            kept = render.channels(base, self._window, KEPT)
             found["features"] = compare_features(kept, self._channels(), base)
         return found
 
@@ -167,9 +168,9 @@ class Job:
     def _channels(self) -> Mapping[int, Any]:
         """The reference's, drawn (or read) once a session."""
         if self._reference is None:
-            if self._ladder is not None:
+            if self._series is not None:
                 base = self._plan.named(BASE).settings
-                self._reference = rungs.rung_channels(self._ladder.reference, base, self._window)
+                self._reference = self._series.reference.channels(base, self._window, KEPT)
             else:
                 best = self._plan.named(BEST).settings
                 self._reference = channels_of(self._scene, self._camera, best, self._window)

@@ -1,4 +1,4 @@
-"""Points out of records: what every setting and every path-traced rung gets wrong, and what a frame of it costs."""
+"""Points out of records: what every setting and every path-traced render gets wrong, and what a frame of it costs."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from taubench_gl.cost.clock import time_of
 from taubench_gl.cost.column_errors import Record, column_errors, curve_error
 from taubench_gl.cost.plan import Setting
 from taubench_gl.cost.rounds import rounds_of
-from taubench_gl.cost.rungs import Ladder, Rung
+from taubench_gl.pathtraced.series import Render, SampleCountSeries
 
 
 def errors_of(records: Iterable[Record]) -> dict[str, Record]:
-    """Setting or rung -> its ``error`` record."""
+    """Setting or render -> its ``error`` record."""
     errors = {r["setting"]: r for r in records if r["kind"] == "error"}
     return errors
 
 
 def points_of(
     settings: Iterable[Setting],
-    ladder: Ladder | None,
+    series: SampleCountSeries | None,
     records: Sequence[Record],
     reference: str,
     repeats: int,
     clock: str,
 ) -> list[Point]:
-    """Points of ``settings`` and, last, of the rungs of ``ladder``.
+    """Points of ``settings`` and, last, of the renders of ``series``.
 
     ``records``: lines of kind ``error`` and ``time``, of which the first ``repeats`` rounds count.  ``reference``:
-    setting or rung that errors are measured against; ``clock``: of frames.
+    setting or render that errors are measured against; ``clock``: of frames.
     """
     errors = errors_of(records)
     rounds: dict[str, list[Mapping[str, Any]]] = {}
@@ -40,7 +40,7 @@ def points_of(
         rounds.setdefault(r["setting"], []).append(r)
     truth = errors[reference]
     points = [_point(s, errors[s.name], rounds.get(s.name, [])[:repeats], truth, clock) for s in settings]
-    return points + [_rung(r, errors[r.name], truth) for r in (() if ladder is None else ladder.rungs)]
+    return points + [_render_point(r, errors[r.name], truth) for r in (() if series is None else series.renders)]
 
 
 def _point(setting: Setting, record: Record, rounds: Sequence[Record], reference: Record, clock: str) -> Point:
@@ -62,8 +62,8 @@ def _point(setting: Setting, record: Record, rounds: Sequence[Record], reference
     )
 
 
-def _rung(rung: Rung, record: Record, reference: Record) -> Point:
+def _render_point(render: Render, record: Record, reference: Record) -> Point:
     columns = column_errors(record, reference, same_pairs=True)
-    time = time_of(rung.frame_ms, in_turn=False) if rung.frame_ms else None
-    label, features = f"path-traced, {rung.samples} spp", record.get("features") or {}
-    return Point(rung.name, label, "rung", {"spp": rung.samples}, columns, time, rung.clock, False, features)
+    time = time_of(render.frame_ms, in_turn=False) if render.frame_ms else None
+    label, features = f"path-traced, {render.samples} spp", record.get("features") or {}
+    return Point(render.name, label, "rung", {"spp": render.samples}, columns, time, render.clock, False, features)

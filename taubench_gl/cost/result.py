@@ -29,8 +29,8 @@ from taubench_gl.cost.plan import BASE, BEST, Plan
 from taubench_gl.cost.points import errors_of, points_of
 from taubench_gl.cost.preset import save_preset
 from taubench_gl.cost.promise import hold_against
-from taubench_gl.cost.rungs import Ladder
 from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.pathtraced.series import SampleCountSeries
 
 COST_SCHEMA = "taubench-gl/cost/1"
 ALL = "all"
@@ -41,7 +41,7 @@ STUDY_FILE, PRESET_FILE = "study.json", "preset.toml"
 
 @dataclass(slots=True)
 class CostStudy:
-    """What ``cost`` returns.  ``points`` in plan order, path-traced rungs last."""
+    """What ``cost`` returns.  ``points`` in plan order, path-traced renders last."""
 
     about: dict[str, Any]
     points: list[Point]
@@ -187,14 +187,14 @@ def fronts_of(columns: Sequence[str], asked: Sequence[str] = ()) -> dict[str, tu
 def assemble(
     about: Mapping[str, Any],
     plan: Plan,
-    ladder: Ladder | None,
+    series: SampleCountSeries | None,
     records: Sequence[Mapping[str, Any]],
     repeats: int,
 ) -> CostStudy:
     """Points out of records, lines of kind ``error`` and ``time``; the first ``repeats`` rounds count."""
     errors = errors_of(records)
-    reference = errors[BEST if ladder is None else ladder.reference.name]
-    points = points_of(plan.settings, ladder, records, reference["setting"], repeats, about["clock"])
+    reference = errors[BEST if series is None else series.reference.name]
+    points = points_of(plan.settings, series, records, reference["setting"], repeats, about["clock"])
     floor = reference.get("floor") or {}
     told = dict(about)
     loads = [r["load"] for r in records if r.get("load") is not None]
@@ -202,23 +202,23 @@ def assemble(
     told["reference"] = {
         **about["reference"],
         "percent": {c: reference["columns"][c]["percent"] for c in COLUMNS},
-        "floor": {c: _floor(c, ladder, floor) for c in COLUMNS},
+        "floor": {c: _floor(c, series, floor) for c in COLUMNS},
     }
-    return CostStudy(told, points, _sanities(plan, ladder, errors, reference), plan)
+    return CostStudy(told, points, _sanities(plan, series, errors, reference), plan)
 
 
-def _floor(column: str, ladder: Ladder | None, floor: Mapping[str, float | None]) -> dict[str, Any]:
+def _floor(column: str, series: SampleCountSeries | None, floor: Mapping[str, float | None]) -> dict[str, Any]:
     """Points by which the reference itself would change if it were made again."""
-    if ladder is None:
+    if series is None:
         return {"points": 0.0, "reason": "nothing in it is random: the same settings give the same counts"}
     if floor.get(column) is not None:
         return {"points": floor[column], "reason": "discards between two renders of a frame that differ in their seed"}
-    if ladder.second is None:
+    if series.second is None:
         return {"points": None, "reason": "not known: no second render with as many samples and another seed"}
     return {"points": None, "reason": "not measured: geometry has no noise"}
 
 
-def _sanities(plan: Plan, ladder: Ladder | None, errors: Mapping[str, Any], reference: Any) -> list[Sanity]:
+def _sanities(plan: Plan, series: SampleCountSeries | None, errors: Mapping[str, Any], reference: Any) -> list[Sanity]:
     """Per dial and column that it may change: does the error fall from coarse to exact?"""
     out = []
     for name in plan.knobs:
@@ -233,8 +233,8 @@ def _sanities(plan: Plan, ladder: Ladder | None, errors: Mapping[str, Any], refe
             chain = chain[:2]  # double asks what float's arithmetic does, not for a better picture
         if len(chain) > 1:
             out += [_sanity(name, c, chain, reference) for c in knob.columns if _there(chain, reference, c)]
-    if ladder is not None and len(ladder.rungs) > 1:
-        chain = [(r.samples, errors[r.name]) for r in ladder.rungs]
+    if series is not None and len(series.renders) > 1:
+        chain = [(r.samples, errors[r.name]) for r in series.renders]
         out += [_sanity("spp", c, chain, reference) for c in COLUMNS if _there(chain, reference, c)]
     return out
 

@@ -13,7 +13,6 @@ from typing import Any
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import methods as quality
-from taubench_gl.cost import rungs
 from taubench_gl.cost.clock import pass_timer
 from taubench_gl.cost.job import Job, Progress
 from taubench_gl.cost.parameters import KNOBS, Situation
@@ -27,6 +26,7 @@ from taubench_gl.frame.plan import bound_times, significant_lights
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, probe_timer
 from taubench_gl.pathtraced.sequence import is_sequence
+from taubench_gl.pathtraced.series import SampleCountSeries, find_series
 from taubench_gl.provenance import provenance
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -57,7 +57,7 @@ def cost(
     """Measure error and time of every setting of the plan, and say which to use.
 
     ``settings`` (and ``overrides``, fields of it) are the base that the knobs turn away from.  ``reference``: "best",
-    all accuracy knobs at their best, or ``exr:DIR``, path-traced renders (``study.rungs``).  ``within`` points and
+    all accuracy knobs at their best, or ``exr:DIR``, path-traced renders.  ``within`` points and
     ``budget_ms`` choose the preset, for ``choose_for`` (all columns).  ``repeats``: rounds, in which every setting
     is timed in turn.
     ``knobs``: names of ``KNOBS`` (None: all of them) and ``method:NAME@setting=VALUES``, reuse methods judged by their
@@ -75,10 +75,10 @@ def cost(
     out = Path(out)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=base.sequence.scene, animation=base.sequence.animation)
-    ladder = None
+    series = None
     if is_sequence(reference):
-        ladder = rungs.find_ladder(reference)
-        base = rungs.fitting(base, ladder)
+        series = find_series(reference)
+        base = series.settings(base)
     elif reference != REFERENCE_BEST:
         raise SettingsError(f"no reference is named {reference!r}", hint="choose best, or exr:DIR")
     camera = choose_camera(scene, base.sequence.camera)
@@ -93,19 +93,19 @@ def cost(
     with gpu:
         verdict = probe_timer(gpu)
         clock = pass_timer(gpu, verdict).clock
-    about = _about(gpu, scene, camera, frames, base, plan, reference, ladder, clock)
+    about = _about(gpu, scene, camera, frames, base, plan, reference, series, clock)
     if fresh:
         (out / RECORDS_FILE).unlink(missing_ok=True)
     key = identity(plan, scene.sha256, frames, about["reference"]["identity"], about["camera"])
     if contest:
         key["methods"] = fingerprint([c.name for c in contest])
     records = Records(out, {"identity": key, "machine": about["machine"], "about": about})
-    job = Job(gpu, scene, camera, frames, plan, contest, ladder, records, repeats, verdict, progress, now)
+    job = Job(gpu, scene, camera, frames, plan, contest, series, records, repeats, verdict, progress, now)
     try:
         job.measure_errors()
         job.measure_times()
         job.measure_methods()
-        study = assemble(about, plan, ladder, records.lines, repeats)
+        study = assemble(about, plan, series, records.lines, repeats)
         study.methods = quality.method_points(contest, records.lines, repeats)
         study = study.with_choices(within, budget_ms, choose_for)
         if check:
@@ -124,15 +124,15 @@ def _about(
     base: Settings,
     plan: Plan,
     reference: str,
-    ladder: rungs.Ladder | None,
+    series: SampleCountSeries | None,
     pass_clock: str,
 ) -> dict[str, Any]:
     """What every figure of the study is to be printed with."""
-    if ladder is None:
+    if series is None:
         told = {"kind": REFERENCE_BEST, "name": BEST, "identity": REFERENCE_BEST}
     else:
-        hashes = [r.sequence.sha256()[:16] for r in (*ladder.rungs, *filter(None, (ladder.second,)))]
-        told = {"kind": "path-traced", "name": ladder.reference.name, "identity": " ".join(hashes), "path": reference}
+        hashes = [r.sequence.sha256()[:16] for r in (*series.renders, *filter(None, (series.second,)))]
+        told = {"kind": "path-traced", "name": series.reference.name, "identity": " ".join(hashes), "path": reference}
     return {
         "scene": {"name": scene.name, "sha256": scene.sha256, "stand_in": scene.stand_in},
         "camera": camera.describe(),

@@ -6,6 +6,7 @@ NumPy only.  ``compare_runs`` compares, ``save_comparison`` writes the result as
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -126,8 +127,13 @@ def _column(a: Run, b: Run, column: str, frames: list[int]) -> dict[str, Any]:
             reason = run.summary["discard"][column].get("reason", "not measured")
             return {"difference_points": None, "reason": f"{run.summary['scene']['name']}: {reason}"}
         shares.append(float(np.mean([100.0 * count / pixels for count, pixels in counts])))
-    floors = [((run.summary.get("noise_floor") or {}).get(column) or {}).get("mean_percent") for run in (a, b)]
+    floors = [noise_floor_percent(run.summary).get(column) for run in (a, b)]
     return {"percent": shares, "difference_points": shares[0] - shares[1], "noise_floor_percent": floors}
+
+
+def noise_floor_percent(summary: Mapping[str, Any]) -> dict[str, float | None]:
+    """Column -> mean percentage of pixels that noise alone discards; empty if the run has no second seed."""
+    return {column: (entry or {}).get("mean_percent") for column, entry in (summary.get("noise_floor") or {}).items()}
 
 
 def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -24,8 +24,8 @@ from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.cameras import FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
 from taubench_gl.pathtraced.cycles.render import read_render
-from taubench_gl.pathtraced.mapping import BOUNCES, LOBES
 from taubench_gl.pathtraced.noise import noise_floor
+from taubench_gl.pathtraced.passes import BOUNCES, LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.provenance import provenance
@@ -135,7 +135,8 @@ def _run(
             facts = _facts(sequence, frames, settings, camera, _notes(source, camera))
             summary = assemble_summary(facts, frames, settings, views, stats) | source.describe()
             folder = sequence.path if sequence.path.is_dir() else sequence.path.parent
-            summary["path_traced"]["render"] = read_render(folder, frames)
+            record = read_render(folder)
+            summary["path_traced"]["render"] = None if record is None else record.summary(frames)
             if lobes is not None:
                 summary["lobes"] = lobes.summary()
             if options.second_seed is not None:

@@ -48,11 +48,11 @@ class ExrImage:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Full channel names, ``Layer.Pass.R``.  Channels of a named part are prefixed with the part's name."""
+        """Full channel names, ``Layer.Pass.R``.  Channels of a named part start with its name."""
         return tuple(self._planes)
 
     def plane(self, name: str) -> Array:
-        """(h, w) float32 over the display window; NaN outside the data window.  uint channels are converted to float."""
+        """(h, w) float32 over the display window; NaN outside the data window.  uint is converted to float."""
         values, window = self._planes[name]
         if window == self._display:
             return np.ascontiguousarray(values, dtype=np.float32)

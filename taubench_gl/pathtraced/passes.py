@@ -53,12 +53,14 @@ class PassMap:
     """Pass names and conventions of one program's files.  ``presets/blender.toml`` documents each field."""
 
     name: str
-    passes: Mapping[str, tuple[Any, ...]]  # canonical pass -> alternatives in order: a pass name, or a tuple of full channel names
+    passes: Mapping[
+        str, tuple[Any, ...]
+    ]  # canonical pass -> alternatives in order: a pass name, or a tuple of full channel names
     up: str = "z"
     depth: str = "planar"
     background_depth: float = 1e9
     color: str = "linear"
-    positions: str = "world"  # relative: minus the position of the frame's camera (prev_position: the previous frame's)
+    positions: str = "world"  # relative: to the frame's camera (prev_position: to the previous frame's), world axes
     motion_unit: str = "px"
     motion_direction: str = "previous-current"
     motion_y: str = "up"
@@ -75,7 +77,7 @@ def presets() -> tuple[str, ...]:
 
 
 def load_mapping(source: str | Path | None) -> PassMap:
-    """``source``: name of a preset, or a TOML or JSON file; None: blender.  Raises PathTracedError naming the faulty key."""
+    """Load a preset by name, or a TOML or JSON file; None: blender.  Raises PathTracedError naming the faulty key."""
     source = "blender" if source is None else source
     path = _PRESETS / f"{source}.toml" if str(source) in presets() else Path(source)
     try:

@@ -10,8 +10,16 @@ from pathlib import Path
 
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
-from taubench_gl.pathtraced.mapping import BOUNCES, LOBES, ChannelIndex, PassMap, load_mapping
-from taubench_gl.pathtraced.passes import PathTracedFrame, missing_columns, read_frame
+from taubench_gl.pathtraced.passes import (
+    BOUNCES,
+    LOBES,
+    ChannelIndex,
+    PassMap,
+    PathTracedFrame,
+    load_mapping,
+    missing_columns,
+    read_frame,
+)
 
 PREFIX = "exr:"
 _NUMBERED = re.compile(r"^(.*?)(\d+)$")

@@ -13,8 +13,7 @@ from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.camera_file import CAMERA_SCHEMA, CameraPose, camera_file_text, read_camera_file
 from taubench_gl.pathtraced.exr import read_exr
 from taubench_gl.pathtraced.fit import fit_camera, screen_of
-from taubench_gl.pathtraced.mapping import ChannelIndex, load_mapping
-from taubench_gl.pathtraced.passes import read_frame
+from taubench_gl.pathtraced.passes import ChannelIndex, load_mapping, read_frame
 
 IDENTITY = np.eye(4).tolist()
 

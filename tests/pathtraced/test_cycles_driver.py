@@ -117,9 +117,11 @@ def test_a_render_writes_frames_sidecar_and_provenance(scene, tmp_path):
     provenance = json.loads((out / PROVENANCE_FILE).read_text())
     assert provenance["blender"] == "4.5.0 stand-in" and provenance["settings"]["samples"] == 1
     assert provenance["frame_seconds"] == {"0": 0.5, "1": 0.5, "2": 0.5}
-    told = read_render(out, range(1, 3))
-    assert told["seconds_per_frame"] == 0.5 and told["samples"] == 1 and "wall clock" in told["clock"]
-    assert read_render(out, range(7, 9))["seconds_per_frame"] is None and read_render(tmp_path, range(3)) is None
+    record = read_render(out)
+    assert record.frame_seconds == {0: 0.5, 1: 0.5, 2: 0.5} and record.samples == 1 and record.fps == 24.0
+    assert record.summary(range(1, 3))["seconds_per_frame"] == 0.5
+    assert record.summary(range(7, 9))["seconds_per_frame"] is None
+    assert read_render(tmp_path) is None
     assert "Blender says hello" in (out / "render.log").read_text()
 
 

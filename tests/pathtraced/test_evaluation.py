@@ -14,7 +14,7 @@ from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.pathtraced.camera_file import camera_file_text
 from taubench_gl.pathtraced.cameras import view_of
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
-from taubench_gl.pathtraced.mapping import LOBES
+from taubench_gl.pathtraced.passes import LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import frame_channels
 from taubench_gl.settings import Settings

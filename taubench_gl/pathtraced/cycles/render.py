@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -214,24 +214,44 @@ def _note_seconds(out: Path, frame: int, seconds: float) -> None:
     write_atomically(out / PROVENANCE_FILE, json.dumps(values, indent=2) + "\n")
 
 
-def read_render(folder: Path, frames: Iterable[int]) -> dict[str, Any] | None:
-    """How ``frames`` in ``folder`` were rendered, from the driver's provenance; None if another program wrote them.
+@dataclass(frozen=True, slots=True)
+class RenderRecord:
+    """What ``render_reference`` records about a folder of frames.  None: not recorded."""
 
-    Keys: samples, bounces, seed, seed_per_frame, crisp, blender, and ``seconds_per_frame`` (mean over those of
-    ``frames`` whose time is known; None if none is) with its ``clock``.
-    """
+    samples: int | None  # per pixel
+    bounces: int | None
+    seed: int | None
+    seed_per_frame: bool | None
+    crisp: bool | None
+    fps: float | None
+    blender: str | None  # version
+    frame_seconds: Mapping[int, float]  # frame -> render time
+    clock: str  # how the times were measured
+
+    def summary(self, frames: Iterable[int]) -> dict[str, Any]:
+        """The block ``render`` of summary.json; ``seconds_per_frame`` is the mean over the timed ones of ``frames``."""
+        seconds = [self.frame_seconds[frame] for frame in frames if frame in self.frame_seconds]
+        return {
+            **{name: getattr(self, name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp")},
+            "blender": self.blender,
+            "seconds_per_frame": sum(seconds) / len(seconds) if seconds else None,
+            "clock": self.clock,
+        }
+
+
+def read_render(folder: Path) -> RenderRecord | None:
+    """The record in ``folder``; None if another program wrote the frames."""
     values = _read_json(folder / PROVENANCE_FILE)
     settings = values.get("settings")
     if not isinstance(settings, dict) or "job" not in values:
         return None
-    known = values.get("frame_seconds") or {}
-    seconds = [float(known[str(frame)]) for frame in frames if str(frame) in known]
-    return {
-        **{name: settings.get(name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp")},
-        "blender": values.get("blender"),
-        "seconds_per_frame": sum(seconds) / len(seconds) if seconds else None,
-        "clock": f"{values.get('clock', CLOCK)}, {values.get('cores', '?')} cores",
-    }
+    seconds = {int(frame): float(s) for frame, s in (values.get("frame_seconds") or {}).items()}
+    return RenderRecord(
+        **{name: settings.get(name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "fps")},
+        blender=values.get("blender"),
+        frame_seconds=seconds,
+        clock=f"{values.get('clock', CLOCK)}, {values.get('cores', '?')} cores",
+    )
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -1,0 +1,95 @@
+"""Sample-count series: discovery, order, reference, noise floor, and points of a cost study."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from taubench_gl.cost import cost
+from taubench_gl.cost.errors import KEPT, feature_frames, from_run
+from taubench_gl.errors import PathTracedError
+from taubench_gl.pathtraced.compare import noise_floor_percent
+from taubench_gl.pathtraced.series import find_series
+from taubench_gl.settings import Settings
+
+STORED = Path(__file__).resolve().parent / "references" / "rigid"
+
+
+def make_render(folder: Path, samples: int, seed: int = 0, seconds: float = 0.5) -> Path:
+    """The stored render under other names, with the provenance that 'reference render' writes."""
+    shutil.copytree(STORED, folder)
+    settings = {"samples": samples, "seed": seed, "bounces": 4, "crisp": True, "fps": 12.0}
+    times = {str(20 + i): seconds * samples * (1 + 0.1 * i) for i in range(2)}
+    record = {"job": "x", "settings": settings, "frame_seconds": times, "clock": "a wall clock", "cores": 2}
+    (folder / "provenance.json").write_text(json.dumps(record))
+    return folder
+
+
+@pytest.fixture
+def renders_folder(tmp_path):
+    for samples, seed in ((16, 0), (1, 0), (4, 0), (16, 3)):
+        make_render(tmp_path / f"r{samples}_{seed}", samples, seed)
+    return tmp_path
+
+
+def test_the_render_with_most_samples_is_the_reference(renders_folder):
+    series = find_series(f"exr:{renders_folder}")
+    assert [r.samples for r in series.renders] == [1, 4, 16]
+    assert series.reference.samples == 16 and series.reference.seed == 0
+    assert series.second.seed == 3
+    assert series.frames == range(20, 22)
+    assert series.renders[0].frame_ms == pytest.approx((500.0, 550.0))
+    base = series.settings(Settings.of(width=999, textures="mipmapped"))
+    assert (base.sequence.width, base.sequence.height) == series.reference.sequence.size
+    assert (base.sequence.fps, base.sequence.frames, base.sequence.textures) == (12.0, (20, 22), "finest")
+
+
+def test_a_render_is_evaluated_with_its_noise_floor_and_channels(renders_folder):
+    series = find_series(f"exr:{renders_folder}")
+    settings = series.settings(Settings.of(pairs="every:2", samples_per_pixel=4))
+    run = series.reference.evaluate(settings, series.second)
+    found = from_run(run)
+    assert found["columns"]["position"]["percent"] is not None and len(found["columns"]["position"]["pairs"]) == 1
+    assert all(value in (0.0, None) for value in noise_floor_percent(run.summary).values()), (
+        "the two seeds are the same files here"
+    )
+    channels = series.renders[0].channels(settings, feature_frames(series.frames), KEPT)
+    assert list(channels) == [21] and {"position", "normal", "motion"} <= channels[21].keys()
+
+
+def test_a_single_render_is_a_series(tmp_path):
+    series = find_series(f"exr:{make_render(tmp_path / 'one', 8)}")
+    assert [r.samples for r in series.renders] == [8] and series.second is None
+
+
+def test_folders_without_recorded_renders_are_refused(tmp_path):
+    for where in (tmp_path / "nowhere", tmp_path):
+        with pytest.raises(PathTracedError) as error:
+            find_series(f"exr:{where}")
+        assert error.value.where == str(where)
+    (make_render(tmp_path / "a", 4) / "provenance.json").unlink()
+    with pytest.raises(PathTracedError) as error:
+        find_series(f"exr:{tmp_path}")
+    assert error.value.where == str(tmp_path / "a")
+
+
+def test_renders_are_points_of_a_cost_study(renders_folder, data, tmp_path):
+    scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
+    study = cost(
+        scene, out=tmp_path / "study", reference=f"exr:{renders_folder}", columns=("position", "normal"), repeats=3,
+        knobs=("samples_per_pixel",),
+    )  # fmt: skip
+    study.save()
+    rungs = [p for p in study.points if p.role == "rung"]
+    assert [p.choice["spp"] for p in rungs] == [1, 4, 16]
+    for p in rungs:
+        assert p.error("position") == 0.0 and p.time.median == pytest.approx(525.0 * p.choice["spp"])
+    front = study.front("all")
+    assert front[-1] is rungs[0], "two frames have no spread: of equally exact renders the first"
+    values = json.loads((tmp_path / "study" / "study.json").read_text())
+    assert values["fronts"]["all"] == [p.name for p in front]
+    assert (tmp_path / "study" / "front_all.png").stat().st_size > 5000
+    assert rungs[0].label in (tmp_path / "study" / "study.html").read_text()
