@@ -6,7 +6,6 @@ import os
 import platform
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +65,7 @@ def cost(
     the chosen preset again and holds it against its promise.  ``now``: seconds, the clock of frames.
     Raises TaubenchError.
     """
-    base = replace(settings or Settings(), **overrides)
+    base = (settings or Settings()).replace(**overrides)
     if knobs is not None and not knobs:
         raise SettingsError("no knob is given", hint=f"choose from {', '.join(KNOBS)}, method:NAME")
     _check_wishes(within, budget_ms, choose_for, base.metrics.columns, repeats)
