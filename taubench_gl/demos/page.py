@@ -5,7 +5,6 @@ Images are inside the pages; there are no scripts.
 
 from __future__ import annotations
 
-import base64
 import io
 import math
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ from pathlib import Path
 
 from taubench_gl import __version__
 from taubench_gl.demos.demo import Demo, Finding, Result
-from taubench_gl.report.page import render_page
+from taubench_gl.report.page import data_uri, render_page
 
 INDEX_FILE = "index.html"
 _CARD_WIDTH = 640  # pixels
@@ -27,7 +26,7 @@ def demo_page(demo: Demo, result: Result, around: tuple[Demo | None, Demo | None
         demo=demo,
         findings=result.findings,
         strips=[_strip(finding) for finding in result.findings],
-        figures=[{"uri": _uri(figure.path.read_bytes()), "caption": figure.caption} for figure in result.figures],
+        figures=[{"uri": data_uri(figure.path.read_bytes()), "caption": figure.caption} for figure in result.figures],
         links=_links(around),
         version=__version__,
     )
@@ -39,7 +38,7 @@ def index_page(shown: Sequence[tuple[Demo, Result]]) -> str:
         "demos.html",
         styles=("demo.css",),
         cards=[
-            {"demo": demo, "uri": _uri(_thumbnail(result.figures[0].path)), "finding": result.findings[0],
+            {"demo": demo, "uri": data_uri(_thumbnail(result.figures[0].path)), "finding": result.findings[0],
              "as_expected": result.as_expected}
             for demo, result in shown
         ],
@@ -74,10 +73,6 @@ def _links(around: tuple[Demo | None, Demo | None] | None) -> list[dict[str, str
     if after is not None:
         links.append({"rel": "next", "file": f"{after.stem}.html", "text": f"{after.number}. {after.title} →"})
     return links
-
-
-def _uri(png: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
 
 def _thumbnail(path: Path) -> bytes:

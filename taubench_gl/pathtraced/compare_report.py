@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ import numpy as np
 from taubench_gl.conventions import FEATURE_BIT, FRUSTUM
 from taubench_gl.outputs import cannot_write
 from taubench_gl.report.mask_images import legend, legend_strip, mask_overlay
+from taubench_gl.report.page import data_uri, render_page
 
 Array = np.ndarray
 NONE = "–"
@@ -35,29 +34,23 @@ def comparison_text(result: Mapping[str, Any]) -> list[str]:
 
 
 def comparison_html(result: Mapping[str, Any], picture: bytes | None) -> str:
-    """One self-contained page, no scripts; ``picture`` is the PNG of the worst pair."""
-    parts = [f"<h1>{html.escape(_title(result))}</h1>", *(f"<p>{html.escape(n)}</p>" for n in _notes(result))]
-    for heads, rows, notes in _tables(result):
-        if rows:
-            head = "".join(f"<th>{html.escape(h)}</th>" for h in heads)
-            body = "".join(f"<tr>{''.join(f'<td>{html.escape(c)}</td>' for c in row)}</tr>" for row in rows)
-            parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
-        parts += [f"<p>{html.escape(note)}</p>" for note in notes]
-    if picture is not None:
-        line = _worst_line(result["worst"])
-        data = base64.b64encode(picture).decode()
-        parts.append(f"<h2>{html.escape(line)}</h2><img alt='{html.escape(line, quote=True)}' "
-                     f"src='data:image/png;base64,{data}'>")  # fmt: skip
-    for name, told in zip(result["runs"], result["provenance"], strict=True):
-        listed = "; ".join(f"{k}: {v}" for k, v in (told or {}).items() if v is not None)
-        parts.append(f"<p><small>{html.escape(str(name))}: {html.escape(listed or 'no provenance')}</small></p>")
-    style = (
-        "body{font:15px/1.45 sans-serif;margin:2em auto;max-width:72em;padding:0 1em}h1{font-size:1.35em}"
-        "h2{font-size:1.05em}table{border-collapse:collapse;margin:1em 0}th,td{padding:.2em .8em;text-align:right;"
-        "border-bottom:1px solid #ccc}th:first-child,td:first-child{text-align:left}img{max-width:100%}"
+    """One self-contained page without scripts; ``picture`` is the PNG of the worst pair."""
+    titles = ("Discarded pixels by column", "Errors by feature", "Time")
+    return render_page(
+        "comparison.html",
+        title=_title(result),
+        notes=_notes(result),
+        tables=[
+            {"title": title, "heads": heads, "rows": rows, "notes": notes}
+            for title, (heads, rows, notes) in zip(titles, _tables(result), strict=True)
+        ],
+        worst=None if picture is None else _worst_line(result["worst"]),
+        image=None if picture is None else data_uri(picture),
+        provenance=[
+            (name, "; ".join(f"{k}: {v}" for k, v in (entries or {}).items() if v is not None) or "no provenance")
+            for name, entries in zip(result["runs"], result["provenance"], strict=True)
+        ],
     )
-    head = f"<meta charset='utf-8'><title>{html.escape(_title(result))}</title><style>{style}</style>"
-    return f"<!doctype html><html lang='en'><head>{head}</head><body>{''.join(parts)}</body></html>\n"
 
 
 def save_worst_picture(

@@ -6,7 +6,6 @@ and the reason words (PNG: low byte in red, high byte in green), and ``index.jso
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import json
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.report.page import data_uri
 
 Array = np.ndarray
 
@@ -52,9 +52,7 @@ class StoredFrames:
 
     def uri(self, part: str, frame: int) -> str:
         """An image as a data URI; ``part`` is frame, previous or mask.  Raises OSError."""
-        name = file_name(part, frame)
-        data = base64.b64encode((self.folder / name).read_bytes()).decode()
-        return f"data:image/{_PARTS[part]};base64,{data}"
+        return data_uri((self.folder / file_name(part, frame)).read_bytes(), _PARTS[part])
 
 
 class FrameRecorder:

@@ -19,6 +19,7 @@ value.  The content-security policy of the page forbids it to load anything.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from functools import cache
 from importlib import resources
@@ -50,6 +51,11 @@ def render_page(
 def render(template: str, **values: Any) -> str:
     """A template with its values filled in.  A name that is missing raises ``jinja2.UndefinedError``."""
     return _environment().get_template(template).render(**values)
+
+
+def data_uri(data: bytes, kind: str = "png") -> str:
+    """An image file as a data URI; ``kind``: png or webp."""
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 @cache
