@@ -28,14 +28,12 @@ from peers import Peer
 from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURES
 from taubench_gl.datasets.stand_ins import make_stand_in
-from taubench_gl.evaluation import count_pairs
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.evaluation import Observers, PairEvaluator, evaluate_pairs
 from taubench_gl.frame.read_back import ChannelReader
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -59,8 +57,11 @@ def shares(gpu: Gpu, options: Options) -> Result:
             count = 2 + (2 if options.quick else 4) * options.repeats
             settings = Settings.of(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given)
             source = RasterSource(gpu, scene, camera, settings, timer=timer)
-            count_pairs(gpu, source, range(count), settings, label, timer)
+            context = GpuContext(gpu, timer=timer)
+            schedule = [(frame, frame > 0) for frame in range(count)]
+            evaluate_pairs(context, source, settings, schedule, Observers(label))
             source.release()
+            context.release()
             gpu.collect()
             samples = {what: list(ms[1:]) for what, ms in timer.samples_ms().items() if len(ms) > 1}
             whole = sum(float(np.median(ms)) for ms in samples.values())
@@ -107,13 +108,15 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     timers = {name: PassTimer(gpu, enabled=name == WAITS) for name in (WAITS, AT_ONCE, LATE)}
     camera = choose_camera(scene)
     sources = {name: RasterSource(gpu, scene, camera, settings, timer=timer) for name, timer in timers.items()}
-    shaders = ShaderCache(gpu.ctx)
-    masks = MaskPass(gpu, shaders, options.size, reprojection="motion")
+    contexts = {name: GpuContext(gpu, timer=timers[name]) for name in timers}
+    evaluators = {n: PairEvaluator(contexts[n], s, settings) for n, s in sources.items()}
+    for name, evaluator in evaluators.items():
+        evaluator.deferred = name == LATE
     watch = Stopwatch(gpu)
-    for _ in range(3 * options.repeats + 1):  # what is to be seen is small: many rounds
-        for name, source in sources.items():
-            watch.time(name, partial(_run_ahead, source, masks, settings, timers[name], late=name == LATE))
-    for part in (*sources.values(), masks, shaders):
+    for _ in range(3 * options.repeats + 1):  # the differences are small: many rounds
+        for name, evaluator in evaluators.items():
+            watch.time(name, partial(_evaluate, evaluator, count))
+    for part in (*evaluators.values(), *sources.values(), *contexts.values()):
         part.release()
     gpu.collect()
     samples = {name: [ms / (count - 1) for ms in watch.samples[name][1:]] for name in sources}
@@ -125,24 +128,12 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     return Result("A pair of a run", rows, notes)
 
 
-def _run_ahead(source: RasterSource, masks: MaskPass, settings: Settings, timer: PassTimer, *, late: bool) -> None:
-    """Frames and counts as an evaluation makes them; ``late``: as it reads them."""
-    thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
-    before, waiting = None, None
-    for frame in range(*settings.sequence.frames):
-        view = source.advance(frame)
-        if before is not None:
-            with timer.measure("masks"):
-                pair = reprojection(view, before, *source.size)
-                run = masks.run(pair, thresholds, source.current, source.previous)
-            if not late:
-                masks.read(run)
-            elif waiting is not None:
-                masks.read(waiting)
-            waiting = run
-        before = view
-    if late:
-        masks.read(waiting)
+def _evaluate(evaluator: PairEvaluator, count: int) -> None:
+    """One run of an evaluation over ``count`` frames."""
+    evaluator.restart()
+    for frame in range(count):
+        evaluator.step(frame)
+    evaluator.finish()
 
 
 READS = ("position", "normal", "base_color")

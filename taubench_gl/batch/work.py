@@ -19,7 +19,8 @@ from taubench_gl.batch.partition import PairRecord, encode, require_pyarrow
 from taubench_gl.batch.units import Unit
 from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
-    count_pairs,
+    Observers,
+    evaluate_pairs,
     frame_range,
     frame_schedule,
     pair_schedule,
@@ -30,6 +31,7 @@ from taubench_gl.evaluation import (
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.provenance import provenance
 from taubench_gl.scene import load_scene
@@ -94,11 +96,11 @@ class Workbench:
                 schedule = pair_schedule(frames, unit.positions)
             else:
                 schedule = frame_schedule(frames, sampled_pairs(frames, settings))
-            kept: list[Counts] = []
-            rows, _, _ = count_pairs(
-                gpu, loaded.source, frames, settings, loaded.scene.name, timer,
-                progress=lambda _: on_pair(), schedule=schedule, keep=kept,
-            )  # fmt: skip
+            counts: list[Counts] = []
+            context = GpuContext(gpu, timer=timer)
+            observers = Observers(loaded.scene.name, progress=lambda _: on_pair(), on_counts=counts.append)
+            rows = evaluate_pairs(context, loaded.source, settings, schedule, observers).rows
+            context.release()
             gpu.check("a chunk of a batch")
             told = {
                 "source": loaded.source.describe(),
@@ -106,7 +108,7 @@ class Workbench:
                 "provenance": provenance(gpu, timer.clock) | where_it_ran(time.perf_counter() - started),
                 "passes_ms": timer.median_ms(),
             }
-        records = [PairRecord(p, row, counts) for p, row, counts in zip(unit.positions, rows, kept, strict=True)]
+        records = [PairRecord(p, row, exact) for p, row, exact in zip(unit.positions, rows, counts, strict=True)]
         return encode(records, told)
 
     def release(self) -> None:

@@ -1,19 +1,33 @@
-"""The main job: frames of a scene -> masks of every pair -> statistics -> Run.
+"""Evaluation: frames of a scene -> masks of every pair -> statistics -> Run.
 
-``scene`` is the whole road on one page; ``schedule`` says which frames are drawn and which pairs judged, ``pairs``
-counts them, ``summary`` writes down what came of it.  Pictures, tables and plots are views of the Run and of the pairs
-it shows to ``on_pair``; ``taubench_gl.api.evaluate`` adds them.  Path-traced files: ``pathtraced.evaluation``.
+``scene`` is the data flow on one page; ``schedule`` says which frames are drawn and which pairs evaluated, ``pairs``
+compares and counts them (``PairEvaluator``), ``summary`` assembles summary.json.  Images, tables and plots are views of
+the Run and of the pairs that ``on_pair`` receives; ``taubench_gl.api.evaluate`` adds them.
+Path-traced files: ``pathtraced.evaluation``.
 """
 
-from taubench_gl.evaluation.pairs import Pair, count_pairs
+from taubench_gl.evaluation.pairs import (
+    ChannelPair,
+    EvaluatedPair,
+    Observers,
+    Pair,
+    PairEvaluator,
+    PairResults,
+    evaluate_pairs,
+)
 from taubench_gl.evaluation.scene import evaluate_scene, require_triangles
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule, frame_total, pair_schedule, sampled_pairs
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
 
 __all__ = [
+    "ChannelPair",
+    "EvaluatedPair",
+    "Observers",
     "Pair",
+    "PairEvaluator",
+    "PairResults",
     "assemble_summary",
-    "count_pairs",
+    "evaluate_pairs",
     "evaluate_scene",
     "finish_run",
     "frame_range",

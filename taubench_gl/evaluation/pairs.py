@@ -1,216 +1,293 @@
-"""Masks and counts of every pair of frames, from any Source: the rasterizer's or path-traced files."""
+"""Masks and counts of frame pairs, from any Source: the rasterizer or path-traced files."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.animation.pairs import reprojection
+from taubench_gl.animation.pairs import reprojection as reprojection_of
 from taubench_gl.conventions import COLUMNS, FEATURES
-from taubench_gl.evaluation.schedule import Schedule, frame_schedule, sampled_pairs
+from taubench_gl.evaluation.schedule import Schedule
 from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import Counts, MaskPass
+from taubench_gl.frame.passes.masks import ComparedSource, Counts, MaskPass
 from taubench_gl.frame.sources import Source
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.activity import camera_activity
+from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Progress, RunWriter
 from taubench_gl.settings import Settings
+
+Textures = Mapping[str, Any]
+"""Channel name -> GL texture."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelPair:
+    """Channels of two frames that no Source holds, such as uploaded arrays, in the form of a source."""
+
+    size: tuple[int, int]  # width, height in pixels
+    current: Textures = field(default_factory=dict)
+    previous: Textures = field(default_factory=dict)
+    reprojection: str = "camera"  # camera | motion; motion needs ``prev_position`` in ``current``
+    radiance: tuple[str, ...] = ()  # of direct, indirect, color: those both frames have
+    cuts: bool = False  # ``current`` has ``ids`` that mark surfaces without history
+
+
+@dataclass(slots=True)
+class EvaluatedPair:
+    """A pair of frames that was submitted to the mask pass; ``counts`` once they are read back."""
+
+    frame: int  # number of the current frame
+    view: View  # of the current frame, through pixel centers
+    views: tuple[View, View]  # previous and current, of the first sample
+    started: float  # seconds of the monotonic clock
+    ended: float = 0.0  # when the CPU had nothing left to do for the pair but read its counts
+    run: int = 0  # of the mask pass, for ``MaskPass.read``
+    counts: Counts | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time from drawing the frame to ``ended``."""
+        return self.ended - self.started
+
+
+class PairEvaluator:
+    """Source -> mask pass -> counts: the one place where the channels of two frames are compared.
+
+    ``step`` draws the frames of a source one after another and evaluates their pairs.  ``submit`` and ``compare``
+    evaluate a pair of frames that the caller drew.  ``release`` frees the mask pass; ``context`` stays the caller's.
+    """
+
+    def __init__(
+        self,
+        context: GpuContext,
+        source: Source | ComparedSource,
+        settings: Settings,
+        *,
+        images: bool = False,
+        reprojection: str | None = None,
+        radiance: tuple[str, ...] | None = None,
+    ):
+        """``images``: write mask and motion images too.  ``reprojection``, ``radiance``: None: the source's."""
+        self.source, self.settings = source, settings
+        self._samples = settings.metrics.samples_per_pixel
+        # Counts are read one pair late, while the GPU works on the next pair; at once where images go with them.
+        self.deferred = self._samples == 1 and not images
+        self._timer = context.timer
+        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
+        self._masks = MaskPass.for_source(
+            context,
+            source,
+            settings,
+            reprojection=reprojection,
+            radiance=radiance,
+            write_mask=images,
+            write_motion=images,
+        )
+        self._previous: list[View] = []  # views of the frame drawn last, one per sample within a pixel
+        self._pending: deque[EvaluatedPair] = deque()
+
+    def step(self, frame: int, evaluate: bool = True) -> tuple[View, list[EvaluatedPair]]:
+        """Draw ``frame`` and, if ``evaluate``, submit its pair with the frame drawn before; read finished counts.
+
+        Returns the view of the frame through pixel centers, and the pairs whose counts are read: with ``deferred`` the
+        pair before this one, else this one, whose images stay valid until the next call.
+        """
+        started = time.perf_counter()
+        evaluate = evaluate and bool(self._previous)
+        views: list[View] = []
+        counts: Counts | None = None
+        run = 0
+        for sample in range(self._samples):
+            views.append(self._draw(frame, sample))
+            if evaluate:
+                run = self.submit(reprojection_of(views[-1], self._previous[sample], *self.source.size))
+                if not self.deferred:
+                    one = self._masks.read(run)
+                    counts = one if counts is None else counts + one
+        previous, self._previous = self._previous, views
+        view = views[0].centered()
+        if not evaluate:
+            return view, []
+        pair = EvaluatedPair(frame, view, (previous[0], views[0]), started, run=run, counts=counts)
+        self._pending.append(pair)
+        finished = self.finish(but=int(self.deferred))
+        pair.ended = time.perf_counter()
+        return view, finished
+
+    def finish(self, but: int = 0) -> list[EvaluatedPair]:
+        """Read the counts of submitted pairs, all but the last ``but`` of them, and return these pairs in order."""
+        finished = []
+        while len(self._pending) > but:
+            pair = self._pending[0]
+            if pair.counts is None:
+                pair.counts = self._masks.read(pair.run)
+            finished.append(self._pending.popleft())
+        return finished
+
+    def restart(self) -> None:
+        """Forget the frame drawn last: the next one has no history.  Pairs not yet read are dropped."""
+        self._previous = []
+        self._pending.clear()
+
+    def submit(
+        self,
+        pair: Reprojection,
+        *,
+        declared: int = 0,
+        current: Textures | None = None,
+        previous: Textures | None = None,
+        thresholds: Mapping[str, float] | None = None,
+    ) -> int:
+        """Submit one pair to the mask pass; the number of the run, for ``read``.
+
+        ``declared``: Reason.FIRST or CUT for the whole frame, else 0.  ``current``, ``previous``: None for what the
+        source holds; a first frame, which has no previous textures, is bound twice.  ``thresholds``: a_B of every
+        feature, position in scene units; None for those of the settings.
+        """
+        current = self.source.current if current is None else current
+        previous = (self.source.previous if previous is None else previous) or current
+        limits = self._thresholds if thresholds is None else thresholds
+        with self._timer.measure("masks"):
+            return self._masks.run(
+                pair, limits, current, previous, int(declared), exposure=self.settings.lighting.exposure
+            )
+
+    def read(self, run: int | None = None) -> Counts:
+        """Wait for a run, the latest or the one before it, and read its counts."""
+        return self._masks.read(run)
+
+    def compare(self, pair: Reprojection, **how: Any) -> Counts:
+        """``submit`` and ``read``."""
+        return self.read(self.submit(pair, **how))
+
+    @property
+    def mask_texture(self) -> Any:
+        """Mask words (r32ui); None without ``images``."""
+        return self._masks.mask
+
+    @property
+    def motion_texture(self) -> Any:
+        """Motion (rg32f), GL rows; None without ``images``."""
+        return self._masks.motion
+
+    def mask(self) -> np.ndarray:
+        """Mask words of the pair submitted last.  (h, w) uint32, row 0 at the top."""
+        return read_channel(self._masks.mask, "mask")[..., 0]
+
+    def motion(self) -> np.ndarray:
+        """Motion of the pair submitted last: previous - current, pixels, +x right, +y down.
+
+        (h, w, 2) float32, row 0 at the top; 0 where the previous position is behind the camera.
+        """
+        return read_channel(self._masks.motion, "motion")
+
+    def _draw(self, frame: int, sample: int) -> View:
+        if self._samples == 1:
+            return self.source.advance(frame)
+        return self.source.advance_sample(frame, sample)
+
+    def release(self) -> None:
+        self._masks.release()
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One finished pair, while its images are still on the GPU."""
+    """One evaluated pair, as ``Observers.on_pair`` gets it; its images are on the GPU until the callback returns."""
 
-    frame: int
-    row: dict[str, Any]
-    view: View
+    frame: int  # number of the current frame
+    row: dict[str, Any]  # its row of frames.csv
+    view: View  # of the current frame, through pixel centers
     source: Source
-    _masks: MaskPass
+    _evaluator: PairEvaluator
 
     def mask(self) -> np.ndarray:
-        """Reason words, (h, w) uint32, row 0 at the top."""
-        return read_channel(self._masks.mask, "mask")[..., 0]
+        """Mask words, (h, w) uint32, row 0 at the top."""
+        return self._evaluator.mask()
 
     def motion(self) -> np.ndarray:
-        """Previous - current, pixels, +x right, +y down.  (h, w, 2) float32; 0 where behind."""
-        return read_channel(self._masks.motion, "motion")
+        """Previous - current, pixels, +x right, +y down.  (h, w, 2) float32; 0 where behind the camera."""
+        return self._evaluator.motion()
 
 
-def count_pairs(
-    gpu: Gpu,
-    source: Source,
-    frames: range,
-    settings: Settings,
-    name: str,
-    timer: PassTimer,
-    writer: RunWriter | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    on_pair: Callable[[Pair], None] | None = None,
-    *,
-    schedule: Schedule | None = None,
-    keep: list[Counts] | None = None,
-) -> tuple[list[dict[str, Any]], list[View], SequenceStats]:
-    """Masks and counts of every pair of a source: rows of frames.csv, views of all frames, sums over all pairs.
+@dataclass(frozen=True, slots=True)
+class Observers:
+    """Receivers of every evaluated pair.  ``on_pair`` makes the mask pass write images and counts be read at once."""
 
-    ``schedule``: only these frames (as ``pair_schedule``); ``keep`` takes the exact counts of each pair.  What was
-    judged before a KeyboardInterrupt is still counted, and told to all who listen.
+    scene: str = ""  # its name, for ``progress``
+    writer: RunWriter | None = None  # gets the row
+    progress: Callable[[Progress], None] | None = None
+    on_pair: Callable[[Pair], None] | None = None
+    on_counts: Callable[[Counts], None] | None = None  # gets the exact counts
+
+
+@dataclass(frozen=True, slots=True)
+class PairResults:
+    """Everything evaluated of one sequence."""
+
+    rows: list[dict[str, Any]]  # of frames.csv, one per pair
+    views: list[View]  # of all frames drawn, through pixel centers
+    stats: SequenceStats  # sums over all pairs
+
+
+def evaluate_pairs(
+    context: GpuContext, source: Source, settings: Settings, schedule: Schedule, observers: Observers
+) -> PairResults:
+    """Evaluate the pairs of ``schedule``.
+
+    After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
     """
-    if schedule is None:
-        schedule = frame_schedule(frames, sampled_pairs(frames, settings))
-    judge = _Judge(gpu, source, settings, timer, images=on_pair is not None)
-    rows = _Rows(judge, name, sum(judged for _, judged in schedule), writer, progress, on_pair, keep)
-    views: list[View] = []
-    waiting: deque[_Judged] = deque()
-
-    def finish(but: int = 0) -> None:
-        while len(waiting) > but:
-            rows.take(waiting.popleft())
-
+    evaluator = PairEvaluator(context, source, settings, images=observers.on_pair is not None)
+    unmeasured, metrics = dict(source.unmeasured), settings.metrics
+    stats = SequenceStats(
+        tuple(c for c in COLUMNS if c not in unmeasured),
+        unmeasured,
+        summation=metrics.summation,
+        histogram_bits=metrics.histogram_bits,
+    )
+    results = PairResults([], [], stats)
+    total = sum(evaluate for _, evaluate in schedule)
     try:
-        for frame, judged in schedule:
-            view, pair = judge.step(frame, judged)
-            views.append(view)
-            if pair is None:
-                continue
-            waiting.append(pair)
-            # Counts are read one pair late, when the GPU has the next one to do; at once where images go with them.
-            finish(but=int(judge.late))
-            if judge.late:
-                pair.ended = time.perf_counter()
-        finish()
+        for frame, evaluate in schedule:
+            view, finished = evaluator.step(frame, evaluate)
+            results.views.append(view)
+            for pair in finished:
+                _report(pair, evaluator, results, observers, total)
+        for pair in evaluator.finish():
+            _report(pair, evaluator, results, observers, total)
     except KeyboardInterrupt:
-        finish()  # judged, only not read yet
+        for pair in evaluator.finish():
+            _report(pair, evaluator, results, observers, total)
         raise
     finally:
-        judge.release()
-    return rows.rows, views, rows.stats
+        evaluator.release()
+    return results
 
 
-@dataclass(slots=True)
-class _Judged:
-    """A pair that the mask pass has been given."""
-
-    frame: int
-    view: View  # of the frame, pixel centres
-    both: tuple[View, View]  # of the frame before and of this one
-    found: Counts | int  # the number of the mask pass's run until the counts are read
-    started: float  # seconds of the monotonic clock
-    ended: float | None = None  # when the CPU was done with it, if that was before its counts were read
-
-
-class _Judge:
-    """Draws the frames of a source and submits each pair to the mask pass, once for every sample within a pixel."""
-
-    def __init__(self, gpu: Gpu, source: Source, settings: Settings, timer: PassTimer, *, images: bool):
-        """``images``: masks and motion are wanted too, so that they must be there when a pair is finished."""
-        self.source, self.settings = source, settings
-        self.late = settings.metrics.samples_per_pixel == 1 and not images
-        self._timer = timer
-        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
-        self._shaders = ShaderCache(gpu.ctx)
-        self.masks = MaskPass(
-            gpu,
-            self._shaders,
-            source.size,
-            reprojection=source.reprojection,
-            sampling=settings.metrics.sampling,
-            radiance=source.radiance,
-            cuts=source.cuts,
-            write_mask=images,
-            write_motion=images,
-            histogram_bits=settings.metrics.histogram_bits,
-        )
-        self._last: list[View] = []  # per sample within a pixel, of the frame drawn before
-
-    def step(self, frame: int, judged: bool) -> tuple[View, _Judged | None]:
-        """Draw ``frame``: its view, and its pair with the frame drawn before where that is judged."""
-        started = time.perf_counter()
-        seen: list[View] = []
-        found: Counts | int | None = None
-        for sample in range(self.settings.metrics.samples_per_pixel):
-            seen.append(self._draw(frame, sample))
-            if judged:
-                run = self._compare(seen[-1], self._last[sample])
-                one = run if self.late else self.masks.read()
-                found = one if found is None else found + one
-        before, self._last = self._last, seen
-        view = seen[0].centered()
-        if found is None:
-            return view, None
-        return view, _Judged(frame, view, (before[0], seen[0]), found, started)
-
-    def _draw(self, frame: int, sample: int) -> View:
-        if self.settings.metrics.samples_per_pixel == 1:
-            return self.source.advance(frame)
-        return self.source.advance_sample(frame, sample)
-
-    def _compare(self, view: View, before: View) -> int:
-        """Submit the mask pass; the number of its run."""
-        source = self.source
-        with self._timer.measure("masks"):
-            pair = reprojection(view, before, *source.size)
-            return self.masks.run(
-                pair, self._thresholds, source.current, source.previous, exposure=self.settings.lighting.exposure
-            )
-
-    def counts(self, judged: _Judged) -> Counts:
-        """Of a pair; waits for the GPU where they have not been read yet."""
-        return self.masks.read(judged.found) if isinstance(judged.found, int) else judged.found
-
-    def release(self) -> None:
-        self.masks.release()
-        self._shaders.release()
-
-
-class _Rows:
-    """Takes in finished pairs: sums, rows of frames.csv, and whoever wants to hear of each."""
-
-    def __init__(
-        self,
-        judge: _Judge,
-        name: str,
-        total: int,
-        writer: RunWriter | None,
-        progress: Callable[[Progress], None] | None,
-        on_pair: Callable[[Pair], None] | None,
-        keep: list[Counts] | None,
-    ):
-        self._judge, self._name, self._total = judge, name, total
-        self._writer, self._progress, self._on_pair, self._keep = writer, progress, on_pair, keep
-        unmeasured, settings = dict(judge.source.unmeasured), judge.settings
-        self.stats = SequenceStats(
-            tuple(c for c in COLUMNS if c not in unmeasured),
-            unmeasured,
-            summation=settings.metrics.summation,
-            histogram_bits=settings.metrics.histogram_bits,
-        )
-        self.rows: list[dict[str, Any]] = []
-
-    def take(self, pair: _Judged) -> None:
-        """Read a pair's counts and tell of them."""
-        judge, found = self._judge, self._judge.counts(pair)
-        time_s = pair.frame / judge.settings.sequence.fps
-        moved = _camera_row(pair.both, judge.settings.metrics.unit_scale)
-        row = {"frame": pair.frame, "time_s": time_s, **self.stats.add(found), **moved}
-        self.rows.append(row)
-        if self._keep is not None:
-            self._keep.append(found)
-        if self._writer is not None:
-            self._writer.write_row(row)
-        if self._on_pair is not None:
-            self._on_pair(Pair(pair.frame, row, pair.view, judge.source, judge.masks))
-        if self._progress is not None:
-            seconds = (pair.ended or time.perf_counter()) - pair.started
-            self._progress(Progress(self._name, len(self.rows), self._total, seconds))
+def _report(
+    pair: EvaluatedPair, evaluator: PairEvaluator, results: PairResults, observers: Observers, total: int
+) -> None:
+    """Add a pair to the results and hand it to the observers."""
+    settings = evaluator.settings
+    row = {"frame": pair.frame, "time_s": pair.frame / settings.sequence.fps, **results.stats.add(pair.counts)}
+    row |= _camera_row(pair.views, settings.metrics.unit_scale)
+    results.rows.append(row)
+    if observers.on_counts is not None:
+        observers.on_counts(pair.counts)
+    if observers.writer is not None:
+        observers.writer.write_row(row)
+    if observers.on_pair is not None:
+        observers.on_pair(Pair(pair.frame, row, pair.view, evaluator.source, evaluator))
+        pair.ended = time.perf_counter()
+    if observers.progress is not None:
+        observers.progress(Progress(observers.scene, len(results.rows), total, pair.seconds))
 
 
 def _camera_row(views: tuple[View, View], unit_scale: float) -> dict[str, Any]:

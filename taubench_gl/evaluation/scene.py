@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
 from taubench_gl.errors import SceneError
-from taubench_gl.evaluation.pairs import Pair, count_pairs
-from taubench_gl.evaluation.schedule import frame_range
+from taubench_gl.evaluation.pairs import Observers, Pair, evaluate_pairs
+from taubench_gl.evaluation.schedule import frame_range, frame_schedule, sampled_pairs
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.provenance import provenance
 from taubench_gl.run import FRAME_COLUMNS, Progress, Run, RunWriter
@@ -45,10 +47,11 @@ def evaluate_scene(
     camera = camera or choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
+    observers = Observers(scene.name, None, progress, on_pair)
     if out is None:
-        return _run(scene, camera, frames, settings, None, progress, on_pair, channels)
+        return _run(scene, camera, frames, settings, channels, observers)
     with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(scene, camera, frames, settings, writer, progress, on_pair, channels)
+        return _run(scene, camera, frames, settings, channels, replace(observers, writer=writer))
 
 
 def _run(
@@ -56,33 +59,33 @@ def _run(
     camera: CameraTrack,
     frames: range,
     settings: Settings,
-    writer: RunWriter | None,
-    progress: Callable[[Progress], None] | None,
-    on_pair: Callable[[Pair], None] | None,
     extra: tuple[str, ...],
+    observers: Observers,
 ) -> Run:
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
+        context = GpuContext(gpu, timer=timer)
         source = RasterSource(gpu, scene, camera, settings, extra=extra, timer=timer, poser=poser)
         try:
-            rows, views, stats = count_pairs(
-                gpu, source, frames, settings, scene.name, timer, writer, progress, on_pair
-            )
+            schedule = frame_schedule(frames, sampled_pairs(frames, settings))
+            results = evaluate_pairs(context, source, settings, schedule, observers)
             gpu.check("evaluation")
-            if settings.metrics.pairs != "all":  # the camera's activity is that of all frames, drawn or not
+            views = results.views
+            if settings.metrics.pairs != "all":  # camera activity is over all frames, drawn or not
                 views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
             facts = scene_facts(scene, camera, frames, settings, poser)
-            summary = assemble_summary(facts, frames, settings, views, stats)
-            told = source.describe()
-            summary["notes"] += told.pop("notes")
-            summary |= told
+            summary = assemble_summary(facts, frames, settings, views, results.stats)
+            described = source.describe()
+            summary["notes"] += described.pop("notes")
+            summary |= described
         finally:
             source.release()
+            context.release()
             gpu.collect()
         summary["timing"] = timer.summary()
         summary["provenance"] = provenance(gpu, timer.clock)
-    return finish_run(summary, rows, writer)
+    return finish_run(summary, results.rows, observers.writer)
 
 
 def require_triangles(scene: Scene) -> None:

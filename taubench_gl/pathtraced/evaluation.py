@@ -6,7 +6,7 @@ One mask implementation judges both sources; only where channels and cameras com
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,20 @@ import numpy as np
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import Pair, assemble_summary, count_pairs, finish_run
+from taubench_gl.evaluation import (
+    Observers,
+    Pair,
+    PairEvaluator,
+    assemble_summary,
+    evaluate_pairs,
+    finish_run,
+    frame_schedule,
+    sampled_pairs,
+)
 from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import MaskPass
-from taubench_gl.gpu.context import Gpu, open_gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.cameras import FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
 from taubench_gl.pathtraced.cycles.render import read_render
@@ -83,10 +90,11 @@ def evaluate_path_traced(
     camera, fps = choose_camera_source(options, settings)
     settings = settings.replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
     frames = sequence.select(settings.sequence.frames)
+    observers = Observers(sequence.name, None, progress, on_pair)
     if out is None:
-        return _run(sequence, camera, frames, settings, options, None, progress, on_pair)
+        return _run(sequence, camera, frames, settings, options, observers)
     with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(sequence, camera, frames, settings, options, writer, progress, on_pair)
+        return _run(sequence, camera, frames, settings, options, replace(observers, writer=writer))
 
 
 def choose_camera_source(options: PathTracedOptions, settings: Settings) -> tuple[PathTracedCamera, float]:
@@ -110,30 +118,29 @@ def _run(
     frames: range,
     settings: Settings,
     options: PathTracedOptions,
-    writer: RunWriter | None,
-    progress: Callable[[Progress], None] | None,
-    on_pair: Callable[[Pair], None] | None,
+    observers: Observers,
 ) -> Run:
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer = PassTimer(gpu)
+        context = GpuContext(gpu, timer=timer)
         source = PathTracedSource(gpu, sequence, camera, settings, lobes=options.lobes)
-        lobes = _LobeColumns(gpu, source, settings) if options.lobes else None
+        untimed = GpuContext(gpu, context.shaders)
+        lobes = _LobeColumns(untimed, source, settings) if options.lobes else None
 
         def seen(pair: Pair) -> None:
             if lobes is not None:
                 lobes.add(pair.view)
-            if on_pair is not None:
-                on_pair(pair)
+            if observers.on_pair is not None:
+                observers.on_pair(pair)
 
-        watched = seen if lobes is not None or on_pair is not None else None
+        watched = seen if lobes is not None or observers.on_pair is not None else None
         try:
-            rows, views, stats = count_pairs(
-                gpu, source, frames, settings, sequence.name, timer, writer, progress, watched
-            )
+            schedule = frame_schedule(frames, sampled_pairs(frames, settings))
+            results = evaluate_pairs(context, source, settings, schedule, replace(observers, on_pair=watched))
             gpu.check("evaluation")
             facts = _facts(sequence, frames, settings, camera, _notes(source, camera))
-            summary = assemble_summary(facts, frames, settings, views, stats) | source.describe()
+            summary = assemble_summary(facts, frames, settings, results.views, results.stats) | source.describe()
             folder = sequence.path if sequence.path.is_dir() else sequence.path.parent
             record = read_render(folder)
             summary["path_traced"]["render"] = None if record is None else record.summary(frames)
@@ -143,17 +150,18 @@ def _run(
                 other = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
                 # Motion reprojection says nothing about a pair without time between its frames.
                 still = settings.replace(reprojection="camera")
-                floor = noise_floor(gpu, sequence, other, camera, frames, still)
+                floor = noise_floor(untimed, sequence, other, camera, frames, still)
                 summary["noise_floor"] = floor
                 summary["notes"].append(_said(floor))
         finally:
             if lobes is not None:
                 lobes.release()
             source.release()
+            context.release()
             gpu.collect()
         summary["timing"] = timer.summary()
         summary["provenance"] = provenance(gpu, timer.clock)
-    return finish_run(summary, rows, writer)
+    return finish_run(summary, results.rows, observers.writer)
 
 
 def _facts(
@@ -191,45 +199,34 @@ def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:
 class _LobeColumns:
     """direct and indirect of single lobes, through the same mask pass with their textures in the place of the sums."""
 
-    def __init__(self, gpu: Gpu, source: PathTracedSource, settings: Settings):
+    def __init__(self, context: GpuContext, source: PathTracedSource, settings: Settings):
         self._source = source
-        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
-        self._exposure = settings.lighting.exposure
-        self._shaders = ShaderCache(gpu.ctx)
-        self._passes: dict[str, tuple[MaskPass, SequenceStats]] = {}
+        self._lobes: dict[str, tuple[PairEvaluator, SequenceStats]] = {}
         for lobe in source.lobes:
             missing = {b: source.missing[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in source.missing}
             there = tuple(b for b in BOUNCES if b not in missing)
-            masks = MaskPass(
-                gpu,
-                self._shaders,
-                source.size,
-                reprojection=source.reprojection,
-                sampling=settings.metrics.sampling,
-                radiance=there,
-            )
-            self._passes[lobe] = masks, SequenceStats(there, missing)
+            evaluator = PairEvaluator(context, source, settings, radiance=there)
+            stats = SequenceStats(there, missing, histogram_bits=settings.metrics.histogram_bits)
+            self._lobes[lobe] = evaluator, stats
 
     def add(self, view: View) -> None:
         """Count the pair whose frames the source holds now; ``view`` is the current one's."""
         pair = reprojection(view, self._source.previous_view, *self._source.size)
-        for lobe, (masks, stats) in self._passes.items():
-            current, history = (
+        for lobe, (evaluator, stats) in self._lobes.items():
+            current, previous = (
                 dict(textures) | {b: textures[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in textures}
                 for textures in (self._source.current, self._source.previous)
             )
-            masks.run(pair, self._thresholds, current, history, exposure=self._exposure)
-            stats.add(masks.read())
+            stats.add(evaluator.compare(pair, current=current, previous=previous))
 
     def summary(self) -> dict[str, Any]:
         """lobe -> {direct, indirect} as in the ``discard`` block."""
         out = {}
-        for lobe, (_, stats) in self._passes.items():
+        for lobe, (_, stats) in self._lobes.items():
             discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
             out[lobe] = {bounce: discard[bounce] for bounce in BOUNCES}
         return out
 
     def release(self) -> None:
-        for masks, _ in self._passes.values():
-            masks.release()
-        self._shaders.release()
+        for evaluator, _ in self._lobes.values():
+            evaluator.release()

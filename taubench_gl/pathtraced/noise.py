@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import PathTracedError
+from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.counting import SequenceStats
-from taubench_gl.frame.passes.masks import MaskPass
-from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.pathtraced.cameras import PathTracedCamera
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
@@ -22,7 +20,7 @@ RADIANCE = ("color", "direct", "indirect")
 
 
 def noise_floor(
-    gpu: Gpu,
+    context: GpuContext,
     first: PathTracedSequence,
     second: PathTracedSequence,
     camera: PathTracedCamera,
@@ -40,22 +38,19 @@ def noise_floor(
     lost = sorted(set(frames) - set(second.frames))
     if lost:
         raise PathTracedError(f"lacks frame {lost[0]} of the first render", where=str(second.path))
-    sources = [PathTracedSource(gpu, sequence, camera, settings) for sequence in (first, second)]
+    sources = [PathTracedSource(context.gpu, sequence, camera, settings) for sequence in (first, second)]
     measured = tuple(c for c in RADIANCE if not any(c in source.unmeasured for source in sources))
     reasons = {c: source.unmeasured[c] for source in sources for c in RADIANCE if c in source.unmeasured}
-    stats = SequenceStats(measured, reasons)
-    shaders = ShaderCache(gpu.ctx)
-    masks = MaskPass(gpu, shaders, first.size, radiance=measured)
-    thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
+    stats = SequenceStats(measured, reasons, histogram_bits=settings.metrics.histogram_bits)
+    still = settings.replace(sampling="nearest")
+    evaluator = PairEvaluator(context, sources[0], still, reprojection="camera", radiance=measured)
     try:
         for frame in frames:
             view, _ = (source.advance(frame) for source in sources)
             pair = reprojection(view, view, *first.size)
-            masks.run(pair, thresholds, sources[0].current, sources[1].current, exposure=settings.lighting.exposure)
-            stats.add(masks.read())
+            stats.add(evaluator.compare(pair, previous=sources[1].current))
     finally:
-        masks.release()
-        shaders.release()
+        evaluator.release()
         for source in sources:
             source.release()
     discard = stats.discard(np.zeros(stats.pairs, dtype=bool))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.evaluation import count_pairs
+from taubench_gl.evaluation import Observers, evaluate_pairs, frame_schedule, sampled_pairs
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -24,7 +25,10 @@ def test_passes_that_run_ahead_count_the_same(gpu: Gpu, reprojection: str) -> No
     for waits in (True, False, False):
         timer = PassTimer(gpu, enabled=waits)
         source = RasterSource(gpu, scene, choose_camera(scene), settings, timer=timer)
-        rows.append(count_pairs(gpu, source, FRAMES, settings, scene.name, timer)[0])
+        schedule = frame_schedule(FRAMES, sampled_pairs(FRAMES, settings))
+        context = GpuContext(gpu, timer=timer)
+        rows.append(evaluate_pairs(context, source, settings, schedule, Observers()).rows)
         source.release()
+        context.release()
     assert len(rows[0]) == 3 and all(row["direct"] > 0 and row["normal"] > 0 for row in rows[0])
     assert rows[0] == rows[1] == rows[2]
