@@ -1,4 +1,4 @@
-// What every reuse method finds in place besides its own inputs: colour spaces, neighbourhood boxes, taps, kernels.
+// What every reuse method finds in place besides its own inputs: colour spaces, neighborhood boxes, taps, kernels.
 // Reference  metrics.reuse_methods
 #include "common/numbers.glsl"
 

@@ -1,5 +1,5 @@
 // What a method reuses: exposed linear radiance, from light and emission, or the sky's.  A pixel that was not shaded in
-// this frame takes the radiance of its nearest neighbour that was.
+// this frame takes the radiance of its nearest neighbor that was.
 //
 // Reads    position, direct indirect emission where there are.
 // Writes   radiance: rgb exposed, a 1 where shaded and 0 where filled; ACCUMULATE adds a share of rgb instead.

@@ -1,4 +1,4 @@
-"""From radiance to what a screen shows: exposure, tone mapping, sRGB.  Twin of shaders/color/color.comp.glsl."""
+"""From radiance to display color: exposure, tone mapping, sRGB.  Reference for shaders/color/color.comp.glsl."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TONE_MAPS = {
 
 def tone_map(radiance: Array, curve: str = "linear") -> Array:
     """Display-linear values in [0, 1] of linear radiance; negative radiance counts as 0.  (...) -> (...)."""
-    # Where a curve has settled at 1, larger radiance must not overflow it; NaN stays NaN.
+    # Radiance is limited where all curves have reached 1, so that they do not overflow.
     return np.clip(TONE_MAPS[curve](np.clip(radiance, 0.0, 1e6)), 0.0, 1.0)
 
 
@@ -29,9 +29,9 @@ def srgb_encode(linear: Array) -> Array:
 
 
 def display_color(radiance: Array, exposure: float = 1.0, curve: str = "linear") -> Array:
-    """What the colour mask compares: exposure, ``curve``, clamp, sRGB.  (..., 3) -> (..., 3) in [0, 1]; NaN stays NaN.
+    """The color that the color mask compares: exposure, ``curve``, clamp, sRGB.  (..., 3) -> (..., 3) in [0, 1].
 
-    Infinite radiance is no colour but a fault of its source: it comes out as NaN, which the masks count as INVALID.
+    NaN stays NaN.  Infinite radiance is invalid and becomes NaN, which the masks count as INVALID.
     """
     exposed = np.where(np.isinf(radiance), np.nan, radiance) * exposure
     return srgb_encode(tone_map(exposed, curve))

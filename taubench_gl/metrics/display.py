@@ -1,4 +1,4 @@
-"""How channels become pictures, in NumPy float64: the twin of shaders/viewer/display.frag.glsl."""
+"""Channels as display images, in float64.  Reference for shaders/viewer/display.frag.glsl."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from taubench_gl.metrics.color import srgb_encode
 Array = np.ndarray
 KINDS = ("encoded", "radiance", "shape", "unit", "vector", "depth", "ids", "motion", "motion_error")
 BACKGROUND = 0.06
-"""Grey of pixels without a surface, where the kind has nothing to say of them."""
+"""Gray level of pixels without a surface, for kinds that are undefined there."""
 
 _TABLE = np.array(
     [(0.05, 0.03, 0.20), (0.23, 0.18, 0.54), (0.15, 0.42, 0.60), (0.12, 0.63, 0.53), (0.48, 0.80, 0.32),
      (0.98, 0.93, 0.25)]
 )  # fmt: skip
-"""Stops of the scalar colour scale, dark to light, so that it also reads in grey."""
+"""Stops of the scalar color scale, with increasing luminance."""
 
 
 def color_scale(t: Array) -> Array:
-    """The scalar colour scale at t in [0, 1] (clipped).  (...) -> (..., 3)."""
+    """The scalar color scale at t in [0, 1] (clipped).  (...) -> (..., 3)."""
     x = np.clip(t, 0.0, 1.0) * (len(_TABLE) - 1)
     i = np.minimum(np.floor(x).astype(int), len(_TABLE) - 2)
     f = (x - i)[..., None]
@@ -33,25 +33,23 @@ def scale_glsl() -> str:
 
 
 def hue(turn: Array) -> Array:
-    """Saturated colours round the circle, turn in [0, 1).  (...) -> (..., 3)."""
+    """Saturated colors of the hue circle, ``turn`` in [0, 1).  (...) -> (..., 3)."""
     return np.clip(np.abs(np.mod(turn[..., None] * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0, 0.0, 1.0)
 
 
 def id_color(ids: Array) -> Array:
-    """A colour per number, 0 black.  (...) uint32 -> (..., 3)."""
+    """One color per id, black for 0.  (...) uint32 -> (..., 3)."""
     x = np.asarray(ids, dtype=np.uint64)
     x = (x * 2654435761) & 0xFFFFFFFF
     parts = np.stack([x & 255, (x >> 8) & 255, (x >> 16) & 255], axis=-1) / 255.0
     return np.where((np.asarray(ids) == 0)[..., None], 0.0, 0.25 + 0.75 * parts)
 
 
-def channel_rgb(
-    kind: str, values: Array, low: float, high: float, *, position: Array | None = None, size: tuple[int, int] = (1, 1)
-) -> Array:
-    """Display colours in [0, 1] of a channel.  ``values`` (h, w, n), ``position`` (h, w, 4) -> (h, w, 3).
+def channel_rgb(kind: str, values: Array, low: float, high: float, *, position: Array | None = None) -> Array:
+    """Display colors in [0, 1] of a channel.  ``values`` (h, w, n), ``position`` (h, w, 4) -> (h, w, 3).
 
-    ``motion`` is in pixels, +y up as in GPU memory; non-finite values come out magenta.  Raises KeyError for an
-    unknown kind.
+    ``motion`` is in pixels, +y up as in GPU memory.  Values that are not finite become magenta.  Raises KeyError for
+    an unknown kind.
     """
     values = np.asarray(values, dtype=np.float64)
     with np.errstate(invalid="ignore"):
@@ -72,7 +70,7 @@ def _shape(values: Array, low: float, span: float, position: Array) -> Array:
 def _motion(values: Array, low: float, span: float, position: Array | None) -> Array:
     turn = np.mod(np.arctan2(values[..., 1], values[..., 0]) / (2 * np.pi), 1.0)
     length = np.hypot(values[..., 0], values[..., 1])
-    strength = np.where(length > 0, np.clip((length - low) / span, 0.0, 1.0), 0.0)  # no motion has no direction
+    strength = np.where(length > 0, np.clip((length - low) / span, 0.0, 1.0), 0.0)  # zero motion has no direction
     return hue(turn) * strength[..., None]
 
 
@@ -90,18 +88,18 @@ _COLOR = {
 
 
 def motion_error(supplied_px: Array, expected_px: Array) -> Array:
-    """Distance of two motion fields, pixels.  (h, w, 2) each -> (h, w); 0 where either is not defined."""
+    """Distance of two motion fields, pixels.  (h, w, 2) each -> (h, w); 0 where either is undefined."""
     return np.nan_to_num(
         np.linalg.norm(np.asarray(supplied_px, np.float64) - expected_px, axis=-1), nan=0.0, posinf=0.0
     )
 
 
-def masked(picture: Array, mask: Array, bits: Array, colors: Array, opacity: float, stripe: int = 4) -> Array:
-    """Mask colours over a picture, striped where a pixel has several.
+def overlay_mask(image: Array, mask: Array, bits: Array, colors: Array, opacity: float, stripe: int = 4) -> Array:
+    """Mask colors over an image, striped where a pixel has several bits.
 
-    ``picture`` (h, w, 3), ``mask`` (h, w) uint32, ``bits`` (K,) uint32, ``colors`` (K, 3) in [0, 1] -> (h, w, 3).
+    ``image`` (h, w, 3), ``mask`` (h, w) uint32, ``bits`` (K,) uint32, ``colors`` (K, 3) in [0, 1] -> (h, w, 3).
     """
-    out = np.array(picture, dtype=np.float64)
+    out = np.array(image, dtype=np.float64)
     if not len(bits):
         return out
     hits = np.stack([(mask & np.uint32(bit)) != 0 for bit in bits])

@@ -1,4 +1,4 @@
-"""Errors of features between two runs' saved channels, gathered frame by frame."""
+"""Feature errors between the saved channels of two runs, accumulated frame by frame."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 Array = np.ndarray
 
 PER_FRAME = 1 << 16
-"""Errors kept per frame and feature, every n-th pixel: quantiles of a long run fit in memory.  Sums use all pixels."""
+"""Errors stored per frame and feature, of every n-th pixel, for the quantiles.  Sums use all pixels."""
 
 DARK = 0.01
-"""Relative radiance errors are of the larger of a pixel's radiance and this share of the frame's mean."""
+"""Relative radiance errors divide by the larger of the pixel's radiance and this share of the frame's mean."""
 
 UNITS = {
     "position_mm": "mm", "normal_deg": "degrees", "motion_px": "px", "direct_percent": "% of the second's",
@@ -23,11 +23,11 @@ QUANTILES = {"median": 50.0, "p75": 75.0, "p95": 95.0, "p99": 99.0}
 
 
 class FeatureErrors:
-    """Distribution of every error that both runs' channels allow.
+    """Error distributions of every feature that both runs have.
 
-    Positions over pixels where both see a surface; everything else only where those surfaces lie within
-    ``same_place_m`` metres of each other (the position threshold): elsewhere different things are seen, which the
-    position error and the masks tell already.  ``unit_scale``: units of the channels' positions per metre.
+    Position errors cover pixels where both runs have a surface.  All other errors cover only pixels whose surfaces lie
+    within ``same_place_m`` meters of each other (the position threshold): elsewhere the runs show different surfaces,
+    which the position error and the masks already count.  ``unit_scale``: scene units per meter.
     """
 
     def __init__(self, same_place_m: float, unit_scale: float = 1.0):
@@ -37,13 +37,13 @@ class FeatureErrors:
         self._sums: dict[str, Array] = {}  # of |a - b|, of |b|, of pixels
 
     def add(self, first: Mapping[str, Array], second: Mapping[str, Array]) -> None:
-        """One frame's channels as ``--save channels`` wrote them: (h, w, components), positions camera-relative."""
+        """Add one frame: channels as ``--save channels`` stores them, (h, w, components), positions camera-relative."""
         p, q = first["position"], second["position"]
         both = (p[..., 3] > 0) & (q[..., 3] > 0)
-        apart = p[..., :3].astype(np.float64) - q[..., :3] + (first["camera_position"] - second["camera_position"])
-        apart = np.linalg.norm(np.where(both[..., None], apart, 0.0), axis=-1) / self._unit_scale
-        self._keep("position_mm", 1e3 * apart[both])
-        same = both & (apart < self._same_place)
+        distance = p[..., :3].astype(np.float64) - q[..., :3] + (first["camera_position"] - second["camera_position"])
+        distance = np.linalg.norm(np.where(both[..., None], distance, 0.0), axis=-1) / self._unit_scale
+        self._keep("position_mm", 1e3 * distance[both])
+        same = both & (distance < self._same_place)
         if "normal" in first and "normal" in second:
             chord = np.linalg.norm(first["normal"][same, :3].astype(np.float64) - second["normal"][same, :3], axis=-1)
             self._keep("normal_deg", np.degrees(2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))

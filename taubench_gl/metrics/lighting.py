@@ -1,4 +1,8 @@
-"""Punctual lights, the metallic-roughness BRDF and the light bounds of tile culling, in float64."""
+"""Punctual lights, the metallic-roughness BRDF and the light bounds of tile culling, in float64.
+
+References for shaders/common/lights.glsl, shaders/common/brdf.glsl and shaders/lighting/cull.comp.glsl.  Sources:
+KHR_lights_punctual; glTF 2.0, appendix B.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ Array = np.ndarray
 
 
 class PunctualLight(Protocol):
-    """What is needed of ``scene.model.Light``."""
+    """The fields of ``scene.model.Light`` that are used here: candela or lux, meters, radians."""
 
     kind: str
     color: tuple[float, float, float]
@@ -24,13 +28,14 @@ class PunctualLight(Protocol):
 
 
 MIN_LIGHT_DISTANCE = 1e-3
-"""Metres: a surface nearer to a point or spot light than this is lit as if it were this far away."""
+"""Meters.  Distances to point and spot lights are clamped to at least this."""
 
 
 def incident(light: PunctualLight, position: Array, direction: Array, points: Array) -> tuple[Array, Array]:
-    """Unit vectors towards the light, and the irradiance it gives a surface that faces it.
+    """Unit vectors towards the light, and the irradiance of a surface that faces it.
 
-    ``position`` (3,) and unit ``direction`` (3,) of the light and ``points`` (..., 3), world.  -> (..., 3), (..., 3).
+    ``position`` (3,) and unit ``direction`` (3,) of the light, and ``points`` (..., 3), all in world space.
+    -> (..., 3), (..., 3).
     """
     points = np.asarray(points, dtype=np.float64)
     color = np.asarray(light.color, dtype=np.float64) * light.intensity
@@ -51,16 +56,16 @@ def incident(light: PunctualLight, position: Array, direction: Array, points: Ar
 
 
 def spot_terms(light: PunctualLight) -> tuple[float, float]:
-    """``scale`` and ``offset`` of the extension's recommended spot falloff: clamp(cos * scale + offset, 0, 1)^2."""
+    """``scale`` and ``offset`` of KHR_lights_punctual's spot falloff clamp(cos scale + offset, 0, 1)^2."""
     scale = 1.0 / max(0.001, np.cos(light.inner_cone) - np.cos(light.outer_cone))
     return float(scale), float(-np.cos(light.outer_cone) * scale)
 
 
 MIN_ALPHA = 1e-3
-"""Below this roughness squared a highlight is thinner than a pixel and only adds noise between frames."""
+"""Lower limit of roughness squared: narrower highlights are smaller than a pixel and add noise between frames."""
 
 ALBEDO_TABLE = 32
-"""Rows (perceptual roughness) and columns (cosine of the view angle) of the table of directional albedos, ends in."""
+"""Rows (perceptual roughness) and columns (cosine of the view angle) of the albedo table, both ends included."""
 
 
 def evaluate_brdf(
@@ -97,12 +102,12 @@ def evaluate_brdf(
 
 @lru_cache(maxsize=1)
 def albedo_table(samples: int = 24) -> Array:
-    """What each lobe sends to the viewer of a uniform sky of radiance 1.
+    """Directional albedo of each lobe: the radiance it reflects to the viewer under a uniform sky of radiance 1.
 
-    -> (ALBEDO_TABLE, ALBEDO_TABLE, 4) float32, rows roughness 0..1, columns n.v 0..1; x, y: the glossy lobe gives
-    F0 x + F90 y; z: mean of (1 - v.h)^5 over the cosine lobe, what the Fresnel factor takes from the diffuse one; w: 0.
-    Midpoint rule, ``samples``^2 directions each: over visible normals (Heitz 2018, "Sampling the GGX Distribution of
-    Visible Normals") and over the cosine lobe.
+    -> (ALBEDO_TABLE, ALBEDO_TABLE, 4) float32, rows roughness 0..1, columns n.v 0..1.  x, y: the glossy lobe reflects
+    F0 x + F90 y.  z: mean of (1 - v.h)^5 over the cosine lobe, which the Fresnel factor removes from the diffuse lobe.
+    w: 0.  Midpoint rule, ``samples``^2 directions each: over visible normals (Heitz 2018, "Sampling the GGX
+    Distribution of Visible Normals") and over the cosine lobe.
     """
     grid = np.linspace(0.0, 1.0, ALBEDO_TABLE)
     roughness, n_v = (x[..., None] for x in np.meshgrid(grid, np.maximum(grid, 1e-4), indexing="ij"))
@@ -111,7 +116,7 @@ def albedo_table(samples: int = 24) -> Array:
     a = np.maximum(roughness**2, MIN_ALPHA)
     sine = np.sqrt(1.0 - n_v**2)
     length = np.sqrt((a * sine) ** 2 + n_v**2)
-    x, z = a * sine / length, n_v / length  # the viewer where the facets are those of a hemisphere
+    x, z = a * sine / length, n_v / length  # view direction, stretched to the hemisphere of unit roughness
     r, phi = np.sqrt(u1), 2.0 * np.pi * u2
     t1 = r * np.cos(phi)
     blend = 0.5 * (1.0 + z)
@@ -136,7 +141,7 @@ def albedo_table(samples: int = 24) -> Array:
 
 
 LOWEST, BINS = -32, 40
-"""Bounds are sorted into ``BINS`` powers of two from 2^LOWEST up; whole bins are left out, faintest first."""
+"""Bounds are sorted into ``BINS`` powers of two from 2^LOWEST up.  Whole bins are culled, faintest first."""
 
 
 def largest_brdf(
@@ -162,10 +167,10 @@ def largest_brdf(
 
 
 def tile_boxes(position: Array, brdf: Array, tile: int) -> tuple[Array, Array, Array]:
-    """Low and high corners (T, 3) of what each tile shows, and its largest brdf (T,), 1/sr.
+    """Bounding box of the surfaces in each tile, low and high corners (T, 3), and the largest brdf (T,), 1/sr.
 
-    ``position`` (h, w, 4), w = 0 where nothing is; ``brdf`` (h, w) of ``largest_brdf``; row 0 at the *bottom*, as in GL
-    memory.  Tiles row by row from the bottom left; an empty tile has low = +Inf.
+    ``position`` (h, w, 4), w = 0 without a surface; ``brdf`` (h, w) from ``largest_brdf``; row 0 at the *bottom*, as in
+    GL memory.  Tiles row by row from the bottom left; an empty tile has low = +Inf.
     """
     h, w = position.shape[:2]
     low, high, largest = [], [], []
@@ -181,10 +186,10 @@ def tile_boxes(position: Array, brdf: Array, tile: int) -> tuple[Array, Array, A
 
 
 def light_bounds(low: Array, high: Array, brdf: Array, place: Array, peak: Array, reach: Array) -> Array:
-    """Upper bound of the radiance that a point light gives any pixel of each tile.  (T, L).
+    """Upper bound of the radiance that each point light adds to a pixel of each tile.  (T, L).
 
-    ``place`` (L, 3) in the space of the boxes, metres; ``peak`` (L,) largest channel of colour x intensity; ``reach``
-    (L,) range in metres, Inf where unlimited.
+    ``place`` (L, 3) in the space of the boxes, meters; ``peak`` (L,) largest channel of color x intensity; ``reach``
+    (L,) range in meters, Inf where unlimited.
     """
     low, high = low[:, None], high[:, None]
     nearest = np.clip(place, low, high) - place
@@ -194,7 +199,7 @@ def light_bounds(low: Array, high: Array, brdf: Array, place: Array, peak: Array
 
 
 def kept_lights(bounds: Array, error: float) -> Array:
-    """Which lights each tile keeps: what is left out adds up to at most ``error``.  (T, L) -> (T, L) bool."""
+    """Lights that each tile keeps: the bounds of all others add up to at most ``error``.  (T, L) -> (T, L) bool."""
     with np.errstate(divide="ignore"):
         bins = np.clip(np.ceil(np.log2(bounds)) - LOWEST, 0, BINS - 1).astype(int)
     cut = np.zeros(len(bounds), dtype=int)

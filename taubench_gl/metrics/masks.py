@@ -1,4 +1,4 @@
-"""Feature masks f_B (section 3.2) of one frame pair in NumPy float64: the oracle of shaders/masks/masks.comp.glsl."""
+"""Feature masks f_B (section 3.2) of one frame pair in float64.  Reference for shaders/masks/masks.comp.glsl."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from taubench_gl.metrics.reprojection import Reprojection, reproject
 
 Array = np.ndarray
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Rec. 709."""
 RADIANCE_FEATURES = ("direct", "indirect", "color")
 
 
 @dataclass(frozen=True, slots=True)
 class PairMasks:
-    """Per pixel (h, w), row 0 at the top."""
+    """Result per pixel, (h, w, ...), row 0 at the top."""
 
     mask: Array  # (h, w) uint32 of conventions.Reason
     motion_px: Array  # (h, w, 2) float64, +y down; NaN where behind
@@ -26,11 +27,11 @@ class PairMasks:
     distances: Mapping[str, Array]  # feature -> (h, w) float64; NaN where not compared
 
     def mask_histogram(self) -> Array:
-        """Pixels per reason word.  (65536,) int64."""
+        """Pixel counts per reason word.  (65536,) int64."""
         return np.bincount(self.mask.ravel(), minlength=1 << 16)
 
     def histogram(self, feature: str) -> Array:
-        """(HISTOGRAM_BINS,) int64 over comparable pixels; pixels without a distance (sky on sky) count as 0."""
+        """Distance histogram of comparable pixels, (HISTOGRAM_BINS,) int64.  Sky on sky has distance 0."""
         comparable = (self.mask & NOT_COMPARABLE) == 0
         distance = np.nan_to_num(self.distances[feature][comparable], nan=0.0, posinf=np.inf)
         return np.bincount(bin_of(distance), minlength=HISTOGRAM_BINS)
@@ -48,9 +49,9 @@ def pair_masks(
 ) -> PairMasks:
     """Reason bits of every pixel.
 
-    ``current`` and ``history`` hold ``position`` (h, w, 4), ``normal`` (h, w, >=3), optionally ``direct``,
-    ``indirect``, ``color`` (h, w, >=3), and ``current`` the ``prev_position`` (h, w, >=3) for ``motion`` reprojection
-    and ``ids`` (h, w, 2) uint32 where surfaces may be marked NO_HISTORY.
+    ``current`` and ``history`` contain ``position`` (h, w, 4) and ``normal`` (h, w, >=3), optionally ``direct``,
+    ``indirect`` and ``color`` (h, w, >=3).  ``current`` also contains ``prev_position`` (h, w, >=3) for ``motion``
+    reprojection, and ``ids`` (h, w, 2) uint32 where surfaces can be marked NO_HISTORY.
     """
     names = ["normal"] + [n for n in RADIANCE_FEATURES if n in current and n in history]
     now = {n: np.asarray(current[n], dtype=np.float64)[..., :3] for n in names}
@@ -67,14 +68,14 @@ def pair_masks(
         cut = surface & ~invalid & ((np.asarray(current["ids"])[..., 1] & np.uint32(NO_HISTORY)) != 0)
         not_finite &= ~cut
     behind, outside = moved.behind & ~invalid & ~cut, moved.outside & ~invalid & ~not_finite & ~cut
-    alive = ~(invalid | not_finite | cut | behind | outside)
+    sampled_pixels = ~(invalid | not_finite | cut | behind | outside)
 
-    before = {n: np.asarray(history[n], dtype=np.float64)[..., :3] for n in names}
-    before["position"] = np.asarray(history["position"], dtype=np.float64)
-    rows, columns = np.nonzero(alive)
+    previous = {n: np.asarray(history[n], dtype=np.float64)[..., :3] for n in names}
+    previous["position"] = np.asarray(history["position"], dtype=np.float64)
+    rows, columns = np.nonzero(sampled_pixels)
     sampler = SAMPLERS[sampling]
-    taken = sampler(before, moved.at_px[rows, columns], surface[rows, columns])
-    finite = _finite(taken)
+    sampled = sampler(previous, moved.at_px[rows, columns], surface[rows, columns])
+    finite = _finite(sampled)
 
     mask = np.where(surface, 0, Reason.SKY).astype(np.uint32)
     mask[invalid] = Reason.INVALID
@@ -84,9 +85,9 @@ def pair_masks(
     mask[outside] |= np.uint32(Reason.OUTSIDE)
     mask[rows[~finite], columns[~finite]] |= np.uint32(Reason.INVALID)
     rows, columns = rows[finite], columns[finite]
-    taken = {n: v[finite] for n, v in taken.items()}
+    sampled = {n: v[finite] for n, v in sampled.items()}
     here = {n: v[rows, columns] for n, v in now.items()}
-    bits, compared = compare(here, moved.q[rows, columns], taken, thresholds, exposure)
+    bits, compared = compare(here, moved.q[rows, columns], sampled, thresholds, exposure)
     mask[rows, columns] |= bits
     distances = {}
     for feature, values in compared.items():
@@ -102,9 +103,9 @@ def compare(
     thresholds: Mapping[str, float],
     exposure: float = 1.0,
 ) -> tuple[Array, dict[str, Array]]:
-    """f_B for K pixel pairs: reason bits (K,) uint32 and the distance of each feature (K,), NaN for sky on sky.
+    """f_B of K pixels: reason bits (K,) uint32 and the distance of each feature (K,), NaN for sky on sky.
 
-    ``q`` (K, 3): where each surface point was, relative to the previous camera.
+    ``q`` (K, 3): previous position of each surface point, relative to the previous camera.
     """
     surface, history_surface = now["position"][:, 3] > 0, before["position"][:, 3] > 0
     bits = np.where(history_surface, 0, Reason.HISTORY_SKY).astype(np.uint32)
@@ -142,7 +143,7 @@ def _finite(channels: Mapping[str, Array]) -> Array:
 
 
 def _nearest(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
-    """History at floor(x + 0.5) with y up, as the GPU counts (docs/conventions.md).  (K, 2) -> {name: (K, n)}."""
+    """History at floor(x + 0.5), y up as on the GPU (docs/conventions.md).  (K, 2) -> {name: (K, n)}."""
     h, w = history["position"].shape[:2]
     column = np.clip(np.floor(at_px[:, 0] + 0.5).astype(np.int64), 0, w - 1)
     up = np.clip(np.floor((h - 1) - at_px[:, 1] + 0.5).astype(np.int64), 0, h - 1)
@@ -150,7 +151,7 @@ def _nearest(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict
 
 
 def _bilinear(history: Mapping[str, Array], at_px: Array, surface: Array) -> dict[str, Array]:
-    """Blend of the taps that are inside, finite and of the pixel's own kind; else the heaviest finite tap."""
+    """Blend of the taps that are inside, finite and of the same kind (surface or sky); else the heaviest finite tap."""
     h, w = history["position"].shape[:2]
     x, y = at_px[:, 0], (h - 1) - at_px[:, 1]
     base_x, base_y = np.floor(x), np.floor(y)
@@ -181,4 +182,4 @@ def _bilinear(history: Mapping[str, Array], at_px: Array, surface: Array) -> dic
 
 
 SAMPLERS = {"nearest": _nearest, "bilinear": _bilinear}
-"""History at K places: (history, at_px (K, 2), surface (K,) bool) -> {name: (K, n)}."""
+"""Samplers of the history at K positions: (history, at_px (K, 2), surface (K,) bool) -> {name: (K, n)}."""

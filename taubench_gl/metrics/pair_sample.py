@@ -1,7 +1,7 @@
-"""Which pairs of a sequence a sampled run looks at, and how far its means may be from the full run's.
+"""Sampling of frame pairs, and confidence intervals of the sampled means.
 
 Source: W. G. Cochran, *Sampling Techniques*, 3rd edition, Wiley 1977.  A sequence of N pairs is a finite population: a
-sample that holds all of it has no error, so every variance carries the finite-population correction 1 - n/N.
+sample of all N pairs has no error, so every variance contains the finite-population correction 1 - n/N.
 """
 
 from __future__ import annotations
@@ -17,41 +17,42 @@ from taubench_gl.metrics.student import student_quantile
 Array = np.ndarray
 
 PER_STRATUM = 2
-"""Pairs taken of each stratum: the fewest whose spread can be seen."""
+"""Pairs sampled per stratum: the fewest with a sample variance."""
 
 SEED = 20260101
-"""Of the default draw: the same settings look at the same pairs."""
+"""Seed of the default sample: equal settings sample equal pairs."""
 
 
 @dataclass(frozen=True, slots=True)
 class PairSample:
-    """``strata``: for each stratum its size N_h and the drawn positions, 0-based in 0 .. N-1, ascending."""
+    """``strata``: for each stratum its size N_h and the sampled positions, in 0 .. N-1, ascending."""
 
     total: int  # N
     strata: tuple[tuple[int, tuple[int, ...]], ...]
 
     @property
     def positions(self) -> tuple[int, ...]:
-        """All drawn positions, ascending."""
-        return tuple(sorted(p for _, drawn in self.strata for p in drawn))
+        """All sampled positions, ascending."""
+        return tuple(sorted(p for _, sampled in self.strata for p in sampled))
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Mean of the population as the sample tells it, in the unit of the values."""
+    """Estimated mean of the population, in the unit of the values."""
 
     mean: float
-    half_width: float | None  # of the confidence interval; None where one pair says nothing of the spread
+    half_width: float | None  # of the confidence interval; None where a stratum has one pair
     level: float
-    drawn: int  # n
+    sampled: int  # n
     total: int  # N
 
 
 def sample_pairs(total: int, scheme: str, number: int = 1, rng: np.random.Generator | None = None) -> PairSample:
-    """``scheme`` "all"; "every": each ``number``-th pair; "strata": ``number`` stretches of equal length, PER_STRATUM
-    pairs drawn at random from each (all of a stretch that has no more).
+    """Sample of the pairs 0 .. ``total`` - 1.
 
-    ``rng``: of the start (every) or the draw (strata); None: the middle start, and a generator seeded with SEED.
+    ``scheme`` "all"; "every": each ``number``-th pair; "strata": ``number`` strata of equal length, PER_STRATUM random
+    pairs of each (all pairs of a shorter stratum).  ``rng`` selects the first pair (every) or the pairs (strata); None:
+    the middle of the first interval, or a generator seeded with SEED.
     """
     if scheme == "all" or total <= 1:
         return PairSample(total, ((total, tuple(range(total))),))
@@ -61,9 +62,9 @@ def sample_pairs(total: int, scheme: str, number: int = 1, rng: np.random.Genera
         return PairSample(total, ((total, tuple(range(start, total, step))),))
     rng = rng or np.random.default_rng(SEED)
     strata = []
-    for stretch in np.array_split(np.arange(total), min(number, total)):
-        drawn = np.sort(rng.choice(stretch, size=min(PER_STRATUM, len(stretch)), replace=False))
-        strata.append((len(stretch), tuple(int(p) for p in drawn)))
+    for stratum in np.array_split(np.arange(total), min(number, total)):
+        sampled = np.sort(rng.choice(stratum, size=min(PER_STRATUM, len(stratum)), replace=False))
+        strata.append((len(stratum), tuple(int(p) for p in sampled)))
     return PairSample(total, tuple(strata))
 
 
@@ -72,19 +73,19 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate
 
     mean = sum_h W_h mean_h with W_h = N_h / N (Cochran Eq. 5.1); variance = sum_h W_h^2 (1 - n_h / N_h) s_h^2 / n_h
     (Eq. 5.13 as estimated from the sample; one stratum: Eq. 2.20); half width = t sqrt(variance), t of Student at
-    Satterthwaite's degrees of freedom (Eq. 5.16).  Every k-th pair is judged as a random sample of its size: on a
-    sequence with a trend that is too wide rather than too narrow (section 8.5); on one whose period is a multiple of
-    k steps it is too narrow, and no sample can tell.
+    Satterthwaite's degrees of freedom (Eq. 5.16).  Every k-th pair counts as a random sample of its size.  The interval
+    is then too wide for a sequence with a trend (section 8.5), and too narrow for one whose period divides k pairs,
+    which no sample can detect.
     """
     at = {p: float(v) for p, v in zip(sample.positions, np.asarray(values, dtype=np.float64), strict=True)}
     mean = variance = spread = 0.0
     unknown = False
-    for size, drawn in sample.strata:
-        y = np.array([at[p] for p in drawn])
+    for size, sampled in sample.strata:
+        y = np.array([at[p] for p in sampled])
         weight, n = size / sample.total, len(y)
         mean += weight * float(y.mean())
         if n == size:
-            continue  # nothing left to chance
+            continue  # the whole stratum: no error
         if n < 2:
             unknown = True
             continue
@@ -101,17 +102,19 @@ def estimate(sample: PairSample, values: Array, level: float = 0.95) -> Estimate
 
 
 def expected_half_width(sample: PairSample, population: Array, level: float = 0.95) -> float:
-    """How far the mean of such a sample may be from the population's, over all draws, where all values are known.
+    """Half width of the confidence interval of such a sample's mean, where all values are known.
 
     ``population``: (N,).  variance = sum_h W_h^2 (1 - n_h / N_h) S_h^2 / n_h with the S_h of the strata themselves
-    (Cochran Eq. 5.6); half width = z sqrt(variance), z of the normal distribution.  One draw may show less spread than
-    there is; this does not depend on the draw.
+    (Cochran Eq. 5.6); half width = z sqrt(variance), z of the normal distribution.  The result does not depend on which
+    pairs are sampled; a single sample can show less spread than the population has.
     """
     values = np.asarray(population, dtype=np.float64)
     variance, start = 0.0, 0
-    for size, drawn in sample.strata:
+    for size, sampled in sample.strata:
         part = values[start : start + size]
         start += size
-        if len(drawn) < size:
-            variance += (size / sample.total) ** 2 * (1.0 - len(drawn) / size) * float(part.var(ddof=1)) / len(drawn)
+        if len(sampled) < size:
+            variance += (
+                (size / sample.total) ** 2 * (1.0 - len(sampled) / size) * float(part.var(ddof=1)) / len(sampled)
+            )
     return NormalDist().inv_cdf(0.5 + 0.5 * level) * math.sqrt(variance)

@@ -1,4 +1,4 @@
-"""Reprojection of one frame pair (Eq. 3), float64: where a surface point or view ray was on the previous screen."""
+"""Reprojection of one frame pair (Eq. 3) in float64: previous pixel coordinates of surface points and view rays."""
 
 from __future__ import annotations
 
@@ -11,30 +11,29 @@ from taubench_gl.conventions import GUARD_PX
 Array = np.ndarray
 
 NEAR_GUARD = 1e-5
-"""Relative guard of the near test: a still surface clipped by the near plane has depth near (1 +- rounding)."""
+"""Relative guard of the near test: a still surface clipped at the near plane has depth near * (1 +- rounding)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reprojection:
     """Matrices of one pair, composed in float64 relative to the cameras (docs/conventions.md).  World axes throughout.
 
-    ``p`` is a point relative to the current camera, ``q`` the same point's previous place relative to the previous
-    camera; for what did not move by itself q = p + ``camera_delta``.  The sky is seen along ``sky_origin + x sky_dx +
-    y sky_dy`` (x, y pixel indices, y up): a direction (w = 0), or for parallel projections a far-plane point (w = 1).
+    ``p`` is a point relative to the current camera, ``q`` its previous position relative to the previous camera; for
+    static surfaces q = p + ``camera_delta``.  The sky ray of pixel (x, y), y up, is ``sky_origin + x sky_dx +
+    y sky_dy``: a direction (w = 0), or for parallel projections a point on the far plane (w = 1).
     """
 
     width: int
     height: int
     clip_from_current: Array  # (4, 4)
     prev_clip_from_prev: Array  # (4, 4)
-    prev_forward: Array  # (3,) unit, where the previous camera looked: dot(q, prev_forward) is planar depth
+    prev_forward: Array  # (3,) unit view direction of the previous camera: dot(q, prev_forward) is planar depth
     prev_near: float  # scene units
     camera_delta: Array  # (3,) current position - previous position, scene units
     sky_origin: Array  # (4,)
     sky_dx: Array  # (4,)
     sky_dy: Array  # (4,)
-    near: float = 0.0  # of the current camera, scene units: as far as rounding drew a point before it, as far it may
-    #                    have been before the previous one
+    near: float = 0.0  # of the current camera, scene units
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,14 +44,14 @@ class Reprojected:
     at_px: Array  # (h, w, 2) previous pixel-index coordinates (x, row)
     behind: Array  # (h, w) bool
     outside: Array  # (h, w) bool, False where behind
-    q: Array  # (h, w, 3) previous place relative to the previous camera (a direction where sky)
+    q: Array  # (h, w, 3) previous position relative to the previous camera (a direction for sky)
 
 
 def reproject(pair: Reprojection, position: Array, prev_position: Array | None = None) -> Reprojected:
     """Eq. (3) for every pixel.
 
-    ``position`` (h, w, 4): xyz relative to the current camera, w planar depth with 0 = sky.  ``prev_position``
-    (h, w, >=3), relative to the previous camera: ``motion`` reprojection, else ``camera`` reprojection.
+    ``position`` (h, w, 4): xyz relative to the current camera, w planar depth, 0 = sky.  With ``prev_position``
+    (h, w, >=3), relative to the previous camera: ``motion`` reprojection; without it ``camera`` reprojection.
     """
     h, w = pair.height, pair.width
     surface = position[..., 3] > 0
@@ -63,8 +62,8 @@ def reproject(pair: Reprojection, position: Array, prev_position: Array | None =
     q = p + p_w[..., None] * pair.camera_delta
     if prev_position is not None:
         q = np.where(surface[..., None], prev_position[..., :3], q)
-    # Interpolation over a large triangle rounds by more than NEAR_GUARD: a pixel drawn in front of its own near plane
-    # may have been as far in front of the previous one.
+    # Interpolation over a large triangle can round by more than NEAR_GUARD and place a pixel in front of the current
+    # near plane.  The previous near test allows the same distance.
     slack = np.maximum(pair.near - position[..., 3], 0.0)
     near = np.where(surface, pair.prev_near * (1.0 - NEAR_GUARD) - slack, 0.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

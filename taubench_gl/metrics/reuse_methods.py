@@ -1,32 +1,44 @@
-"""The reuse methods' equations in float64: reference for taubench_gl/reuse/methods and shaders/common/reuse.glsl."""
+"""Equations of the built-in reuse methods, in float64.
+
+References for taubench_gl/reuse/methods and shaders/common/reuse.glsl.  Images are (h, w, ...) with row 0 at the top,
+colors linear radiance (h, w, 3); outside the image the edge pixels are repeated.  ``at_px`` (h, w, 2) is (column, row)
+of a point's previous position.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from taubench_gl.conventions import GUARD_PX
+from taubench_gl.metrics.masks import LUMINANCE
 
 Array = np.ndarray
 
 
 def previous_px(motion_px: Array) -> Array:
-    """Where each pixel's point was: (column, row) + motion (previous - current, +y down).  (h, w, 2) -> (h, w, 2)."""
+    """Previous position of each pixel, (column, row) + motion (previous - current, +y down).  (h, w, 2) -> same."""
     h, w = motion_px.shape[:2]
     return np.stack(np.meshgrid(np.arange(w), np.arange(h)), axis=-1) + np.asarray(motion_px, dtype=np.float64)
 
 
 def inside(at_px: Array, size: tuple[int, int]) -> Array:
-    """Eq. (3) of TauBench: within [0, w-1] x [0, h-1], with the guard.  ``size`` (width, height).  -> (h, w) bool."""
+    """Eq. (3) of TauBench: inside [0, w-1] x [0, h-1], with a guard of GUARD_PX.  ``size`` (width, height).
+
+    -> (h, w) bool.
+    """
     last = np.array(size) - 1
     return np.all((at_px >= -GUARD_PX) & (at_px <= last + GUARD_PX), axis=-1)
 
 
 def nearest_surface(depth: Array) -> Array:
-    """Karis 2014: of each 3x3 neighbourhood the pixel nearest to the camera, itself where none is nearer.
+    """Karis 2014: the pixel of each 3x3 neighborhood that is nearest to the camera.
 
-    ``depth`` (h, w) planar, 0 = sky.  -> (h, w, 2) int (column, row); of equally near ones the lower, then left one.
+    ``depth`` (h, w) planar, 0 = sky.  -> (h, w, 2) int (column, row).  Ties: the pixel itself, then the lower, then the
+    left one.
     """
     h, w = depth.shape
     rows, columns = np.mgrid[:h, :w]
@@ -56,7 +68,7 @@ def catmull_rom_weights(f: Array) -> Array:
 
 
 def _fetch(values: Array, column: Array, up: Array) -> Array:
-    """Pixels by column and row from the bottom, the outermost repeated."""
+    """Pixels by column and by row from the bottom; the image edge is repeated."""
     h, w = values.shape[:2]
     return values[h - 1 - np.clip(up, 0, h - 1), np.clip(column, 0, w - 1)]
 
@@ -82,10 +94,11 @@ def sample_history(values: Array, at_px: Array, filtering: str = "bilinear") -> 
 
 
 def consistent_blend(values: Array, at_px: Array, accept: Callable[[Array, Array], Array]) -> tuple[Array, Array]:
-    """Bilinear taps that lie inside and that ``accept(row, column)`` (each (h, w) int) -> (h, w) bool lets through,
-    weights renormalised (Schied 2017, section 4.1; Koskela 2019).
+    """Bilinear blend of the taps inside the image that ``accept(row, column)`` accepts, with renormalized weights
+    (Schied 2017, section 4.1; Koskela 2019).
 
-    -> blend (h, w, c), 0 where no tap passed, and the sum of weights before that (h, w).
+    ``accept``: (h, w) int, (h, w) int -> (h, w) bool.  -> blend (h, w, c), 0 without an accepted tap, and the sum of
+    the weights before renormalization (h, w).
     """
     values = np.asarray(values, dtype=np.float64)
     h, w = values.shape[:2]
@@ -109,22 +122,22 @@ def exponential_average(now: Array, history: Array, alpha: Array | float) -> Arr
 
 
 def running_mean(now: Array, mean: Array, count: Array, cap: int) -> tuple[Array, Array]:
-    """One more frame in a mean of ``count``: Welford's update; the count never passes ``cap``.
+    """Welford's update: adds one frame to a mean of ``count`` frames; the count is limited to ``cap``.
 
-    (h, w, 3), (h, w, 3), (h, w) -> mean, count; variance of unchanging noise falls as 1 / count.
+    (h, w, 3), (h, w, 3), (h, w) -> mean, count.  The variance of stationary noise decreases as 1 / count.
     """
     count = np.minimum(count, cap - 1) + 1.0
     return exponential_average(now, mean, 1.0 / count[..., None]), count
 
 
 def cache_hit(expected: Array, cached_depth: Array, threshold: float) -> Array:
-    """Nehab et al. 2007: the cached planar depth is the expected one, to a share of it; expected 0 is sky."""
+    """Nehab et al. 2007: the cached planar depth equals the expected one within a relative threshold; 0 is sky."""
     near = np.abs(cached_depth - expected) <= threshold * expected
     return np.where(expected > 0, near, cached_depth <= 0)
 
 
 def refresh_due(index: int, size: tuple[int, int], block: int, refresh: int) -> Array:
-    """Nehab et al. 2007: which pixels frame ``index`` shades anew: blocks in turn, once in ``refresh`` frames.
+    """Nehab et al. 2007: pixels that frame ``index`` recomputes; each block is recomputed once in ``refresh`` frames.
 
     -> (h, w) bool.
     """
@@ -134,7 +147,7 @@ def refresh_due(index: int, size: tuple[int, int], block: int, refresh: int) -> 
 
 
 def timewarp_px(clip_from_view: Array, key_from_view: Array, size: tuple[int, int]) -> Array:
-    """Where each pixel's view ray meets a picture taken from the same place under another rotation (homography
+    """Position of each pixel's view ray in an image from the same position with another rotation (homography
     K R_key^T R_now K^-1; Hartley and Zisserman 2004, section 8.4).
 
     ``clip_from_view`` (4, 4) of both cameras (perspective); ``key_from_view`` (3, 3) rotation from this camera's axes
@@ -159,7 +172,8 @@ def new_samples(radiance: Array, jitter_px: Array, reach: float) -> tuple[Array,
     weights (h, w), largest weight (h, w).
     """
     h, w = radiance.shape[:2]
-    wide = np.pad(np.asarray(radiance, dtype=np.float64), ((2, 2), (2, 2), (0, 0)))  # outside: alpha 0, not shaded
+    # Outside the image alpha is 0: not shaded.
+    wide = np.pad(np.asarray(radiance, dtype=np.float64), ((2, 2), (2, 2), (0, 0)))
     sums, total, best = np.zeros((h, w, 3)), np.zeros((h, w)), np.zeros((h, w))
     for dy in range(-2, 3):
         for dx in range(-2, 3):
@@ -177,7 +191,7 @@ def upsample_blend(
 ) -> tuple[Array, Array, Array]:
     """Yang et al. 2020, section 5: f_n = a b s_n + (1 - a b) f_(n-1), a = max(alpha, 1 / confidence gathered).
 
-    ``now``, ``history`` (..., 3); ``confidence`` b and ``gathered`` (...).  -> picture, gathered, weight of history.
+    ``now``, ``history`` (..., 3); ``confidence`` b and ``gathered`` (...).  -> color, gathered, weight of history.
     """
     gathered = gathered + confidence
     share = np.where(
@@ -185,9 +199,6 @@ def upsample_blend(
     )
     return exponential_average(now, history, share[..., None]), np.minimum(gathered, 1.0 / alpha), 1.0 - share
 
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Rec. 709."""
 
 _YCOCG_FROM_RGB = np.array([[0.25, 0.5, 0.25], [0.5, 0.0, -0.5], [-0.25, 0.5, -0.25]])
 _RGB_FROM_YCOCG = np.array([[1.0, 1.0, -1.0], [1.0, 0.0, 1.0], [1.0, -1.0, -1.0]])
@@ -204,19 +215,19 @@ def rgb_from_ycocg(ycocg: Array) -> Array:
     return np.asarray(ycocg, dtype=np.float64) @ _RGB_FROM_YCOCG.T
 
 
-def neighbours(picture: Array) -> dict[tuple[int, int], Array]:
-    """The 3x3 neighbourhood: (row offset, column offset) -> (h, w, c)."""
-    h, w = picture.shape[:2]
-    wide = np.pad(np.asarray(picture, dtype=np.float64), ((1, 1), (1, 1), (0, 0)), mode="edge")
+def neighbors(image: Array) -> dict[tuple[int, int], Array]:
+    """The 3x3 neighborhood: (row offset, column offset) -> (h, w, c)."""
+    h, w = image.shape[:2]
+    wide = np.pad(np.asarray(image, dtype=np.float64), ((1, 1), (1, 1), (0, 0)), mode="edge")
     return {(dy, dx): wide[1 + dy : 1 + dy + h, 1 + dx : 1 + dx + w] for dy in (-1, 0, 1) for dx in (-1, 0, 1)}
 
 
-def neighbourhood_box(rgb: Array, rounded: bool = True) -> tuple[Array, Array]:
-    """Karis 2014: smallest and largest YCoCg of 3x3 pixels; ``rounded``: averaged with those of the cross.
+def neighborhood_box(rgb: Array, rounded: bool = True) -> tuple[Array, Array]:
+    """Karis 2014: minimum and maximum YCoCg of 3x3 pixels.  ``rounded``: averaged with those of the plus-shaped subset.
 
     -> low, high (h, w, 3).
     """
-    around = neighbours(ycocg_from_rgb(rgb))
+    around = neighbors(ycocg_from_rgb(rgb))
     every, cross = np.stack(list(around.values())), np.stack([around[k] for k in _CROSS])
     low, high = every.min(axis=0), every.max(axis=0)
     if not rounded:
@@ -225,11 +236,12 @@ def neighbourhood_box(rgb: Array, rounded: bool = True) -> tuple[Array, Array]:
 
 
 def variance_box(rgb: Array, gamma: float = 1.0, keep_own: bool = True) -> tuple[Array, Array]:
-    """Salvi 2016: mean +- gamma standard deviations of 3x3 pixels in YCoCg.  ``keep_own``: grown to hold the pixel too.
+    """Salvi 2016: mean +- gamma standard deviations of 3x3 pixels in YCoCg.  ``keep_own``: extended to the pixel's
+    color.
 
     -> low, high (h, w, 3).
     """
-    around = neighbours(ycocg_from_rgb(rgb))
+    around = neighbors(ycocg_from_rgb(rgb))
     every = np.stack(list(around.values()))
     mean, sigma = every.mean(axis=0), every.std(axis=0)
     low, high = mean - gamma * sigma, mean + gamma * sigma
@@ -238,7 +250,7 @@ def variance_box(rgb: Array, gamma: float = 1.0, keep_own: bool = True) -> tuple
 
 
 def clip_to_box(low: Array, high: Array, color: Array) -> Array:
-    """Pedersen 2016: towards the middle of the box until inside it.  All (..., 3)."""
+    """Pedersen 2016: moves a color towards the center of the box until it is inside.  All (..., 3)."""
     middle, extent = 0.5 * (high + low), 0.5 * (high - low) + 1e-7
     offset = color - middle
     farthest = (np.abs(offset) / extent).max(axis=-1, keepdims=True)
@@ -246,7 +258,7 @@ def clip_to_box(low: Array, high: Array, color: Array) -> Array:
 
 
 def karis_blend(now: Array, history: Array, alpha: float, weighting: bool = True) -> tuple[Array, Array]:
-    """Karis 2014: both colours weighed by 1 / (1 + luminance).  -> colour (..., 3), weight of history (..., 1)."""
+    """Karis 2014: colors weighted by 1 / (1 + luminance).  -> color (..., 3), weight of history (..., 1)."""
     w_now, w_history = np.array(alpha), np.array(1.0 - alpha)
     if weighting:
         w_now = alpha / (1.0 + np.maximum(now @ LUMINANCE, 0.0))
@@ -255,12 +267,12 @@ def karis_blend(now: Array, history: Array, alpha: float, weighting: bool = True
     return now + kept * (history - now), kept
 
 
-def shaded_neighbours(radiance: Array) -> tuple[Array, Array, Array, Array]:
-    """Of the four neighbours those shaded this frame (alpha 1).  (h, w, 4) ->
+def shaded_neighbors(radiance: Array) -> tuple[Array, Array, Array, Array]:
+    """Mean and range of those of the four neighbors that are shaded in this frame (alpha 1).  (h, w, 4) ->
 
-    mean (h, w, 3), low, high (h, w, 3) and how many (h, w); mean 0 and an inverted box where there are none.
+    mean, low, high (h, w, 3) and their number (h, w); without one, mean 0 and an inverted box.
     """
-    around = neighbours(radiance)
+    around = neighbors(radiance)
     taps = np.stack([around[k] for k in ((0, 1), (0, -1), (-1, 0), (1, 0))])
     shaded = (taps[..., 3] >= 0.5)[..., None]
     count = shaded.sum(axis=0)
@@ -274,18 +286,18 @@ KERNEL = (3.0 / 8.0, 1.0 / 4.0, 1.0 / 16.0)
 """B3 spline: weights at distance 0, 1 and 2 (section 4.3)."""
 
 DEPTH_FLOOR = 1e-3
-"""Relative depth difference that Eq. (3) always forgives; keeps it finite on surfaces that face the camera."""
+"""Relative depth tolerance of Eq. (3): keeps it finite on surfaces that face the camera."""
 
 LUMINANCE_FLOOR = 1e-6
 
 
 def moments_variance(first: Array, second: Array) -> Array:
-    """Section 4.2: second moment - first moment^2, never below 0."""
+    """Section 4.2: second moment - first moment^2, at least 0."""
     return np.maximum(second - first**2, 0.0)
 
 
 def shifted(values: Array, dx: int, dy: int) -> tuple[Array, Array]:
-    """``values`` of pixel (column + dx, row + dy), and where that pixel exists.  -> (h, w, ...), (h, w) bool."""
+    """``values`` at pixel (column + dx, row + dy), and whether that pixel exists.  -> (h, w, ...), (h, w) bool."""
     h, w = values.shape[:2]
     row, column = np.mgrid[:h, :w]
     row, column = row + dy, column + dx
@@ -294,7 +306,7 @@ def shifted(values: Array, dx: int, dy: int) -> tuple[Array, Array]:
 
 
 def depth_slope(depth: Array) -> Array:
-    """Change of depth per pixel to the right and down: of the two one-sided differences the smaller.  -> (h, w, 2)."""
+    """Depth change per pixel to the right and down: the smaller of both one-sided differences.  -> (h, w, 2)."""
     slope = np.zeros((*depth.shape, 2))
     for axis, (dx, dy) in enumerate(((1, 0), (0, 1))):
         after, there = shifted(depth, dx, dy)
@@ -306,46 +318,49 @@ def depth_slope(depth: Array) -> Array:
     return slope
 
 
-def geometry_weight(
-    depth: Array, normal: Array, dx: int, dy: int, sigma_z: float, sigma_n: float, slope: Array
-) -> Array:
-    """Eqs. (3) and (4) between each pixel and the one (dx, dy) away; 0 where there is none.  -> (h, w)."""
-    other, exists = shifted(depth, dx, dy)
-    other_normal, _ = shifted(normal, dx, dy)
-    expected = np.abs(slope @ np.array([dx, dy], dtype=np.float64))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        w_z = np.exp(-np.abs(depth - other) / (sigma_z * expected + DEPTH_FLOOR * depth))
-    w_n = np.maximum((normal * other_normal).sum(axis=-1), 0.0) ** sigma_n
-    surface = depth > 0
-    return np.where(exists & (surface == (other > 0)), np.where(surface, w_z * w_n, 1.0), 0.0)
+@dataclass(frozen=True)
+class EdgeStopping:
+    """Edge-stopping functions of section 4.4 over one G-buffer.
 
+    ``depth`` (h, w) planar, meters, 0 = sky; ``normal`` (h, w, 3) unit; sigmas as in Eqs. (3) to (5).
+    """
 
-def luminance_weight(l_p: Array, l_q: Array, variance: Array, sigma_l: float) -> Array:
-    """Eq. (5), ``variance`` that of the luminance at p (smoothed)."""
-    return np.exp(-np.abs(l_p - l_q) / (sigma_l * np.sqrt(np.maximum(variance, 0.0)) + LUMINANCE_FLOOR))
+    depth: Array
+    normal: Array
+    sigma_z: float = 1.0
+    sigma_n: float = 128.0
+    sigma_l: float = 4.0
 
+    @cached_property
+    def slope(self) -> Array:
+        """(h, w, 2), ``depth_slope`` of the depth."""
+        return depth_slope(self.depth)
 
-def edge_weight(
-    color: Array,
-    depth: Array,
-    normal: Array,
-    dx: int,
-    dy: int,
-    variance: Array,
-    sigma_z: float,
-    sigma_n: float,
-    sigma_l: float,
-    slope: Array,
-) -> Array:
-    """w = w_z w_n w_l (section 4.4) between each pixel and the one (dx, dy) away.  -> (h, w)."""  # fmt: skip
-    l_p = color @ LUMINANCE
-    l_q, _ = shifted(l_p, dx, dy)
-    w = geometry_weight(depth, normal, dx, dy, sigma_z, sigma_n, slope)
-    return w * luminance_weight(l_p, l_q, variance, sigma_l)
+    def geometry_weight(self, dx: int, dy: int) -> Array:
+        """Eqs. (3) and (4) between each pixel and the one at offset (dx, dy); 0 where that is outside.  -> (h, w)."""
+        depth = self.depth
+        other, exists = shifted(depth, dx, dy)
+        other_normal, _ = shifted(self.normal, dx, dy)
+        expected = np.abs(self.slope @ np.array([dx, dy], dtype=np.float64))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            w_z = np.exp(-np.abs(depth - other) / (self.sigma_z * expected + DEPTH_FLOOR * depth))
+        w_n = np.maximum((self.normal * other_normal).sum(axis=-1), 0.0) ** self.sigma_n
+        surface = depth > 0
+        return np.where(exists & (surface == (other > 0)), np.where(surface, w_z * w_n, 1.0), 0.0)
+
+    def weight(self, color: Array, variance: Array, dx: int, dy: int) -> Array:
+        """w = w_z w_n w_l between each pixel and the one at offset (dx, dy).  -> (h, w).
+
+        ``variance``: smoothed variance of the luminance (h, w), Eq. (5).
+        """
+        l_p = color @ LUMINANCE
+        l_q, _ = shifted(l_p, dx, dy)
+        w_l = np.exp(-np.abs(l_p - l_q) / (self.sigma_l * np.sqrt(np.maximum(variance, 0.0)) + LUMINANCE_FLOOR))
+        return self.geometry_weight(dx, dy) * w_l
 
 
 def smoothed_variance(variance: Array) -> Array:
-    """The 3x3 Gaussian (1/4, 1/2, 1/4) both ways under Eq. (5); the outermost pixels repeat."""
+    """Separable 3x3 Gaussian (1/4, 1/2, 1/4) of Eq. (5); the image edge is repeated."""
     out = np.zeros_like(variance)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
@@ -353,18 +368,15 @@ def smoothed_variance(variance: Array) -> Array:
     return out
 
 
-def spatial_estimate(
-    color: Array, moments: Array, depth: Array, normal: Array, count: Array, sigma_z: float, sigma_n: float
-) -> tuple[Array, Array]:
-    """Section 4.2 for pixels with few frames: 7x7 means under Eqs. (3), (4), variance times 4 / ``count``.
+def spatial_estimate(color: Array, moments: Array, edges: EdgeStopping, count: Array) -> tuple[Array, Array]:
+    """Section 4.2, for pixels with few frames: 7x7 means weighted by Eqs. (3) and (4), variance times 4 / ``count``.
 
-    -> colour (h, w, 3), variance (h, w).
+    -> color (h, w, 3), variance (h, w).
     """
-    slope = depth_slope(depth)
-    sums, m, total = np.zeros_like(color), np.zeros_like(moments), np.zeros(depth.shape)
+    sums, m, total = np.zeros_like(color), np.zeros_like(moments), np.zeros(edges.depth.shape)
     for dy in range(-3, 4):
         for dx in range(-3, 4):
-            w = geometry_weight(depth, normal, dx, dy, sigma_z, sigma_n, slope)
+            w = edges.geometry_weight(dx, dy)
             sums += w[..., None] * shifted(color, dx, dy)[0]
             m += w[..., None] * shifted(moments, dx, dy)[0]
             total += w
@@ -372,30 +384,19 @@ def spatial_estimate(
     return sums / total[..., None], moments_variance(m[..., 0], m[..., 1]) * 4.0 / count
 
 
-def atrous_level(
-    color: Array,
-    variance: Array,
-    depth: Array,
-    normal: Array,
-    level: int,
-    sigma_z: float,
-    sigma_n: float,
-    sigma_l: float,
-) -> tuple[Array, Array]:
+def atrous_level(color: Array, variance: Array, edges: EdgeStopping, level: int) -> tuple[Array, Array]:
     """Section 4.3: c' = sum h w c / sum h w and var' = sum h^2 w^2 var / (sum h w)^2, step 2^level.
 
-    -> colour (h, w, 3), variance (h, w).
-    """  # fmt: skip
-    slope, smooth, step = depth_slope(depth), smoothed_variance(variance), 1 << level
+    -> color (h, w, 3), variance (h, w).
+    """
+    smooth, step = smoothed_variance(variance), 1 << level
     own = KERNEL[0] ** 2
-    sums, variances, total = own * color, own**2 * variance, np.full(depth.shape, own)
+    sums, variances, total = own * color, own**2 * variance, np.full(edges.depth.shape, own)
     for dy in range(-2, 3):
         for dx in range(-2, 3):
             if dx == dy == 0:
                 continue
-            w = edge_weight(
-                color, depth, normal, step * dx, step * dy, smooth, sigma_z, sigma_n, sigma_l, slope
-            ) * (KERNEL[abs(dx)] * KERNEL[abs(dy)])  # fmt: skip
+            w = edges.weight(color, smooth, step * dx, step * dy) * (KERNEL[abs(dx)] * KERNEL[abs(dy)])
             sums = sums + w[..., None] * shifted(color, step * dx, step * dy)[0]
             variances = variances + w**2 * shifted(variance, step * dx, step * dy)[0]
             total = total + w

@@ -1,6 +1,7 @@
-"""Which pixels a frame shades, and which stand in for the others: twin of shaders/common/shading_rate.glsl.
+"""Pixels that a frame shades, and the shaded pixels that replace the others.
 
-Arrays have row 0 at the top; the patterns count rows from the bottom, as GL memory does.
+Reference for shaders/common/shading_rate.glsl.  Arrays have row 0 at the top; the patterns count rows from the bottom,
+as GL memory does.
 """
 
 from __future__ import annotations
@@ -13,22 +14,22 @@ RATES = ("full", "half", "checkerboard", "quarter")
 """full: every pixel; half: every second row; checkerboard: every second pixel; quarter: one pixel of each 2x2 block."""
 
 _QUARTER_ORDER = (0, 3, 1, 2)
-"""Corners x + 2 y of the block, diagonals first, so that two frames already see both rows and both columns."""
+"""Corners x + 2 y of the block, diagonals first: two frames cover both rows and both columns."""
 
 
 def cycle(rate: str) -> int:
-    """Frames within which every pixel is shaded once."""
+    """Number of frames in which every pixel is shaded once."""
     return {"full": 1, "quarter": 4}.get(rate, 2)
 
 
 def phase(rate: str, frame: int) -> int:
-    """Which part of the picture frame ``frame`` shades: 0 or 1, for ``quarter`` a corner x + 2 y of the 2x2 block."""
+    """Phase of the pattern at frame ``frame``: 0 or 1, for ``quarter`` a corner x + 2 y of the 2x2 block."""
     turn = frame % cycle(rate)
     return _QUARTER_ORDER[turn] if rate == "quarter" else turn
 
 
 def invocations(rate: str, size: tuple[int, int]) -> tuple[int, int]:
-    """Columns and rows of invocations that cover the shaded pixels of a ``size`` (w, h), whatever the phase."""
+    """Columns and rows of invocations that cover the shaded pixels of ``size`` (w, h) in every phase."""
     w, h = size
     columns = -(-w // 2) if rate in ("checkerboard", "quarter") else w
     return columns, -(-h // 2) if rate in ("half", "quarter") else h
@@ -49,9 +50,9 @@ def shaded(rate: str, size: tuple[int, int], frame: int) -> Array:
 
 
 def nearest_shaded(rate: str, size: tuple[int, int], frame: int) -> Array:
-    """(h, w, 2) int: x and row (0 = top) of the pixel whose radiance each pixel takes; itself where shaded.
+    """(h, w, 2) int: x and row (0 = top) of the shaded pixel nearest to each pixel; the pixel itself where shaded.
 
-    The nearest one; of two as near the left or lower one, at the border the one inside.
+    Of two equally near pixels, the left or lower one; at the border the one inside.
     """
     w, h = size
     x, y = np.meshgrid(np.arange(w), np.arange(h - 1, -1, -1))

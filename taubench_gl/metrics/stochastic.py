@@ -1,4 +1,7 @@
-"""Random numbers and stochastic light estimates in float64: reference for shaders/lighting/stochastic.comp.glsl."""
+"""Counter-based random numbers and stochastic light estimates, in float64.
+
+References for shaders/common/random.glsl, equal bit for bit, and shaders/lighting/stochastic.comp.glsl.
+"""
 
 from __future__ import annotations
 
@@ -22,31 +25,31 @@ def pcg4d(v: Array) -> Array:
     return np.stack([x, y, z, w], axis=-1)
 
 
-def random4(size: tuple[int, int], frame: int, seed: int, draw: int) -> Array:
-    """Four numbers in [0, 1) of every pixel, multiples of 2^-24.  -> (h, w, 4) float64, row 0 at the top.
+def random4(size: tuple[int, int], frame: int, seed: int, sample: int) -> Array:
+    """Four random numbers in [0, 1) per pixel, multiples of 2^-24.  -> (h, w, 4) float64, row 0 at the top.
 
-    ``seed`` and ``draw`` are 16-bit numbers; the same (pixel, frame, seed, draw) always gives the same numbers.
+    ``seed`` and ``sample`` are 16-bit numbers.  The result is a function of (pixel, frame, seed, sample).
     """
     w, h = size
     x, y = np.meshgrid(np.arange(w, dtype=np.uint32), np.arange(h - 1, -1, -1, dtype=np.uint32))
-    key = np.broadcast_to(np.uint32(seed << 16 | draw), x.shape)
+    key = np.broadcast_to(np.uint32(seed << 16 | sample), x.shape)
     counter = np.stack([x, y, np.broadcast_to(np.uint32(frame), x.shape), key], axis=-1)
     return (pcg4d(counter) >> np.uint32(8)).astype(np.float64) / (1 << 24)
 
 
-INDIRECT_DRAW = 0x8000
-"""Draws of virtual lights are numbered from here, those of lights from 0."""
+FIRST_VPL_SAMPLE = 0x8000
+"""Samples of virtual point lights are numbered from here, those of lights from 0."""
 
 UNIFORM_SHARE = 0.5
-"""Of the probability, shared out evenly among the lights that are on; the rest goes by power.  A weak light close by
-is then never weighted by more than twice the number of lights."""
+"""Share of the probability that is uniform over all lights that are on; the rest is proportional to power.  The weight
+of a sample is therefore at most twice the number of lights, also for a weak light that is close."""
 
 
 def light_choice(power: Array) -> Array:
     """Cumulative probability and probability of each light.  ``power`` (N,) >= 0 -> (N, 2) float32.
 
-    A light of power 0 is off and never chosen.  The probabilities are the differences of the *rounded* cumulative ones,
-    so that the shader's choice and its weight agree exactly.  All off: zeros.
+    A light of power 0 is off and never chosen.  Probabilities are differences of the *rounded* cumulative ones, so that
+    the choice and the weight agree exactly in the shader.  All zero if all lights are off.
     """
     power = np.asarray(power, dtype=np.float64)
     on = power > 0
@@ -62,31 +65,31 @@ def light_choice(power: Array) -> Array:
 
 
 def choose(u: Array, choice: Array) -> Array:
-    """Rows of the lights that numbers ``u`` in [0, 1) choose: the first whose cumulative probability is above u."""
+    """Indices of the lights chosen by ``u`` in [0, 1): the first with a cumulative probability above u."""
     return np.searchsorted(choice[:, 0].astype(np.float64), u, side="right")
 
 
 def estimate_direct(
     per_light: Array, choice: Array, size: tuple[int, int], frame: int, seed: int, samples: int
 ) -> Array:
-    """Mean over ``samples`` draws of (what the chosen light gives) / (its probability).
+    """Mean over ``samples`` samples of (radiance from the chosen light) / (its probability).
 
-    ``per_light`` (N, h, w, 3): radiance that each light alone gives.  -> (h, w, 3) float64; its expectation over seeds
+    ``per_light`` (N, h, w, 3): radiance from each light alone.  -> (h, w, 3) float64; its expectation over seeds
     is ``per_light.sum(axis=0)``.
     """
     rows, columns = np.indices(size[::-1])
     total = np.zeros(per_light.shape[1:])
-    for draw in range(samples):
-        chosen = choose(random4(size, frame, seed, draw)[..., 0], choice)
+    for sample in range(samples):
+        chosen = choose(random4(size, frame, seed, sample)[..., 0], choice)
         total += per_light[chosen, rows, columns] / choice[chosen, 1].astype(np.float64)[..., None]
     return total / samples
 
 
 def estimate_indirect(per_light: Array, size: tuple[int, int], frame: int, seed: int, samples: int) -> Array:
-    """The same over virtual lights, all equally likely.  ``per_light`` (V, h, w, 3) -> (h, w, 3)."""
+    """The same estimate over VPLs with equal probabilities.  ``per_light`` (V, h, w, 3) -> (h, w, 3)."""
     rows, columns = np.indices(size[::-1])
     total, count = np.zeros(per_light.shape[1:]), len(per_light)
-    for draw in range(samples):
-        u = random4(size, frame, seed, INDIRECT_DRAW + draw)[..., 0]
+    for sample in range(samples):
+        u = random4(size, frame, seed, FIRST_VPL_SAMPLE + sample)[..., 0]
         total += per_light[np.minimum((u * count).astype(np.int64), count - 1), rows, columns]
     return total * count / samples

@@ -1,4 +1,4 @@
-"""Mean, variance and extremes of a stream, in one pass and constant memory."""
+"""Running mean, variance, minimum and maximum, in one pass and constant memory."""
 
 from __future__ import annotations
 
@@ -12,22 +12,21 @@ Array = np.ndarray
 class Welford:
     """Running statistics in float64.
 
-    Welford (1962) for single values, Chan, Golub and LeVeque (1979) for merging.  Sums of squares never appear, so a
-    small variance around a large mean survives.  NaN and Inf are taken as they come and make the result so: count and
-    leave out invalid values before adding.
+    Welford (1962) for single values; Chan, Golub and LeVeque (1979) for merging.  No sums of squares, so a small
+    variance around a large mean keeps its precision.  NaN and Inf propagate: the caller removes invalid values first.
     """
 
     __slots__ = ("_m2", "count", "max", "mean", "min")
 
     def __init__(self) -> None:
         self.count = 0
-        self.mean = math.nan  # of nothing
+        self.mean = math.nan  # NaN until a value is added
         self.min = math.nan
         self.max = math.nan
         self._m2 = 0.0  # sum of squared deviations from the mean
 
     def add(self, value: float) -> None:
-        """Take in one value."""
+        """Add one value."""
         value = float(value)
         self.count += 1
         if self.count == 1:
@@ -42,23 +41,23 @@ class Welford:
         self.max = float(np.maximum(self.max, value))
 
     def add_many(self, values: Array) -> None:
-        """Take in every element of an array of any shape, two passes over the array, then one merge."""
+        """Add every element of an array of any shape: two passes over the array, then one merge."""
         values = np.asarray(values, dtype=np.float64).ravel()
         if not len(values):
             return
         block = Welford()
         block.count = len(values)
         block.min, block.max = float(values.min()), float(values.max())
-        # The first pass runs on differences to one of the values, so the mean is not rounded at their full size.
+        # Differences to the first value: the mean is not rounded at the size of the values.
         offset = float(values[0])
         block.mean = offset + float(np.mean(values - offset))
         deviation = values - block.mean
-        # The correction term is 0 in exact arithmetic and takes out what rounding of the mean left in.
+        # The second term is 0 in exact arithmetic and corrects the rounding of the mean.
         block._m2 = float(np.sum(deviation * deviation) - np.sum(deviation) ** 2 / len(values))
         self.merge(block)
 
     def merge(self, other: Welford) -> None:
-        """Take in everything ``other`` has seen."""
+        """Add everything that was added to ``other``."""
         if not other.count:
             return
         if not self.count:
@@ -75,8 +74,8 @@ class Welford:
 
     @property
     def variance(self) -> float:
-        """Population variance; NaN where nothing was added."""
+        """Population variance; NaN before a value is added."""
         if not self.count:
             return math.nan
-        # Rounding may leave -1e-30 where the values are all equal; np.maximum keeps a NaN.
+        # Rounding can give -1e-30 for equal values.  np.maximum keeps NaN.
         return float(np.maximum(self._m2, 0.0)) / self.count

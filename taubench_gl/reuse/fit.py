@@ -60,7 +60,7 @@ class Range:
         return tuple(float(v) for v in values)
 
     def around(self, value: float) -> Range:
-        """The same number of values between the neighbours of ``value``, within the first range."""
+        """The same number of values between the neighbors of ``value``, within the first range."""
         grid = self.values
         at = grid.index(value)
         return Range(
@@ -133,7 +133,7 @@ def fit_setting(
 ) -> Fit:
     """The point of ``ranges`` with the least (for PSNR and SSIM: greatest) mean ``metric`` of METRICS.
 
-    The whole grid is tried, then ``refine`` times the grid between the best point's neighbours.  ``evaluation``: as
+    The whole grid is tried, then ``refine`` times the grid between the best point's neighbors.  ``evaluation``: as
     ``evaluate_methods`` takes, such as ``input``, ``reference``, ``camera``.  Raises TaubenchError.
     """
     if metric not in METRICS:
@@ -166,7 +166,7 @@ def fit_setting(
             best = search.best(grids)
             grids = [r.around(best[r.name]) for r in grids]
             if all(len(r.values) <= 2 and r.whole for r in grids):
-                break  # whole numbers: there is nothing between neighbours
+                break  # whole numbers: there is nothing between neighbors
     return Fit(search.summary(spec.label, chosen, default, refine))
 
 

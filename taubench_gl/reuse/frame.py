@@ -29,7 +29,7 @@ INPUTS: dict[str, InputInfo] = {
         InputInfo(
             "radiance", 4, "f4", "W/(sr m2)",
             "rgb: this frame's shaded result, linear, exposure applied, as costly or noisy as the input kind makes it; "
-            "a: 1 where the pixel was shaded this frame, 0 where it was filled from its nearest shaded neighbour",
+            "a: 1 where the pixel was shaded this frame, 0 where it was filled from its nearest shaded neighbor",
         ),
         InputInfo("position", 4, "f4", "m", "as channels.position: relative to this camera, w: planar depth, 0 = sky"),
         InputInfo("normal", 4, "f4", "1", "as channels.normal"),

@@ -40,7 +40,7 @@ _CHANGED = int(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR)
 _INPUT_FORMAT = {(f.components, f.dtype): f for f in FORMATS.values()}
 _SAMPLER = {"f": "sampler2D", "u": "usampler2D"}
 _NEAREST_SURFACE = """\
-// The pixel of the 3x3 neighbourhood whose surface is nearest to the camera; p itself where none is nearer.
+// The pixel of the 3x3 neighborhood whose surface is nearest to the camera; p itself where none is nearer.
 ivec2 nearest_surface(ivec2 p) {
     ivec2 found = p;
     float own = fetch_position(p).w, depth = own > 0.0 ? own : 1.0e30;

@@ -64,7 +64,7 @@ def test_flip_decides_unless_told_otherwise():
     assert next(p for p in command.params if p.name == "metric").default == "flip"
 
 
-def test_the_range_around_a_value_is_that_of_its_neighbours():
+def test_the_range_around_a_value_is_that_of_its_neighbors():
     wide = Range("a", 0.0, 4.0, 5, "linear", False)
     assert (wide.around(2.0).low, wide.around(2.0).high) == (1.0, 3.0)
     assert (wide.around(0.0).low, wide.around(0.0).high) == (0.0, 1.0)

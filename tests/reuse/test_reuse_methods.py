@@ -12,7 +12,7 @@ from reuse_tools import display, play, still_steps
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
-from taubench_gl.metrics.reuse_methods import neighbourhood_box, variance_box, ycocg_from_rgb
+from taubench_gl.metrics.reuse_methods import neighborhood_box, variance_box, ycocg_from_rgb
 from taubench_gl.metrics.shading_rate import nearest_shaded, shaded
 from taubench_gl.reuse.loading import load_method, shipped_methods
 from taubench_gl.reuse.synthetic import LENS, draw, synthetic_steps
@@ -89,13 +89,13 @@ def test_a_cap_turns_the_mean_into_an_exponential_one(gpu):
 
 
 @pytest.mark.parametrize("name", ["taa_clamp", "taa_variance"])
-def test_history_is_bound_by_the_neighbourhood(gpu, name):
+def test_history_is_bound_by_the_neighborhood(gpu, name):
     """History of quite another colour: what remains lies in the box of this frame, and does not without it."""
     rng = np.random.default_rng(7)
     first, second = rng.random((2, SIZE[1], SIZE[0], 3)) * [[[[1.0]]], [[[0.2]]]]
     steps = still_steps(SIZE, [5.0 + first, second])
     result = play(gpu, name, steps)[1][..., :3]
-    low, high = neighbourhood_box(second) if name == "taa_clamp" else variance_box(second)
+    low, high = neighborhood_box(second) if name == "taa_clamp" else variance_box(second)
     color = ycocg_from_rgb(result)
     assert (color >= low - 1e-5).all() and (color <= high + 1e-5).all()
     free = {"clamping": False} if name == "taa_clamp" else {"gamma": 8.0}
@@ -234,7 +234,7 @@ def test_svgf_tests_each_feature_by_itself(gpu, setting, spoil):
     spoiled = step[1].inputs[spoil].copy()
     half = spoiled[:, : SIZE[0] // 2]
     if spoil == "history_position":
-        half[..., 3] *= 1.9  # more than any neighbour differs by
+        half[..., 3] *= 1.9  # more than any neighbor differs by
     elif spoil == "history_normal":
         half[...] = -half
     else:

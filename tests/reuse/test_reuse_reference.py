@@ -71,7 +71,7 @@ def test_karis(gpu, steps, rounded, weighting, dilate):
     got = play(gpu, "taa_clamp", steps[:2], settings)[1]
     at, seen = dilated(steps[1], dilate)
     before = reference.sample_history(rgb(steps[0]), at)
-    low, high = reference.neighbourhood_box(rgb(steps[1]), rounded)
+    low, high = reference.neighborhood_box(rgb(steps[1]), rounded)
     before = reference.rgb_from_ycocg(np.clip(reference.ycocg_from_rgb(before), low, high))
     blend, kept = reference.karis_blend(rgb(steps[1]), before, 0.1, weighting)
     expected = np.where(seen[..., None], np.concatenate([blend, kept], -1), with_weight(rgb(steps[1]), 0.0))
@@ -165,11 +165,11 @@ def test_time_warp_looks_where_the_homography_says(gpu):
 def test_checkerboard(gpu, steps):
     steps = [with_alpha(s, shaded("checkerboard", SIZE, s.index)) for s in steps[:2]]
     got = play(gpu, "checkerboard", steps, {"slack": 0.1})
-    mean, low, high, count = reference.shaded_neighbours(steps[1].inputs["radiance"])
+    mean, low, high, count = reference.shaded_neighbors(steps[1].inputs["radiance"])
     lit = steps[1].inputs["radiance"][..., 3:] > 0.5
     at, _ = where_it_was(steps[1])
     first = np.where(steps[0].inputs["radiance"][..., 3:] > 0.5, rgb(steps[0]),
-                     reference.shaded_neighbours(steps[0].inputs["radiance"])[0])  # fmt: skip
+                     reference.shaded_neighbors(steps[0].inputs["radiance"])[0])  # fmt: skip
     before = reference.sample_history(first, at)
     dark = ~lit[..., 0]
     slack = 0.1 * (high[dark] - low[dark])
@@ -212,7 +212,7 @@ def reusable(step) -> Array:
 
 
 def svgf_temporal(step, illumination: Array, moments: Array, exposure: float) -> tuple[Array, Array, Array]:
-    """Section 4.1 with the shipped defaults.  -> colour, moments with their count, share of the new frame."""
+    """Section 4.1 with the built-in defaults.  -> color, moments with their count, share of the new frame."""
     i = {n: v.astype(np.float64) for n, v in step.inputs.items() if "mask" not in n}
     surface = i["position"][..., 3] > 0
     demodulated = (rgb(step) - exposure * i["emission"][..., :3]) / np.maximum(i["base_color"][..., :3], 0.01)
@@ -255,14 +255,14 @@ def svgf_frame(step, illumination, moments, levels: int, exposure: float):
     mixed, moments, share = svgf_temporal(step, illumination, moments, exposure)
     depth, normal = (step.inputs[n].astype(np.float64) for n in ("position", "normal"))
     depth, normal = depth[..., 3], normal[..., :3]
-    spatial, spatial_variance = reference.spatial_estimate(
-        mixed, moments[..., :2], depth, normal, np.maximum(moments[..., 2], 1), 1.0, 128.0
-    )
+    edges = reference.EdgeStopping(depth, normal)
+    count = np.maximum(moments[..., 2], 1)
+    spatial, spatial_variance = reference.spatial_estimate(mixed, moments[..., :2], edges, count)
     few = moments[..., 2] <= 3.5
     value = np.where(few[..., None], spatial, mixed)
     variance = np.where(few, spatial_variance, reference.moments_variance(moments[..., 0], moments[..., 1]))
     for level in range(levels):
-        value, variance = reference.atrous_level(value, variance, depth, normal, level, 1.0, 128.0, 4.0)
+        value, variance = reference.atrous_level(value, variance, edges, level)
         illumination = value if level == 0 else illumination
     albedo = np.maximum(step.inputs["base_color"][..., :3].astype(np.float64), 0.01)
     result = np.where((depth > 0)[..., None], value * albedo + exposure * step.inputs["emission"], value)

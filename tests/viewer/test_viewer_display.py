@@ -8,7 +8,7 @@ import pytest
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.frame.targets import write_channel
-from taubench_gl.metrics.display import KINDS, channel_rgb, color_scale, id_color, masked
+from taubench_gl.metrics.display import KINDS, channel_rgb, color_scale, id_color, overlay_mask
 from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.palette import color_of
 from taubench_gl.viewer.display import PICTURES, Content, Display
@@ -93,7 +93,7 @@ def test_masks_are_their_twin_s(made, opacity):
                 shown=SHOWN, opacity=opacity)
     )  # fmt: skip
     colors = np.array([color_of(OVERLAYS[n]) for n in SHOWN]) / 255.0
-    expected = masked(color[..., :3], mask, np.array([int(OVERLAYS[n]) for n in SHOWN]), colors, opacity)
+    expected = overlay_mask(color[..., :3], mask, np.array([int(OVERLAYS[n]) for n in SHOWN]), colors, opacity)
     assert np.abs(made.display.read() / 255.0 - expected).max() <= ONE
 
 
@@ -102,7 +102,7 @@ def test_stripes_are_those_of_the_report():
     mask = rng.integers(0, 1 << 16, (21, 37), dtype=np.uint32)
     reasons = (Reason.POSITION, Reason.NORMAL, Reason.LIT)
     colors = np.array([color_of(r) for r in reasons]) / 255.0
-    ours = masked(np.zeros((21, 37, 3)), mask, np.array([int(r) for r in reasons]), colors, 1.0)
+    ours = overlay_mask(np.zeros((21, 37, 3)), mask, np.array([int(r) for r in reasons]), colors, 1.0)
     theirs = mask_overlay(mask, None, reasons)
     discarded = (mask & np.uint32(int(reasons[0] | reasons[1] | reasons[2]))) != 0
     nearest = np.abs(ours[discarded][:, None] - colors).sum(-1).argmin(1)

@@ -1,7 +1,7 @@
-// Pixels shaded this frame stay; the others come from history where it holds, else from their shaded neighbours.
+// Pixels shaded this frame stay; the others come from history where it holds, else from their shaded neighbors.
 //
-// Paper    El Mansouri 2016 (history, clamp), Wihlidal 2017 (fallback: mean of the shaded neighbours).
-// Reference metrics.reuse_methods.shaded_neighbours
+// Paper    El Mansouri 2016 (history, clamp), Wihlidal 2017 (fallback: mean of the shaded neighbors).
+// Reference metrics.reuse_methods.shaded_neighbors
 // Departs  Sony's and others' id buffers decide validity in the originals; here the geometry mask does.
 void reuse(ivec2 p) {
     vec4 own = fetch_radiance(p);

@@ -8,7 +8,7 @@ bool cache_hit(float expected, float cached_depth) {
     return abs(cached_depth - expected) <= depth_threshold * expected;
 }
 
-// Blocks take turns in an order that spreads neighbours: (5 x + 3 y) mod refresh.
+// Blocks take turns in an order that spreads neighbors: (5 x + 3 y) mod refresh.
 bool refresh_due(ivec2 p) {
     ivec2 tile = p / block;
     return (5 * tile.x + 3 * tile.y + frame.index) % refresh == 0;

@@ -1,7 +1,7 @@
 // SVGF's temporal filter: demodulated radiance and the moments of its luminance, along the motion, tap by tap.
 //
 // Paper    Schied et al. 2017, section 4.1: 2x2 taps with bilinear weights, each tested for depth, normal and object; if
-//          none passes, a 3x3 neighbourhood is tried; exponential moving average with alpha.
+//          none passes, a 3x3 neighborhood is tried; exponential moving average with alpha.
 // Reference metrics.reuse_methods.consistent_blend, exponential_average
 // Departs  The paper filters direct and indirect light apart; here their sum.  Share of the new frame max(1 / n, alpha),
 //          as in the authors' later code, so that the first frames count alike.

@@ -1,5 +1,5 @@
 // SVGF's variance estimate.  Paper: Schied et al. 2017, section 4.2: from the temporal moments, and where fewer than four
-// frames are in them, from a 7x7 bilateral neighbourhood.   Reference  metrics.reuse_methods.moments_variance
+// frames are in them, from a 7x7 bilateral neighborhood.   Reference  metrics.reuse_methods.moments_variance
 // Departs  The spatial estimate is scaled by 4 / n, as in the authors' later code: few frames are to be trusted less.
 #include "edges.glsl"
 

@@ -1,9 +1,9 @@
-// Temporal anti-aliasing with a neighbourhood clamp.
+// Temporal anti-aliasing with a neighborhood clamp.
 //
-// Paper    Karis 2014: history is clamped to the YCoCg box of the 3x3 neighbourhood, blended with weights 1 / (1 + L).
-// Reference metrics.reuse_methods.neighbourhood_box, karis_blend
+// Paper    Karis 2014: history is clamped to the YCoCg box of the 3x3 neighborhood, blended with weights 1 / (1 + L).
+// Reference metrics.reuse_methods.neighborhood_box, karis_blend
 // Departs  Karis also filters the new samples by a Blackman-Harris window around the jitter; here they count as they are.
-void neighbourhood_box(ivec2 p, out vec3 low, out vec3 high) {
+void neighborhood_box(ivec2 p, out vec3 low, out vec3 high) {
     vec3 cross_low = vec3(1.0e30), cross_high = vec3(-1.0e30);
     low = cross_low;
     high = cross_high;
@@ -32,7 +32,7 @@ void reuse(ivec2 p) {
         vec3 history = max(sample_prev_accumulated(at, filtering).rgb, 0.0); // a cubic may undershoot
         if (clamping) {
             vec3 low, high;
-            neighbourhood_box(p, low, high);
+            neighborhood_box(p, low, high);
             history = rgb_from_ycocg(clamp(ycocg_from_rgb(history), low, high));
         }
         float w_now = alpha, w_history = 1.0 - alpha;
