@@ -35,7 +35,6 @@ TONE_MAPS = ("linear", "reinhard", "aces")
 INDIRECT = ("auto", "none", "rsm", "probes")
 SHADOW_FILTERS = ("hard", "bilinear")
 STORAGES = ("float", "half")
-SUMMATIONS = ("integer", "compensated", "plain")
 PAIR_SAMPLES = ("all", "every:K", "strata:H")
 _PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
 MAX_SIZE = 16384
@@ -194,14 +193,6 @@ class MetricsSettings(_Group):
     )
     pairs: str = _setting(
         "all", "pairs to evaluate: all | every:K | strata:H (two from each of H strata)", _check_pairs
-    )
-    summation: str = _setting(
-        "integer",
-        "summation of pixel counts over pairs: integer (exact) | compensated | plain (float32)",
-        _one_of(SUMMATIONS),
-    )
-    histogram_bits: int = _setting(
-        3, "2^bits bins per octave of the discard-versus-threshold curves", _at_least(0, "give 0 to 8", 8)
     )
 
     def __post_init__(self) -> None:

@@ -8,11 +8,11 @@ from typing import Any
 import click
 
 from taubench_gl.apps.options import given_options, of_settings, with_options
-from taubench_gl.settings import STORAGES, SUMMATIONS, Settings
+from taubench_gl.settings import STORAGES, Settings
 
 
 def accuracy_options(command: Any) -> Any:
-    """``--storage``, ``--samples-per-pixel``, ``--pairs``, ``--summation`` and ``--histogram-bits``."""
+    """``--storage``, ``--samples-per-pixel`` and ``--pairs``."""
     return with_options(
         command,
         of_settings("--storage", "Of channels between passes: 32 or 16 bits a component.", type=click.Choice(STORAGES)),
@@ -26,9 +26,19 @@ def accuracy_options(command: Any) -> Any:
             "Pairs looked at: every K-th, or two from each of H stretches; with confidence intervals.",
             metavar="all|every:K|strata:H",
         ),
-        of_settings("--summation", "Of pixel counts over pairs: exact, or in float32.", type=click.Choice(SUMMATIONS)),
-        of_settings("--histogram-bits", "2^B bins per octave of the discard-versus-threshold curves.", metavar="B"),
+        removed_option("--summation", "pixel counts are added as exact integers"),
+        removed_option("--histogram-bits", "curves have 8 bins per octave"),
     )
+
+
+def removed_option(name: str, why: str) -> Any:
+    """A hidden option of the last release: accepted with a note and without effect."""
+
+    def note(_context: click.Context, _parameter: click.Parameter, value: str | None) -> None:
+        if value is not None:
+            click.echo(f"taubench-gl: {name} has no effect: {why}", err=True)
+
+    return click.option(name, hidden=True, expose_value=False, callback=note)
 
 
 def preset_option(command: Any) -> Any:

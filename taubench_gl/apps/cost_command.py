@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.accuracy_options import accuracy_options
+from taubench_gl.apps.accuracy_options import accuracy_options, removed_option
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.option_types import OutPath, Words
 from taubench_gl.apps.options import frame_options, gpu_options, light_options, pair_options, settings_from
@@ -67,7 +67,7 @@ DIR holds study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html
 @click.option(
     "--repeats", type=int, default=5, show_default=True, help="Rounds in which every setting is timed, in turn."
 )
-@click.option("--front", type=int, hidden=True, expose_value=False, callback=lambda c, p, v: _no_search(v))
+@removed_option("--front", "only declared configurations are measured")
 @click.option("--fresh", is_flag=True, help="Forget what an earlier study measured in DIR.")
 @click.option("--list-knobs", is_flag=True, is_eager=True, expose_value=False, callback=lambda c, p, v: _list(c, v),
               help="Print the dials and end.")  # fmt: skip
@@ -116,11 +116,6 @@ def _one(scene: str, settings: Settings, folder: Path, wishes: dict[str, Any]) -
     study.save()
     click.echo(study_text(study.as_json()), nl=False)
     click.echo(f"written to {folder}{os.sep}")
-
-
-def _no_search(front: int | None) -> None:
-    if front is not None:
-        click.echo("taubench-gl: --front has no effect: the declared configurations alone are measured", err=True)
 
 
 def _list(context: click.Context, wanted: bool) -> None:

@@ -39,9 +39,7 @@ def merge_job(
     settings, frames = job.settings, range(*head["frames"])
     unmeasured = told[0]["unmeasured"]
     measured = tuple(c for c in COLUMNS if c not in unmeasured)
-    stats = SequenceStats(
-        measured, unmeasured, summation=settings.metrics.summation, histogram_bits=settings.metrics.histogram_bits
-    )
+    stats = SequenceStats(measured, unmeasured)
     rows = []
     for position in job_positions(job, head):
         record = records[position]

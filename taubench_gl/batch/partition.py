@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURES, histogram_bins
+from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS
 from taubench_gl.errors import OutputError
 from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
 from taubench_gl.outputs import plain_text
@@ -65,7 +65,7 @@ def encode(records: Sequence[PairRecord], told: Mapping[str, Any]) -> bytes:
     return sink.getvalue()
 
 
-def decode(data: bytes, histogram_bits: int) -> tuple[list[PairRecord], dict[str, Any]]:
+def decode(data: bytes) -> tuple[list[PairRecord], dict[str, Any]]:
     """The inverse of ``encode``.  Raises ValueError for what is no such file (cut off, another schema)."""
     pa = require_pyarrow()
     try:
@@ -76,15 +76,14 @@ def decode(data: bytes, histogram_bits: int) -> tuple[list[PairRecord], dict[str
         raise ValueError(f"no partition of pairs: {error}") from None
     if set(table.column_names) != set(_fields(pa)):
         raise ValueError("no partition of pairs: other columns")
-    bins = histogram_bins(histogram_bits)
     out = []
     for values in rows:
         mask_histogram = np.zeros(MASK_WORDS, dtype=np.int64)
         mask_histogram[values.pop("word")] = values.pop("word_pixels")
-        histograms = np.zeros(len(FEATURES) * bins, dtype=np.int64)
+        histograms = np.zeros(len(FEATURES) * HISTOGRAM_BINS, dtype=np.int64)
         histograms[values.pop("bin")] = values.pop("bin_pixels")
         position = values.pop("pair")
-        out.append(PairRecord(position, values, Counts(mask_histogram, histograms.reshape(len(FEATURES), bins))))
+        out.append(PairRecord(position, values, Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS)))
     return out, told
 
 

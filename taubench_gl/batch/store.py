@@ -149,7 +149,7 @@ class Store:
         told: list[dict[str, Any]] = []
         for path in sorted(self.pairs_folder(job.id).glob("*.parquet")):
             try:
-                found, said = decode(path.read_bytes(), job.settings.metrics.histogram_bits)
+                found, said = decode(path.read_bytes())
             except (ValueError, OSError):
                 path.unlink(missing_ok=True)
                 continue

@@ -43,7 +43,6 @@ class Point:
     clock: str
     usable: bool = True  # whether ``evaluate`` can be given it as a preset
     features: Mapping[str, Any] = field(default_factory=dict)
-    curve: Mapping[str, Any] = field(default_factory=dict)
     passes: Mapping[str, float] = field(default_factory=dict)
     bytes: int | None = None
 

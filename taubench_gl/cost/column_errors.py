@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost.analysis import ColumnError
-from taubench_gl.metrics.counts import discarded_above, edges
 from taubench_gl.metrics.pair_sample import PairSample, estimate, expected_half_width, sample_pairs
 from taubench_gl.settings import scheme_of
 
@@ -74,25 +73,3 @@ def sample_of(pairs: str, total: int) -> PairSample:
 def _in_order(pairs: Mapping[str, float]) -> np.ndarray:
     """Percentages by frame as (N,) float64, earliest pair first."""
     return np.array([pairs[f] for f in sorted(pairs, key=int)], dtype=np.float64)
-
-
-def curve_error(record: Record, reference: Record) -> dict[str, float]:
-    """Per feature the largest error, in points, of a threshold read off the curve (linear between its edges).
-
-    Against the reference's own finer curve; empty where that is not finer.
-    """
-    out = {}
-    for feature in FEATURES:
-        here, there = (r["curves"].get(feature) for r in (record, reference))
-        if here is None or there is None or len(here["counts"]) >= len(there["counts"]):
-            continue
-        (x, y), (fine_x, fine_y) = _curve(here), _curve(there)
-        out[feature] = float(np.abs(np.interp(fine_x, x, y) - fine_y).max())
-    return out
-
-
-def _curve(curve: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Edges and percent of comparable pixels at or above each."""
-    bits = int(np.log2((len(curve["counts"]) - 2) / (len(edges(0)) - 1)))
-    share = 100.0 / max(curve["comparable"], 1)
-    return edges(bits), share * discarded_above(np.asarray(curve["counts"]))

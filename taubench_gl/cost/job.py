@@ -158,7 +158,7 @@ class Job:
 
     def _feature_errors(self, settings: Settings) -> Any:
         """Per-pixel errors at pixel centres; settings that differ only in what does not reach a pixel share them."""
-        plain = settings.replace(pairs="all", samples_per_pixel=1, summation="integer", histogram_bits=3)
+        plain = settings.replace(pairs="all", samples_per_pixel=1)
         key = repr(plain)  # thresholds are a dict, so settings have no hash
         if key not in self._features:
             found = channels_of(self._scene, self._camera, plain, self._window)

@@ -159,7 +159,7 @@ def time_pictures(
 
 def _settings(base: Settings) -> Settings:
     """The base, with surfaces followed, as 'reuse evaluate' has it, and without what belongs to discard counts."""
-    return base.replace(pairs="all", samples_per_pixel=1, summation="integer", reprojection="motion")
+    return base.replace(pairs="all", samples_per_pixel=1, reprojection="motion")
 
 
 @dataclass(frozen=True, slots=True)

@@ -153,16 +153,6 @@ KNOBS: dict[str, Knob] = {
             lambda v: {"half": "half floats", "float": "32-bit floats", DOUBLE: "masks in double on the CPU"}[v],
         ),
         Knob(
-            "summation", "of pixel counts over pairs: float32 plainly, float32 compensated, or integers",
-            ("plain", "compensated", "integer"), "integer", COLUMNS, (),
-            lambda v: {"plain": "plain float32 sums", "compensated": "compensated float32 sums"}.get(v, "integer sums"),
-            ),
-        Knob(
-            "histogram_bits", "2^bits bins per octave of the discard-versus-threshold curves; the table does not use "
-            "them, so their error is that of a threshold read off the curve", (0, 1, 3, 6), 6, (), (),
-            lambda v: f"{1 << v} histogram bins per octave",
-        ),
-        Knob(
             "shadow_size", "texels along a shadow map", (256, 512, 1024, 2048), 2048, LIGHT, LIGHT,
             lambda v: f"shadow maps {v}", idle=lambda s: s.off("shadows"), useless=_too_large_an_atlas,
             ),

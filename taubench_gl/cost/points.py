@@ -9,7 +9,7 @@ import numpy as np
 
 from taubench_gl.cost.analysis import Point
 from taubench_gl.cost.clock import time_of
-from taubench_gl.cost.column_errors import Record, column_errors, curve_error
+from taubench_gl.cost.column_errors import Record, column_errors
 from taubench_gl.cost.plan import Setting
 from taubench_gl.cost.rounds import rounds_of
 from taubench_gl.pathtraced.series import Render, SampleCountSeries
@@ -56,7 +56,6 @@ def _point(setting: Setting, record: Record, rounds: Sequence[Record], reference
         clock,
         usable=not setting.twin,
         features=record.get("features") or {},
-        curve=curve_error(record, reference),
         passes=passes,
         bytes=record.get("bytes"),
     )

@@ -260,7 +260,7 @@ def _point_json(p: Point) -> dict[str, Any]:
     ms = None if p.time is None else asdict(p.time)
     return {
         "name": p.name, "label": p.label, "role": p.role, "choice": dict(p.choice), "columns": columns, "ms": ms,
-        "clock": p.clock, "usable": p.usable, "features": dict(p.features), "curve": dict(p.curve),
+        "clock": p.clock, "usable": p.usable, "features": dict(p.features),
         "passes": dict(p.passes), "bytes": p.bytes,
     }  # fmt: skip
 

@@ -75,7 +75,6 @@ class Session:
             sampling=settings.metrics.sampling,
             radiance=self._source.radiance,
             cuts=self._source.cuts,
-            histogram_bits=settings.metrics.histogram_bits,
         )
         self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
         self._fresh = True

@@ -245,12 +245,10 @@ def evaluate_pairs(
     After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
     """
     evaluator = PairEvaluator(context, source, settings, images=observers.on_pair is not None)
-    unmeasured, metrics = dict(source.unmeasured), settings.metrics
+    unmeasured = dict(source.unmeasured)
     stats = SequenceStats(
         tuple(c for c in COLUMNS if c not in unmeasured),
         unmeasured,
-        summation=metrics.summation,
-        histogram_bits=metrics.histogram_bits,
     )
     results = PairResults([], [], stats)
     total = sum(evaluate for _, evaluate in schedule)

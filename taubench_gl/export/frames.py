@@ -110,7 +110,6 @@ class FrameSource:
         return MaskPass(
             self._gpu, self._shaders, self.source.size, reprojection=mode, sampling=sampling, radiance=radiance,
             cuts=self.source.cuts, write_mask=True, write_motion=True,
-            histogram_bits=self._settings.metrics.histogram_bits,
         )  # fmt: skip
 
     def view(self, frame: int) -> View:

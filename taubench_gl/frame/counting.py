@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_MANTISSA_BITS, histogram_bins
+from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.metrics.counts import CLASSES, comparable_percent, counts_of, discarded_above, edges, percent
 from taubench_gl.metrics.streaming import Welford
-from taubench_gl.metrics.summation import total
 
 
 class SequenceStats:
@@ -20,19 +19,13 @@ class SequenceStats:
         self,
         measured: tuple[str, ...],
         reasons: dict[str, str],
-        *,
-        summation: str = "integer",
-        histogram_bits: int = HISTOGRAM_MANTISSA_BITS,
     ):
-        """``summation``: of pixel counts, see ``metrics.summation``; ``histogram_bits`` as the mask pass's."""
         self.measured, self.reasons = measured, reasons
-        self._summation, self._bits = summation, histogram_bits
-        self._counts = {c: [] for c in (*COLUMNS, "pixels")}
         self._all = {c: Welford() for c in COLUMNS}
         self._comparable = {c: Welford() for c in COLUMNS}
         self._classes = {c: Welford() for c in CLASSES}
         self._per_pair = {c: [] for c in COLUMNS}
-        self._histograms = np.zeros((len(FEATURES), histogram_bins(histogram_bits)), dtype=np.int64)
+        self._histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)
         self._comparable_pixels = 0
         self.pairs = 0
 
@@ -41,13 +34,11 @@ class SequenceStats:
         counts: dict[str, int | None] = counts_of(counted.mask_histogram)
         self.pairs += 1
         self._comparable_pixels += counts["comparable"]
-        self._counts["pixels"].append(counts["pixels"])
         for name in CLASSES:
             self._classes[name].add(counts[name])
         for column in self.measured:
             self._all[column].add(percent(counts, column))
             self._per_pair[column].append(percent(counts, column))
-            self._counts[column].append(counts[column])
             share = comparable_percent(counts, column)
             if share is not None:
                 self._comparable[column].add(share)
@@ -71,19 +62,12 @@ class SequenceStats:
             kept = np.array(self._per_pair[column])[~cuts]
             shares = self._comparable[column]
             out[column] = {
-                "mean_percent": self._mean(column),
+                "mean_percent": self._all[column].mean,
                 "comparable_mean_percent": shares.mean if shares.count else None,
                 "max_percent": self._all[column].max,
                 "without_cuts_mean_percent": float(kept.mean()) if len(kept) else None,
             }
         return out
-
-    def _mean(self, column: str) -> float:
-        """Mean of Eq. (4) over pairs.  All pairs have the same pixels, so it is also one ratio of sums of counts."""
-        if self._summation == "integer":
-            return self._all[column].mean
-        pixels = total(self._counts["pixels"], self._summation)
-        return 100.0 * total(self._counts[column], self._summation) / pixels
 
     def per_pair(self, column: str) -> np.ndarray:
         """Percentages of every pair taken in, in order.  (pairs,) float64; empty where not measured."""
@@ -102,7 +86,7 @@ class SequenceStats:
             counts = self._histograms[i].copy()
             counts[0] = self._comparable_pixels - counts[1:].sum()  # the GPU leaves bin 0 out: it is what remains
             out[feature] = {
-                "edges": edges(self._bits).tolist(),
+                "edges": edges().tolist(),
                 "counts": counts.tolist(),
                 "at_or_above": discarded_above(counts).tolist(),
                 "comparable": self._comparable_pixels,

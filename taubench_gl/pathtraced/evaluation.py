@@ -206,7 +206,7 @@ class _LobeColumns:
             missing = {b: source.missing[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in source.missing}
             there = tuple(b for b in BOUNCES if b not in missing)
             evaluator = PairEvaluator(context, source, settings, radiance=there)
-            stats = SequenceStats(there, missing, histogram_bits=settings.metrics.histogram_bits)
+            stats = SequenceStats(there, missing)
             self._lobes[lobe] = evaluator, stats
 
     def add(self, view: View) -> None:

@@ -41,7 +41,7 @@ def noise_floor(
     sources = [PathTracedSource(context.gpu, sequence, camera, settings) for sequence in (first, second)]
     measured = tuple(c for c in RADIANCE if not any(c in source.unmeasured for source in sources))
     reasons = {c: source.unmeasured[c] for source in sources for c in RADIANCE if c in source.unmeasured}
-    stats = SequenceStats(measured, reasons, histogram_bits=settings.metrics.histogram_bits)
+    stats = SequenceStats(measured, reasons)
     still = settings.replace(sampling="nearest")
     evaluator = PairEvaluator(context, sources[0], still, reprojection="camera", radiance=measured)
     try:

@@ -128,4 +128,4 @@ def _read(folder: Path) -> Render:
 
 def _file_settings(settings: Settings) -> Settings:
     """Settings that apply to rendering only are reset to their defaults."""
-    return settings.replace(pairs="all", samples_per_pixel=1, storage="float", summation="integer")
+    return settings.replace(pairs="all", samples_per_pixel=1, storage="float")

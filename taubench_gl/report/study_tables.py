@@ -66,7 +66,7 @@ def grids(study: Study) -> list[Grid]:
     asked = [p for p in study["points"] if p["role"] != "question"]
     out.append(_errors(study, asked))
     out.append(_features(asked))
-    out += [grid for grid in (_curves(study), _questions(study)) if grid is not None]
+    out += [grid for grid in (_questions(study),) if grid is not None]
     out.append(_passes(asked))
     return out + method_grids(study)
 
@@ -127,18 +127,6 @@ def _features(points: Sequence[Mapping[str, Any]]) -> Grid:
     heads = tuple(f"{FEATURES[f][0]}, {FEATURES[f][1]}" for f in there)
     note = "at pixel centres, of the pixels where both see the same surface; samples and pairs do not change them"
     return Grid("Per-pixel errors, median / 95th percentile", ("setting", *heads), tuple(rows), (note,))
-
-
-def _curves(study: Study) -> Grid | None:
-    chosen = [p for p in study["points"] if p["curve"] and (p["role"] == "base" or "histogram_bits" in p["choice"])]
-    if len(chosen) < 2:
-        return None
-    features = [f for f in study["columns"] if any(f in p["curve"] for p in chosen)]
-    rows = [(p["label"], *(three(p["curve"][f]) if f in p["curve"] else NONE for f in features)) for p in chosen]
-    note = (
-        "largest error of a threshold read off the curve, percent of comparable pixels, against the reference's curve"
-    )
-    return Grid("Curves: bins of the histogram", ("setting", *features), tuple(rows), (note,))
 
 
 def _questions(study: Study) -> Grid | None:

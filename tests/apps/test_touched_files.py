@@ -72,7 +72,7 @@ def test_batch_does_a_touched_scene_again(taubench, tmp_path, suffix):
 def test_cost_refuses_to_go_on_with_a_touched_scene(taubench, tmp_path):
     scene = demo_with_picture(tmp_path, ".glb")
     command = ["cost", scene, "--out", tmp_path / "study", "--size", "32x18", "--frames", "0:3", "--repeats", "1"]
-    command += ["--knobs", "histogram_bits", "--columns", "frustum,position"]
+    command += ["--knobs", "storage", "--columns", "frustum,position"]
     code, _, err = taubench(*command)
     assert code == 0, err
     records = (tmp_path / "study" / "records.jsonl").read_bytes()

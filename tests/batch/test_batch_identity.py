@@ -46,7 +46,7 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
     [
         {},
         {"reprojection": "motion", "sampling": "bilinear", "frames": (5, 14), "thresholds": {"normal": 0.01}},
-        {"pairs": "strata:3", "samples_per_pixel": 2, "summation": "compensated", "histogram_bits": 2},
+        {"pairs": "strata:3", "samples_per_pixel": 2},
         {"frames": (4, 5)},
         pytest.param(LIGHT, marks=pytest.mark.long),
     ],

@@ -23,7 +23,7 @@ SMALL: dict[str, Any] = {
     "columns": ("frustum", "position", "normal"),
     "choose_for": ("position", "normal"),
     "repeats": 3,
-    "knobs": ("scale", "pairs", "storage", "histogram_bits", "summation", "fps"),
+    "knobs": ("scale", "pairs", "storage", "samples_per_pixel", "fps"),
 }
 """A study of geometry alone, which needs no light."""
 

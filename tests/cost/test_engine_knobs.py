@@ -15,7 +15,6 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, frame_schedule, sampled_pairs
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.counts import bin_of, edges
-from taubench_gl.metrics.summation import total
 from taubench_gl.pathtraced.evaluation import evaluate_path_traced
 from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
@@ -105,19 +104,6 @@ def test_half_storage_rounds_what_float_storage_holds(demo, gpu):
     assert held["half"]["bytes"] < held["float"]["bytes"]
 
 
-@pytest.mark.parametrize("bits", [0, 1, 6])
-def test_coarse_bins_are_sums_of_fine_bins(demo, full, bits):
-    run = evaluate_scene(demo, GEOMETRY.replace(histogram_bits=bits))
-    for feature in ("position", "normal"):
-        one, other = (r.summary["curves"][feature] for r in (run, full))
-        coarse, fine = sorted((one, other), key=lambda c: len(c["counts"]))
-        group = (len(fine["counts"]) - 2) // (len(coarse["counts"]) - 2)
-        inner = np.array(fine["counts"][1:-1]).reshape(-1, group).sum(axis=1)
-        assert [fine["counts"][0], *inner.tolist(), fine["counts"][-1]] == coarse["counts"]
-        assert sum(fine["counts"]) == fine["comparable"]
-    assert run.summary["discard"] == full.summary["discard"], "the table does not use the histogram"
-
-
 @pytest.mark.parametrize("bits", [0, 2, 8])
 def test_bins_and_edges_agree(bits):
     lower = edges(bits)
@@ -127,35 +113,11 @@ def test_bins_and_edges_agree(bits):
     assert np.array_equal(bin_of(below, bits), np.arange(len(lower)))
 
 
-def test_plain_float32_sums_lose_counts_and_the_others_do_not():
-    rng = np.random.default_rng(3)
-    counts = rng.integers(0, 2_000_000, size=4000) + 1  # a run of 4000 pairs of 1080p
-    exact = int(sum(int(c) for c in counts))
-    plain, compensated, integer = (
-        abs(total(counts, how) - exact) / exact for how in ("plain", "compensated", "integer")
-    )
-    assert integer == 0.0
-    assert compensated <= 2.0**-24
-    assert plain > 2.0**-24 > compensated
-    stuck = np.full(2000, 1)
-    assert total(np.append([1 << 24], stuck), "plain") == 1 << 24, "a float32 counter stops at 2^24"
-    assert total(np.append([1 << 24], stuck), "compensated") == (1 << 24) + 2000
-    assert total(np.array([], dtype=int), "plain") == total(np.array([], dtype=int), "compensated") == 0.0
-
-
-@pytest.mark.parametrize("how", ["plain", "compensated"])
-def test_a_short_run_sums_alike(demo, full, how):
-    run = evaluate_scene(demo, GEOMETRY.replace(summation=how))
-    for column in ("frustum", "position", "normal"):
-        there = full.summary["discard"][column]["mean_percent"]
-        assert run.summary["discard"][column]["mean_percent"] == pytest.approx(there, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"pairs": "every:0"}, {"pairs": "some"}, {"pairs": "strata:"}, {"storage": "double"}, {"summation": "kahan"},
-        {"samples_per_pixel": 0}, {"samples_per_pixel": 65}, {"histogram_bits": 9},
+        {"pairs": "every:0"}, {"pairs": "some"}, {"pairs": "strata:"}, {"storage": "double"},
+        {"samples_per_pixel": 0}, {"samples_per_pixel": 65},
     ],
 )  # fmt: skip
 def test_values_that_cannot_be_meant_are_refused(wrong):

@@ -16,7 +16,7 @@ CHANGED = {
     "culling": "none", "textures": "finest", "columns": ("frustum", "color"), "effects": "all", "sky": (0.1, 0.2, 0.3),
     "exposure": 2.0, "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
-    "samples_per_pixel": 4, "pairs": "every:3", "summation": "plain", "histogram_bits": 5, "backend": "egl",
+    "samples_per_pixel": 4, "pairs": "every:3", "backend": "egl",
     "device": 0,
 }  # fmt: skip
 
@@ -25,7 +25,7 @@ WRONG = {
     "unit_scale": float("nan"), "culling": "no", "textures": "no", "columns": ("no",), "effects": "no",
     "sky": (1.0, 2.0), "exposure": float("inf"), "tone_map": "no", "shadow_size": 15, "shadow_lights": -1,
     "shadow_filter": "no", "indirect": "no", "indirect_samples": 0, "probes": 7, "light_error": -1.0, "storage": "no",
-    "samples_per_pixel": 65, "pairs": "every:0", "summation": "no", "histogram_bits": 9, "backend": "no",
+    "samples_per_pixel": 65, "pairs": "every:0", "backend": "no",
 }  # fmt: skip
 
 

@@ -78,7 +78,6 @@ def run(stage: Stage, out: Path) -> Result:
     for threshold in SHOWN:
         results[threshold], pairs = stage.evaluate(
             scene(), columns=("frustum", "position", "color"), thresholds={"position": threshold}, shadow_lights=0,
-            histogram_bits=6,
         )  # fmt: skip
         masks[threshold] = pairs[0]
     summary = results[DEFAULT_THRESHOLD].summary

@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl import conventions
-from taubench_gl.conventions import FEATURES, HISTOGRAM_MANTISSA_BITS, Reason, histogram_bins
+from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.frame.passes.images import order_drawing
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct, column_major
@@ -46,14 +46,14 @@ GEOMETRY = ("position", "normal", "history_position", "history_normal", "prev_po
 _MASK_IMAGE, _MOTION_IMAGE, _GEOMETRY_IMAGES = 0, 1, 2
 
 
-def preamble(histogram_bits: int = HISTOGRAM_MANTISSA_BITS) -> str:
+def preamble() -> str:
     """GLSL derived from Python: the parameter struct, reason bits and histogram constants."""
     lines = [REPROJECTION.glsl]
     lines += [f"const uint {bit.name} = {bit.value}u;" for bit in Reason]
     lines.append(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
     lines += [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
-    lines.append(f"const int HISTOGRAM_BINS = {histogram_bins(histogram_bits)};")
-    lines.append(f"const int HISTOGRAM_MANTISSA_BITS = {histogram_bits};")
+    lines.append(f"const int HISTOGRAM_BINS = {HISTOGRAM_BINS};")
+    lines.append(f"const int HISTOGRAM_MANTISSA_BITS = {HISTOGRAM_MANTISSA_BITS};")
     lines.append(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
     return "\n".join(lines)
 
@@ -100,9 +100,7 @@ class MaskPass:
         cuts: bool = False,
         write_mask: bool = False,
         write_motion: bool = False,
-        histogram_bits: int = HISTOGRAM_MANTISSA_BITS,
     ):
-        """``histogram_bits``: 2^bits bins per octave of distance."""
         self._gpu, self._size = gpu, size
         self._reprojection, self._radiance, self._cuts = reprojection, radiance, cuts
         # llvmpipe: one vector of lanes along a row, and few work groups, whose start costs as much as several pixels.
@@ -122,9 +120,9 @@ class MaskPass:
             "SOFTWARE": gpu.software,
         }
         self._compile = lambda images: shaders.compute(
-            "masks/masks.comp.glsl", {**defines, "GEOMETRY_IMAGES": images}, preamble(histogram_bits)
+            "masks/masks.comp.glsl", {**defines, "GEOMETRY_IMAGES": images}, preamble()
         )
-        self._bins = histogram_bins(histogram_bits)
+        self._bins = HISTOGRAM_BINS
         ctx = gpu.ctx
         self._parameters = ctx.buffer(reserve=REPROJECTION.dtype.itemsize)
         sizes = 4 * MASK_WORDS, 4 * len(FEATURES) * self._bins
@@ -160,7 +158,6 @@ class MaskPass:
             cuts=source.cuts,
             write_mask=write_mask,
             write_motion=write_motion,
-            histogram_bits=settings.metrics.histogram_bits,
         )
 
     def run(
