@@ -83,7 +83,8 @@ def decode(data: bytes) -> tuple[list[PairRecord], dict[str, Any]]:
         histograms = np.zeros(len(FEATURES) * HISTOGRAM_BINS, dtype=np.int64)
         histograms[values.pop("bin")] = values.pop("bin_pixels")
         position = values.pop("pair")
-        out.append(PairRecord(position, values, Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS)))
+        counts = Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS))
+        out.append(PairRecord(position, values, counts))
     return out, told
 
 

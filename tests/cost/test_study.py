@@ -134,7 +134,7 @@ def test_evaluate_takes_the_preset_and_what_is_said_beside_it_wins(demo, tmp_pat
         ('schema = "taubench-gl/preset/1"\n[setting]\nwidth = 48', "has no table"),
         ('schema = "taubench-gl/preset/1"\nsettings = 3', "is no table"),
         ('schema = "taubench-gl/preset/1"\n[settings]\nspeed = 3', "no setting is named 'speed'"),
-        ('schema = "taubench-gl/preset/1"\n[settings]\nwidth = "wide"', "wrong type"),
+        ('schema = "taubench-gl/preset/1"\n[settings]\nwidth = "wide"', "is .wide."),
         ('schema = "taubench-gl/preset/1"\n[settings]\nstorage = "tiny"', "storage is 'tiny'"),
     ],
 )
