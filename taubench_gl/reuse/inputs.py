@@ -21,7 +21,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.shading_rate import cycle
 from taubench_gl.reuse.frame import FrameInputs
@@ -80,15 +80,15 @@ class RasterInputs:
         if wants_truth:
             exact = Shading(gather_each=kind.noisy)
             self.truth = self.source if kind.exact else RasterSource(gpu, scene, camera, shading=exact, **make)
-        self._shaders = ShaderCache(gpu.ctx)
+        self._context = GpuContext(gpu)
         self._compose = ComposePass(
-            gpu, self._shaders, self.size, self.settings, lit_channels(self.source), rate=kind.rate
+            gpu, self._context.shaders, self.size, self.settings, lit_channels(self.source), rate=kind.rate
         )
         self._masks = self._truth_masks = None
         if {"mask", "motion"} & self.reads:
-            self._masks = MaskInputs(gpu, self._shaders, self.source, self.settings, ())
+            self._masks = MaskInputs(self._context, self.source, self.settings, ())
         if wants_truth:
-            self._truth_masks = MaskInputs(gpu, self._shaders, self.truth, self.settings, self.truth.radiance)
+            self._truth_masks = MaskInputs(self._context, self.truth, self.settings, self.truth.radiance)
         self._index, self._before = 0, None
 
     def advance(self, frame: int) -> FrameInputs:
@@ -166,7 +166,7 @@ class RasterInputs:
                 part.release()
         if self.truth not in (None, self.source):
             self.truth.release()
-        self._shaders.release()
+        self._context.release()
 
 
 def light_settings(settings: Settings, kind: InputKind) -> Settings:

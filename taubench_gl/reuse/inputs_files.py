@@ -13,7 +13,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.errors import PathTracedError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
@@ -78,8 +78,8 @@ class FileInputs:
         self._sequence = _Remembering(sequence)
         self.source = PathTracedSource(gpu, self._sequence, track, settings)
         self._drawn = None if scene is None else self._draw_missing(gpu, scene, camera, settings)
-        self._shaders = ShaderCache(gpu.ctx)
-        self._masks = MaskInputs(gpu, self._shaders, self.source, settings, ())
+        self._context = GpuContext(gpu)
+        self._masks = MaskInputs(self._context, self.source, settings, ())
         self._radiance = picture_texture(gpu, self.size)
         self.truth = self._truth_masks = None
         if truth is not None:
@@ -89,7 +89,7 @@ class FileInputs:
                     f"is {exact.size[0]}x{exact.size[1]} pixels, the input {width}x{height}", where=truth
                 )
             self.truth = PathTracedSource(gpu, exact, track, settings)
-            self._truth_masks = MaskInputs(gpu, self._shaders, self.truth, settings, self.truth.radiance)
+            self._truth_masks = MaskInputs(self._context, self.truth, settings, self.truth.radiance)
             self.truth_mask, self.truth_motion = self._truth_masks.mask, self._truth_masks.motion
         self._index, self._before = 0, None
 
@@ -166,4 +166,4 @@ class FileInputs:
             if part is not None:
                 part.release()
         self._radiance.release()
-        self._shaders.release()
+        self._context.release()

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 import moderngl
 
-from taubench_gl.conventions import FEATURES, Reason
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.conventions import Reason
+from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.sources import Source
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.shading_rate import RATES, phase
@@ -78,21 +79,13 @@ class ComposePass:
 
 
 class MaskInputs:
-    """``mask`` and ``motion`` of the frame a source has in hand, jitter taken out of both."""
+    """``mask`` and ``motion`` of the frame that a source holds, without jitter in either."""
 
-    def __init__(self, gpu: Gpu, shaders: ShaderCache, source: Source, settings: Settings, radiance: tuple[str, ...]):
-        """``radiance``: of direct, indirect, color, those that are compared; none for what a renderer can know."""
-        self._gpu, self._source, self._settings = gpu, source, settings
-        self._pass = MaskPass(
-            gpu,
-            shaders,
-            source.size,
-            reprojection=source.reprojection,
-            sampling=settings.metrics.sampling,
-            radiance=radiance,
-            write_mask=True,
-            write_motion=True,
-        )
+    def __init__(self, context: GpuContext, source: Source, settings: Settings, radiance: tuple[str, ...]):
+        """``radiance``: of direct, indirect, color, those to compare; empty: what is known before shading."""
+        gpu, shaders = context.gpu, context.shaders
+        self._gpu = gpu
+        self._evaluator = PairEvaluator(context, source, settings, images=True, radiance=radiance)
         self._group = (32, 1) if gpu.software else (8, 8)
         constants = "\n".join(
             (
@@ -107,11 +100,11 @@ class MaskInputs:
 
     @property
     def mask(self) -> moderngl.Texture:
-        return self._pass.mask
+        return self._evaluator.mask_texture
 
     @property
     def motion(self) -> moderngl.Texture:
-        return self._pass.motion
+        return self._evaluator.motion_texture
 
     @property
     def bytes(self) -> int:
@@ -119,10 +112,7 @@ class MaskInputs:
 
     def run(self, pair: Reprojection, declared: int) -> None:
         """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""
-        thresholds = {f: self._settings.metrics.threshold(f) for f in FEATURES}
-        current, history = self._source.current, self._source.previous
-        history = history or current  # files have none before their second frame, which is declared FIRST anyway
-        self._pass.run(pair, thresholds, current, history, declared, self._settings.lighting.exposure)
+        self._evaluator.submit(pair, declared=declared)
         self.mask.use(0)
         self._behind["mask"] = 0
         self._behind["size"] = self.mask.size
@@ -131,4 +121,4 @@ class MaskInputs:
         self._gpu.ctx.memory_barrier()
 
     def release(self) -> None:
-        self._pass.release()
+        self._evaluator.release()

@@ -11,7 +11,7 @@ from reuse_scenes import SIZE, looking_around, passing_box, settings, still
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.jitter import grid_offsets, halton_jitter
-from taubench_gl.conventions import Reason
+from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
@@ -22,6 +22,7 @@ from taubench_gl.reuse.inputs_files import FileInputs
 from taubench_gl.reuse.inputs_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs_reference import FileReference, MaxReference
 from taubench_gl.reuse.synthetic import FAR_AWAY_PX
+from taubench_gl.scene import load_scene
 
 ALL = tuple(INPUTS)
 
@@ -290,3 +291,23 @@ def test_files_that_do_not_fit_say_so(exr_folder):
         FileReference(f"exr:{exr_folder}", (32, 24), range(2), settings())
     with pytest.raises(PathTracedError, match="lacks frame 4"):
         FileReference(f"exr:{exr_folder}", SIZE, range(2, 6), settings())
+
+
+# -------------------------------------------------------------------------------------------------- cuts of a surface
+@pytest.mark.parametrize("reprojection", ["camera", "motion"])
+def test_surface_with_changed_faces_is_cut_in_both_masks(gpu, tmp_path, reprojection):
+    """An OBJ sequence whose left object has other faces from frame 2 on: no history in that frame, in no other one."""
+    faces = ("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n", "f 1 2 3 4\nf 4 3 2 1\n")
+    right = "o right\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nf 5 6 7 8\n"
+    for i, left in enumerate(faces):
+        corners = "".join(f"v {x} {y} 0\n" for x, y in ((-2, -1), (0, -1), (0, 1), (-2, 1)))
+        (tmp_path / f"s{i}.obj").write_text(f"o left\n{corners}{left}{right}")
+    scene = load_scene(tmp_path)
+    with inputs_of(gpu, scene, reads=("mask", "truth_mask", "ids"), settings={"reprojection": reprojection}) as made:
+        for frame in range(4):
+            found = arrays(made.advance(frame))
+            fresh = found["ids"][..., 1] & NO_HISTORY > 0
+            assert fresh.any() == (frame == 2)
+            for name in ("mask", "truth_mask"):
+                cut = found[name][..., 0] & np.uint32(Reason.CUT) > 0
+                np.testing.assert_array_equal(cut, fresh, err_msg=f"{name}, frame {frame}")
