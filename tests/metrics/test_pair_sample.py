@@ -12,22 +12,9 @@ from scipy import stats
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, estimate, expected_half_width, sample_pairs
-from taubench_gl.metrics.student import student_cdf, student_quantile
 from taubench_gl.settings import Settings
 
 RESAMPLINGS = 200
-
-
-@pytest.mark.parametrize("freedom", [0.7, 1.0, 2.5, 7.0, 30.0, 1000.0])
-@pytest.mark.parametrize("p", [0.003, 0.2, 0.5, 0.9, 0.975, 0.9995])
-def test_student_agrees_with_scipy(freedom, p):
-    assert student_quantile(p, freedom) == pytest.approx(stats.t.ppf(p, freedom), rel=1e-9, abs=1e-12)
-    assert student_cdf(1.3, freedom) == pytest.approx(stats.t.cdf(1.3, freedom), rel=1e-12)
-
-
-def test_student_refuses_what_is_no_probability():
-    with pytest.raises(ValueError):
-        student_quantile(1.0, 5.0)
 
 
 def test_a_random_sample_has_the_textbook_interval():
