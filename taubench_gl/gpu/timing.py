@@ -70,7 +70,7 @@ class PassTimer:
     clock = WALL_CLOCK
 
     def __init__(self, gpu: Gpu, enabled: bool = True, *, first: int = 0, every: int = 1):
-        self._gpu, self._enabled = gpu, enabled
+        self._gpu, self.enabled = gpu, enabled
         self._first, self._every = first, every
         self._samples: dict[str, list[float]] = defaultdict(list)
         self._calls: dict[str, int] = defaultdict(int)
@@ -79,7 +79,7 @@ class PassTimer:
     def measure(self, name: str) -> Iterator[None]:
         call = self._calls[name]
         self._calls[name] += 1
-        if not self._enabled or (call >= self._first and call % self._every):
+        if not self.enabled or (call >= self._first and call % self._every):
             yield
             return
         self._gpu.finish()

@@ -8,6 +8,8 @@ from cost_tools import situation_of
 from taubench_gl.animation import choose_camera
 from taubench_gl.cost.plan import setting_of
 from taubench_gl.cost.sessions import TIMED, TURNS, WARM, Session
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.settings import Settings
@@ -15,23 +17,23 @@ from taubench_gl.settings import Settings
 SMALL = Settings.of(width=16, height=9, frames=(0, 10), columns=("frustum", "position"))
 
 
-ASKED = WARM + 2 * TIMED
-"""Times that a turn looks at its clock: at the start of each frame, and at the end of those that it times."""
+READINGS = 1 + TIMED
+"""Readings of the clock in a turn: before the first timed frame, and after each timed frame."""
 
 
 class Turns:
     """A clock on which every frame of turn number i takes ``ms[i]`` milliseconds, the last one's from there on."""
 
     def __init__(self, *ms: float):
-        self.seconds, self.asked, self._ms = 0.0, 0, ms
+        self.seconds, self.readings, self._ms = 0.0, 0, ms
 
     @property
     def drawn(self) -> int:
-        return self.asked // ASKED
+        return self.readings // READINGS
 
     def __call__(self) -> float:
         self.seconds += 1e-3 * self._ms[min(self.drawn, len(self._ms) - 1)]
-        self.asked += 1
+        self.readings += 1
         return self.seconds
 
 
@@ -42,7 +44,7 @@ def visited():
     gpu = open_gpu("auto", None)
 
     def visit(*ms, **choice):
-        clock = Turns(0.5, *ms)  # the first turn compiles shaders
+        clock = Turns(0.5, *ms)  # the first turn compiles shaders and times passes
         with gpu:
             session = Session(
                 gpu, scene, choose_camera(scene, None), setting_of("one", choice, SMALL), PassTimer(gpu), clock
@@ -54,7 +56,7 @@ def visited():
     return visit
 
 
-def test_of_each_frame_the_fastest_turn_counts(visited):
+def test_the_fastest_turn_counts(visited):
     told, turns = visited(5.0, 9.0, 2.0, 3.0, 100.0)
     assert told["drawn_ms"] == pytest.approx([2.0] * TIMED)
     assert told["frame_ms"] == pytest.approx(2.0)
@@ -71,3 +73,26 @@ def test_a_sampled_run_costs_what_it_draws(visited):
     told, _ = visited(20.0, pairs="every:3")
     assert told["drawn_ms"] == pytest.approx([20.0] * TIMED)
     assert told["frame_ms"] == pytest.approx(20.0 * 6 / 10)
+
+
+def test_timed_loop_reads_counts_as_late_as_an_evaluation(monkeypatch):
+    """Counts are read one pair late in both: while the mask pass works on the next pair."""
+    lags: list[int] = []  # runs submitted after the one that is read
+    read = MaskPass.read
+
+    def spy(self, run=None):
+        lags.append(self._runs - (self._runs if run is None else run))
+        return read(self, run)
+
+    monkeypatch.setattr(MaskPass, "read", spy)
+    scene, frames = situation_of().scene, WARM + TIMED
+    settings = SMALL.replace(frames=(0, frames))
+    evaluate_scene(scene, settings)
+    assert lags == [1] * (frames - 2) + [0], "the last pair has no next one"
+    lags.clear()
+    gpu = open_gpu("auto", None)
+    with gpu:
+        session = Session(gpu, scene, choose_camera(scene, None), setting_of("one", {}, settings), PassTimer(gpu))
+        session.visit()
+        session.release()
+    assert len(lags) >= 2 * (frames - 2) and set(lags) == {1}
