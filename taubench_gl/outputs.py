@@ -1,4 +1,9 @@
-"""Writing files so that readers never see half of one, and saying in one line why it did not work."""
+"""Atomic writing of files, with system errors as one-line OutputErrors.
+
+A file is written under a hidden name beside its target and renamed with ``os.replace``.  The hidden name holds the
+process number of its writer, so that files left by killed writers can be found and removed.  This is why ``tempfile``
+does not choose the name; its files would also be unreadable for other users.
+"""
 
 from __future__ import annotations
 
@@ -19,108 +24,40 @@ import numpy as np
 from taubench_gl.errors import OutputError
 
 DAY = 86400.0
-"""Seconds after which a partial file that nobody has written to is taken for left behind, wherever its writer was."""
+"""Seconds without a change after which a partial file counts as abandoned, whatever its process number says."""
 
 _PARTIAL = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+(-(?P<space>[0-9a-f]{8}))?\.partial(\.\w+)?", re.DOTALL)
-_writes = itertools.count()  # tells the partial files of one process's threads apart
+_writes = itertools.count()  # distinguishes the partial files of the threads of one process
 
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:
-    """The OutputError for a system error met while writing ``path``."""
+    """The OutputError for a system error that occurred while writing ``path``."""
     return OutputError(f"cannot be written: {error.strerror or error}", where=str(path))
 
 
 def text_bytes(text: str) -> bytes:
-    """``text`` as UTF-8.  A byte of a path that is no UTF-8 (a lone surrogate in Python) becomes a literal ``\\udce9``:
-    in JSON that is the escape of the same surrogate, so that reading gives the path back; elsewhere it can be read.
+    """``text`` as UTF-8.
+
+    A byte of a path that is not UTF-8 is a lone surrogate in Python; it becomes a literal ``\\udce9``.  In JSON this is
+    the escape of the same surrogate, so that reading restores the path.
     """
     return text.encode("utf-8", "backslashreplace")
 
 
 def plain_text(text: str) -> str:
-    """``text`` for those who take UTF-8 alone, such as font renderers and file headers: as ``text_bytes`` writes it."""
+    """``text`` without lone surrogates, for font renderers and file headers; the same escapes as ``text_bytes``."""
     return text_bytes(text).decode("utf-8")
 
 
-def new_partial(path: Path, suffix: str = "") -> Path:
-    """Where ``path`` is written to until it is whole: beside it, hidden, of no other writer.  Not made yet.
-
-    What killed writers of the same file have left there goes (``_abandoned``).  ``suffix``: for libraries that tell
-    a format by a name's end.
-    """
-    with contextlib.suppress(OSError):  # a folder that is not there or may not be read: told when ``path`` is written
-        _sweep(path)
-    return path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}{_process_space()}.partial{suffix}")
-
-
-def is_partial_of(path: Path, other: Path) -> bool:
-    """Whether ``other`` is named as what ``path`` is written to: where nobody writes it, a killed writer left it."""
-    found = _PARTIAL.fullmatch(other.name)
-    return found is not None and found["name"] == path.name
-
-
-def _sweep(path: Path) -> None:
-    """Remove partial files of ``path`` whose writers are gone.  Raises OSError."""
-    for partial in _partials(os.path.abspath(path.parent)).get(path.name, ()):
-        with contextlib.suppress(FileNotFoundError):  # finished or swept meanwhile
-            if _abandoned(partial):
-                partial.unlink()
-
-
-@lru_cache(maxsize=256)
-def _partials(folder: str) -> Mapping[str, list[Path]]:
-    """Partial files of ``folder`` by the names they are to get.  Raises OSError.
-
-    Looked for once by a process, as a folder of many thousand frames takes long to read: later ones are left to the
-    next process.
-    """
-    out: dict[str, list[Path]] = defaultdict(list)
-    for name in os.listdir(folder):
-        if found := _PARTIAL.fullmatch(name):
-            out[found["name"]].append(Path(folder, name))
-    return out
-
-
-def _abandoned(partial: Path) -> bool:
-    """Is its writer gone?  Where its process number means something here, by that; else, as on other machines that
-    share the folder, and where another process has the number now, by a day without a change.  Raises OSError."""
-    found = _PARTIAL.fullmatch(partial.name)
-    if found["space"] and f"-{found['space']}" == _process_space() and not _runs(int(found["pid"])):
-        return True
-    return time.time() - partial.stat().st_mtime > DAY
-
-
-@cache
-def _process_space() -> str:
-    """Within what process numbers are unique, "-" and 8 hexadecimal digits: a running kernel, and a container on it.
-
-    Not the machine's name, which two of a network or two containers may share.  Empty where the system does not tell.
-    """
-    try:
-        kernel, container = Path("/proc/sys/kernel/random/boot_id").read_bytes(), os.stat("/proc/self/ns/pid").st_ino
-    except OSError:
-        return ""
-    return f"-{sha256(kernel + str(container).encode()).hexdigest()[:8]}"
-
-
-def _runs(pid: int) -> bool:
-    """Is there a process of that number, be it another user's?"""
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        pass
-    return True
+# -------------------------------------------------------------------------------------------------------------- writing
 
 
 @contextlib.contextmanager
 def replacing(path: Path, *, parents: bool = False, suffix: str = "") -> Iterator[Path]:
-    """A file to write (``new_partial``) that takes the place of ``path`` in the end: readers see the old file or the
-    new, whole.
+    """Yields a partial file (``new_partial``) that replaces ``path`` at the end: readers see the old or the new file.
 
-    Writers of one path do not meet: the last to finish wins.  Whatever goes wrong, an interrupt too, leaves nothing
-    behind.  ``parents``: make the folder where there is none.  Raises OutputError for system errors.
+    Concurrent writers of one path do not disturb each other; the last to finish wins.  An error or interrupt leaves no
+    partial file.  ``parents``: create missing folders.  Raises OutputError for system errors.
     """
     partial = new_partial(path, suffix)
     try:
@@ -131,7 +68,7 @@ def replacing(path: Path, *, parents: bool = False, suffix: str = "") -> Iterato
             os.fsync(file.fileno())
         os.replace(partial, path)
     except BaseException as error:
-        with contextlib.suppress(OSError):  # where its folder is no folder either
+        with contextlib.suppress(OSError):  # also where the parent is not a folder
             partial.unlink()
         if isinstance(error, OSError):
             raise cannot_write(path, error) from None
@@ -139,13 +76,22 @@ def replacing(path: Path, *, parents: bool = False, suffix: str = "") -> Iterato
 
 
 def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
-    """Write ``data`` (text by ``text_bytes``), whole or not at all (``replacing``).  Raises OutputError."""
+    """Write ``data``, text by ``text_bytes``, completely or not at all.  Raises OutputError."""
     with replacing(path, parents=parents) as partial:
         partial.write_bytes(text_bytes(data) if isinstance(data, str) else data)
 
 
+def write_png(path: Path, image: np.ndarray) -> None:
+    """(h, w, 3) uint8 as PNG, completely or not at all.  Raises OutputError."""
+    import imageio.v3 as iio
+
+    data = io.BytesIO()
+    iio.imwrite(data, np.ascontiguousarray(image), extension=".png")
+    write_atomically(path, data.getvalue())
+
+
 def make_folders(path: Path) -> list[Path]:
-    """Make ``path`` with all above it; those that were not there, the innermost first.  Raises OSError, with none."""
+    """Create ``path`` and its missing parents.  -> the folders created, innermost first.  Raises OSError."""
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -156,16 +102,83 @@ def make_folders(path: Path) -> list[Path]:
 
 
 def remove_folders(made: list[Path]) -> None:
-    """Take away folders of ``make_folders``, innermost first, as far as they are empty."""
+    """Remove the folders that ``make_folders`` created, innermost first, where they are empty."""
     for folder in made:
-        with contextlib.suppress(OSError):  # not empty, or not there
+        with contextlib.suppress(OSError):  # not empty or missing
             folder.rmdir()
 
 
-def write_png(path: Path, picture: np.ndarray) -> None:
-    """(h, w, 3) uint8 as PNG, whole or not at all.  Raises OutputError."""
-    import imageio.v3 as iio
+# -------------------------------------------------------------------------------------------------------- partial files
 
-    data = io.BytesIO()
-    iio.imwrite(data, np.ascontiguousarray(picture), extension=".png")
-    write_atomically(path, data.getvalue())
+
+def new_partial(path: Path, suffix: str = "") -> Path:
+    """The partial file of a new writer of ``path``: hidden, in the same folder, not created yet.
+
+    Abandoned partial files of ``path`` are removed.  ``suffix``: for libraries that derive the format from the name.
+    """
+    with contextlib.suppress(OSError):  # a missing or unreadable folder is reported when ``path`` is written
+        _sweep(path)
+    return path.with_name(f".{path.name}.{os.getpid()}-{next(_writes)}{_process_space()}.partial{suffix}")
+
+
+def is_partial_of(path: Path, other: Path) -> bool:
+    """Whether ``other`` has the name of a partial file of ``path``."""
+    found = _PARTIAL.fullmatch(other.name)
+    return found is not None and found["name"] == path.name
+
+
+def _sweep(path: Path) -> None:
+    """Remove abandoned partial files of ``path``.  Raises OSError."""
+    for partial in _partials(os.path.abspath(path.parent)).get(path.name, ()):
+        with contextlib.suppress(FileNotFoundError):  # renamed or removed in the meantime
+            if _abandoned(partial):
+                partial.unlink()
+
+
+@lru_cache(maxsize=256)
+def _partials(folder: str) -> Mapping[str, list[Path]]:
+    """Partial files in ``folder`` by the name of their target.  Raises OSError.
+
+    Cached for the life of the process, because listing a folder of many thousand frames is slow.
+    """
+    out: dict[str, list[Path]] = defaultdict(list)
+    for name in os.listdir(folder):
+        if found := _PARTIAL.fullmatch(name):
+            out[found["name"]].append(Path(folder, name))
+    return out
+
+
+def _abandoned(partial: Path) -> bool:
+    """Whether the writer of a partial file is gone.  Raises OSError.
+
+    A process number of this machine decides.  One of another machine or container that shares the folder, and one that
+    another process has since received, say nothing: then DAY decides.
+    """
+    found = _PARTIAL.fullmatch(partial.name)
+    if found["space"] and f"-{found['space']}" == _process_space() and not _runs(int(found["pid"])):
+        return True
+    return time.time() - partial.stat().st_mtime > DAY
+
+
+@cache
+def _process_space() -> str:
+    """The space in which process numbers are unique, as "-" and 8 hexadecimal digits; "" where it is unknown.
+
+    A hash of the running kernel and of its PID namespace; host names may repeat in a network and in containers.
+    """
+    try:
+        kernel, namespace = Path("/proc/sys/kernel/random/boot_id").read_bytes(), os.stat("/proc/self/ns/pid").st_ino
+    except OSError:
+        return ""
+    return f"-{sha256(kernel + str(namespace).encode()).hexdigest()[:8]}"
+
+
+def _runs(pid: int) -> bool:
+    """Whether a process with this number exists, of any user."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True

@@ -1,8 +1,12 @@
-"""One file over HTTP, cut off or not: a download goes on where it stopped, and only if the file is still the same one.
+"""Download of one file over HTTP that resumes where it stopped, as long as the server still offers the same file.
 
-``<file>.part`` is what has come so far, ``<file>.part.json`` what the server said of the file it began with.  Going on
-asks with If-Range (RFC 9110, 13.1.5), so that a server with another file answers with all of it; one that knows no
-If-Range is caught by the ETag, date and size of its answer.
+This is the downloader that registry_store.py hands to ``pooch.retrieve``, which verifies the checksum and moves the
+file into place.  The downloader of pooch itself cannot resume: it hides the status of the answer, and its
+``iter_content`` loses the bytes that arrived last when the connection drops.
+
+``<file>.part`` holds the bytes received so far, ``<file>.part.json`` the version of the file they belong to.  A resumed
+request carries If-Range (RFC 9110, 13.1.5), to which a server with another version answers with the whole file.  A
+server that ignores If-Range is caught by the ETag, date and size of its answer.
 """
 
 from __future__ import annotations
@@ -20,17 +24,17 @@ from taubench_gl.errors import DatasetError
 
 CHUNK = 1 << 20
 TRIES = 4
-"""Attempts at one download, each going on where the last stopped."""
+"""Attempts per download; each resumes where the previous one stopped."""
 TIMEOUT = (10.0, 30.0)
 """Seconds to connect, and to wait for the next bytes."""
 
 Progress = Callable[[int, int | None], None]
-"""Called with bytes so far and in all (None: unknown)."""
+"""Called with the bytes received and the total (None: unknown)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Version:
-    """What tells one file at an address from another that comes to lie there.  What the server did not say is None."""
+    """What identifies the version of the file at an address; None where the server does not report it."""
 
     url: str
     etag: str | None = None
@@ -39,94 +43,102 @@ class Version:
 
     @property
     def validator(self) -> str | None:
-        """For If-Range: a strong ETag, else the date; weak ETags promise no equal bytes."""
+        """The value of If-Range: a strong ETag, else the date.  Weak ETags do not guarantee equal bytes."""
         return self.etag if self.etag and not self.etag.startswith("W/") else self.modified
 
     def may_be(self, other: Version) -> bool:
-        """Does nothing that both say speak against their being one file?"""
+        """Whether no property that both have differs."""
         pairs = ((self.etag, other.etag), (self.modified, other.modified), (self.bytes, other.bytes))
         return self.url == other.url and all(a == b for a, b in pairs if a is not None and b is not None)
 
 
 def fetch(url: str, out: Path, part: Path, progress: Progress | None = None) -> None:
-    """Download ``url`` to ``out``, by way of ``part``, which a later call goes on with.  Raises DatasetError."""
+    """Download ``url`` to ``out`` through ``part``, which a later call resumes.  Raises DatasetError."""
     import requests
     import urllib3
 
     host = urlsplit(url).hostname or url
-    trouble = ""
     for attempt in range(TRIES):
-        begun = _begun(part, url)
-        if begun is None:
-            forget(part)
-        have = part.stat().st_size if part.exists() else 0
+        if attempt:
+            time.sleep(0.1 * 2**attempt)
         try:
-            with requests.get(url, headers=_headers(have, begun), stream=True, timeout=TIMEOUT) as response:
-                if response.status_code not in (200, 206, 416):
-                    raise DatasetError(f"the server answers {response.status_code} {response.reason}", where=url)
-                version = _version(response, url)
-                same = begun is None or begun.may_be(version)
-                if response.status_code == 416 and version.bytes == have and same:
-                    break
-                if response.status_code == 416 or not same or (have and response.status_code == 200):
-                    # The server cannot go on, or another file lies there now: this answer, if it is all of it, or anew.
-                    forget(part)
-                    have = 0
-                    if response.status_code != 200:
-                        trouble = "another file lies there with every answer"
-                        continue
-                _remember(part, version)
-                with part.open("ab") as file:
-                    # Whatever has come is written at once: iter_content drops the last piece when the line does.
-                    read = getattr(response.raw, "read1", response.raw.read)
-                    while chunk := read(CHUNK):
-                        file.write(chunk)
-                        have += len(chunk)
-                        if progress is not None:
-                            progress(have, version.bytes)
-            if version.bytes is None or have == version.bytes:
-                break
-            trouble = f"cut off after {have} of {version.bytes} bytes"
+            problem = _attempt(url, part, progress)
         except (requests.exceptions.Timeout, urllib3.exceptions.ReadTimeoutError):
-            trouble = f"{host} does not answer"
+            problem = f"{host} does not answer"
         except urllib3.exceptions.HTTPError:
-            trouble = f"cut off after {part.stat().st_size if part.exists() else 0} bytes"
+            problem = f"interrupted after {_size(part)} bytes"
         except requests.exceptions.ConnectionError:
-            trouble = f"{host} cannot be reached"
+            problem = f"{host} cannot be reached"
             if not part.exists():
-                raise DatasetError(trouble, where=url, hint="offline? give a file you have with --from FILE") from None
-        except requests.exceptions.RequestException as e:
-            raise DatasetError(f"cannot be fetched: {e}", where=url) from None
-        if attempt + 1 < TRIES:
-            time.sleep(0.2 * 2**attempt)
-    else:
-        raise DatasetError(f"the download failed {TRIES} times: {trouble}", where=url, hint="run it again to go on")
-    shutil.copyfile(part, out)
+                hint = "without a network, give a local file with --from FILE"
+                raise DatasetError(problem, where=url, hint=hint) from None
+        except requests.exceptions.RequestException as error:
+            raise DatasetError(f"cannot be fetched: {error}", where=url) from None
+        if problem is None:
+            shutil.copyfile(part, out)
+            return
+    raise DatasetError(f"the download failed {TRIES} times: {problem}", where=url, hint="run it again to resume")
 
 
 def forget(part: Path) -> None:
-    """Remove a part and what is known of it."""
+    """Remove a part and the record of its version."""
     part.unlink(missing_ok=True)
-    _note(part).unlink(missing_ok=True)
+    _record(part).unlink(missing_ok=True)
 
 
-def _note(part: Path) -> Path:
+def _attempt(url: str, part: Path, progress: Progress | None) -> str | None:
+    """One request that continues ``part``.  -> None if it is complete, else the problem.
+
+    Raises DatasetError if the server refuses, and errors of requests and urllib3.
+    """
+    import requests
+
+    begun = _begun(part, url)
+    if begun is None:
+        forget(part)
+    have = _size(part)
+    with requests.get(url, headers=_headers(have, begun), stream=True, timeout=TIMEOUT) as response:
+        if response.status_code not in (200, 206, 416):
+            raise DatasetError(f"the server answers {response.status_code} {response.reason}", where=url)
+        version = _version(response, url)
+        same = begun is None or begun.may_be(version)
+        if response.status_code == 416 and version.bytes == have and same:
+            return None  # the range starts at the end of the file
+        if response.status_code == 416 or not same or (have and response.status_code == 200):
+            # The server cannot resume or has another version: this answer if it is the whole file, else a new request.
+            forget(part)
+            have = 0
+            if response.status_code != 200:
+                return "the file changes with every answer"
+        _record(part).write_text(json.dumps(asdict(version)), encoding="utf-8")
+        with part.open("ab") as file:
+            read = getattr(response.raw, "read1", response.raw.read)
+            while chunk := read(CHUNK):
+                file.write(chunk)
+                have += len(chunk)
+                if progress is not None:
+                    progress(have, version.bytes)
+    complete = version.bytes is None or have == version.bytes
+    return None if complete else f"interrupted after {have} of {version.bytes} bytes"
+
+
+def _size(part: Path) -> int:
+    return part.stat().st_size if part.exists() else 0
+
+
+def _record(part: Path) -> Path:
     return part.with_name(part.name + ".json")
 
 
 def _begun(part: Path, url: str) -> Version | None:
-    """What the part is the beginning of; None where there is no part or nobody knows."""
+    """The version that the part belongs to; None without a part or where the version is unknown."""
     if not part.exists():
         return None
     try:
-        begun = Version(**json.loads(_note(part).read_text(encoding="utf-8")))
+        begun = Version(**json.loads(_record(part).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
         return None
     return begun if begun.url == url else None
-
-
-def _remember(part: Path, version: Version) -> None:
-    _note(part).write_text(json.dumps(asdict(version)), encoding="utf-8")
 
 
 def _headers(have: int, begun: Version | None) -> dict[str, str]:
@@ -139,8 +151,8 @@ def _headers(have: int, begun: Version | None) -> dict[str, str]:
 
 
 def _version(response: Any, url: str) -> Version:
-    """What an answer says of the whole file."""
-    told = response.headers
+    """The version of the whole file according to an answer."""
+    headers = response.headers
     partial = response.status_code in (206, 416)
-    size = told.get("Content-Range", "").rpartition("/")[2] if partial else told.get("Content-Length", "")
-    return Version(url, told.get("ETag"), told.get("Last-Modified"), int(size) if size.isdigit() else None)
+    size = headers.get("Content-Range", "").rpartition("/")[2] if partial else headers.get("Content-Length", "")
+    return Version(url, headers.get("ETag"), headers.get("Last-Modified"), int(size) if size.isdigit() else None)
