@@ -111,7 +111,7 @@ def test_partitions_hold_every_count():
     """Sparse on disk, the same when read; what was not measured is null."""
     records = [record(p) for p in (3, 5)]
     data = encode(records, {"told": 1})
-    back, told = decode(data, 3)
+    back, told = decode(data)
     assert told == {"told": 1}
     for ours, theirs in zip(records, back, strict=True):
         assert theirs.position == ours.position and theirs.row == ours.row
