@@ -119,7 +119,7 @@ def test_partitions_hold_every_count():
         np.testing.assert_array_equal(theirs.counts.histograms, ours.counts.histograms)
     for broken in (data[:-10], data[: len(data) // 2], b"", b"PAR1"):
         with pytest.raises(ValueError, match="no partition"):
-            decode(broken, 3)
+            decode(broken)
     table = frames_table([])
     assert table[:4] == b"PAR1" and require_pyarrow()
 
