@@ -15,15 +15,15 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES, Reason
+from taubench_gl.conventions import Reason
+from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.export.camera import matrices
 from taubench_gl.export.channels import RADIANCE
-from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -92,10 +92,14 @@ class FrameSource:
         self.source = RasterSource(gpu, scene, camera, settings, extra=extra, poser=self._poser, jitter=self._jitter)
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
-        self._shaders = ShaderCache(gpu.ctx)
-        self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
-        self._masks = self._pass(self.source.reprojection, self.source.radiance, settings.metrics.sampling)
-        self._motion = self._pass("motion", (), "nearest") if "prev_position" in self.source.channels else None
+        self._context = GpuContext(gpu)
+        self._masks = PairEvaluator(self._context, self.source, settings, images=True)
+        self._motion: PairEvaluator | None = None
+        if "prev_position" in self.source.channels:
+            nearest = settings.replace(sampling="nearest")
+            self._motion = PairEvaluator(
+                self._context, self.source, nearest, images=True, reprojection="motion", radiance=()
+            )
         self._ahead: History | None = None
         if set(FORWARD) & set(self.names):
             self._ahead = History(gpu, self.source.size, self.source.channels, settings.device.storage)
@@ -105,12 +109,6 @@ class FrameSource:
     def _why_not(self, name: str) -> str:
         column = name.partition("_")[0]
         return self.source.unmeasured.get(column, "the scene does not give it")
-
-    def _pass(self, mode: str, radiance: tuple[str, ...], sampling: str) -> MaskPass:
-        return MaskPass(
-            self._gpu, self._shaders, self.source.size, reprojection=mode, sampling=sampling, radiance=radiance,
-            cuts=self.source.cuts, write_mask=True, write_motion=True,
-        )  # fmt: skip
 
     def view(self, frame: int) -> View:
         """The camera of any frame, without drawing."""
@@ -158,21 +156,21 @@ class FrameSource:
         return {name: self._reader.start(current[name], name) for name in self.source.channels if name in wanted}
 
     def _start_motion(self) -> tuple[Image, Image]:
-        return self._reader.start(self._motion.motion, "motion"), self._reader.start(self._motion.mask, "mask")
+        motion, mask = self._motion.motion_texture, self._motion.mask_texture
+        return self._reader.start(motion, "motion"), self._reader.start(mask, "mask")
 
     def _backward(self, submitted: _Submitted) -> None:
         declared = 0 if submitted.number > 0 else int(Reason.FIRST)
         now, before = self._views[-1], self._views[-1 if declared else -2]
-        current, previous = self.source.current, self.source.current if declared else self.source.previous
+        previous = self.source.current if declared else self.source.previous
         if "mask" in self.names:
             pair = reprojection(now, before, *self.source.size)
-            exposure = self._settings.lighting.exposure
-            self._masks.run(pair, self._thresholds, current, previous, declared, exposure)
-            submitted.images["mask"] = self._reader.start(self._masks.mask, "mask")
+            self._masks.submit(pair, declared=declared, previous=previous)
+            submitted.images["mask"] = self._reader.start(self._masks.mask_texture, "mask")
         if "motion" in self.names:
             # Of the surface alone: the jitter of either frame is no motion.
             pair = reprojection(now, before, *self.source.size, jitter=False)
-            self._motion.run(pair, self._thresholds, current, previous, declared)
+            self._motion.submit(pair, declared=declared, previous=previous)
             submitted.moved["motion"] = self._start_motion()
 
     def _forward(self, submitted: _Submitted) -> None:
@@ -188,13 +186,17 @@ class FrameSource:
         finally:
             renderer.history = own
         pair = reprojection(here, there, *self.source.size, jitter=False)
-        textures = self._ahead.current.textures, self._ahead.previous.textures
-        self._motion.run(pair, self._thresholds, *textures, int(Reason.FIRST) if last else 0)
+        self._motion.submit(
+            pair,
+            declared=int(Reason.FIRST) if last else 0,
+            current=self._ahead.current.textures,
+            previous=self._ahead.previous.textures,
+        )
         submitted.moved["motion_forward"] = self._start_motion()
-        submitted.images["mask_forward"] = self._reader.start(self._motion.mask, "mask")
+        submitted.images["mask_forward"] = self._reader.start(self._motion.mask_texture, "mask")
 
     def release(self) -> None:
-        for part in (self._reader, self._masks, self._motion, self._shaders, self._ahead, self.source):
+        for part in (self._reader, self._masks, self._motion, self._context, self._ahead, self.source):
             if part is not None:
                 part.release()
         self._gpu.collect()

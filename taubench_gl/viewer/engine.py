@@ -13,11 +13,10 @@ import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES, Reason
-from taubench_gl.frame.passes.masks import MaskPass
-from taubench_gl.frame.targets import read_channel
+from taubench_gl.conventions import Reason
+from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.display import motion_error
 from taubench_gl.metrics.reprojection import Reprojection, reproject
@@ -65,8 +64,8 @@ class ViewerEngine:
     shots: tuple[Shot, Shot] | None = None  # previous, current
     user: UserCamera | None = None
 
-    _masks: MaskPass | None = None
-    _mask_shaders: ShaderCache | None = None
+    _context: GpuContext | None = None
+    _evaluator: PairEvaluator | None = None
     _observer: SceneFeed | None = None
     _display: Display | None = None
     _mask_key: Any = None
@@ -77,7 +76,7 @@ class ViewerEngine:
     _frozen: dict[str, Shot | None] = field(default_factory=lambda: {"current": None, "previous": None})
 
     def __post_init__(self) -> None:
-        self._mask_shaders = ShaderCache(self.gpu.ctx)
+        self._context = GpuContext(self.gpu, timer=self.timer)
         self._display = Display(self.gpu, self.feed.size)
         self.user = UserCamera(self.feed.file_shot(self.feed.frames[0]).view, self.feed.center, self.feed.radius)
 
@@ -86,8 +85,9 @@ class ViewerEngine:
         return self._display.texture
 
     @property
-    def mask_pass(self) -> MaskPass:
-        return self._masks
+    def evaluator(self) -> PairEvaluator:
+        """Holds mask and motion of the pair shown."""
+        return self._evaluator
 
     def reset_camera(self, state: ViewerState) -> None:
         self.user.reset(self.feed.file_shot(state.frame).view)
@@ -102,27 +102,19 @@ class ViewerEngine:
         mask_key = (previous.key, current.key, first, tuple(sorted(state.thresholds.items())))
         if changed or mask_key != self._mask_key:
             self.drawn.pairs += changed
-            self._judge(state, previous, current, first)
+            self._evaluate(state, previous, current, first)
             self._mask_key = mask_key
         self._show(state)
 
     def _plan(self, state: ViewerState) -> None:
         picture = PICTURES.get(state.channel)
-        if self.feed.plan(frozenset(picture.channels if picture else ()), state.switched_off) or self._masks is None:
-            source = self.feed.source
-            if self._masks is not None:
-                self._masks.release()
-            self._masks = MaskPass(
-                self.gpu,
-                self._mask_shaders,
-                self.feed.size,
-                reprojection=source.reprojection,
-                sampling=self.feed.settings.metrics.sampling,
-                radiance=source.radiance,
-                cuts=source.cuts,
-                write_mask=True,
-                write_motion=True,
-            )
+        if (
+            self.feed.plan(frozenset(picture.channels if picture else ()), state.switched_off)
+            or self._evaluator is None
+        ):
+            if self._evaluator is not None:
+                self._evaluator.release()
+            self._evaluator = PairEvaluator(self._context, self.feed.source, self.feed.settings, images=True)
             self._mask_key = self._picture_key = None
             self.drawn.plans += 1
             state.channels = self.feed.pictures()
@@ -164,14 +156,11 @@ class ViewerEngine:
         """Whether there is no history: the first frame, seen by the file's camera."""
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
-    def _judge(self, state: ViewerState, previous: Shot, current: Shot, first: bool) -> None:
-        source, masks, settings = self.feed.source, self._masks, self.feed.settings
-        with self.timer.measure("masks"):
-            self.pair = reprojection(current.view, previous.view, *self.feed.size)
-            declared = Reason.FIRST if first else 0
-            thresholds = {f: state.thresholds[f] for f in FEATURES}
-            masks.run(self.pair, thresholds, source.current, source.previous, int(declared), settings.lighting.exposure)
-            self.counts = counts_of(masks.read().mask_histogram)
+    def _evaluate(self, state: ViewerState, previous: Shot, current: Shot, first: bool) -> None:
+        self.pair = reprojection(current.view, previous.view, *self.feed.size)
+        declared = Reason.FIRST if first else 0
+        counts = self._evaluator.compare(self.pair, declared=declared, thresholds=state.thresholds)
+        self.counts = counts_of(counts.mask_histogram)
         self.drawn.masks += 1
 
     def _show(self, state: ViewerState) -> None:
@@ -195,7 +184,7 @@ class ViewerEngine:
                 shown.view.position - current.position,
             )
         picture = PICTURES[state.channel]
-        texture = self._masks.motion if picture.channel == "motion" else source.current[picture.channel]
+        texture = self._evaluator.motion_texture if picture.channel == "motion" else source.current[picture.channel]
         self._set_range(state, source, shown)
         other = None
         if self.comparison is not None and state.comparison != "off" and not observed and state.camera == "file":
@@ -208,7 +197,7 @@ class ViewerEngine:
                     picture.kind,
                     texture,
                     source.current["position"],
-                    self._masks.mask,
+                    self._evaluator.mask_texture,
                     state.low,
                     state.high,
                     state.active_overlays(),
@@ -224,7 +213,7 @@ class ViewerEngine:
             )
             self._lines(state, shown.view, source)
             if state.arrows and not observed:
-                self._display.arrows(self._masks.motion)
+                self._display.arrows(self._evaluator.motion_texture)
         self.drawn.pictures += 1
         self._picture_key = key[:3] + (state.low, state.high) + key[5:]
 
@@ -285,11 +274,11 @@ class ViewerEngine:
 
     def motion(self) -> Array:
         """Previous - current, pixels, (h, w, 2), +y down, row 0 at the top."""
-        return read_channel(self._masks.motion, "motion")
+        return self._evaluator.motion()
 
     def mask(self) -> Array:
         """Reason words, (h, w) uint32, row 0 at the top."""
-        return read_channel(self._masks.mask, "mask")[..., 0]
+        return self._evaluator.mask()
 
     def motion_error(self) -> Array:
         """Pixels between where a surface point was and where a still world would have put it, (h, w)."""
@@ -314,7 +303,7 @@ class ViewerEngine:
         return out
 
     def release(self) -> None:
-        for part in (self._masks, self._mask_shaders, self._display, self._observer, self.comparison, self.feed):
+        for part in (self._evaluator, self._context, self._display, self._observer, self.comparison, self.feed):
             if part is not None:
                 part.release()
         self.gpu.collect()

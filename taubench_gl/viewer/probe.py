@@ -42,13 +42,13 @@ class Probe:
 
 def probe_pixel(engine: ViewerEngine, state: ViewerState, x: int, row: int) -> Probe:
     """Ask the pair that is judged now about pixel (x, row).  Distances are the float64 twin's (``metrics.masks``)."""
-    source, masks, gpu = engine.feed.source, engine.mask_pass, engine.gpu
+    source, evaluator, gpu = engine.feed.source, engine.evaluator, engine.gpu
     _, height = engine.feed.size
     up = height - 1 - row
     names = [n for n in ("position", "normal", *source.radiance) if n in source.current]
     now = {n: texel(gpu, source.current[n], x, up)[None].astype(np.float64) for n in names}
-    word = int(texel(gpu, masks.mask, x, up)[0])
-    motion = texel(gpu, masks.motion, x, up)
+    word = int(texel(gpu, evaluator.mask_texture, x, up)[0])
+    motion = texel(gpu, evaluator.motion_texture, x, up)
     comparable = not word & (Reason.FIRST | Reason.CUT | Reason.INVALID | FRUSTUM)
     at_up = (x + float(motion[0]), up + float(motion[1]))
     before: dict[str, Array] | None = None
