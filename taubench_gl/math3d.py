@@ -1,7 +1,7 @@
-"""Vectorised float64 linear algebra for poses and cameras.
+"""Vectorized float64 linear algebra for poses and cameras.
 
-Column-vector convention throughout: ``dst_from_src @ p``.  Quaternions are ``xyzw`` (glTF order).  Every function takes
-and returns arrays with leading batch dimensions ``...``.
+Column vectors: ``dst_from_src @ p``.  Quaternions are ``xyzw`` (glTF order).  Functions take and return arrays with
+leading batch dimensions ``...``.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ Array = np.ndarray
 
 
 def normalize(v: Array) -> Array:
-    """Unit vectors along the last axis; vectors of length 0 (or not finite) stay as they are.  (..., n) -> (..., n)."""
+    """Unit vectors along the last axis.  (..., n) -> (..., n).  Zero vectors and non-finite vectors are unchanged."""
     v = np.asarray(v, dtype=np.float64)
-    # Scaling by the largest component first keeps 1e-200 and 1e200 from under- and overflowing when squared.
+    # Division by the largest component first: squares of 1e-200 and 1e200 would underflow and overflow.
     peak = np.max(np.abs(v), axis=-1, keepdims=True)
     usable = (peak > 0) & np.isfinite(peak)
     scaled = v / np.where(usable, peak, 1.0)
@@ -23,7 +23,7 @@ def normalize(v: Array) -> Array:
 
 
 def mat3_from_quat(q: Array) -> Array:
-    """Rotation matrices of quaternions xyzw, normalised first.  (..., 4) -> (..., 3, 3); zero gives the identity."""
+    """Rotation matrices of quaternions xyzw, normalized first.  (..., 4) -> (..., 3, 3); zero gives the identity."""
     q = normalize(q)
     x, y, z, w = np.moveaxis(q, -1, 0)
     out = np.empty((*q.shape[:-1], 3, 3))
@@ -40,9 +40,9 @@ def mat3_from_quat(q: Array) -> Array:
 
 
 def quat_from_mat3(m: Array) -> Array:
-    """Unit quaternions xyzw of rotation matrices, w >= 0 where it is not 0.  (..., 3, 3) -> (..., 4).
+    """Unit quaternions xyzw of rotation matrices, w >= 0.  (..., 3, 3) -> (..., 4).
 
-    Builds the outer product 4 q q^T and takes its longest column, so no branch ever divides by a small number.
+    Takes the longest column of the outer product 4 q q^T, which avoids division by a small number.
     """
     m = np.asarray(m, dtype=np.float64)
     m00, m01, m02 = m[..., 0, 0], m[..., 0, 1], m[..., 0, 2]
@@ -85,10 +85,10 @@ def transform_points(dst_from_src: Array, points: Array) -> Array:
 
 
 def orthonormal(mat3: Array) -> Array:
-    """The proper rotation nearest to the directions of a 3x3 with scale, shear or mirror in it.  (3, 3) -> (3, 3).
+    """Proper rotation of a 3x3 matrix that may scale, shear or mirror.  (3, 3) -> (3, 3).
 
-    Keeps -Z (where a camera or light looks) exactly, then +Y as nearly as it can, as glTF viewers do.  A singular
-    matrix falls back on whatever axes it still has, in the end on the identity's.
+    Keeps -Z (the view direction of a camera or light) exactly and +Y as closely as possible, as glTF viewers do.  A
+    singular matrix uses its remaining axes, then those of the identity.
     """
     z = normalize(mat3[:, 2])
     if not np.any(z):
@@ -104,10 +104,10 @@ def orthonormal(mat3: Array) -> Array:
 
 
 def normal_matrix(mat3: Array) -> Array:
-    """What turns normals where ``mat3`` turns points, up to a factor > 0.  (..., 3, 3) -> (..., 3, 3).
+    """Matrix that transforms normals where ``mat3`` transforms points, up to a factor > 0.  (..., 3, 3) -> (..., 3, 3).
 
-    The cofactor matrix, which needs no inverse and so survives a scale of 0 along one axis, times the determinant's
-    sign: under a mirror the cofactors alone would point the normals inwards.
+    The cofactor matrix, which is also defined for a scale of 0 along one axis, times the sign of the determinant: with
+    a mirror the cofactors alone flip the normals.
     """
     x, y, z = np.moveaxis(np.asarray(mat3, dtype=np.float64), -1, 0)
     cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-1)
@@ -131,7 +131,7 @@ def quat_from_axis_angle(axis: Array, radians: Array) -> Array:
 def quat_angle(a: Array, b: Array) -> Array:
     """Geodesic angle between unit quaternions, radians: 4 atan2(|a-b|, |a+b|) on one hemisphere (docs/conventions.md).
 
-    Accurate to rounding at every angle, where 2 acos(|a.b|) loses everything below 1e-8 rad.
+    Accurate at every angle; 2 acos(|a.b|) has no precision below 1e-8 rad.
     """
     a, b = normalize(a), normalize(b)
     b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0, -b, b)
@@ -152,7 +152,7 @@ def perspective_reversed(yfov: float, aspect: float, znear: float, zfar: float) 
 
 
 def orthographic_reversed(xmag: float, ymag: float, znear: float, zfar: float) -> Array:
-    """clip_from_view (4, 4), reversed Z in [0, 1]; half-extents ``xmag``, ``ymag`` in metres."""
+    """clip_from_view (4, 4), reversed Z in [0, 1]; half-extents ``xmag``, ``ymag`` in scene units."""
     out = np.eye(4)
     out[0, 0], out[1, 1] = 1.0 / xmag, 1.0 / ymag
     out[2, 2] = 1.0 / (zfar - znear)

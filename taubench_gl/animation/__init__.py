@@ -1,4 +1,4 @@
-"""Scene + seconds -> FrameState, and a camera's View of it.  Float64 NumPy, no GL."""
+"""Scene + seconds -> FrameState, and the View of a camera.  Float64 NumPy, no GL."""
 
 from taubench_gl.animation.pose import Poser, pose_normals, pose_vertices, sample, skin_matrices
 from taubench_gl.animation.state import FrameState, View

@@ -22,12 +22,12 @@ Array = np.ndarray
 STEP, LINEAR, CUBICSPLINE = "STEP", "LINEAR", "CUBICSPLINE"
 
 NLERP_BELOW = 1e-6
-"""Radians between two unit quaternions below which slerp is replaced by normalised lerp.  The two differ by about
-angle^3 / 16 there, below one part in 1e16, and sin(angle) is no longer divided by."""
+"""Angle in radians below which slerp becomes normalized lerp.  Both differ by about angle^3 / 16 there, less than
+1e-16, and lerp does not divide by sin(angle)."""
 
 HALF_TURN = 1e-12
-"""Keys whose quaternions have a dot product this close to 0 are 180 degrees apart and both ways round are equally
-short.  Such a pair is left as the file stores it, so that the sign of a rounding error never chooses the way."""
+"""Quaternions with a smaller absolute dot product are 180 degrees apart, and both arcs are equally short.  Such a pair
+keeps the signs of the file, so that rounding does not select the arc."""
 
 
 def unit_quaternions(q: Array) -> Array:
@@ -40,13 +40,13 @@ def unit_quaternions(q: Array) -> Array:
 def slerp(a: Array, b: Array, u: Array) -> Array:
     """Spherical interpolation along the shorter arc.  (..., 4), (..., 4) unit xyzw, (...) in [0, 1] -> (..., 4) unit.
 
-    q and -q are one rotation: ``b`` is taken on ``a``'s hemisphere.  ``u == 0`` returns ``a`` bit for bit, and so does
-    every ``u`` when the keys are equal or opposite.  Keys 180 degrees apart: see ``HALF_TURN``.
+    q and -q are the same rotation: ``b`` is flipped to the hemisphere of ``a``.  ``u == 0`` returns ``a`` bit for bit,
+    as does every ``u`` for equal or opposite keys.  Keys 180 degrees apart: see ``HALF_TURN``.
     """
     u = np.asarray(u, dtype=np.float64)[..., None]
     b = np.where(_dot(a, b) < -HALF_TURN, -b, b)
     difference, total = b - a, b + a
-    # The angle from both chords is accurate everywhere; acos of the dot product is blind below 1e-8 rad.
+    # The angle from both chords is accurate everywhere; acos of the dot product has no precision below 1e-8 rad.
     angle = 2.0 * np.arctan2(np.sqrt(_dot(difference, difference)), np.sqrt(_dot(total, total)))
     small = angle < NLERP_BELOW
     sine = np.sin(np.where(small, 1.0, angle))
@@ -54,12 +54,13 @@ def slerp(a: Array, b: Array, u: Array) -> Array:
     line = a + u * difference
     line = line / np.sqrt(_dot(line, line))
     out = np.where(small, line, arc)
-    # Rounding in sin/sin and in the normalisation may move the last bit; a key is returned as it is.
+    # Rounding of sin/sin and of the normalization can change the last bit; keys are returned unchanged.
     return np.where((u == 0.0) | ~np.any(difference, axis=-1, keepdims=True), a, out)
 
 
 def hermite(v0: Array, out0: Array, in1: Array, v1: Array, u: Array, dt: Array) -> Array:
-    """glTF's cubic spline; tangents are per second, so ``dt`` scales them.  4 x (..., n), (...), (...) -> (..., n)."""
+    """glTF's cubic spline; tangents are per second and are scaled by ``dt``.  4 x (..., n), (...), (...) -> (...,
+    n)."""
     u = np.asarray(u, dtype=np.float64)[..., None]
     dt = np.asarray(dt, dtype=np.float64)[..., None]
     u2 = u * u
@@ -69,7 +70,7 @@ def hermite(v0: Array, out0: Array, in1: Array, v1: Array, u: Array, dt: Array) 
 
 
 def segment(times: Array, t: float) -> tuple[int, int, float, float]:
-    """Array around ``t``: (i, j, u, dt) with u in [0, 1].  Outside the keys i == j, u == 0 and dt == 0.
+    """The keys around ``t``: (i, j, u, dt) with u in [0, 1].  Outside the keys i == j, u == 0 and dt == 0.
 
     ``times`` (K,) float64, strictly increasing, K >= 1.
     """
@@ -85,7 +86,8 @@ def interpolate(interpolation: str, rotation: bool, first: Array, second: Array,
     """Blend key rows ``first`` and ``second`` of C channels.  -> (C, n) float64.
 
     Rows are (C, n), for CUBICSPLINE (C, 3, n) as in ``Channel.values``; ``u``, ``dt`` are (C,).  With ``rotation`` the
-    rows are quaternions, unit ones for STEP and LINEAR (``prepare_keys`` makes them so), and so is what is returned.
+    rows are quaternions, of unit length for STEP and LINEAR (see ``prepare_keys``), and the result is a unit
+    quaternion.
     """
     if interpolation == CUBICSPLINE:
         out = hermite(first[:, 1], first[:, 2], second[:, 0], second[:, 1], u, dt)
@@ -98,7 +100,7 @@ def interpolate(interpolation: str, rotation: bool, first: Array, second: Array,
 
 
 def prepare_keys(channel: Channel) -> Array:
-    """The channel's key rows as ``interpolate`` wants them: (K, n), or (K, 3, n) for CUBICSPLINE; float64."""
+    """The channel's key rows for ``interpolate``: (K, n), or (K, 3, n) for CUBICSPLINE; float64."""
     values = np.asarray(channel.values, dtype=np.float64)
     shape = (len(channel.times), 3, -1) if channel.interpolation == CUBICSPLINE else (len(channel.times), -1)
     values = values.reshape(shape)
@@ -114,8 +116,8 @@ def is_rotation(channel: Channel) -> bool:
 def sample_channel(channel: Channel, t: float) -> Array:
     """Value of one channel at ``t`` seconds, clamped to the first and last key.  -> (n,) float64.
 
-    Rotations come out as unit quaternions xyzw.  Finite for every finite key that fits a float32, however close two
-    keys lie.  The plain twin of ``timeline.Timeline``.
+    Rotations are unit quaternions xyzw.  Finite for all keys that fit a float32, at any distance in time.  Scalar
+    reference for ``Timeline``.
     """
     times = np.asarray(channel.times, dtype=np.float64)
     keys = prepare_keys(channel)
@@ -128,20 +130,21 @@ def sample_channel(channel: Channel, t: float) -> Array:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """(..., 4), (..., 4) -> (..., 1).  Spelled out: the sum's order must not depend on how many rows there are."""
+    """(..., 4), (..., 4) -> (..., 1).  Written out so that the order of the sum does not depend on the number of
+    rows."""
     p = a * b
     return (p[..., 0] + p[..., 1] + p[..., 2] + p[..., 3])[..., None]
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Channels of one target, path, interpolation and width, their keys laid end to end."""
+    """Channels with the same target, path, interpolation and width; keys are concatenated."""
 
     target: str  # node | camera | light
     path: str
     interpolation: str
-    index: Array  # (C,) int64: which node, camera or light
-    clock: Array  # (C,) int64: which distinct time array
+    index: Array  # (C,) int64: index of the node, camera or light
+    clock: Array  # (C,) int64: index of the distinct time array
     start: Array  # (C,) int64: first row of each channel in ``keys``
     keys: Array  # (sum K, n) or (sum K, 3, n) float64
 
@@ -151,10 +154,10 @@ class Track:
 
 
 class Timeline:
-    """Channels prepared for sampling.
+    """Channels of a scene, prepared for sampling without a loop over channels.
 
-    Of several channels on one property the last one counts, as if they were applied in file order.  ``visible`` is
-    always STEP: there is nothing between on and off.
+    A game capture has thousands of channels (32 armatures x 52 bones x 3 paths).  Sampling is a pure function of
+    (channels, t).  Of several channels on one property the last one applies.  ``visible`` is always STEP.
     """
 
     def __init__(self, channels: Iterable[Channel]):
@@ -163,10 +166,10 @@ class Timeline:
         times: list[Array] = []
         groups: dict[tuple[str, str, str, int], list[tuple[Channel, Array, int]]] = {}
         for channel in last.values():
-            own = np.ascontiguousarray(channel.times, dtype=np.float64)
-            clock = clocks.setdefault(own.tobytes(), len(clocks))
+            key_times = np.ascontiguousarray(channel.times, dtype=np.float64)
+            clock = clocks.setdefault(key_times.tobytes(), len(clocks))
             if clock == len(times):
-                times.append(own)
+                times.append(key_times)
             keys = prepare_keys(channel)
             interpolation = channel.interpolation
             if channel.path == "visible":
@@ -179,7 +182,7 @@ class Timeline:
         self.tracks = tuple(_track(name, members) for name, members in groups.items())
 
     def sample(self, t: float) -> list[tuple[Track, Array]]:
-        """Each track with its channels' values at ``t`` seconds, (C, n) float64; equals ``sample_channel``."""
+        """Each track with the values of its channels at ``t`` seconds, (C, n) float64; equal to ``sample_channel``."""
         if not self.tracks:
             return []
         first, second, u, dt = self._segments(t)
@@ -191,9 +194,9 @@ class Timeline:
         return out
 
     def _segments(self, t: float) -> tuple[Array, Array, Array, Array]:
-        """``segment`` for every clock at once: (i, j, u, dt), each (clocks,).
+        """``segment`` for all clocks: (i, j, u, dt), each (clocks,).
 
-        One binary search over all time arrays together: invariant ``times[low - 1] <= t < times[high]``.
+        One binary search over all time arrays.  Invariant: ``times[low - 1] <= t < times[high]``.
         """
         low, high = np.zeros_like(self._count), self._count.copy()
         for _ in range(int(self._count.max()).bit_length()):

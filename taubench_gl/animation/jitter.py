@@ -1,4 +1,4 @@
-"""Where inside its pixel a frame is sampled: sub-pixel offsets in pixels, +x right, +y up (``View.jitter_px``)."""
+"""Sub-pixel sample offsets of frames, in pixels, +x right, +y up (``View.jitter_px``)."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 Array = np.ndarray
 
 HALTON_PERIOD = 16
-"""Frames after which the sequence starts again, as temporal anti-aliasing usually has it (Karis 2014 takes 8 or 16)."""
+"""Length of the sequence in frames, as in temporal anti-aliasing (Karis 2014: 8 or 16)."""
 
 
 def radical_inverse(index: int, base: int) -> float:
-    """Digits of ``index`` in ``base``, mirrored at the point (Halton 1960).  In [0, 1)."""
+    """Radical inverse of ``index`` in ``base`` (Halton 1960), in [0, 1)."""
     value, scale = 0.0, 1.0 / base
     while index:
         index, digit = divmod(index, base)
@@ -21,15 +21,15 @@ def radical_inverse(index: int, base: int) -> float:
 
 
 def halton_jitter(frame: int, period: int = HALTON_PERIOD) -> Array:
-    """Halton (2, 3), elements 1 .. ``period`` over and over.  (2,) float64, pixels, in [-0.5, 0.5)."""
+    """Halton (2, 3), elements 1 .. ``period``, repeated.  (2,) float64, pixels, in [-0.5, 0.5)."""
     index = frame % period + 1  # element 0 is the corner of the pixel in both bases
     return np.array([radical_inverse(index, 2), radical_inverse(index, 3)]) - 0.5
 
 
 def grid_offsets(samples: int) -> Array:
-    """Centres of the cells of a grid over the pixel, as square as ``samples`` allows: a box filter's midpoint rule.
+    """Cell centers of a grid over the pixel, as square as ``samples`` allows: the midpoint rule for a box filter.
 
-    -> (samples, 2) float64 in (-0.5, 0.5), mean exactly 0 up to rounding; one sample is the centre.
+    -> (samples, 2) float64 in (-0.5, 0.5), mean 0 up to rounding; one sample is the pixel center.
     """
     across = max(n for n in range(1, int(np.sqrt(samples)) + 1) if samples % n == 0)
     x, y = ((np.arange(n) + 0.5) / n - 0.5 for n in (samples // across, across))

@@ -1,4 +1,4 @@
-"""From two views to the matrices of their reprojection."""
+"""Matrices that reproject one view to another."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from taubench_gl.metrics.reprojection import Reprojection
 def reprojection(view: View, previous: View, width: int, height: int, *, jitter: bool = True) -> Reprojection:
     """Matrices of the pair (previous, view), float64, relative to the two cameras (docs/conventions.md).
 
-    Sky rays are those of the current samples, jitter included.  ``jitter``: whether the two clip matrices have it too,
-    so that pixel i reprojects to where the previous frame's *samples* show it.  Without, motion is that of the surface
-    alone, and what stands still moves by exactly 0 whatever the jitter of either frame.
+    Sky rays include the jitter of the current view.  ``jitter``: whether the clip matrices include it too, so that
+    pixel i reprojects to the sample positions of the previous frame.  Without it motion is that of the surface, and a
+    still surface has exactly zero motion for any jitter.
     """
     clip_from_view = view.clip_from_view(width, height)
     perspective = view.camera.kind == "perspective"
-    # The view ray of pixel (x, y) crosses the plane z = -1 (or, parallel, the far plane) at ndc * extent.
+    # The view ray of pixel (x, y) meets the plane z = -1 (for parallel projections the far plane) at ndc * extent.
     half_x, half_y = 1.0 / clip_from_view[0, 0], 1.0 / clip_from_view[1, 1]
     step_x, step_y = 2.0 * half_x / width, 2.0 * half_y / height
     depth = 1.0 if perspective else view.camera.zfar

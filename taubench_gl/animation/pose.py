@@ -1,4 +1,4 @@
-"""Scene + seconds -> FrameState, and the float64 CPU twin of GPU skinning and morphing.
+"""Scene + seconds -> FrameState, and the float64 reference for GPU skinning and morphing.
 
 Sources: glTF 2.0 sections 3.5 (node transforms), 3.7.2.2 (morph targets), 3.7.3 (skins), KHR_node_visibility.
 """
@@ -18,11 +18,11 @@ from taubench_gl.scene.model import Camera, Light, Primitive, Scene
 Array = np.ndarray
 
 LARGEST = 1e18
-"""Largest entry of a world transform, scene units: its square is a float32 still, as lighting and distances need."""
+"""Limit on the entries of world transforms, scene units: their squares, used in lighting, fit a float32."""
 
 
 class Poser:
-    """Samples one scene at many times.  Holds data derived from the scene and nothing that a sample leaves behind."""
+    """Samples one scene at many times.  Contains only data derived from the scene."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -32,16 +32,17 @@ class Poser:
         self._fixed = np.flatnonzero(nodes.has_matrix)
         self._weights = _default_weights(scene)
         for weights in self._weights.values():
-            weights.flags.writeable = False  # handed out with every state
+            weights.flags.writeable = False  # shared by all states
         self._used = _used_nodes(scene)
 
     @property
     def duration(self) -> float:
-        """Seconds, the scene's."""
+        """Seconds, of the scene."""
         return self.scene.duration
 
     def sample(self, t: float) -> FrameState:
-        """The scene at ``t`` seconds.  A pure function of (scene, t): the order of calls never matters."""
+        """The scene at ``t`` seconds, a pure function of (scene, t).  Raises SceneError for transforms that
+        overflow."""
         nodes = self.scene.nodes
         values = {
             "translation": np.array(nodes.translation, dtype=np.float64),
@@ -65,10 +66,10 @@ class Poser:
             else:
                 values[track.path][track.index] = sampled
         local = math3d.trs(values["translation"], values["rotation"], values["scale"])
-        # glTF forbids animating a node that has a matrix; where a file does so anyway, its matrix stays.
+        # glTF forbids animating a node that has a matrix; the matrix has precedence.
         local[self._fixed] = nodes.matrix[self._fixed]
         world, visible = local, own
-        with np.errstate(over="ignore", invalid="ignore"):  # told of below, where it matters
+        with np.errstate(over="ignore", invalid="ignore"):  # checked below, for nodes in use
             for level in self._levels[1:]:
                 parent = nodes.parent[level]
                 world[level] = world[parent] @ local[level]
@@ -77,37 +78,40 @@ class Poser:
             self._refuse(t, world)
         return FrameState(float(t), world, visible & nodes.in_scene, weights, tuple(cameras), tuple(lights))
 
-    def overflowing(self, world: Array, of: Array | None = None) -> Array:
-        """Nodes of ``of`` (None: all of the scene) whose transforms are beyond LARGEST, or no numbers.  (n,) int64."""
-        of = np.flatnonzero(self.scene.nodes.in_scene) if of is None else of
-        return of[~(np.abs(world[of]) <= LARGEST).all(axis=(1, 2))]
+    def overflowing(self, world: Array, nodes: Array | None = None) -> Array:
+        """Nodes whose transforms exceed LARGEST or are not finite, among ``nodes`` (None: all of the scene).
+
+        (n,) int64.
+        """
+        nodes = np.flatnonzero(self.scene.nodes.in_scene) if nodes is None else nodes
+        return nodes[~(np.abs(world[nodes]) <= LARGEST).all(axis=(1, 2))]
 
     def _refuse(self, t: float, world: Array) -> None:
         scene, node = self.scene, int(self.overflowing(world, self._used)[0])
         name = scene.nodes.names[node] or f"number {node}"
         raise SceneError(
-            f"node {name!r} lies or reaches beyond {LARGEST:g} at {t:g} s",
+            f"transform of node {name!r} exceeds {LARGEST:g} at {t:g} s",
             where=str(scene.path or scene.name),
-            hint="scales multiply from parent to child: mend the scale or translation of the node or of one above it",
+            hint="scales multiply from parent to child: correct the scale or translation of the node or of an ancestor",
         )
 
 
 def sample(scene: Scene, t: float) -> FrameState:
-    """``Poser(scene).sample(t)``, for one time only; make a ``Poser`` to sample many."""
+    """``Poser(scene).sample(t)``.  For several times, create one ``Poser``."""
     return Poser(scene).sample(t)
 
 
 def skin_matrices(scene: Scene, state: FrameState, skin: int) -> Array:
     """Palette world_from_mesh of skin number ``skin``: world[joint] @ inverse_bind.  -> (J, 4, 4) float64.
 
-    The transform of the node that carries the skinned mesh plays no part (glTF 3.7.3.3).
+    The transform of the node with the skinned mesh is not used (glTF 3.7.3.3).
     """
     s = scene.skins[skin]
     return state.world[s.joints] @ s.inverse_bind
 
 
 def is_skinned(scene: Scene, node: int, primitive: Primitive) -> bool:
-    """Does the skin of ``node`` deform this primitive?  A primitive without joints moves with its node."""
+    """Whether the skin of ``node`` deforms this primitive.  A primitive without joints moves with its node."""
     return scene.nodes.skin[node] >= 0 and primitive.joints is not None and primitive.weights is not None
 
 
@@ -116,9 +120,8 @@ def pose_vertices(
 ) -> Array:
     """World positions of a primitive of ``node``'s mesh: morphed, then skinned or moved with its node.
 
-    -> (V, 3) float64, metres.
-
-    ``instance`` counts in ``nodes.instances[node]``; None: as if the node were drawn once, at its own transform.
+    -> (V, 3) float64, scene units.  ``instance``: index into ``nodes.instances[node]``; None: the transform of the node
+    alone.
     """
     pos = _morphed(primitive.positions, [t.positions for t in primitive.targets], state.weights.get(node))
     if is_skinned(scene, node, primitive):
@@ -142,7 +145,7 @@ def pose_normals(
 
 
 def target_count(scene: Scene, mesh: int) -> int:
-    """Morph targets of a mesh: the most any of its primitives has."""
+    """Number of morph targets of a mesh: the maximum over its primitives."""
     return max((len(p.targets) for p in scene.meshes[mesh].primitives), default=0)
 
 
@@ -155,7 +158,7 @@ def _blended(scene: Scene, state: FrameState, node: int, primitive: Primitive) -
     """Linear blend skinning: one world_from_mesh per vertex.  -> (V, 4, 4) float64."""
     palette = skin_matrices(scene, state, int(scene.nodes.skin[node]))
     out = np.zeros((len(primitive.positions), 4, 4))
-    for influence in range(primitive.joints.shape[1]):  # one at a time: (V, k, 4, 4) would be large
+    for influence in range(primitive.joints.shape[1]):  # one at a time: (V, k, 4, 4) needs much memory
         weight = primitive.weights[:, influence].astype(np.float64)
         out += weight[:, None, None] * palette[primitive.joints[:, influence]]
     return out
@@ -172,7 +175,7 @@ def _morphed(base: Array, targets: list[Array | None], weights: Array | None) ->
 
 
 def _default_weights(scene: Scene) -> dict[int, Array]:
-    """Morph weights at rest of every node whose mesh has targets: the node's own, else its mesh's, else 0."""
+    """Default morph weights of every node whose mesh has targets: those of the node, else of its mesh, else 0."""
     out = {}
     for node in np.flatnonzero(scene.nodes.mesh >= 0).tolist():
         mesh = int(scene.nodes.mesh[node])
@@ -184,7 +187,7 @@ def _default_weights(scene: Scene) -> dict[int, Array]:
 
 
 def _used_nodes(scene: Scene) -> Array:
-    """Nodes of the scene whose place is looked at: meshes, their joints, cameras and lights.  (n,) int64."""
+    """Nodes of the scene whose transforms are used: meshes, their joints, cameras and lights.  (n,) int64."""
     nodes = scene.nodes
     skins = {int(s) for s in nodes.skin[scene.mesh_nodes] if s >= 0}
     joints = [np.asarray(scene.skins[s].joints, dtype=np.int64) for s in skins]
@@ -194,7 +197,7 @@ def _used_nodes(scene: Scene) -> Array:
 
 
 def _fit(weights: Array, count: int) -> Array:
-    """Exactly ``count`` weights, missing ones 0.  Always a fresh array."""
+    """Exactly ``count`` weights, missing ones 0.  Always a new array."""
     out = np.zeros(count)
     given = np.asarray(weights, dtype=np.float64).ravel()[:count]
     out[: len(given)] = given

@@ -1,4 +1,4 @@
-"""The world and a camera at one instant.  Values only: how they are computed is in ``pose`` and ``views``."""
+"""The state of a scene and a view of it at one time.  ``pose`` and ``views`` compute them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class FrameState:
-    """A scene at ``time``: a pure function of (scene, time), never of what was drawn before."""
+    """A scene at ``time``: a pure function of (scene, time), independent of earlier frames."""
 
     time: float  # seconds
     world: Array  # (N, 4, 4) float64 world_from_node
-    visible: Array  # (N,) bool, inherited, and False for nodes outside the chosen scene
+    visible: Array  # (N,) bool, inherited; False for nodes outside the selected scene
     weights: Mapping[int, Array]  # node -> (M,) float64 morph weights, for nodes whose mesh has targets
     cameras: tuple[Camera, ...]  # the scene's cameras with animated parameters
     lights: tuple[Light, ...]  # the scene's lights with animated parameters
@@ -27,18 +27,18 @@ class FrameState:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One camera at one instant.  The rotation is proper: scale and mirror of the camera's node are left out."""
+    """One camera at one time.  The rotation is proper: scale and mirror of the camera's node are removed."""
 
-    position: Array  # (3,) float64, world, metres
+    position: Array  # (3,) float64, world, scene units
     world_from_view: Array  # (3, 3) float64 rotation
     camera: Camera
     jitter_px: Array = field(default_factory=lambda: np.zeros(2))
-    """(2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px`` instead of at its centre i."""
+    """(2,) float64, pixels, +x right, +y up: pixel i is sampled at i + ``jitter_px`` instead of at its center i."""
 
     def clip_from_view(self, width: int, height: int) -> Array:
-        """(4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept, the viewport's aspect wins.
+        """(4, 4) float64, reversed Z in [0, 1].  ``yfov`` and ``ymag`` are kept; the aspect is the viewport's.
 
-        Jitter moves the picture the other way: what lies at i + ``jitter_px`` is drawn at i.
+        Jitter shifts the image in the opposite direction: the point at i + ``jitter_px`` is drawn at i.
         """
         aspect = width / height
         c = self.camera
@@ -46,7 +46,7 @@ class View:
             out = math3d.perspective_reversed(c.yfov, aspect, c.znear, c.zfar)
         else:
             out = math3d.orthographic_reversed(c.ymag * aspect, c.ymag, c.znear, c.zfar)
-        if np.any(self.jitter_px):  # a matrix without jitter keeps its bits
+        if np.any(self.jitter_px):  # without jitter the matrix is unchanged bit for bit
             shift = 2.0 * np.asarray(self.jitter_px, dtype=np.float64) / (width, height)
             out[:2] -= shift[:, None] * out[3]
         return out
@@ -56,9 +56,9 @@ class View:
         return replace(self, jitter_px=np.zeros(2)) if np.any(self.jitter_px) else self
 
     def clip_from_relative(self, width: int, height: int, origin: Array | None = None) -> Array:
-        """clip <- world axes, relative to ``origin`` (default: this camera's position).  (4, 4) float64.
+        """Clip from world axes, relative to ``origin`` (default: this camera's position).  (4, 4) float64.
 
-        Composed relative to a camera in float64, so that float32 on the GPU never sees a world offset.
+        Composed relative to a camera in float64, so that float32 on the GPU contains no world offset.
         """
         offset = np.zeros(3) if origin is None else np.asarray(origin) - self.position
         view_from_world = self.world_from_view.T

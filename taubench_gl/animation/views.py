@@ -1,4 +1,4 @@
-"""Where the camera is: a camera of the file, or an orbit that frames a scene which has none."""
+"""Camera tracks: a camera of the file, or a framing orbit for a scene without cameras."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from taubench_gl.scene.model import Camera, Scene
 Array = np.ndarray
 
 ORBIT_PERIOD = 10.0
-"""Seconds per revolution of the framing orbit: 36 degrees a second, 1.5 a frame at 24 fps, a calm product turntable."""
+"""Seconds per revolution of the framing orbit: 36 degrees a second, 1.5 degrees a frame at 24 fps."""
 
 ORBIT_YFOV = math.radians(45.0)
 ORBIT_ELEVATION = math.radians(20.0)
-"""Above the horizon: shows the tops of things, and is far from looking along +Y, where a look-at has no answer."""
+"""Radians above the horizon: shows the tops of objects; a look-at along +Y would be undefined."""
 
 ORBIT_MARGIN = 1.1
-"""The bounding sphere fills 1 / 1.1 of the picture's height."""
+"""The bounding sphere covers 1 / 1.1 of the image height."""
 
 BOUNDS_SAMPLES = 5
-"""Times, evenly over the animation with both ends, at which the orbit's bounds are taken."""
+"""Number of times, evenly spaced over the animation with both ends, at which the orbit's bounds are evaluated."""
 
 
 class CameraTrack(Protocol):
-    """Something that gives a view for every state of the scene, as a pure function of that state."""
+    """A view for every state of the scene, as a pure function of that state."""
 
     name: str
 
     def describe(self) -> str:
-        """One phrase for people: which camera this is."""
+        """Short description of the camera, for messages."""
 
     def view_at(self, state: FrameState) -> View:
         """The view at ``state.time``."""
 
 
 class FileCamera:
-    """Camera on node ``node``.  Scale, shear and mirror in the node's transform are left out of its view."""
+    """Camera on node ``node``.  Scale, shear and mirror of the node's transform do not affect the view."""
 
     def __init__(self, scene: Scene, node: int):
         self.node = int(node)
@@ -62,10 +62,10 @@ class FileCamera:
 
 
 class OrbitCamera:
-    """Circles the scene about +Y, once in ``period`` seconds, starting on the +Z side and going towards +X.
+    """Orbits the scene about +Y, once in ``period`` seconds, from the +Z side towards +X.
 
-    The orbit does not make a scene animated: a still scene's duration is 0 and it has one frame.  A caller that wants
-    something to see takes ``period`` as the duration.
+    The orbit does not make a scene animated: a still scene has duration 0 and one frame.  A caller that needs motion
+    uses ``period`` as the duration.
     """
 
     period = ORBIT_PERIOD
@@ -76,7 +76,7 @@ class OrbitCamera:
         times = np.linspace(0.0, scene.duration, BOUNDS_SAMPLES) if scene.duration > 0 else [0.0]
         self.center, self.radius = bounding_sphere(poser, times)
         self.distance = ORBIT_MARGIN * self.radius / math.sin(0.5 * ORBIT_YFOV)
-        # Half the gap in front of the sphere, and as much behind: the sphere is never clipped.
+        # Half the gap in front of the sphere and the same behind it: the sphere is never clipped.
         gap = 0.5 * (self.distance - self.radius)
         self.camera = Camera(
             name=self.name,
@@ -92,48 +92,48 @@ class OrbitCamera:
         turn = 2.0 * math.pi * math.fmod(state.time, self.period) / self.period
         level = math.cos(ORBIT_ELEVATION)
         towards_camera = np.array([level * math.sin(turn), math.sin(ORBIT_ELEVATION), level * math.cos(turn)])
-        # pyrr multiplies row vectors, so the upper left of its view matrix is already world_from_view.  It is asked
-        # about a unit direction from the origin: far from the origin its own subtraction would lose digits.
+        # pyrr multiplies row vectors, so the upper left of its view matrix is world_from_view.  The eye is a unit
+        # direction from the origin: pyrr's subtraction loses precision far from the origin.
         look_at = matrix44.create_look_at(towards_camera, np.zeros(3), np.array([0.0, 1.0, 0.0]), dtype=np.float64)
         return View(self.center + self.distance * towards_camera, look_at[:3, :3], self.camera)
 
 
-def choose_camera(scene: Scene, wanted: str | int | None = None) -> CameraTrack:
-    """The camera a user asked for.
+def choose_camera(scene: Scene, requested: str | int | None = None) -> CameraTrack:
+    """The requested camera.
 
-    ``wanted`` is a node's name, a camera's name, or an index into ``scene.camera_nodes`` (a number, also as text when
-    nothing has that name); names are tried in this order and the first match in file order counts.  None: the
-    file's own choice (``Scene.default_camera``), else its first camera, or an ``OrbitCamera`` where there is none.
-    Raises SettingsError listing what there is.
+    ``requested``: the name of a node, the name of a camera, or an index into ``scene.camera_nodes`` (a number, or its
+    text if no name matches).  Names are tried in this order; the first match in file order is used.  None: the file's
+    default (``Scene.default_camera``), else its first camera, or an ``OrbitCamera`` where there is none.  Raises
+    SettingsError, which lists the cameras.
     """
     tracks = [FileCamera(scene, node) for node in scene.camera_nodes]
-    if wanted is None:
+    if requested is None:
         named = [track for track in tracks if track.node_name == scene.default_camera]
         return (named or tracks)[0] if tracks else OrbitCamera(scene)
-    if isinstance(wanted, str) and wanted:
+    if isinstance(requested, str) and requested:
         for track in tracks:
-            if track.node_name == wanted:
+            if track.node_name == requested:
                 return track
         for track in tracks:
-            if scene.cameras[track.index].name == wanted:
+            if scene.cameras[track.index].name == requested:
                 return track
-    if isinstance(wanted, int) or wanted.isdecimal():
-        index = int(wanted)
+    if isinstance(requested, int) or requested.isdecimal():
+        index = int(requested)
         if 0 <= index < len(tracks):
             return tracks[index]
     listed = ", ".join(f"{i}: {track.describe()}" for i, track in enumerate(tracks))
     raise SettingsError(
-        f"no camera {wanted!r} in scene {scene.name!r}",
-        hint=f"choose from {listed}" if tracks else "the scene has no camera; leave the option out for a framing orbit",
+        f"no camera {requested!r} in scene {scene.name!r}",
+        hint=f"choose from {listed}" if tracks else "the scene has no camera; omit the option for a framing orbit",
     )
 
 
 def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, float]:
-    """A sphere around everything visible at any of ``times``: centre (3,) float64 and radius > 0, world, metres.
+    """A sphere around everything visible at ``times``: center (3,) float64 and radius > 0, world, scene units.
 
-    Centred on the axis-aligned box.  Rigid meshes enter by the eight corners of their own box, so the sphere may be
-    somewhat large, never small; skinned and morphed meshes enter by their posed vertices.  Points that are not finite
-    are left out.  Nothing visible: a unit sphere at the origin; a single point: radius 1 around it.
+    Centered on the axis-aligned bounding box.  Rigid meshes contribute the eight corners of their local box, so the
+    sphere can be larger than necessary; skinned and morphed meshes contribute their posed vertices.  Points that are
+    not finite are ignored.  Nothing visible: a unit sphere at the origin; a single point: radius 1 around it.
     """
     scene, clouds = poser.scene, []
     for t in times:
@@ -149,7 +149,7 @@ def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array
 
 
 def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, Array]:
-    """Low and high corner, world, (3,) each, of everything drawn at ``times``; a unit box where nothing is."""
+    """Low and high corner, world, (3,) each, of everything drawn at ``times``; a unit box where nothing is drawn."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for t in times:
         state = poser.sample(float(t))
@@ -161,7 +161,7 @@ def bounding_box(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, A
 
 
 def _drawn_points(scene: Scene, state: FrameState, node: int) -> Array:
-    """Points in whose convex hull the node's mesh lies, world.  -> (P, 3) float64."""
+    """Points, world, whose convex hull contains the node's mesh.  -> (P, 3) float64."""
     clouds = [np.zeros((0, 3))]
     instances = scene.nodes.instances.get(int(node))
     for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:

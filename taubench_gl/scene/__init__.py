@@ -1,4 +1,4 @@
-"""Reading scenes.  ``load_scene`` is the one way in; ``model`` is what comes out.  No GL."""
+"""Scene files -> immutable ``Scene`` (see ``model``).  ``load_scene`` reads all formats.  No GL."""
 
 from __future__ import annotations
 
@@ -36,35 +36,35 @@ READERS: dict[str, Callable[[Path, str | int | None, Sequence[str | int] | None]
     ".aff": _read_aff,
     ".nff": _read_aff,
 }
-"""File suffix, lower case -> reader.  A reader is imported when the first file of its kind is read."""
+"""File suffix, lower case -> reader.  A reader is imported when the first file of its format is read."""
 
 
 def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequence[str | int] | None = None) -> Scene:
     """Read and validate one scene: a file, or a numbered sequence of OBJ files.
 
-    A sequence is a folder of name000.obj, name001.obj ... or a pattern (``name%04d.obj``, ``name*.obj``), with or
-    without ``seq:`` before it, and with ``@FPS`` behind it where it does not run at 24 frames per second.
+    A sequence is a folder of name000.obj, name001.obj ... or a pattern (``name%04d.obj``, ``name*.obj``), with an
+    optional prefix ``seq:`` and an optional suffix ``@FPS`` (default: 24 frames per second).
 
-    ``scene`` is the name or index of the scene to show; None takes the file's default, else its first.  ``animation``
-    lists names or indices of the animations to play; None plays all that do not fight over one target.  What the
-    reader decided on its own is in ``Scene.notes``.
+    ``scene``: name or index of the scene; None: the file's default, else its first.  ``animation``: names or indices of
+    the animations to play; None: all that have no target in common with an earlier one.  ``Scene.notes`` lists the
+    reader's decisions.
 
-    Raises ``SceneError`` for anything missing, unreadable, invalid or not supported.
+    Raises ``SceneError`` for files that are missing, unreadable, invalid or not supported.
     """
     if not str(path):
-        raise SceneError("no scene was named", hint="give a scene file, a folder of numbered .obj files, or exr:DIR")
+        raise SceneError("the path is empty", hint="give a scene file, a folder of numbered .obj files, or exr:DIR")
     if is_sequence(str(path)):
         from taubench_gl.scene.obj.reader import read_obj_sequence
 
         return read_obj_sequence(str(path), scene, animation)
     path = Path(path)
-    if os.path.isdir(path):  # which is False, and no error, for a name that is too long
+    if os.path.isdir(path):  # False, not an error, for a name that is too long
         raise _no_scene_in(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         hint = f"known: {', '.join(sorted(READERS))}"
         if path.suffix.lower() in (".fbx", ".blend"):
-            hint += f"; make it glTF first: taubench-gl convert {path.name} {path.stem}.glb"
+            hint += f"; convert it to glTF first: taubench-gl convert {path.name} {path.stem}.glb"
         elif not path.suffix:
             hint += "; names of scenes: taubench-gl scenes list"
         raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
@@ -72,7 +72,7 @@ def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequ
 
 
 def _no_scene_in(folder: Path) -> SceneError:
-    """What to say of a folder that is no sequence: what lies in it, and what to do."""
+    """The error for a folder that is not a sequence: its contents and a hint."""
     try:
         found = sorted(p for p in folder.iterdir() if not p.name.startswith("."))
     except OSError as error:
@@ -80,10 +80,10 @@ def _no_scene_in(folder: Path) -> SceneError:
     scenes = [p for p in found if p.suffix.lower() in READERS]
     if scenes:
         more = f" and {len(scenes) - 1} more" if len(scenes) > 1 else ""
-        return SceneError(f"is a folder, with {scenes[0].name}{more} in it", where=str(folder), hint="name one file")
+        return SceneError(f"is a folder that contains {scenes[0].name}{more}", where=str(folder), hint="give one file")
     if any(p.suffix.lower() == ".exr" for p in found):
         return SceneError("is a folder of EXR files", where=str(folder), hint=f"path-traced frames are exr:{folder}")
-    what = "is a folder without a scene" if found else "is a folder with nothing in it"
+    what = "is a folder without a scene" if found else "is an empty folder"
     hint = f"give a file ({', '.join(sorted(READERS))}), or numbered .obj files"
     return SceneError(what, where=str(folder), hint=hint)
 

@@ -1,6 +1,6 @@
-"""The immutable Scene every reader produces and everything else consumes.  No GL, no files.
+"""The immutable Scene that every reader produces and all other packages use.  No GL, no files.
 
-Arrays are read-only views where the file allows it.  Units are glTF's: metres, radians, seconds, candela / lux.
+Arrays are read-only views where the file allows it.  Units are glTF's: meters, radians, seconds, candela and lux.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Something the reader decided or left out, said once in every output.  ``where`` is a JSON pointer or ''."""
+    """A decision of the reader or something it ignores.  ``where``: JSON pointer, file:line, or ''."""
 
     message: str
     where: str = ""
@@ -27,7 +27,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Sampler:
-    """Texture sampler with GL's own enumerants.  Defaults are glTF's."""
+    """Texture sampler with GL enumerants.  Defaults are glTF's."""
 
     mag_filter: int = 9729  # LINEAR
     min_filter: int = 9987  # LINEAR_MIPMAP_LINEAR
@@ -37,16 +37,16 @@ class Sampler:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """An image of the file, decoded only when somebody asks (textures nobody samples cost nothing)."""
+    """An image of the file, decoded on demand."""
 
     name: str
-    size: tuple[int, int]  # width, height, from the header; checked against bombs when the scene is read
+    size: tuple[int, int]  # width, height, from the header; limited when the scene is read
     decode: Callable[[], Array]  # -> (h, w, 4) uint8, row 0 = top; raises SceneError
 
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """How a material samples an image: texture-coordinate set and transform, uv' = uv_transform @ (u, v, 1)."""
+    """Sampling of an image: texture-coordinate set and transform, uv' = uv_transform @ (u, v, 1)."""
 
     image: int
     sampler: Sampler = Sampler()
@@ -56,7 +56,8 @@ class Texture:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """glTF metallic-roughness.  Colours linear; ``emissive`` is radiance (factor x KHR_materials_emissive_strength)."""
+    """glTF metallic-roughness.  Colors are linear; ``emissive`` is radiance (factor x
+    KHR_materials_emissive_strength)."""
 
     name: str = ""
     base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
@@ -79,7 +80,7 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class MorphTarget:
-    """Displacements of one morph target; ``None`` where the target does not touch the attribute."""
+    """Displacements of one morph target; ``None`` where the target does not change the attribute."""
 
     positions: Array | None = None  # (V, 3) float32
     normals: Array | None = None  # (V, 3) float32
@@ -88,7 +89,7 @@ class MorphTarget:
 
 @dataclass(frozen=True, slots=True)
 class Primitive:
-    """Triangles of one material.  Strips and fans are already triangle lists; points and lines never get here."""
+    """Triangles of one material.  Readers convert strips and fans to lists and remove points and lines."""
 
     positions: Array  # (V, 3) float32, finite
     triangles: Array  # (T, 3) uint32, < V
@@ -118,12 +119,12 @@ class Skin:
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Intrinsics.  ``yfov`` radians; ``xmag``, ``ymag`` half-extents, metres; ``zfar`` may be inf (perspective)."""
+    """Intrinsics.  ``yfov`` radians; ``xmag``, ``ymag`` half-extents, meters; ``zfar`` can be inf (perspective)."""
 
     name: str = ""
     kind: str = "perspective"  # perspective | orthographic
     yfov: float = np.pi / 4
-    aspect: float | None = None  # the file's; the viewport's wins, as every viewer does
+    aspect: float | None = None  # of the file; the viewport's aspect has precedence, as in glTF viewers
     xmag: float = 1.0
     ymag: float = 1.0
     znear: float = 0.1
@@ -147,7 +148,7 @@ class Light:
 class Channel:
     """One animated property.
 
-    ``target`` is ``node``, ``camera`` or ``light`` and ``index`` counts in the scene's list of that name.  ``path``:
+    ``target`` is ``node``, ``camera`` or ``light``; ``index`` is its index in the scene.  ``path``:
     node: translation rotation scale weights visible; camera: yfov znear zfar xmag ymag; light: color intensity range
     inner_cone outer_cone.  ``values`` is (K, n) float64, for CUBICSPLINE (K, 3, n): in-tangent, value, out-tangent.
     """
@@ -167,7 +168,7 @@ class Animation:
 
     @property
     def duration(self) -> float:
-        """Seconds, the latest key."""
+        """Seconds, time of the latest key."""
         return max((float(c.times[-1]) for c in self.channels), default=0.0)
 
 
@@ -196,7 +197,7 @@ class Nodes:
         return len(self.names)
 
     def levels(self) -> list[Array]:
-        """Node indices by depth, parents before children: world matrices compose one level at a time."""
+        """Node indices by depth, parents before children, to compose world matrices level by level."""
         depth = np.zeros(len(self), dtype=np.int64)
         ancestor = self.parent.copy()
         while np.any(ancestor >= 0):
@@ -207,7 +208,7 @@ class Nodes:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Everything one file says, for one of its scenes and one choice of animations."""
+    """The content of one file, for one of its scenes and one selection of animations."""
 
     name: str
     nodes: Nodes
@@ -218,34 +219,34 @@ class Scene:
     cameras: tuple[Camera, ...] = ()
     lights: tuple[Light, ...] = ()
     animations: tuple[Animation, ...] = ()  # all of the file
-    channels: tuple[Channel, ...] = ()  # those that play together
-    playing: tuple[str, ...] = ()  # names of the animations they come from
+    channels: tuple[Channel, ...] = ()  # of all playing animations
+    playing: tuple[str, ...] = ()  # names of the playing animations
     notes: tuple[Note, ...] = ()
     path: Path | None = None
-    sha256: str | None = None  # of all files it was read from (``scene.identity``); None where it was made in memory
-    files: int = 0  # that it was read from; 0 where it was made in memory
+    sha256: str | None = None  # of all source files (``scene.files.Identity``); None for a scene made in memory
+    files: int = 0  # number of source files; 0 for a scene made in memory
     scene_names: tuple[str, ...] = ()
-    stand_in: str | None = None  # what the scene stands for, where it is not the thing itself
-    default_camera: str | None = None  # name of the camera that the file itself asks for
-    # nodes that take the place of another surface when they become visible: nothing of theirs was anywhere before
+    stand_in: str | None = None  # name of the scene that this one is a stand-in for
+    default_camera: str | None = None  # name of the default camera of the file
+    # nodes that replace another surface when they become visible: their pixels have no history
     replacements: frozenset[int] = frozenset()
 
     @property
     def duration(self) -> float:
-        """Seconds: the latest key of what plays; 0 for a still scene."""
+        """Seconds: time of the latest playing key; 0 for a still scene."""
         return max((float(c.times[-1]) for c in self.channels), default=0.0)
 
     @property
     def camera_nodes(self) -> Array:
-        """Nodes of this scene that carry a camera, in file order.  (C,) int."""
+        """Nodes of this scene with a camera, in file order.  (C,) int."""
         return np.flatnonzero(self.nodes.in_scene & (self.nodes.camera >= 0))
 
     @property
     def light_nodes(self) -> Array:
-        """Nodes of this scene that carry a punctual light, in file order.  (L,) int."""
+        """Nodes of this scene with a punctual light, in file order.  (L,) int."""
         return np.flatnonzero(self.nodes.in_scene & (self.nodes.light >= 0))
 
     @property
     def mesh_nodes(self) -> Array:
-        """Nodes of this scene that carry a mesh, in file order.  (M,) int."""
+        """Nodes of this scene with a mesh, in file order.  (M,) int."""
         return np.flatnonzero(self.nodes.in_scene & (self.nodes.mesh >= 0))

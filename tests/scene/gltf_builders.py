@@ -1,4 +1,4 @@
-"""Small glTF files that several tests start from."""
+"""Small glTF files and checks shared by several tests."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from taubench_gl.scene import Scene, load_scene
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 
 
-def messages(scene: Scene) -> str:
-    return "\n".join(map(str, scene.notes))
+def notes_about(scene: Scene, *values: object) -> list[str]:
+    """``where`` of every note that contains all ``values``: numbers and names of the file, not wording."""
+    return [note.where for note in scene.notes if all(str(value) in note.message for value in values)]
 
 
 def primitive_of(gltf: Gltf, folder: Path):
@@ -94,7 +95,7 @@ LIGHT = "/extensions/KHR_lights_punctual/lights/1"
 def compressed(
     gltf: Gltf, data: bytes, stride: int, count: int, mode: str, filter: str = "NONE", **view: object
 ) -> int:
-    """A bufferView whose only data is compressed; its own buffer is a fallback without bytes."""
+    """A bufferView with compressed data only; its buffer is a fallback without bytes."""
     packed = {"buffer": 0, "byteOffset": len(gltf.blob) + -len(gltf.blob) % 4, "byteLength": len(data),
               "byteStride": stride, "count": count, "mode": mode, "filter": filter}  # fmt: skip
     gltf.blob += bytes(-len(gltf.blob) % 4) + data

@@ -18,7 +18,7 @@ def _library(document: Document, module: str, extra: str, pointer: str) -> Modul
         return importlib.import_module(module)
     except ImportError:
         raise document.error(
-            f"is {extra}-compressed and the Python module {module} is not installed",
+            f"is {extra}-compressed, and the Python module {module} is not installed",
             pointer,
             f"pip install 'taubench-gl[{extra}]'",
         ) from None
@@ -31,7 +31,7 @@ def decode_draco(document: Document, data: memoryview, pointer: str) -> tuple[Ar
         mesh = library.decode(bytes(data))
         faces = np.asarray(mesh.faces, dtype=np.uint32).reshape(-1, 3)
         attributes = {int(a["unique_id"]): np.asarray(a["data"]) for a in mesh.attributes}
-    except Exception as e:  # the library raises bare Exception subclasses of its own
+    except Exception as e:  # the library raises direct subclasses of Exception
         raise document.error(f"Draco data cannot be decoded: {e}", pointer, "export the file again") from None
     return faces, {k: v.reshape(len(v), -1) for k, v in attributes.items()}
 
@@ -64,7 +64,7 @@ def decode_meshopt(document: Document, packed: schema.Meshopt, data: memoryview,
             out = library.decode_index_sequence(packed.count, packed.byte_stride, bytes(data))
     except (RuntimeError, ValueError, TypeError) as e:
         raise document.error(f"meshopt data cannot be decoded: {e}", pointer, "export the file again") from None
-    # 16-bit indices are packed into the front of the library's 32-bit array.
+    # The library stores 16-bit indices at the start of its 32-bit array.
     return memoryview(out.view(np.uint8))[:size]
 
 
@@ -76,11 +76,11 @@ ROWS_COLUMNS = {"SCALAR": (1, 1), "VEC2": (2, 1), "VEC3": (3, 1), "VEC4": (4, 1)
                 "MAT4": (4, 4)}  # fmt: skip
 
 MAX_FILLED_BYTES = 256 << 20
-"""Zeros that accessors without a bufferView may ask for, all together: a few bytes of JSON can ask for terabytes."""
+"""Limit on the total size of accessors without a bufferView: a few bytes of JSON can request terabytes of zeros."""
 
 MAX_UNPACKED_BYTES = 4 << 30
-"""Bytes that decompressed bufferViews, sparse accessors and converted integers may take, all together: many small
-objects can refer to one large bufferView."""
+"""Limit on the total size of decompressed bufferViews, sparse accessors and converted integers: many small objects can
+refer to one large bufferView."""
 
 
 class Accessors:
@@ -95,7 +95,7 @@ class Accessors:
         self._filled = self._unpacked = 0
 
     def check_all(self) -> None:
-        """Check every bufferView, and every accessor that has data of its own, whether or not anything uses it."""
+        """Check every bufferView, and every accessor with data, also unused ones.  Raises SceneError."""
         for index in range(len(self.document.root.buffer_views or [])):
             self._check_view(index)
         for index, accessor in enumerate(self.document.root.accessors or []):
@@ -105,7 +105,7 @@ class Accessors:
                     self.raw(index, f"/accessors/{index}")
 
     def _check_layout(self, accessor: schema.Accessor, pointer: str) -> None:
-        """What can be said of an accessor without its data, for those in buffers that have none."""
+        """Checks that need no data, also for accessors in buffers without data."""
         if accessor.buffer_view is not None:
             view = self.document.item("buffer_views", accessor.buffer_view, f"{pointer}/bufferView")
             self._layout(accessor, view.byte_length, accessor.byte_offset, accessor.count, view, pointer)
@@ -122,7 +122,7 @@ class Accessors:
         return self.document.item("accessors", index, pointer)
 
     def describe(self, index: int, pointer: str) -> str:
-        """For error messages: ``VEC3 of FLOAT``."""
+        """Type for error messages, such as ``VEC3 of FLOAT``."""
         a = self.get(index, pointer)
         return f"{a.type} of {'normalized ' if a.normalized else ''}{COMPONENT_NAMES[a.component_type]}"
 
@@ -165,17 +165,17 @@ class Accessors:
         return array
 
     def use(self, index: int, usage: str, pointer: str) -> None:
-        """Record that an accessor's bufferView holds vertex attributes or indices; glTF forbids both in one."""
+        """Record that an accessor's bufferView contains vertex attributes or indices; glTF forbids both in one."""
         view = self.get(index, pointer).buffer_view
         if view is None:
             return
         target = self.document.item("buffer_views", view, pointer).target
         declared = {34962: "vertex attributes", 34963: "indices"}.get(target, usage)
         if self._usage.setdefault(view, declared) != usage:
-            raise self.document.error(f"bufferViews[{view}] holds {self._usage[view]} and {usage}", pointer)
+            raise self.document.error(f"bufferViews[{view}] contains {self._usage[view]} and {usage}", pointer)
 
     def no_stride(self, index: int, pointer: str) -> None:
-        """Only vertex attributes may lie in a bufferView with byteStride."""
+        """Refuse a bufferView with byteStride, which glTF allows for vertex attributes only."""
         view = self.get(index, pointer).buffer_view
         if view is not None and self.document.item("buffer_views", view, pointer).byte_stride is not None:
             raise self.document.error("its bufferView has a byteStride, which only vertex attributes may have", pointer)
@@ -184,11 +184,11 @@ class Accessors:
         self._unpacked += size
         if self._unpacked > MAX_UNPACKED_BYTES:
             raise self.document.error(
-                f"the file unpacks to more than {MAX_UNPACKED_BYTES >> 20} MiB", pointer, "split it into smaller files"
+                f"the decompressed file exceeds {MAX_UNPACKED_BYTES >> 20} MiB", pointer, "split it into smaller files"
             )
 
     def view_bytes(self, index: int, pointer: str) -> memoryview:
-        """Bytes of one bufferView, decompressed if need be."""
+        """Bytes of one bufferView, decompressed where necessary."""
         view = self.document.item("buffer_views", index, pointer)
         if index not in self._views:
             where = f"/bufferViews/{index}"
@@ -197,7 +197,7 @@ class Accessors:
             if data is None:
                 buffer = self.document.buffers[view.buffer]
                 if buffer is None:
-                    raise self.document.error("lies in a buffer without data", where)
+                    raise self.document.error("is in a buffer without data", where)
                 data = buffer[view.byte_offset : view.byte_offset + view.byte_length]
             self._views[index] = data
         return self._views[index]
@@ -227,7 +227,7 @@ class Accessors:
                 raise self.document.error(f"bytes {packed.byte_offset} to {end} do not fit its buffer", where)
             if packed.count * packed.byte_stride != view.byte_length:
                 raise self.document.error(
-                    f"{packed.count} x {packed.byte_stride} bytes are not byteLength {view.byte_length}", where
+                    f"{packed.count} x {packed.byte_stride} bytes differ from byteLength {view.byte_length}", where
                 )
             self._spend(view.byte_length, where)
             return decode_meshopt(self.document, packed, buffer[packed.byte_offset : end], where)
@@ -243,7 +243,7 @@ class Accessors:
             self._filled += count * components * dtype.itemsize
             if self._filled > MAX_FILLED_BYTES:
                 raise self.document.error(
-                    f"accessors without a bufferView ask for more than {MAX_FILLED_BYTES >> 20} MiB of zeros", pointer
+                    f"accessors without a bufferView request more than {MAX_FILLED_BYTES >> 20} MiB of zeros", pointer
                 )
             array = np.zeros((count, components), dtype)
         if accessor.sparse is not None:
@@ -279,7 +279,10 @@ class Accessors:
         view: schema.BufferView,
         pointer: str,
     ) -> tuple[int, int]:
-        """Bytes from element to element and from matrix column to column, after checking that all fits ``length``."""
+        """Stride in bytes of elements and of matrix columns.
+
+        Raises SceneError where the data exceeds ``length`` bytes.
+        """
         dtype = self.dtype(accessor)
         if accessor.normalized and accessor.component_type in (FLOAT, 5125):
             raise self.document.error("only 8- and 16-bit integers can be normalized", f"{pointer}/normalized")
@@ -287,7 +290,7 @@ class Accessors:
         # Columns of matrices are aligned to four bytes.
         column = rows * dtype.itemsize
         column = -(-column // 4) * 4 if columns > 1 else column
-        # The last column is not padded at its end, but all writers and the validator count it as if it were.
+        # The last column has no padding, but all writers and the validator count it with padding.
         size = column * columns
         stride = view.byte_stride or size
         if stride < size:
@@ -295,13 +298,13 @@ class Accessors:
         start = view.byte_offset
         if offset % dtype.itemsize or (start + offset) % dtype.itemsize or stride % dtype.itemsize:
             raise self.document.error(
-                f"byte offset {offset} (in all {start + offset}) is not a multiple of the component's "
+                f"byte offset {offset} (total {start + offset}) is not a multiple of the component's "
                 f"{dtype.itemsize} bytes",
                 pointer,
             )
         if offset + stride * (count - 1) + size > length:
             raise self.document.error(
-                f"{count} elements of {size} bytes, {stride} apart, from byte {offset} do not fit {length} bytes",
+                f"{count} elements of {size} bytes with stride {stride}, from byte {offset}, do not fit {length} bytes",
                 pointer,
                 "the accessor's count, offset or type is wrong",
             )
@@ -310,7 +313,7 @@ class Accessors:
     def _sparse_parts(
         self, accessor: schema.Accessor, pointer: str
     ) -> list[tuple[schema.Accessor, schema.SparseIndices | schema.SparseValues, schema.BufferView, str]]:
-        """Indices and values, layout checked: what their elements are like, where they lie, their view, a pointer."""
+        """Indices and values with checked layout: (element accessor, part, bufferView, JSON pointer) of each."""
         sparse, where = accessor.sparse, f"{pointer}/sparse"
         if sparse.count > accessor.count:
             raise self.document.error(f"replaces {sparse.count} of {accessor.count} elements", f"{where}/count")
@@ -366,5 +369,5 @@ class Accessors:
                 raise self.document.error(
                     f"declared {name} {declared[at]:g} is not the data's {name} {actual[at]:g}",
                     f"{pointer}/{name}/{at}",
-                    "the data does not match its description: export the file again",
+                    "the data does not match the accessor: export the file again",
                 )

@@ -20,7 +20,7 @@ POINTER = "KHR_animation_pointer"
 
 
 class Target(NamedTuple):
-    """``size`` numbers of ``path`` of the scene's ``kind`` (node, camera, light) number ``index``."""
+    """An animated property: ``size`` numbers at ``path`` of the ``kind`` (node, camera or light) with this index."""
 
     kind: str
     index: int
@@ -40,7 +40,7 @@ _POINTER = re.compile(rf"(/nodes/|/cameras/|/meshes/|{_LIGHTS})(0|[1-9]\d{{0,8}}
 
 
 def resolve_pointer(document: Document, text: str, weight_count: Callable[[int], int], pointer: str) -> list[Target]:
-    """Targets of one animated JSON pointer; none, with a note, where it names nothing a Scene can animate."""
+    """Targets of one animated JSON pointer; none, with a note, for a property that cannot be animated."""
     match = _POINTER.fullmatch(text)
     targets = _resolve(document, match[1], int(match[2]), match[3], weight_count, pointer) if match else []
     if not targets:
@@ -60,7 +60,7 @@ def _resolve(
         return [Target("node", index, *_NODE[path])] if path in _NODE else []
     if owner == "/meshes/":
         document.item("meshes", index, pointer)
-        # Nodes with weights of their own do not see their mesh's.
+        # A node with weights does not use those of its mesh.
         users = [i for i, n in enumerate(document.root.nodes or []) if n.mesh == index and n.weights is None]
         return [Target("node", i, "weights", weight_count(i)) for i in users if path == "weights" and weight_count(i)]
     if owner == "/cameras/":
@@ -69,7 +69,7 @@ def _resolve(
         return [Target("camera", index, _CAMERA[path], 1)] if known else []
     lights = document.extension(document.root, LIGHTS, schema.PunctualLights, "")
     if lights is None or index >= len(lights.lights):
-        raise document.error("refers to a light that is not there", pointer)
+        raise document.error("refers to a light that does not exist", pointer)
     return [Target("light", index, *_LIGHT[path])] if path in _LIGHT else []
 
 
@@ -78,7 +78,7 @@ SMALL = {5120, 5121, 5122, 5123}
 
 
 class AnimationReader:
-    """Reads the animations of one document; ``meshes`` tell how many morph weights a node has."""
+    """Reads the animations of one document; ``meshes`` give the number of morph weights of each node."""
 
     def __init__(self, document: Document, accessors: Accessors, meshes: tuple[Mesh, ...]):
         self.document, self.accessors, self.meshes = document, accessors, meshes
@@ -100,7 +100,7 @@ class AnimationReader:
             where = f"{pointer}/channels/{k}"
             if channel.sampler >= len(animation.samplers):
                 raise self.document.error(
-                    f"refers to samplers[{channel.sampler}], the animation has {len(animation.samplers)}",
+                    f"refers to samplers[{channel.sampler}]; the animation has {len(animation.samplers)}",
                     f"{where}/sampler",
                 )
             sampler, at = animation.samplers[channel.sampler], f"{pointer}/samplers/{channel.sampler}"
@@ -113,13 +113,13 @@ class AnimationReader:
         return Animation(animation.name, tuple(channels))
 
     def _targets(self, channel: schema.Channel, pointer: str) -> list[Target]:
-        """What a channel moves: nothing (noted), one property, or one per node for a mesh's own weights."""
+        """Targets of a channel: none (with a note), one property, or one per node for the weights of a mesh."""
         target, document = channel.target, self.document
         animated = document.extension(target, POINTER, schema.AnimationPointer, f"{pointer}/target")
         if animated is not None:
             where = f"{pointer}/target/extensions/{POINTER}"
             if target.path != "pointer":
-                raise document.error(f"target path is {target.path!r}, the extension requires 'pointer'", where)
+                raise document.error(f"target path is {target.path!r}; the extension requires 'pointer'", where)
             return resolve_pointer(document, animated.pointer, self._weight_count, f"{where}/pointer")
         if target.node is None:
             document.note("channel without a target node is ignored", pointer)
@@ -160,9 +160,9 @@ class AnimationReader:
         if given in ("STEP", "LINEAR", "CUBICSPLINE"):
             return given
         if isinstance(given, int):
-            self.document.note(f"interpolation is the number {given}, not a word; taken as LINEAR", pointer)
+            self.document.note(f"interpolation is the number {given} instead of a name: LINEAR is used", pointer)
             return "LINEAR"
-        raise self.document.error(f"{given!r} is no interpolation", f"{pointer}/interpolation",
+        raise self.document.error(f"{given!r} is not an interpolation", f"{pointer}/interpolation",
                                   "STEP, LINEAR or CUBICSPLINE")  # fmt: skip
 
     def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str) -> Channel:
@@ -170,19 +170,19 @@ class AnimationReader:
         times, last = self._key_times(sampler.input, f"{pointer}/input")
         if last is not None:
             dropped = len(last) - len(times)
-            self.document.note(f"{dropped} keys share their time with a later one, which is used", f"{pointer}/input")
+            self.document.note(f"{dropped} keys have the same time as a later key, which is used", f"{pointer}/input")
         values = self._values(sampler, target, interpolation, f"{pointer}/output")
         return Channel(target.kind, target.index, target.path, interpolation, times, values)
 
     def _key_times(self, index: int, pointer: str) -> tuple[Array, Array | None]:
-        """Strictly increasing times (K,) float64, and which of the file's keys they are (None: all)."""
+        """Strictly increasing times (K,) float64, and a mask of the file's keys that are used (None: all)."""
         if index not in self._times:
             times, last = self.accessors.raw(index, pointer)[:, 0].astype(np.float64), None
             steps = times[1:] - times[:-1]
             if times[0] < 0 or (steps < 0).any():
                 at = 0 if times[0] < 0 else int(np.argmax(steps < 0)) + 1
                 raise self.document.error(
-                    f"key time {at} is {times[at]:g}; times must be at least 0 and increase", pointer
+                    f"key time {at} is {times[at]:g}; times must be at least 0 and increasing", pointer
                 )
             if (steps == 0).any():
                 last = np.append(steps > 0, True)
@@ -192,7 +192,7 @@ class AnimationReader:
         return self._times[index]
 
     def _values(self, sampler: schema.AnimationSampler, target: Target, interpolation: str, pointer: str) -> Array:
-        """(K, n) float64, for CUBICSPLINE (K, 3, n); channels that share a sampler share the array."""
+        """(K, n) float64, for CUBICSPLINE (K, 3, n); channels with a common sampler share the array."""
         document, accessors = self.document, self.accessors
         times, last = self._times[sampler.input]
         keys = len(times) if last is None else len(last)
@@ -230,20 +230,21 @@ class AnimationReader:
 
 
 def choose_animations(
-    document: Document, animations: tuple[Animation, ...], wanted: Sequence[str | int] | None
+    document: Document, animations: tuple[Animation, ...], requested: Sequence[str | int] | None
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
-    """The channels that play together, and the names of their animations.
+    """The channels of all playing animations, and the names of these animations.
 
-    Exporters that write one animation per object mean them all to play; files with several takes of one character
-    mean one at a time.  So every animation plays whose targets no earlier one moves already.
+    Some exporters write one animation per object, and all of them play.  Files with several takes of one character play
+    one at a time.  So every animation plays that has no target in common with an earlier one.  Raises SceneError where
+    requested animations share a target.
     """
     names = [animation.name for animation in animations]
-    if wanted is None:
+    if requested is None:
         order = list(range(len(animations)))
     else:
-        if isinstance(wanted, (str, int)):
-            wanted = [wanted]
-        order = list(dict.fromkeys(pick(document, w, names, "animation", "/animations") for w in wanted))
+        if isinstance(requested, (str, int)):
+            requested = [requested]
+        order = list(dict.fromkeys(pick(document, name, names, "animation", "/animations") for name in requested))
     channels: list[Channel] = []
     playing: list[str] = []
     silent: dict[str, list[str]] = {}
@@ -258,14 +259,13 @@ def choose_animations(
             playing.append(label)
             continue
         other = names[rival] or f"animation {rival}"
-        if wanted is not None:
-            raise document.error(f"moves what {other!r} moves too", f"/animations/{i}", "choose one of the two")
+        if requested is not None:
+            raise document.error(f"has targets in common with {other!r}", f"/animations/{i}", "choose one of the two")
         silent.setdefault(other, []).append(label)
     for other, labels in silent.items():
         shown = ", ".join(repr(label) for label in labels[:8])
         more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
         document.note(
-            f"only {other!r} plays of the animations that move the same things; not {shown}{more} "
-            f"(choose with --animation)"
+            f"{other!r} plays; {shown}{more} have targets in common with it and do not (select with --animation)"
         )
     return tuple(channels), tuple(playing)

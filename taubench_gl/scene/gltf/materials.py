@@ -56,14 +56,14 @@ def unused_image(document: Document, index: int) -> Image:
 
 
 class MaterialReader:
-    """Reads the materials of one document, then the images they turned out to need."""
+    """Reads the materials of one document, then the images that they sample."""
 
     def __init__(self, document: Document, accessors: Accessors):
         self.document, self.accessors = document, accessors
         self._needed: set[int] = set()
 
     def materials(self) -> tuple[Material, ...]:
-        """Also checks textures and samplers that no material uses."""
+        """All materials.  Also checks the textures and samplers that no material uses."""
         root = self.document.root
         for i, texture in enumerate(root.textures or []):
             if texture.sampler is not None:
@@ -73,7 +73,7 @@ class MaterialReader:
         return tuple(self._material(m, f"/materials/{i}") for i, m in enumerate(root.materials or []))
 
     def images(self) -> tuple[Image, ...]:
-        """All images of the file; those no material samples are not opened.  Call after ``materials``."""
+        """All images of the file; images that no material samples are not opened.  Call after ``materials``."""
         document = self.document
         return tuple(
             read_image(document, self.accessors, i) if i in self._needed else unused_image(document, i)
@@ -112,7 +112,7 @@ class MaterialReader:
         )
 
     def _specular(self, material: schema.Material, pointer: str) -> float:
-        """The factor of KHR_materials_specular; its colour and textures are noted as not simulated."""
+        """The factor of KHR_materials_specular; its color and textures are not simulated, with a note."""
         extension = self.document.extension(material, "KHR_materials_specular", schema.Specular, pointer)
         if extension is None:
             return 1.0
@@ -131,14 +131,14 @@ class MaterialReader:
             source = webp.source
             document.item("images", source, f"{where}/extensions/EXT_texture_webp/source")
         if source is None:
-            document.note("texture has no image this program can read; drawn without it", where)
+            document.note("texture has no readable image; drawn without it", where)
             return None
         transform = document.extension(info, "KHR_texture_transform", schema.TextureTransform, pointer)
         texcoord = info.tex_coord
         if transform is not None and transform.tex_coord is not None:
             texcoord = transform.tex_coord
         if texcoord > 1:
-            document.note(f"texture uses TEXCOORD_{texcoord}, only 0 and 1 are read; drawn without it", pointer)
+            document.note(f"texture uses TEXCOORD_{texcoord}; only 0 and 1 are supported; drawn without it", pointer)
             return None
         self._needed.add(source)
         return Texture(source, self._sampler(texture), texcoord, uv_transform(transform))
@@ -154,7 +154,7 @@ class MaterialReader:
 def uv_transform(transform: schema.TextureTransform | None) -> Array:
     """KHR_texture_transform as uv' = M @ (u, v, 1): offset * rotation * scale.  (2, 3) float64.
 
-    Rotation is counter-clockwise as seen on the image, whose v points down, hence the sign of the sines.
+    Rotation is counter-clockwise in the image, whose v axis points down; hence the sign of the sines.
     """
     if transform is None:
         return np.eye(2, 3)

@@ -33,7 +33,8 @@ FORMATS: Formats = {
     "JOINTS": (("VEC4",), {(UBYTE, False), (USHORT, False)}, set()),
     "WEIGHTS": (("VEC4",), _FLOAT | _UNSIGNED, set()),
 }
-"""Semantic -> accessor types, (component, normalized) of the core specification, those quantization adds."""
+"""Semantic -> accessor types, (component, normalized) of the core specification, those that KHR_mesh_quantization
+adds."""
 
 TARGET_FORMATS: Formats = {
     "POSITION": (("VEC3",), _FLOAT, {(c, n) for c in (BYTE, SHORT) for n in (False, True)}),
@@ -47,20 +48,21 @@ _SEMANTIC = re.compile(r"POSITION|NORMAL|TANGENT|(?:TEXCOORD|COLOR|JOINTS|WEIGHT
 
 
 def check_semantics(document: Document, primitive: schema.Primitive, pointer: str) -> None:
-    """Attribute names are glTF's or begin with an underscore; numbered ones count from 0 without a gap."""
+    """Check attribute names: glTF's, or with a leading underscore; numbers are consecutive from 0.  Raises
+    SceneError."""
     sets: dict[str, set[int]] = {}
     for name in primitive.attributes:
         if name.startswith("_"):
             continue
         where = f"{pointer}/attributes/{name}"
         if _SEMANTIC.fullmatch(name) is None:
-            raise document.error("is no attribute of glTF 2.0", where, "names of your own begin with an underscore")
+            raise document.error("is not an attribute of glTF 2.0", where, "custom names begin with an underscore")
         base, _, number = name.partition("_")
         if number:
             sets.setdefault(base, set()).add(int(number))
     for base, numbers in sets.items():
         if max(numbers) != len(numbers) - 1:
-            raise document.error(f"numbers of {base}_n do not count from 0 without a gap", f"{pointer}/attributes")
+            raise document.error(f"numbers of {base}_n are not consecutive from 0", f"{pointer}/attributes")
     if sets.get("JOINTS", set()) != sets.get("WEIGHTS", set()):
         raise document.error("JOINTS_n and WEIGHTS_n do not come in pairs", f"{pointer}/attributes")
 
@@ -68,7 +70,7 @@ def check_semantics(document: Document, primitive: schema.Primitive, pointer: st
 def check_format(
     document: Document, accessors: Accessors, name: str, index: int, formats: Formats, pointer: str
 ) -> None:
-    """The accessor's type, component type and normalization are among those its semantic may have."""
+    """Check that the accessor's type, component type and normalization are allowed for its semantic."""
     accessor = accessors.get(index, pointer)
     if accessor.component_type == 5125:
         raise document.error("vertex attributes cannot be UNSIGNED_INT", pointer)
@@ -76,7 +78,7 @@ def check_format(
         return
     semantic = name.partition("_")[0]
     if semantic not in formats:
-        raise document.error("is no attribute of a morph target", pointer)
+        raise document.error("is not an attribute of a morph target", pointer)
     types, core, quantized = formats[semantic]
     allowed = core | quantized if "KHR_mesh_quantization" in (document.root.extensions_used or []) else core
     if accessor.type not in types or (accessor.component_type, accessor.normalized) not in allowed:
@@ -89,10 +91,10 @@ POINTS, LINES, LINE_LOOP, LINE_STRIP, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 
 
 
 def triangle_list(mode: int, indices: Array) -> Array:
-    """Corners of every triangle, wound as glTF says.  (n,) -> (T, 3) uint32.
+    """Corners of every triangle, with glTF's winding.  (n,) -> (T, 3) uint32.
 
-    A list keeps its degenerate triangles (the file's count stays the file's); those of strips and fans, which only
-    stitch pieces together, are dropped.  Indices left over at the end make no triangle.
+    A list keeps its degenerate triangles.  Degenerate triangles of strips and fans, which only connect pieces, are
+    removed.  Surplus indices at the end are ignored.
     """
     indices = indices.astype(np.uint32, copy=False)
     if mode == TRIANGLES:
@@ -111,7 +113,7 @@ def triangle_list(mode: int, indices: Array) -> Array:
 
 
 def line_count(mode: int, count: int) -> int:
-    """Segments that ``count`` indices make in a line mode."""
+    """Number of segments of ``count`` indices in a line mode."""
     return {LINES: count // 2, LINE_LOOP: count if count > 1 else 0, LINE_STRIP: max(count - 1, 0)}[mode]
 
 
@@ -121,7 +123,7 @@ SUM_TOLERANCE = 1e-3
 def skin_weights(
     document: Document, fixes: Counter[str], arrays: dict[str, Array], pointer: str
 ) -> tuple[Array | None, Array | None]:
-    """Joints (V, 4 k) uint32 and weights (V, 4 k) float32, or (None, None).  ``fixes`` counts what was repaired."""
+    """Joints (V, 4 k) uint32 and weights (V, 4 k) float32, or (None, None).  ``fixes`` counts repairs."""
     sets = sorted(int(name[7:]) for name in arrays if name.startswith("JOINTS_"))
     if not sets:
         return None, None
@@ -135,9 +137,9 @@ def skin_weights(
     total = weights.sum(axis=1)
     empty = total == 0
     if np.any(empty):
-        # The only joint such a vertex names; without this it would collapse into the origin.
+        # The first joint of such a vertex; with weights of 0 it would collapse into the origin.
         weights[empty, 0], total[empty] = 1.0, 1.0
-        fixes["vertices without any skin weight follow the first joint they name"] += int(empty.sum())
+        fixes["vertices without any skin weight follow their first joint"] += int(empty.sum())
     off = np.abs(total - 1.0) > SUM_TOLERANCE
     if np.any(off):
         fixes["vertices had skin weights that did not sum to 1; they were normalized"] += int(off.sum())
@@ -146,14 +148,14 @@ def skin_weights(
     return joints, weights
 
 
-UNIT_TOLERANCE = 0.00674  # on a vector's length; half a step of a normalized byte, as the Khronos validator has it
+UNIT_TOLERANCE = 0.00674  # on a vector's length; half a step of a normalized byte, as in the Khronos validator
 
 
 T = TypeVar("T")
 
 
 class DracoData(NamedTuple):
-    """``key`` tells apart what was decoded; ``indices`` (3 T,) uint32; ``attributes`` by semantic, as stored."""
+    """``key`` identifies the decoded data; ``indices`` (3 T,) uint32; ``attributes`` by semantic, as stored."""
 
     key: Hashable
     indices: Array | None
@@ -161,14 +163,14 @@ class DracoData(NamedTuple):
 
 
 class MeshReader:
-    """Reads the meshes of one document; ``materials`` are the ones already read."""
+    """Reads the meshes of one document, after its ``materials``."""
 
     def __init__(self, document: Document, accessors: Accessors, materials: tuple[Material, ...]):
         self.document, self.accessors, self.materials = document, accessors, materials
         self.undrawn: Counter[str] = Counter()
         self.fixes: Counter[str] = Counter()
-        # Primitives that share accessors share the arrays made from them: a file of a few kilobytes can share one large
-        # accessor among thousands of primitives.
+        # Primitives with equal accessors share arrays: a file of a few kilobytes can refer to one large accessor in
+        # thousands of primitives.
         self._shared: dict[Hashable, Any] = {}
 
     def read(self) -> tuple[Mesh, ...]:
@@ -239,10 +241,10 @@ class MeshReader:
         return self._shared[key]
 
     def _attribute(self, name: str, index: int, count: int, draco: DracoData, pointer: str) -> Array:
-        """One vertex attribute: uint32 joints, float32 all else.  (V, n)."""
+        """One vertex attribute, (V, n): uint32 for joints, float32 otherwise."""
         accessor = self.accessors.get(index, pointer)
         if accessor.count != count:
-            raise self.document.error(f"has {accessor.count} elements, POSITION has {count}", pointer)
+            raise self.document.error(f"has {accessor.count} elements; POSITION has {count}", pointer)
         unpacked = draco.attributes.get(name)
 
         def make() -> Array:
@@ -284,7 +286,7 @@ class MeshReader:
         self.accessors.use(index, "indices", pointer)
 
     def _triangles(self, primitive: schema.Primitive, count: int, draco: DracoData, pointer: str) -> Array | None:
-        """Triangle list (T, 3) uint32, or None where there is nothing to draw (which is noted)."""
+        """Triangle list (T, 3) uint32, or None, with a note, for a primitive without triangles."""
         if draco.indices is not None:
             indices, mode = draco.indices, TRIANGLES
         elif primitive.indices is not None:
@@ -295,7 +297,7 @@ class MeshReader:
         if len(indices) and int(indices.max()) >= count:
             at = int(np.argmax(indices >= count))
             raise self.document.error(
-                f"index {indices[at]} at position {at}, the primitive has {count} vertices", f"{pointer}/indices"
+                f"index {indices[at]} at position {at}; the primitive has {count} vertices", f"{pointer}/indices"
             )
         if mode < TRIANGLES:
             self.undrawn["primitives"] += 1
@@ -304,12 +306,12 @@ class MeshReader:
             )
             return None
         if mode == TRIANGLES and len(indices) % 3:
-            self.document.note(f"{len(indices) % 3} indices at the end make no triangle", pointer)
+            self.document.note(f"{len(indices) % 3} surplus indices at the end are ignored", pointer)
         triangles = self._share(
             ("triangles", primitive.indices, count, mode, draco.key), lambda: triangle_list(mode, indices)
         )
         if not len(triangles):
-            self.document.note("primitive without a triangle is not drawn", pointer)
+            self.document.note("primitive without triangles is not drawn", pointer)
             return None
         triangles.flags.writeable = False
         return triangles
@@ -325,10 +327,10 @@ class MeshReader:
         for texture in (material.base_color_texture, material.metallic_roughness_texture, material.normal_texture,
                         material.occlusion_texture, material.emissive_texture):  # fmt: skip
             if texture is not None and texcoords[texture.texcoord] is None:
-                # OpenGL's value of an attribute that is not there; every viewer draws such files.
+                # OpenGL's default for a missing attribute; all viewers draw such files.
                 texcoords[texture.texcoord] = self._share(("zeros", count), lambda: np.zeros((count, 2), np.float32))
                 self.document.note(
-                    f"TEXCOORD_{texture.texcoord}, by which the material samples a texture, is missing: taken as 0, 0",
+                    f"TEXCOORD_{texture.texcoord}, which a texture of the material uses, is missing: set to 0, 0",
                     pointer,
                 )
         return texcoords[0], texcoords[1]
@@ -337,7 +339,7 @@ class MeshReader:
         for name, index in target.items():
             where = f"{pointer}/{name}"
             if not name.startswith("_") and name not in base:
-                raise self.document.error("the primitive itself has no such attribute", where)
+                raise self.document.error("the primitive has no such attribute", where)
             check_format(self.document, self.accessors, name, index, TARGET_FORMATS, where)
             self.accessors.use(index, "vertex attributes", where)
 
@@ -347,7 +349,7 @@ class MeshReader:
             where = f"{pointer}/{name}"
             accessor = self.accessors.get(index, where)
             if accessor.count != count:
-                raise self.document.error(f"has {accessor.count} elements, POSITION has {count}", where)
+                raise self.document.error(f"has {accessor.count} elements; POSITION has {count}", where)
             if name in ("POSITION", "NORMAL", "TANGENT"):
                 arrays[name] = self.accessors.floats(index, where)
             elif not name.startswith("_"):
@@ -355,7 +357,7 @@ class MeshReader:
         return MorphTarget(arrays.get("POSITION"), arrays.get("NORMAL"), arrays.get("TANGENT"))
 
     def _draco(self, primitive: schema.Primitive, pointer: str) -> DracoData:
-        """Decoded Draco data of one primitive; all None and empty where it is not compressed."""
+        """Decoded Draco data of one primitive; None and empty where it is not compressed."""
         name = "KHR_draco_mesh_compression"
         packed = self.document.extension(primitive, name, schema.Draco, pointer)
         if packed is None:
@@ -369,21 +371,21 @@ class MeshReader:
         for semantic, unique_id in packed.attributes.items():
             at = f"{where}/attributes/{semantic}"
             if semantic not in primitive.attributes:
-                raise self.document.error("the primitive itself has no such attribute", at)
+                raise self.document.error("the primitive has no such attribute", at)
             array = by_id.get(unique_id)
             if array is None:
                 raise self.document.error(f"the Draco data has no attribute with id {unique_id}", at)
             accessor = self.accessors.get(primitive.attributes[semantic], at)
             expected = self.accessors.shape(accessor)
             if array.shape != expected:
-                raise self.document.error(f"decodes to {array.shape}, the accessor says {expected}", at)
+                raise self.document.error(f"decodes to {array.shape}; the accessor declares {expected}", at)
             if not np.all(np.isfinite(array)):
                 raise self.document.error("decodes to NaN or infinity", at)
             attributes[semantic] = array.astype(self.accessors.dtype(accessor))
         if primitive.indices is not None:
             declared = self.accessors.get(primitive.indices, f"{pointer}/indices").count
             if declared != faces.size:
-                self.document.note(f"Draco data holds {faces.size} indices, the accessor says {declared}", pointer)
+                self.document.note(f"Draco data has {faces.size} indices; the accessor declares {declared}", pointer)
         key = (packed.buffer_view, tuple(sorted(packed.attributes.items())))
         return DracoData(key, faces.reshape(-1), attributes)
 

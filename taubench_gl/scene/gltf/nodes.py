@@ -23,7 +23,7 @@ def read_cameras(document: Document) -> tuple[Camera, ...]:
 
 
 def read_lights(document: Document) -> tuple[Light, ...]:
-    """All lights of the file; none where it does not use the extension."""
+    """All lights of KHR_lights_punctual in the file."""
     lights = document.extension(document.root, LIGHTS, schema.PunctualLights, "")
     if lights is None:
         return ()
@@ -33,13 +33,15 @@ def read_lights(document: Document) -> tuple[Light, ...]:
 def _camera(document: Document, camera: schema.Camera, pointer: str) -> Camera:
     p, o = camera.perspective, camera.orthographic
     if (p is None) == (o is None) or (p is None) == (camera.type == "perspective"):
-        raise document.error(f"must have exactly one of perspective and orthographic, that of its type {camera.type}",
+        raise document.error(f"must have exactly one of perspective and orthographic, matching its type {camera.type}",
                              pointer)  # fmt: skip
     if p is not None:
         if p.yfov >= math.pi:
             raise document.error(f"yfov {p.yfov:g} is not below pi", f"{pointer}/perspective/yfov")
         if p.zfar is not None and p.zfar <= p.znear:
-            raise document.error(f"zfar {p.zfar:g} is not beyond znear {p.znear:g}", f"{pointer}/perspective/zfar")
+            raise document.error(
+                f"zfar {p.zfar:g} is not greater than znear {p.znear:g}", f"{pointer}/perspective/zfar"
+            )
         return Camera(
             camera.name,
             "perspective",
@@ -52,7 +54,7 @@ def _camera(document: Document, camera: schema.Camera, pointer: str) -> Camera:
         if getattr(o, name) == 0:
             raise document.error(f"{name} must not be 0", f"{pointer}/orthographic/{name}")
     if o.zfar <= o.znear:
-        raise document.error(f"zfar {o.zfar:g} is not beyond znear {o.znear:g}", f"{pointer}/orthographic/zfar")
+        raise document.error(f"zfar {o.zfar:g} is not greater than znear {o.znear:g}", f"{pointer}/orthographic/zfar")
     return Camera(camera.name, "orthographic", xmag=o.xmag, ymag=o.ymag, znear=o.znear, zfar=o.zfar)
 
 
@@ -78,7 +80,7 @@ def _light(document: Document, light: schema.PunctualLight, pointer: str) -> Lig
 
 
 def read_skins(document: Document, accessors: Accessors, parent: Array) -> tuple[Skin, ...]:
-    """All skins of the file.  ``parent`` (N,) of the nodes, loops already refused."""
+    """All skins of the file.  ``parent`` (N,) of the nodes, without cycles."""
     return tuple(
         _skin(document, accessors, skin, parent, f"/skins/{i}") for i, skin in enumerate(document.root.skins or [])
     )
@@ -102,12 +104,12 @@ def _skin(document: Document, accessors: Accessors, skin: schema.Skin, parent: A
         accessors.no_stride(skin.inverse_bind_matrices, where)
         if accessor.count < count:
             raise document.error(f"{accessor.count} matrices for {count} joints", where)
-        # glTF stores columns, so the rows of the reshaped array are columns.
+        # glTF is column-major: rows of the reshaped array are columns.
         raw = accessors.raw(skin.inverse_bind_matrices, where)[:count].astype(np.float64)
         inverse_bind = raw.reshape(count, 4, 4).swapaxes(1, 2)
         if np.any(inverse_bind[:, 3] != (0, 0, 0, 1)):
             at = int(np.argmax(np.any(inverse_bind[:, 3] != (0, 0, 0, 1), axis=1)))
-            raise document.error(f"matrix {at} does not end in the row 0 0 0 1", where)
+            raise document.error(f"matrix {at} has a last row other than 0 0 0 1", where)
     joints = np.array(skin.joints, dtype=np.int32)
     joints.flags.writeable = inverse_bind.flags.writeable = False
     return Skin(skin.name, joints, inverse_bind)
@@ -125,7 +127,7 @@ def _check_common_root(document: Document, skin: schema.Skin, parent: Array, poi
     seen: set[int] = set()
     for joint in skin.joints:
         if common is not None and parent[joint] in seen:
-            seen.add(joint)  # its ancestors are those of a joint already counted, and itself
+            seen.add(joint)  # its ancestors are itself and those of a joint already visited
             continue
         lineage = _lineage(joint, parent)
         common = set(lineage) if common is None else common & set(lineage)
@@ -138,16 +140,16 @@ def _check_common_root(document: Document, skin: schema.Skin, parent: Array, poi
             raise document.error(f"nodes[{skin.skeleton}] is not a common root of the joints", f"{pointer}/skeleton")
 
 
-QUATERNION_TOLERANCE = 0.00769  # on the length, as the Khronos validator has it: a step of a normalized byte
+QUATERNION_TOLERANCE = 0.00769  # on the length, as in the Khronos validator: a step of a normalized byte
 MATRIX_TOLERANCE = 1e-3  # on the cosine between columns
 MAX_DEPTH = 2000
-"""Levels of nodes.  World matrices are composed level by level, so absurd depth would cost absurd time."""
+"""Limit on the depth of the hierarchy: world matrices are composed level by level."""
 
 INSTANCING, VISIBILITY = "EXT_mesh_gpu_instancing", "KHR_node_visibility"
 
 
 def parents(document: Document) -> Array:
-    """Parent of every node, -1 for roots.  (N,) int32.  Refuses second parents and loops."""
+    """Parent of every node, -1 for roots.  (N,) int32.  Raises SceneError for second parents and cycles."""
     nodes = document.root.nodes or []
     parent = np.full(len(nodes), -1, dtype=np.int32)
     for i, node in enumerate(nodes):
@@ -155,17 +157,17 @@ def parents(document: Document) -> Array:
             pointer = f"/nodes/{i}/children/{k}"
             document.item("nodes", child, pointer)
             if parent[child] >= 0:
-                raise document.error(f"nodes[{child}] already is a child of nodes[{parent[child]}]", pointer,
+                raise document.error(f"nodes[{child}] is also a child of nodes[{parent[child]}]", pointer,
                                      "a node has one parent")  # fmt: skip
             parent[child] = i
-    # With one parent each, the nodes that no walk down from a root reaches are those of the loops.
+    # With one parent each, nodes not reachable from a root belong to cycles.
     unseen = np.ones(len(nodes), dtype=bool)
     level, depth = np.flatnonzero(parent < 0).tolist(), 0
     while level:
         unseen[level] = False
         level, depth = [child for i in level for child in nodes[i].children or []], depth + 1
         if level and depth >= MAX_DEPTH:
-            raise document.error(f"lies more than {MAX_DEPTH} levels below its root", f"/nodes/{level[0]}")
+            raise document.error(f"is more than {MAX_DEPTH} levels below its root", f"/nodes/{level[0]}")
     if np.any(unseen):
         raise document.error("is its own ancestor", f"/nodes/{int(np.argmax(unseen))}")
     return parent
@@ -180,8 +182,8 @@ def _reach(nodes: list[schema.Node], roots: list[int]) -> list[int]:
     return seen
 
 
-def choose_scene(document: Document, wanted: str | int | None, parent: Array) -> tuple[Array, tuple[str, ...]]:
-    """Which nodes belong to the wanted scene, (N,) bool, and the names of all scenes."""
+def choose_scene(document: Document, requested: str | int | None, parent: Array) -> tuple[Array, tuple[str, ...]]:
+    """Which nodes belong to the requested scene, (N,) bool, and the names of all scenes.  Raises SceneError."""
     root = document.root
     nodes, scenes = root.nodes or [], root.scenes or []
     for i, scene in enumerate(scenes):
@@ -197,8 +199,8 @@ def choose_scene(document: Document, wanted: str | int | None, parent: Array) ->
     if root.scene is not None:
         document.item("scenes", root.scene, "/scene")
     names = tuple(scene.name or f"scene {i}" for i, scene in enumerate(scenes))
-    if wanted is not None:
-        index = pick(document, wanted, [s.name for s in scenes], "scene", "/scenes")
+    if requested is not None:
+        index = pick(document, requested, [s.name for s in scenes], "scene", "/scenes")
     else:
         index = root.scene or 0
     roots = scenes[index].nodes or [] if scenes else np.flatnonzero(parent < 0).tolist()
@@ -207,23 +209,23 @@ def choose_scene(document: Document, wanted: str | int | None, parent: Array) ->
     return in_scene, names
 
 
-def pick(document: Document, wanted: str | int, names: list[str], what: str, pointer: str) -> int:
-    """Index of the item with this name, or with this number (also written as text)."""
+def pick(document: Document, requested: str | int, names: list[str], what: str, pointer: str) -> int:
+    """Index of the item with this name or this number (also as text).  Raises SceneError."""
     index = -1
-    if isinstance(wanted, str):
-        found = [i for i, name in enumerate(names) if name == wanted]
+    if isinstance(requested, str):
+        found = [i for i, name in enumerate(names) if name == requested]
         if len(found) > 1:
-            raise document.error(f"{len(found)} {what}s are called {wanted!r}", pointer, f"use an index: {found}")
+            raise document.error(f"{len(found)} {what}s are named {requested!r}", pointer, f"use an index: {found}")
         if found:
             return found[0]
-        if wanted.isascii() and wanted.isdigit() and len(wanted) < 10:
-            index = int(wanted)
+        if requested.isascii() and requested.isdigit() and len(requested) < 10:
+            index = int(requested)
     else:
-        index = int(wanted)
+        index = int(requested)
     if 0 <= index < len(names):
         return index
     known = ", ".join(f"{i}: {name!r}" for i, name in enumerate(names[:20])) or "none"
-    raise document.error(f"has no {what} {wanted!r}", pointer, f"it has {known}{', ...' if len(names) > 20 else ''}")
+    raise document.error(f"has no {what} {requested!r}", pointer, f"it has {known}{', ...' if len(names) > 20 else ''}")
 
 
 def read_nodes(
@@ -235,7 +237,7 @@ def read_nodes(
     skins: tuple[Skin, ...],
     light_count: int,
 ) -> Nodes:
-    """All nodes as arrays, with every reference checked."""
+    """All nodes as arrays.  Raises SceneError for invalid references."""
     nodes = document.root.nodes or []
     n = len(nodes)
     out = Nodes(
@@ -253,7 +255,7 @@ def read_nodes(
         visible=np.ones(n, dtype=bool),
         in_scene=in_scene,
     )
-    shared: dict[tuple[tuple[str, int], ...], Array] = {}  # instances, by the accessors they come from
+    shared: dict[tuple[tuple[str, int], ...], Array] = {}  # instances, by their accessors
     for i, node in enumerate(nodes):
         pointer = f"/nodes/{i}"
         _transform(document, node, out, i)
@@ -261,7 +263,7 @@ def read_nodes(
         light = document.extension(node, LIGHTS, schema.LightReference, pointer)
         if light is not None:
             if light.light >= light_count:
-                raise document.error(f"refers to lights[{light.light}], the file has {light_count}",
+                raise document.error(f"refers to lights[{light.light}]; the file has {light_count}",
                                      f"{pointer}/extensions/{LIGHTS}/light")  # fmt: skip
             out.light[i] = light.light
         visibility = document.extension(node, VISIBILITY, schema.Visibility, pointer)
@@ -328,7 +330,7 @@ def _references(
     document.item("skins", node.skin, f"{pointer}/skin")
     out.skin[i] = node.skin
     if any("JOINTS_0" not in p.attributes for p in declared.primitives):
-        raise document.error("has a skin, but its mesh has no joints and weights", pointer)
+        raise document.error("has a skin, and its mesh has no joints and weights", pointer)
     joints = len(skins[node.skin].joints)
     for k, primitive in enumerate(mesh.primitives):
         if primitive.joints is not None and int(primitive.joints.max()) >= joints:
@@ -357,7 +359,7 @@ def _instances(document: Document, accessors: Accessors, instancing: schema.Inst
             continue
         accessor = accessors.get(index, where)
         if accessor.type != kind or (accessor.component_type, accessor.normalized) not in formats:
-            raise document.error(f"is {accessors.describe(index, where)}, which the extension does not allow", where)
+            raise document.error(f"is {accessors.describe(index, where)}, which {INSTANCING} does not allow", where)
         parts[name] = accessors.floats(index, where).astype(np.float64)
     rotation = parts.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
     check_quaternions(document, rotation, f"{pointer}/ROTATION")
@@ -367,7 +369,7 @@ def _instances(document: Document, accessors: Accessors, instancing: schema.Inst
 
 
 def check_quaternions(document: Document, quaternions: Array, pointer: str) -> None:
-    """All of unit length within the tolerance.  (K, 4)."""
+    """Raise SceneError unless all quaternions (K, 4) have unit length within the tolerance."""
     length = np.linalg.norm(quaternions, axis=1)
     bad = ~(np.abs(length - 1.0) <= QUATERNION_TOLERANCE)
     if np.any(bad):

@@ -17,7 +17,7 @@ from taubench_gl.scene.model import Scene
 def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
     """``load_scene`` for .gltf and .glb.  Raises SceneError.
 
-    The order follows who refers to whom, so that every reference is checked by the time it is followed.
+    Objects are read in the order of their references, so that every reference is checked before it is used.
     """
     document = open_document(path)
     check_extensions(document)
@@ -60,7 +60,7 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
 
 
 def _own_extras(document: Document) -> dict[str, str]:
-    """What ``taubench_gl.datasets`` wrote into ``asset.extras``, as texts of one line; all else there is not ours."""
+    """The values that ``taubench_gl.datasets`` writes into ``asset.extras``, as one-line strings."""
     extras = document.root.asset.extras
     own = extras.get("taubench_gl") if isinstance(extras, dict) else None
     if not isinstance(own, dict):

@@ -1,8 +1,8 @@
 """The JSON of glTF 2.0 as typed structs: types, ranges and required properties are checked while decoding.
 
-Names are the specification's in snake case.  Unknown properties are ignored, as the specification asks; ``extras`` are
-not looked at, but for what we write into ``asset.extras`` ourselves.  References between objects are checked where they
-are followed.
+Names are those of the specification in snake case.  Unknown properties are ignored, as the specification requires.
+``extras`` are ignored except for the values that this package writes into ``asset.extras``.  References between objects
+are checked where they are used.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Extensions = dict[str, dict[str, Any]]
 
 
 class Property(Struct, rename="camel", kw_only=True):
-    """What every glTF object may carry."""
+    """Properties of every glTF object."""
 
     name: str = ""
     extensions: Extensions = {}
@@ -37,7 +37,7 @@ class Asset(Struct, rename="camel"):
     min_version: str | None = None
     generator: str = ""
     copyright: str = ""
-    extras: Any = None  # {"taubench_gl": {"name", "stand_in", "note", "camera"}} in files we wrote
+    extras: Any = None  # {"taubench_gl": {"name", "stand_in", "note", "camera"}} in files written by this package
 
 
 class Buffer(Property):
@@ -197,7 +197,7 @@ class Channel(Property):
 class AnimationSampler(Property):
     input: Index
     output: Index
-    interpolation: str | int = "LINEAR"  # int: an exporter's slip seen in the wild, noted by the reader
+    interpolation: str | int = "LINEAR"  # int: a known exporter bug, accepted with a note
 
 
 class Animation(Property):
@@ -227,7 +227,7 @@ class Root(Property):
     extensions_required: Filled[str] | None = None
 
 
-# Extensions, decoded where they are used (Document.extension).
+# Extensions, decoded on use (Document.extension).
 
 
 class LightReference(Struct):
