@@ -1,4 +1,4 @@
-"""Bench of batches: Dask workers of one GL thread each against one such worker, and one process on all cores."""
+"""Benchmark of batches: Dask workers with one GL thread each, one such worker, and one process on all cores."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from bench_claims import Claim
 from benches import ROOT, Options, Result, bench, ratios, row
 
 from taubench_gl.batch.driver import Listener
-from taubench_gl.batch.engines.processes import THREADS_VARIABLE, available_cores
-from taubench_gl.batch.run import run_study
-from taubench_gl.batch.study import Study, read_study
+from taubench_gl.batch.engines import THREADS_VARIABLE, available_cores
+from taubench_gl.batch.run import run_batch
+from taubench_gl.batch.spec import BatchSpec, read_spec
 from taubench_gl.gpu.context import Gpu
 
 FRAMES = 49
 
 
 class _Watch(Listener):
-    """When the workers were ready: the driver speaks for the first time then."""
+    """Records when the workers are ready, which is when the driver first reports."""
 
     def __init__(self) -> None:
         self.ready: float | None = None
@@ -31,11 +31,11 @@ class _Watch(Listener):
         self.ready = self.ready or time.perf_counter()
 
 
-def _timed(study: Study, **engine) -> tuple[float, float]:
+def _timed(spec: BatchSpec, **engine) -> tuple[float, float]:
     """Seconds to start the workers, and seconds from there to the last table."""
     with tempfile.TemporaryDirectory() as folder:
         watch, started = _Watch(), time.perf_counter()
-        outcome = run_study(study, Path(folder) / "out", listener=watch, **engine)
+        outcome = run_batch(spec, Path(folder) / "out", listener=watch, **engine)
         ended = time.perf_counter()
     if outcome.failed:
         raise SystemExit(f"tools/bench: {next(iter(outcome.failed.values()))}")
@@ -44,14 +44,16 @@ def _timed(study: Study, **engine) -> tuple[float, float]:
 
 @bench
 def batch(gpu: Gpu, options: Options) -> Result:
-    """The demo scene with all columns, at half the size: milliseconds per pair once the workers run, shader compilation
-    included."""
+    """The demo scene with all columns, at half the size: milliseconds per pair after the workers have started.
+
+    Shader compilation is included.
+    """
     cores = available_cores()
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "study.toml"
+        path = Path(folder) / "spec.toml"
         size = f"{options.size[0] // 2}x{options.size[1] // 2}"
         path.write_text(f'scenes = ["{ROOT / "assets" / "demo.glb"}"]\nsize = "{size}"\nframes = "0:{FRAMES}"\n')
-        study = read_study(path)
+        spec = read_spec(path)
     threads = os.environ.get(THREADS_VARIABLE, "as many as there are cores")
     engines = {
         "1 Dask worker, 1 GL thread": {"engine": "dask-local", "workers": 1},
@@ -60,22 +62,22 @@ def batch(gpu: Gpu, options: Options) -> Result:
         f"this process, GL threads: {threads}": {},
     }
     samples, starts = defaultdict(list), defaultdict(list)
-    for _ in range(options.repeats):  # interleaved: what else the machine does hits all of them
+    for _ in range(options.repeats):  # interleaved, so that other load affects all engines
         for name, engine in engines.items():
-            start, seconds = _timed(study, **engine)
+            start, seconds = _timed(spec, **engine)
             samples[name].append(1e3 * seconds / (FRAMES - 1))
             starts[name].append(start)
     rows = [row(name, samples[name], f"started in {np.median(starts[name]):.1f} s") for name in engines]
     one, many, spawned, here = (samples[name] for name in engines)
     notes = [
-        f"demo.glb, {FRAMES - 1} pairs, all columns, {size}, {cores} cores; start of the workers is not in the times",
+        f"demo.glb, {FRAMES - 1} pairs, all columns, {size}, {cores} cores; the start of the workers is not included",
         f"1 : {cores} Dask workers = {np.median(one) / np.median(many):.2f} x, round by round "
         + ", ".join(f"{a / b:.2f}" for a, b in zip(one, many, strict=True)),
         f"this process : {cores} processes = {np.median(here) / np.median(spawned):.2f} x",
     ]
-    said = f"{size}, pairs per second once the workers run"
+    note = f"{size}, pairs per second once the workers run"
     claims = (
-        Claim(f"{cores} Dask workers of one GL thread, over one", ">=", 0.85 * cores, *ratios(one, many), note=said),
-        Claim(f"{cores} Dask workers, over one process on all cores", ">=", 1.0, *ratios(here, many), note=said),
+        Claim(f"{cores} Dask workers of one GL thread, over one", ">=", 0.85 * cores, *ratios(one, many), note=note),
+        Claim(f"{cores} Dask workers, over one process on all cores", ">=", 1.0, *ratios(here, many), note=note),
     )
     return Result("Batches", rows, notes, claims=claims)

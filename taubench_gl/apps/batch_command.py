@@ -1,4 +1,4 @@
-"""``taubench-gl batch``: studies of many scenes and settings, on one machine or many."""
+"""``taubench-gl batch``: many scenes with many settings, on one machine or many."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from taubench_gl.apps.option_types import OutPath
 
 if TYPE_CHECKING:
     from taubench_gl.batch.driver import Outcome
-    from taubench_gl.batch.study import Study
+    from taubench_gl.batch.spec import BatchSpec
 
 
 class _RunByDefault(Group):
-    """``batch STUDY.toml`` is ``batch run STUDY.toml``."""
+    """``batch SPEC.toml`` is ``batch run SPEC.toml``."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
@@ -28,19 +28,20 @@ class _RunByDefault(Group):
     cls=_RunByDefault,
     epilog="""\b
 Examples:
-  taubench-gl batch study.toml --out results
-  taubench-gl batch study.toml --out results --workers 4
-  taubench-gl batch study.toml --out results --engine dask-local
-  taubench-gl batch study.toml --out results --engine dask://node1:8786
+  taubench-gl batch spec.toml --out results
+  taubench-gl batch spec.toml --out results --workers 4
+  taubench-gl batch spec.toml --out results --engine dask-local
+  taubench-gl batch spec.toml --out results --engine dask://node1:8786
   taubench-gl batch status results
   taubench-gl batch resume results --workers 4
   taubench-gl batch report results""",
 )
 def batch() -> None:
-    """Evaluate many scenes with many settings: 'batch STUDY.toml --out DIR' runs a study.
+    """Evaluate many scenes with many settings: 'batch SPEC.toml --out DIR' runs a batch spec.
 
-    A study is a TOML file: scenes = ["a.glb", "more/*.glb"] and any setting of 'evaluate', such as size = "640x360";
-    a list sweeps.  Results are the same, bit for bit, whatever runs them; what is interrupted is resumed.
+    A batch spec is a TOML file: scenes = ["a.glb", "more/*.glb"] and any setting of 'evaluate', such as
+    size = "640x360".  A list of values is a sweep.  Results do not depend on the engine, bit for bit, and an
+    interrupted batch can be resumed.
     """
 
 
@@ -52,10 +53,13 @@ def engine_options(command: Any) -> Any:
             click.option(
                 "--engine",
                 metavar="NAME",
-                help="dask://HOST:PORT, a Dask scheduler, or dask-local, Dask workers here.  [default: this process]",
+                help="dask://HOST:PORT (a Dask scheduler) or dask-local (local Dask workers).  [default: this process]",
             ),
             click.option(
-                "--chunk", type=int, metavar="PAIRS", help="Pairs of a unit of work; changes no result.  [default: fit]"
+                "--chunk",
+                type=int,
+                metavar="PAIRS",
+                help="Pairs per unit of work; does not change results.  [default: automatic]",
             ),
         )
     ):
@@ -66,21 +70,21 @@ def engine_options(command: Any) -> Any:
 @batch.command(
     epilog="""\b
 Examples:
-  taubench-gl batch run study.toml --out results --workers 4"""
+  taubench-gl batch run spec.toml --out results --workers 4"""
 )
-@click.argument("study", type=click.Path(path_type=Path), metavar="STUDY.toml")
+@click.argument("spec", type=click.Path(path_type=Path), metavar="SPEC.toml")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the results.")
 @engine_options
-def run(study: Path, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
-    """Run STUDY.toml into DIR, or what is missing of it there.
+def run(spec: Path, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
+    """Run SPEC.toml and write the results to DIR.  Jobs that DIR already holds are kept.
 
-    DIR gets summary.json, frames.parquet and tables of all, and jobs/JOB with summary.json and frames.csv of each.  A
-    scene that fails does not stop the others: logs/JOB.log says why, and the exit code is then 2.
+    DIR gets summary.json, frames.parquet and tables of all jobs, and jobs/JOB with summary.json and frames.csv of each
+    job.  A scene that fails does not stop the others: logs/JOB.log gives the reason, and the exit code is 2.
     """
     from taubench_gl.apps.named_scenes import resolve
-    from taubench_gl.batch.study import read_study
+    from taubench_gl.batch.spec import read_spec
 
-    return _run(read_study(study, resolve), out, workers, engine, chunk)
+    return _run(read_spec(spec, resolve), out, workers, engine, chunk)
 
 
 @batch.command(
@@ -91,7 +95,7 @@ Examples:
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 @engine_options
 def resume(out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
-    """Go on with the study of DIR, on any engine: finished pairs are kept, failed scenes are tried again."""
+    """Continue the batch in DIR, on any engine.  Finished pairs are kept; failed scenes are tried again."""
     return _run(None, out, workers, engine, chunk)
 
 
@@ -102,11 +106,11 @@ Examples:
 )
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def status(out: Path) -> int:
-    """How far the study of DIR is, whoever runs it.  The exit code is 2 where a scene has failed."""
-    from taubench_gl.batch.run import study_status
+    """Print the progress of the batch in DIR.  The exit code is 2 if a scene has failed."""
+    from taubench_gl.batch.run import batch_status
 
-    name, driver, jobs = study_status(out)
-    running = f"driven by {driver}" if driver else "nobody is working on it"
+    name, driver, jobs = batch_status(out)
+    running = f"run by {driver}" if driver else "not running"
     click.echo(f"{name}: {sum(job.state == 'done' for job in jobs)} of {len(jobs)} jobs done; {running}")
     for job in jobs:
         total = "?" if job.total is None else job.total
@@ -123,41 +127,41 @@ Examples:
 )
 @click.argument("out", type=click.Path(path_type=Path), metavar="DIR")
 def report(out: Path) -> None:
-    """Print Tables 1 to 4 of all finished jobs of DIR, and write them there as text, Markdown, CSV and LaTeX."""
+    """Print Tables 1 to 4 of all finished jobs in DIR, and write them there as text, Markdown, CSV and LaTeX."""
     from taubench_gl.apps.screen import show_tables
-    from taubench_gl.batch.run import study_report
+    from taubench_gl.batch.run import batch_report
 
-    tables, missing = study_report(out)
+    tables, missing = batch_report(out)
     show_tables(tables)
     for label in missing:
         click.echo(f"note: not finished: {label}")
     click.echo(f"written to {out}/tables.txt, .md, .csv, .tex")
 
 
-def _run(study: Study | None, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
+def _run(spec: BatchSpec | None, out: Path, workers: int | None, engine: str | None, chunk: int | None) -> int:
     from taubench_gl.apps.batch_screen import BatchScreen
-    from taubench_gl.batch.run import run_study
+    from taubench_gl.batch.run import run_batch
 
     try:
         with BatchScreen() as screen:
-            outcome = run_study(study, out, engine=engine, workers=workers, chunk=chunk, listener=screen)
+            outcome = run_batch(spec, out, engine=engine, workers=workers, chunk=chunk, listener=screen)
     except KeyboardInterrupt:
-        _say(f"interrupted; finished pairs are kept: taubench-gl batch resume {out}")
+        _print_error(f"interrupted; finished pairs are kept: taubench-gl batch resume {out}")
         raise click.exceptions.Exit(130) from None
-    return _tell(outcome, out)
+    return _print_outcome(outcome, out)
 
 
-def _tell(outcome: Outcome, out: Path) -> int:
+def _print_outcome(outcome: Outcome, out: Path) -> int:
     done, jobs = outcome.summary["done"], len(outcome.summary["jobs"])
     click.echo(f"{done} of {jobs} jobs done; written to {out}/")
     for job, reason in outcome.failed.items():
-        _say(f"error: {reason} (see {out}/logs/{job}.log)")
+        _print_error(f"error: {reason} (see {out}/logs/{job}.log)")
     if outcome.failed:
-        _say(f"{len(outcome.failed)} of {jobs} jobs failed")
+        _print_error(f"{len(outcome.failed)} of {jobs} jobs failed")
         return 2
     click.echo(f"tables: {out}/tables.txt, or taubench-gl batch report {out}")
     return 0
 
 
-def _say(line: str) -> None:
+def _print_error(line: str) -> None:
     click.echo(f"taubench-gl: {line}", err=True)

@@ -1,4 +1,4 @@
-"""Progress of a batch: one bar for the whole and one per job at work on a terminal, a line per event elsewhere."""
+"""Progress of a batch: on a terminal one bar for all pairs and one per running job, elsewhere one line per event."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import click
 
 from taubench_gl.batch.driver import Listener
-from taubench_gl.batch.study import Job
+from taubench_gl.batch.spec import Job
 
 
 class BatchScreen(Listener):
-    """Shows what the driver says.  Totals grow while heads of jobs come in: what is not known is not guessed."""
+    """Shows the driver's events.  Totals grow while the heads of jobs are computed."""
 
     def __init__(self) -> None:
         self._bar: Any = None

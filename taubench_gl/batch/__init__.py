@@ -1,1 +1,1 @@
-"""Many scenes, many settings, many machines: a study file in, one folder of identical results out whatever ran it."""
+"""Batches: a batch spec (TOML) in, a folder of results out, independent of engine and machine."""

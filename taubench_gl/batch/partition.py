@@ -1,7 +1,7 @@
-"""Pairs of one job as a Parquet file: the rows of frames.csv, and the exact counts and histograms they come from.
+"""Pairs of one job as a Parquet file: the rows of frames.csv, and the exact counts and histograms behind them.
 
-Counts are stored sparsely: ``word`` / ``word_pixels`` are the reason words that occur and their pixels,
-``bin`` / ``bin_pixels`` the histogram bins (feature * bins + bin, features in the order of ``conventions.FEATURES``).
+Counts are sparse: ``word`` / ``word_pixels`` are the reason words that occur and their pixel counts,
+``bin`` / ``bin_pixels`` are the histogram bins: feature * bins + bin, in the order of ``conventions.FEATURES``.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
 from taubench_gl.outputs import plain_text
 from taubench_gl.run import CAMERA_COLUMNS, COUNT_COLUMNS
 
-TOLD = b"taubench-gl"
-"""Key of the file's metadata: JSON with what the worker told of the job and of itself."""
+REPORT_KEY = b"taubench-gl"
+"""Key of the file's metadata: the worker's report on the job and on itself, as JSON."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +34,18 @@ class PairRecord:
 
 
 def require_pyarrow() -> Any:
-    """pyarrow with its Parquet module.  Raises OutputError where it is not installed."""
+    """pyarrow with its Parquet module.  Raises OutputError if it is not installed."""
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
         hint = "pip install 'taubench-gl[batch]'"
-        raise OutputError("batches are kept as Parquet files, which needs pyarrow", hint=hint) from None
+        raise OutputError("a batch stores Parquet files, which requires pyarrow", hint=hint) from None
     return pyarrow
 
 
-def encode(records: Sequence[PairRecord], told: Mapping[str, Any]) -> bytes:
-    """A whole Parquet file."""
+def encode(records: Sequence[PairRecord], report: Mapping[str, Any]) -> bytes:
+    """The bytes of a Parquet file."""
     pa = require_pyarrow()
     columns: dict[str, list[Any]] = {name: [] for name in _fields(pa)}
     for record in records:
@@ -59,23 +59,23 @@ def encode(records: Sequence[PairRecord], told: Mapping[str, Any]) -> bytes:
             columns[f"{name}_pixels"].append(flat[used])
     fields = _fields(pa)
     arrays = [pa.array(columns[name], type=kind) for name, kind in fields.items()]
-    schema = pa.schema(list(fields.items()), metadata={TOLD: json.dumps(told)})
+    schema = pa.schema(list(fields.items()), metadata={REPORT_KEY: json.dumps(report)})
     sink = io.BytesIO()
     pa.parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), sink, compression="zstd")
     return sink.getvalue()
 
 
 def decode(data: bytes) -> tuple[list[PairRecord], dict[str, Any]]:
-    """The inverse of ``encode``.  Raises ValueError for what is no such file (cut off, another schema)."""
+    """The inverse of ``encode``.  Raises ValueError for other data, such as truncated files or another schema."""
     pa = require_pyarrow()
     try:
         table = pa.parquet.read_table(io.BytesIO(data))
-        told = json.loads(table.schema.metadata[TOLD])
+        report = json.loads(table.schema.metadata[REPORT_KEY])
         rows = table.to_pylist()
     except (pa.ArrowException, OSError, KeyError, TypeError) as error:
-        raise ValueError(f"no partition of pairs: {error}") from None
+        raise ValueError(f"not a partition of pairs: {error}") from None
     if set(table.column_names) != set(_fields(pa)):
-        raise ValueError("no partition of pairs: other columns")
+        raise ValueError("not a partition of pairs: other columns")
     out = []
     for values in rows:
         mask_histogram = np.zeros(MASK_WORDS, dtype=np.int64)
@@ -85,11 +85,11 @@ def decode(data: bytes) -> tuple[list[PairRecord], dict[str, Any]]:
         position = values.pop("pair")
         counts = Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS))
         out.append(PairRecord(position, values, counts))
-    return out, told
+    return out, report
 
 
 def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapping[str, Any]]]]) -> bytes:
-    """One Parquet file of all pairs of all jobs: ``job``, ``scene``, what is swept (as text), and frames.csv."""
+    """A Parquet file of all pairs of all jobs: ``job``, ``scene``, swept settings (as text), and frames.csv."""
     pa = require_pyarrow()
     jobs = list(jobs)
     swept = list(dict.fromkeys(key for _, _, sweep, _ in jobs for key in sweep))
@@ -99,9 +99,11 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
     columns: dict[str, list[Any]] = {name: [] for name in fields}
     for job, scene, sweep, rows in jobs:
         for row in rows:
-            told = {"job": job, "scene": _text(scene)} | {f"sweep_{k}": _text(sweep.get(k)) for k in swept} | dict(row)
+            values = (
+                {"job": job, "scene": _text(scene)} | {f"sweep_{k}": _text(sweep.get(k)) for k in swept} | dict(row)
+            )
             for name in fields:
-                value = told[name]
+                value = values[name]
                 columns[name].append(bool(value) if name in ("camera_cut", "gimbal") else value)
     arrays = [pa.array(columns[name], type=kind) for name, kind in fields.items()]
     sink = io.BytesIO()
@@ -121,7 +123,7 @@ def _text(value: Any) -> str | None:
 
 
 def _fields(pa: Any) -> dict[str, Any]:
-    """Column -> Arrow type.  A count that was not measured is null."""
+    """Column -> Arrow type.  A count that is not measured is null."""
     return {
         "pair": pa.int64(),
         "frame": pa.int64(),

@@ -1,39 +1,42 @@
-"""The folder of a batch: where everything lies, and what of it is whole.
+"""The folder of a batch: its files, and the lock of the process that writes them.
 
-    study.json                    the jobs, as the study asked for them
-    jobs/JOB/head.json            what the scene says; cameras of all frames
+    spec.json                     the jobs of the batch spec
+    jobs/JOB/head.json            all that needs no rendering; camera poses of all frames
     jobs/JOB/pairs/*.parquet      finished pairs with their exact counts, one file per chunk
-    jobs/JOB/summary.json, frames.csv    once all pairs are there: as ``evaluate --out`` writes them
-    jobs/JOB/provenance.json      who computed which pairs, and how fast
+    jobs/JOB/summary.json, frames.csv    once all pairs are counted; as ``evaluate --out`` writes them
+    jobs/JOB/provenance.json      worker, machine and times of each chunk
     logs/JOB.log                  why a job failed
-    summary.json, frames.parquet, tables.*      of the whole study
+    summary.json, frames.parquet, tables.*      of the whole batch
 
-Only the driver writes here, every file whole or not at all, so whatever is there can be believed.
+Only the driver writes here, and every file appears complete or not at all.
 """
 
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
+import platform
 import shutil
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from taubench_gl import __version__
-from taubench_gl.batch.lock import LOCK_FILE
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
-from taubench_gl.batch.study import Job, Study, set_apart
+from taubench_gl.batch.spec import BatchSpec, Job, with_differences
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.outputs import is_partial_of, write_atomically
+from taubench_gl.outputs import cannot_write, is_partial_of, write_atomically
 from taubench_gl.settings import Settings
 
-STUDY_SCHEMA = "taubench-gl/batch-study/1"
-STUDY_FILE = "study.json"
+SPEC_SCHEMA = "taubench-gl/batch-spec/1"
+SPEC_FILE = "spec.json"
+LOCK_FILE = ".lock"
 LOGS = "logs"
-BEGUN = (LOCK_FILE, LOGS)
-"""What is there before the study is: workers may be killed while they start."""
+WRITTEN_FIRST = (LOCK_FILE, LOGS)
+"""Files that exist before the spec does: all that a driver leaves if it is killed while it starts."""
 
 
 class Store:
@@ -42,7 +45,6 @@ class Store:
     def __init__(self, out: str | Path):
         self.out = Path(out)
 
-    # ----------------------------------------------------------------------------------------------------- places
     def job(self, job: str) -> Path:
         return self.out / "jobs" / job
 
@@ -55,34 +57,34 @@ class Store:
     def log_file(self, job: str) -> Path:
         return self.out / LOGS / f"{job}.log"
 
-    # ------------------------------------------------------------------------------------------------------ study
-    def require_ours(self) -> None:
-        """Raise OutputError where the folder holds anything but a batch of this version; a new one may be made."""
-        if (self.out / STUDY_FILE).exists():
-            self._study_values()
-        elif self.out.is_dir() and any(not _begun(p.name) for p in self.out.iterdir()):
+    # ------------------------------------------------------------------------------------------------------- spec
+    def require_usable(self) -> None:
+        """Raise OutputError if the folder holds other files, or a batch of another version."""
+        if (self.out / SPEC_FILE).exists():
+            self._spec_values()
+        elif self.out.is_dir() and any(not _written_first(p.name) for p in self.out.iterdir()):
             raise OutputError("holds other files and no batch", where=str(self.out), hint="give --out a new folder")
 
-    def save_study(self, study: Study) -> None:
-        """Remember the jobs.  Folders of jobs that an earlier study had are left alone and no longer counted."""
+    def save_spec(self, spec: BatchSpec) -> None:
+        """Store the jobs.  Folders of jobs that an earlier spec had stay and are no longer part of the batch."""
         jobs = [
             {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep)}
-            for job in study.jobs
+            for job in spec.jobs
         ]
-        values = {"schema": STUDY_SCHEMA, "version": __version__, "name": study.name, "jobs": jobs}
-        self.write_json(self.out / STUDY_FILE, values)
+        values = {"schema": SPEC_SCHEMA, "version": __version__, "name": spec.name, "jobs": jobs}
+        self.write_json(self.out / SPEC_FILE, values)
 
-    def load_study(self) -> Study:
-        """The study this folder was last given.  Raises OutputError where there is none."""
-        values = self._study_values()
+    def load_spec(self) -> BatchSpec:
+        """The spec that was last stored.  Raises OutputError if there is none."""
+        values = self._spec_values()
         try:
             jobs = [Job(j["id"], j["scene"], Settings.from_dict(j["settings"]), j["sweep"]) for j in values["jobs"]]
-            return Study(values["name"], set_apart(jobs))
+            return BatchSpec(values["name"], with_differences(jobs))
         except (KeyError, TypeError, ValueError, SettingsError) as error:
-            raise OutputError(f"is damaged: {error}", where=str(self.out / STUDY_FILE)) from None
+            raise OutputError(f"is damaged: {error}", where=str(self.out / SPEC_FILE)) from None
 
-    def _study_values(self) -> dict[str, Any]:
-        path = self.out / STUDY_FILE
+    def _spec_values(self) -> dict[str, Any]:
+        path = self.out / SPEC_FILE
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
@@ -96,21 +98,21 @@ class Store:
         except ValueError as error:
             raise OutputError(f"is damaged: {error}", where=str(path)) from None
         if not isinstance(values, dict):
-            raise OutputError("is damaged: no JSON object", where=str(path))
+            raise OutputError("is damaged: not a JSON object", where=str(path))
         schema, version = values.get("schema"), values.get("version")
-        if schema != STUDY_SCHEMA or version != __version__:
-            what = f"was begun by taubench-gl {version} ({schema}), this is {__version__} ({STUDY_SCHEMA})"
-            raise OutputError(what, where=str(path), hint="numbers of two versions are not mixed: give a new --out")
+        if schema != SPEC_SCHEMA or version != __version__:
+            what = f"was started by taubench-gl {version} ({schema}), this is {__version__} ({SPEC_SCHEMA})"
+            raise OutputError(what, where=str(path), hint="a batch does not mix versions: give a new --out")
         return values
 
     # ------------------------------------------------------------------------------------------------------- heads
     def load_head(self, job: Job) -> dict[str, Any] | None:
-        """The job's head; None where it is missing or the scene may no longer be the one it was made of."""
+        """The job's head; None if it is missing or the scene may have changed since."""
         values = self.known_head(job.id)
         return values if values is not None and values.get("file") == file_stamp(job.scene) is not None else None
 
     def known_head(self, job: str) -> dict[str, Any] | None:
-        """The head as it was left, whatever became of the scene since; None where there is none."""
+        """The stored head, even if the scene has changed since; None if there is none."""
         try:
             values = json.loads(self.head_file(job).read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -118,20 +120,20 @@ class Store:
         return values if isinstance(values, dict) else None
 
     def save_head(self, job: Job, data: bytes, stamp: list[int] | None) -> dict[str, Any]:
-        """Keep a head.  Pairs of a scene that has changed since are of no more use and go.
+        """Store a head.  Removes the pairs of the job if the scene has changed since they were counted.
 
-        ``stamp``: of the scene's file (``file_stamp``) before it was read, so that a change meanwhile is noticed.
+        ``stamp``: ``file_stamp`` of the scene before it was read, so that a later change is detected.
         """
         values = json.loads(data)
         values["file"] = stamp if values.get("one_file", True) else None
         before = self.known_head(job.id)
         if before is None or before["facts"] != values["facts"] or before["frames"] != values["frames"]:
-            self.forget(job.id)
+            self.remove(job.id)
         self.write_json(self.head_file(job.id), values, indent=None)
         return values
 
-    def forget(self, job: str) -> None:
-        """Remove everything of one job but its log."""
+    def remove(self, job: str) -> None:
+        """Remove all files of one job except its log."""
         if self.job(job).exists():
             shutil.rmtree(self.job(job))
 
@@ -141,25 +143,25 @@ class Store:
         write_atomically(self.pairs_folder(job) / name, data, parents=True)
 
     def load_pairs(self, job: Job) -> tuple[dict[int, PairRecord], list[dict[str, Any]]]:
-        """All finished pairs by position, and what the workers told, in the order of the files' names.
+        """All counted pairs by position, and the workers' reports, in the order of the file names.
 
-        A file that cannot be read (a disk's fault: files appear whole) is removed, its pairs are to be done again.
+        A file that cannot be read (a disk error: files appear complete) is removed, and its pairs are counted again.
         """
         records: dict[int, PairRecord] = {}
-        told: list[dict[str, Any]] = []
+        reports: list[dict[str, Any]] = []
         for path in sorted(self.pairs_folder(job.id).glob("*.parquet")):
             try:
-                found, said = decode(path.read_bytes())
+                found, report = decode(path.read_bytes())
             except (ValueError, OSError):
                 path.unlink(missing_ok=True)
                 continue
-            told.append(said | {"pairs": [record.row["frame"] for record in found]})
+            reports.append(report | {"pairs": [record.row["frame"] for record in found]})
             for record in found:
                 records.setdefault(record.position, record)
-        return records, told
+        return records, reports
 
     def known_positions(self, job: str) -> list[int]:
-        """Positions of the pairs that are there.  Reads one column and changes nothing: a driver may be at work."""
+        """Positions of the counted pairs.  Reads one column and changes nothing: a driver may be running."""
         parquet = require_pyarrow().parquet
         out: list[int] = []
         for path in sorted(self.pairs_folder(job).glob("*.parquet")):
@@ -174,7 +176,7 @@ class Store:
         return path
 
     def failure(self, job: str) -> str | None:
-        """Why the job failed when it was last tried, in one line."""
+        """Why the job failed in its last attempt, in one line; None if it did not."""
         try:
             return self.log_file(job).read_text(encoding="utf-8").partition("\n")[0]
         except OSError:
@@ -189,14 +191,17 @@ class Store:
         write_atomically(path, text + "\n", parents=True)
 
 
-def _begun(name: str) -> bool:
-    """Whether a start that was killed leaves it: also the file that the study was being written to."""
-    return name in BEGUN or is_partial_of(Path(STUDY_FILE), Path(name))
+def _written_first(name: str) -> bool:
+    """Whether a driver that is killed while it starts may leave this file, a partial spec included."""
+    return name in WRITTEN_FIRST or is_partial_of(Path(SPEC_FILE), Path(name))
 
 
 def file_stamp(scene: str) -> list[int] | None:
-    """Size and time of change of a scene that is all in one file; None for others (.gltf with its buffers, OBJ, ...),
-    whose head is made anew whenever a study goes on: only reading them tells whether they have changed."""
+    """Size and modification time of a .glb file; None for other formats.
+
+    Other formats may consist of several files.  Their head is recomputed whenever a batch continues, because only
+    reading all files shows whether they have changed.
+    """
     if not scene.lower().endswith(".glb"):
         return None
     try:
@@ -204,3 +209,66 @@ def file_stamp(scene: str) -> list[int] | None:
     except OSError:
         return None
     return [found.st_size, found.st_mtime_ns]
+
+
+LOCK_ATTEMPTS = 8
+"""``lock_holder`` takes a shared lock for a moment; a driver that starts then must not report another driver."""
+
+
+class FolderLock:
+    """A lock held by the running driver.  The system releases it when the process ends, so no lock is ever stale.
+
+    The file names the holder, which is valid only while the lock is held.
+    """
+
+    def __init__(self, out: Path):
+        self.path = out / LOCK_FILE
+        self._file: IO[str] | None = None
+
+    def __enter__(self) -> FolderLock:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = open(self.path, "a+", encoding="utf-8")
+        except (FileExistsError, NotADirectoryError):
+            raise OutputError("is not a folder", where=str(self.path.parent), hint="give --out another name") from None
+        except OSError as error:
+            raise cannot_write(self.path, error) from None
+        for attempt in range(LOCK_ATTEMPTS):
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError:
+                who = lock_holder(self.path.parent)
+                if who is None and attempt < LOCK_ATTEMPTS - 1:
+                    continue  # the other process only asked for the holder
+                self._file.close()
+                hint = "wait for it, or give --out another folder"
+                what = f"{who or 'another process'} is running a batch here"
+                raise OutputError(what, where=str(self.path.parent), hint=hint) from None
+        self._file.truncate(0)
+        self._file.write(json.dumps({"pid": os.getpid(), "host": platform.node(), "since": time.time()}))
+        self._file.flush()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        if self._file is not None:
+            self._file.truncate(0)
+            self._file.close()
+            self._file = None
+
+
+def lock_holder(out: Path) -> str | None:
+    """The process that runs the batch in ``out`` now, in words; None if there is none."""
+    try:
+        with open(out / LOCK_FILE, encoding="utf-8") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except OSError:
+                try:
+                    holder = json.loads(file.read())
+                    return f"process {holder['pid']} on {holder['host']}"
+                except (ValueError, KeyError):
+                    return "another process"
+    except OSError:
+        return None
+    return None

@@ -1,28 +1,31 @@
-"""What engines carry to workers and back: units of work and what became of them.  Plain values that pickle."""
+"""Units of work, the events they lead to, and the interface of engines.  Units and events can be pickled."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from taubench_gl.settings import Settings
 
 ATTEMPTS = 3
-"""Workers that may die on one unit before its job is given up."""
+"""Workers that may die in one unit before its job fails."""
 
 Key = tuple[str, tuple[int, ...] | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A piece of one job.  ``positions`` None: its head (what the scene says without a frame being drawn); else the
-    pairs to count, ascending positions among the job's pairs (empty where it has none: its frames are drawn)."""
+    """A part of one job.
+
+    ``positions`` None: the job's head, all that needs no rendering.  Otherwise the pairs to count, as ascending
+    positions among the job's pairs; empty for a job without pairs, whose frames are rendered all the same.
+    """
 
     job: str
     scene: str
     settings: Settings
     positions: tuple[int, ...] | None = None
-    sha256: str | None = None  # of the scene when the job's head was made
+    sha256: str | None = None  # hash of the scene when the head was computed
 
     @property
     def key(self) -> Key:
@@ -43,7 +46,7 @@ class Finished:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """The unit raised.  It is not tried again: the same would happen."""
+    """The unit raised an exception.  It is not repeated: the result would be the same."""
 
     unit: Unit
     message: str  # one line
@@ -52,17 +55,17 @@ class Failed:
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """The worker died with the unit."""
+    """The worker died while it ran the unit."""
 
     unit: Unit
     reason: str
-    details: str = ""  # the last it wrote
-    tried: int = 1  # workers it has cost
+    details: str = ""  # the end of the worker's output
+    attempts: int = 1  # workers that died in it
 
 
 @dataclass(frozen=True, slots=True)
 class NoGraphics:
-    """A worker cannot open OpenGL; it gets nothing more to do.  ``unit`` goes to another."""
+    """A worker cannot open OpenGL and gets no more units.  ``unit`` goes to another worker."""
 
     worker: str
     message: str
@@ -71,7 +74,7 @@ class NoGraphics:
 
 @dataclass(frozen=True, slots=True)
 class PairDone:
-    """Progress within a unit; engines that hear nothing of it leave it out."""
+    """One pair of a unit is counted.  Optional: engines without this information send none."""
 
     unit: Unit
 
@@ -81,7 +84,33 @@ Event = Finished | Failed | Lost | NoGraphics | PairDone
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """Room for one more unit.  ``last_job``: what is loaded there already."""
+    """A worker that can take one more unit.  ``last_job``: the job whose scene it has loaded."""
 
     key: Any
     last_job: str | None = None
+
+
+class Engine(Protocol):
+    """Runs units: in this process, in worker processes or on a Dask cluster.
+
+    A context manager: ``with`` starts the workers and always stops them.
+    """
+
+    def __enter__(self) -> Engine: ...
+
+    def __exit__(self, *exc: object) -> None: ...
+
+    def describe(self) -> str:
+        """What runs the units, in one phrase for messages."""
+
+    def width(self) -> int:
+        """Approximate number of units that run at the same time."""
+
+    def idle(self) -> list[Slot]:
+        """Workers that can take a unit.  Empty while nothing is in flight: no worker is left."""
+
+    def submit(self, slot: Slot, unit: Unit) -> None:
+        """Start a unit."""
+
+    def wait(self) -> list[Event]:
+        """Block until there is an event.  Called only while units are in flight."""

@@ -1,41 +1,215 @@
-"""A worker process: ``python -m taubench_gl.batch.worker CONNECTION LIFELINE`` (two inherited file descriptors).
+"""Workers: load the scene of a unit, render, count, and return bytes.  They write no files.
 
-It receives units and sends events over the connection.  The lifeline is a pipe whose other end only the driver holds:
-when the driver is gone, however it went, the worker ends at once and leaves nothing behind.
+``python -m taubench_gl.batch.worker CONNECTION LIFELINE`` (two inherited file descriptors) is a worker process.  It
+receives units and sends events over the connection.  The lifeline is a pipe whose other end only the driver holds: when
+the driver ends, in whatever way, the worker ends too.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
+import platform
 import sys
 import threading
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from taubench_gl import __version__
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.batch.partition import PairRecord, encode, require_pyarrow
+from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDone, Unit
+from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
+from taubench_gl.evaluation import (
+    Observers,
+    evaluate_pairs,
+    frame_range,
+    frame_schedule,
+    pair_schedule,
+    require_triangles,
+    sampled_pairs,
+    scene_facts,
+)
+from taubench_gl.frame.passes.masks import Counts
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.provenance import provenance
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+HEAD_SCHEMA = "taubench-gl/batch-head/1"
+
+
+class NoOpenGL(GraphicsError):
+    """This worker has no OpenGL; another worker may have it."""
+
+
+@dataclass(slots=True)
+class _Loaded:
+    """A scene and, once it renders, its source; reused by the next unit of the same job."""
+
+    key: tuple[Any, ...]
+    scene: Scene
+    poser: Poser
+    camera: Any
+    source: RasterSource | None = None
+    gpu: Gpu | None = None
+
+
+class Worker:
+    """Runs units one after another.  Keeps the scene and the source of the last job for its next chunk."""
+
+    def __init__(self) -> None:
+        self._loaded: _Loaded | None = None
+
+    def run(self, unit: Unit, on_pair: Callable[[], None] = lambda: None) -> bytes:
+        """The JSON of a head or the Parquet file of a chunk.  Raises TaubenchError; NoOpenGL if no context opens."""
+        started = time.perf_counter()
+        gpu = None if unit.positions is None else open_context(unit.settings)
+        loaded = self._load(unit)
+        if gpu is None:
+            return head(loaded.scene, loaded.poser, loaded.camera, unit.settings)
+        if unit.sha256 != loaded.scene.sha256:
+            raise SceneError("changed while the batch was running", where=unit.scene, hint="run the batch again")
+        return self._count(unit, loaded, gpu, on_pair, started)
+
+    def _load(self, unit: Unit) -> _Loaded:
+        settings = unit.settings
+        key = (unit.scene, settings.sequence.scene, settings.sequence.animation, settings.sequence.camera, unit.job)
+        if self._loaded is not None and self._loaded.key == key and unit.positions is not None:
+            return self._loaded
+        self.release()
+        scene = load_scene(unit.scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+        self._loaded = _Loaded(key, scene, Poser(scene), choose_camera(scene, settings.sequence.camera))
+        return self._loaded
+
+    def _count(self, unit: Unit, loaded: _Loaded, gpu: Gpu, on_pair: Callable[[], None], started: float) -> bytes:
+        settings = unit.settings
+        frames = frame_range(loaded.scene, loaded.camera, settings)
+        with gpu:
+            timer = PassTimer(gpu)
+            if loaded.source is None:
+                loaded.gpu = gpu
+                loaded.source = RasterSource(gpu, loaded.scene, loaded.camera, settings, poser=loaded.poser)
+            if unit.positions:
+                schedule = pair_schedule(frames, unit.positions)
+            else:
+                schedule = frame_schedule(frames, sampled_pairs(frames, settings))
+            counts: list[Counts] = []
+            context = GpuContext(gpu, timer=timer)
+            observers = Observers(loaded.scene.name, progress=lambda _: on_pair(), on_counts=counts.append)
+            rows = evaluate_pairs(context, loaded.source, settings, schedule, observers).rows
+            context.release()
+            gpu.check("a chunk of a batch")
+            report = {
+                "source": loaded.source.describe(),
+                "unmeasured": dict(loaded.source.unmeasured),
+                "provenance": provenance(gpu, timer.clock) | _process_info(time.perf_counter() - started),
+                "passes_ms": timer.median_ms(),
+            }
+        records = [PairRecord(p, row, of_pair) for p, row, of_pair in zip(unit.positions, rows, counts, strict=True)]
+        return encode(records, report)
+
+    def release(self) -> None:
+        """Release the scene and its GL objects."""
+        loaded, self._loaded = self._loaded, None
+        if loaded is not None and loaded.source is not None:
+            with loaded.gpu:
+                loaded.source.release()
+                loaded.gpu.collect()
+
+
+def warm_up() -> None:
+    """Import what the first unit needs beside this module's imports.  Opens no context: jobs choose their device."""
+    with contextlib.suppress(TaubenchError):  # reported by the first unit that needs it
+        require_pyarrow()
+
+
+def open_context(settings: Settings) -> Gpu:
+    """The worker's GL context.  Raises NoOpenGL, or GraphicsError if the settings name a backend or device."""
+    try:
+        return open_gpu(settings.device.backend, settings.device.device)
+    except GraphicsError as error:
+        if settings.device.backend != "auto" or settings.device.device is not None:
+            raise
+        raise NoOpenGL(error.what, where=error.where, hint=error.hint) from None
+
+
+def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
+    """All of the summary that needs no rendering, and the camera poses of all frames in full precision, as JSON."""
+    require_triangles(scene)
+    frames = frame_range(scene, camera, settings)
+    views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
+    values = {
+        "schema": HEAD_SCHEMA,
+        "version": __version__,
+        "one_file": scene.files == 1,  # a .glb may refer to images and buffers in other files
+        "frames": [frames.start, frames.stop],
+        "facts": scene_facts(scene, camera, frames, settings, poser),
+        "positions": [view.position.tolist() for view in views],
+        "rotations": [view.world_from_view.tolist() for view in views],
+    }
+    return (json.dumps(values, default=_plain) + "\n").encode()
+
+
+def _process_info(seconds: float) -> dict[str, Any]:
+    return {"host": platform.node(), "pid": os.getpid(), "seconds": seconds}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be stored in a head")
+
+
+def attempt(worker: Worker, unit: Unit, on_pair: Callable[[], None] = lambda: None) -> Event:
+    """Run a unit and return an event, whatever it raises except NoOpenGL: the caller knows the worker's name."""
+    try:
+        return Finished(unit, worker.run(unit, on_pair))
+    except NoOpenGL:
+        raise
+    except TaubenchError as error:
+        return _failed(worker, unit, str(error))
+    except Exception as error:
+        # A bug in this program or a library fails one scene: its log has the traceback, the other scenes still run.
+        return _failed(worker, unit, f"{unit.scene}: internal error, {type(error).__name__}: {error}")
+
+
+def _failed(worker: Worker, unit: Unit, message: str) -> Failed:
+    details = traceback.format_exc()
+    worker.release()
+    return Failed(unit, " ".join(message.split()), f"in {unit.name} of {unit.scene}\n\n{details}")
 
 
 def main(arguments: list[str]) -> None:
     connection, lifeline = Connection(int(arguments[0])), int(arguments[1])
-    threading.Thread(target=_end_with_the_driver, args=(lifeline,), daemon=True).start()
-
-    from taubench_gl.batch.engines.inprocess import attempt
-    from taubench_gl.batch.units import NoGraphics, PairDone
-    from taubench_gl.batch.work import NoOpenGL, Workbench, warm_up
-
-    warm_up()  # beside the head of the first job, which one worker makes and the others wait for
-    bench = Workbench()
+    threading.Thread(target=_exit_with_the_driver, args=(lifeline,), daemon=True).start()
+    warm_up()  # while one worker computes the head of the first job and the others wait for it
+    worker = Worker()
     while True:
         try:
             unit = connection.recv()
         except EOFError:
             return
         try:
-            event = attempt(bench, unit, lambda u=unit: connection.send(PairDone(u)))
+            event = attempt(worker, unit, lambda u=unit: connection.send(PairDone(u)))
         except NoOpenGL as error:
             connection.send(NoGraphics(f"worker process {os.getpid()}", str(error), unit))
             return
         connection.send(event)
 
 
-def _end_with_the_driver(lifeline: int) -> None:
+def _exit_with_the_driver(lifeline: int) -> None:
     os.read(lifeline, 1)
     os._exit(0)
 

@@ -1,4 +1,4 @@
-"""The driver against an engine that does as it is told: deaths, failures, workers without OpenGL.  No OpenGL."""
+"""The driver with a scripted engine: workers that die, units that fail, workers without OpenGL.  Needs no OpenGL."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from batch_tools import study_of
+from batch_tools import spec_of
 
 from taubench_gl.batch.driver import Driver, Listener
 from taubench_gl.batch.partition import PairRecord, decode, encode, frames_table, require_pyarrow
 from taubench_gl.batch.store import Store
 from taubench_gl.batch.units import ATTEMPTS, Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
-from taubench_gl.batch.work import Workbench
+from taubench_gl.batch.worker import Worker
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS, Reason
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
@@ -40,20 +40,20 @@ def answer(unit: Unit) -> bytes:
         facts = {"scene": {"name": "made", "sha256": "x"}, "census": {}, "camera_source": "c", "notes": []}
         views = {"positions": [[0.0, 0, i] for i in range(FRAMES)], "rotations": [np.eye(3).tolist()] * FRAMES}
         return json.dumps({"frames": [0, FRAMES], "facts": facts, **views}).encode()
-    told = {
+    report = {
         "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []},
-        "unmeasured": {c: "not asked for" for c in COLUMNS if c not in ("frustum", "position")},
+        "unmeasured": {c: "not requested" for c in COLUMNS if c not in ("frustum", "position")},
         "provenance": {"host": "h"},
         "passes_ms": {},
     }
-    return encode([record(p) for p in unit.positions], told)
+    return encode([record(p) for p in unit.positions], report)
 
 
 class Scripted:
-    """``slots`` workers; ``script`` may answer a unit (worker, unit) -> Event, else it is done."""
+    """``slots`` workers.  ``script(worker, unit)`` may return an event; otherwise the unit is finished."""
 
     def __init__(self, slots: int, script: Callable[[int, Unit], Event | None] = lambda worker, unit: None):
-        self.script, self.flying, self.alive = script, {}, list(range(slots))
+        self.script, self.in_flight, self.alive = script, {}, list(range(slots))
         self.seen: list[tuple[int, Unit]] = []
         self.last: dict[int, str] = {}
 
@@ -61,22 +61,22 @@ class Scripted:
         return max(len(self.alive), 1)
 
     def idle(self) -> list[Slot]:
-        return [Slot(w, self.last.get(w)) for w in self.alive if w not in self.flying]
+        return [Slot(w, self.last.get(w)) for w in self.alive if w not in self.in_flight]
 
     def submit(self, slot: Slot, unit: Unit) -> None:
-        assert slot.key not in self.flying
-        self.flying[slot.key], self.last[slot.key] = unit, unit.job
+        assert slot.key not in self.in_flight
+        self.in_flight[slot.key], self.last[slot.key] = unit, unit.job
         self.seen.append((slot.key, unit))
 
     def wait(self) -> list[Event]:
-        worker, unit = self.flying.popitem()
+        worker, unit = self.in_flight.popitem()
         event = self.script(worker, unit) or Finished(unit, answer(unit))
         if isinstance(event, NoGraphics):
             self.alive.remove(worker)
         return [event]
 
 
-class Heard(Listener):
+class Recorder(Listener):
     def __init__(self):
         self.lines, self.pairs = [], {}
 
@@ -91,47 +91,47 @@ class Heard(Listener):
 
 
 @pytest.fixture
-def study(tmp_path):
+def spec(tmp_path):
     for name in ("a.glb", "b.glb"):
         (tmp_path / name).write_text(name)
-    return study_of(tmp_path, 'scenes = ["a.glb", "b.glb"]')
+    return spec_of(tmp_path, 'scenes = ["a.glb", "b.glb"]')
 
 
 @pytest.fixture
-def drive(tmp_path, study):
+def drive(tmp_path, spec):
     def run(engine, out="out", chunk=4, listener=None):
         store = Store(tmp_path / out)
-        store.save_study(study)
-        return Driver(study, store, engine, listener, chunk).run(), store
+        store.save_spec(spec)
+        return Driver(spec, store, engine, listener, chunk).run(), store
 
     return run
 
 
-def test_partitions_hold_every_count():
-    """Sparse on disk, the same when read; what was not measured is null."""
+def test_partitions_preserve_every_count():
+    """Counts that are not measured are null."""
     records = [record(p) for p in (3, 5)]
-    data = encode(records, {"told": 1})
-    back, told = decode(data)
-    assert told == {"told": 1}
+    data = encode(records, {"host": "h"})
+    back, report = decode(data)
+    assert report == {"host": "h"}
     for ours, theirs in zip(records, back, strict=True):
         assert theirs.position == ours.position and theirs.row == ours.row
         np.testing.assert_array_equal(theirs.counts.mask_histogram, ours.counts.mask_histogram)
         np.testing.assert_array_equal(theirs.counts.histograms, ours.counts.histograms)
     for broken in (data[:-10], data[: len(data) // 2], b"", b"PAR1"):
-        with pytest.raises(ValueError, match="no partition"):
+        with pytest.raises(ValueError, match="partition"):
             decode(broken)
     table = frames_table([])
     assert table[:4] == b"PAR1" and require_pyarrow()
 
 
-def test_all_is_done_once_and_scenes_stay_with_their_worker(drive, study):
-    heard = Heard()
+def test_every_unit_runs_once(drive, spec):
+    recorder = Recorder()
     engine = Scripted(2)
-    outcome, _ = drive(engine, listener=heard)
+    outcome, _ = drive(engine, listener=recorder)
     assert outcome.failed == {} and outcome.summary["done"] == 2
-    assert heard.pairs == {job.id: FRAMES - 1 for job in study.jobs}
+    assert recorder.pairs == {job.id: FRAMES - 1 for job in spec.jobs}
     assert len(engine.seen) == len({unit.key for _, unit in engine.seen}) == 2 * (1 + 5)
-    for job in study.jobs:
+    for job in spec.jobs:
         counted = [p for _, unit in engine.seen if unit.job == job.id for p in unit.positions or ()]
         assert sorted(counted) == list(range(FRAMES - 1))
     # Run again: nothing to do.
@@ -140,27 +140,27 @@ def test_all_is_done_once_and_scenes_stay_with_their_worker(drive, study):
     assert engine.seen == []
 
 
-def test_a_lost_unit_is_done_again(drive):
+def test_a_unit_whose_worker_died_is_repeated(drive):
     deaths = iter([True, False, True])
-    heard = Heard()
+    recorder = Recorder()
     script = lambda worker, unit: Lost(unit, "killed") if unit.positions and next(deaths, False) else None  # noqa: E731
-    outcome, _ = drive(Scripted(2, script), "lost", listener=heard)
+    outcome, _ = drive(Scripted(2, script), "lost", listener=recorder)
     expected, _ = drive(Scripted(1), "plain", chunk=7)
     assert outcome == expected
-    assert sum("killed" in line for line in heard.lines) == 2
+    assert sum("killed" in line for line in recorder.lines) == 2
 
 
-def test_a_unit_that_kills_every_worker_is_given_up(drive, study):
-    bad = study.jobs[0].id
-    engine = Scripted(2, lambda worker, unit: Lost(unit, "killed", "its last words") if unit.job == bad else None)
+def test_a_unit_that_kills_every_worker_fails_its_job(drive, spec):
+    bad = spec.jobs[0].id
+    engine = Scripted(2, lambda worker, unit: Lost(unit, "killed", "end of its output") if unit.job == bad else None)
     outcome, store = drive(engine)
     assert list(outcome.failed) == [bad] and outcome.summary["done"] == 1
     assert sum(unit.job == bad for _, unit in engine.seen) == ATTEMPTS
-    assert "3 times" in outcome.failed[bad] and "its last words" in store.log_file(bad).read_text()
+    assert "3 times" in outcome.failed[bad] and "end of its output" in store.log_file(bad).read_text()
 
 
-def test_a_failing_scene_fails_alone_and_is_tried_again_later(drive, study):
-    bad = study.jobs[1].id
+def test_a_failing_scene_fails_alone_and_is_repeated_in_the_next_run(drive, spec):
+    bad = spec.jobs[1].id
     engine = Scripted(2, lambda w, unit: Failed(unit, "x.glb: broken", "Traceback") if unit.job == bad else None)
     outcome, store = drive(engine)
     assert outcome.failed == {bad: "x.glb: broken"}
@@ -172,25 +172,24 @@ def test_a_failing_scene_fails_alone_and_is_tried_again_later(drive, study):
     assert store.failure(bad) is None
 
 
-def test_a_worker_without_opengl_says_so_once(drive):
-    heard = Heard()
+def test_a_worker_without_opengl_is_reported_once(drive):
+    recorder = Recorder()
     engine = Scripted(3, lambda w, unit: NoGraphics("worker 2", "no context", unit) if w == 2 else None)
-    outcome, _ = drive(engine, listener=heard)
+    outcome, _ = drive(engine, listener=recorder)
     assert outcome.summary["done"] == 2
-    assert [line for line in heard.lines if "OpenGL" in line] == [
-        "worker 2 has no OpenGL and gets nothing more to do: no context"
-    ]
+    (line,) = (line for line in recorder.lines if "OpenGL" in line)
+    assert "worker 2" in line and "no context" in line
 
 
-def test_no_worker_with_opengl(drive):
-    with pytest.raises(GraphicsError, match="no worker with OpenGL is left: no context"):
+def test_no_worker_with_opengl_is_an_error(drive):
+    with pytest.raises(GraphicsError, match="no context"):
         drive(Scripted(2, lambda w, unit: NoGraphics(f"worker {w}", "no context", unit)))
 
 
-def test_a_damaged_partition_is_done_again(drive, study):
+def test_pairs_of_a_damaged_partition_are_counted_again(drive, spec):
     _, store = drive(Scripted(1))
     before = (store.out / "summary.json").read_bytes()
-    job = study.jobs[0].id
+    job = spec.jobs[0].id
     (store.job(job) / "summary.json").unlink()
     broken = sorted(store.pairs_folder(job).iterdir())[1]
     broken.write_bytes(broken.read_bytes()[:100])
@@ -200,7 +199,7 @@ def test_a_damaged_partition_is_done_again(drive, study):
     assert (store.out / "summary.json").read_bytes() == before
 
 
-def test_a_changed_scene_is_evaluated_anew(drive, study, tmp_path):
+def test_a_changed_scene_is_evaluated_from_scratch(drive, spec, tmp_path):
     drive(Scripted(1))
     (tmp_path / "a.glb").write_text("another scene")
     engine = Scripted(1)
@@ -221,7 +220,7 @@ def test_a_changed_scene_is_evaluated_anew(drive, study, tmp_path):
     assert sorted(p for _, unit in engine.seen for p in unit.positions or ()) == list(range(FRAMES - 1))
 
 
-def test_a_scene_that_changes_while_its_head_is_made_gets_another_the_next_time(drive, tmp_path):
+def test_a_scene_that_changes_while_its_head_is_computed_gets_a_new_head(drive, tmp_path):
     def meanwhile(worker, unit):
         if unit.positions is None:
             Path(unit.scene).write_text("another scene")
@@ -233,12 +232,13 @@ def test_a_scene_that_changes_while_its_head_is_made_gets_another_the_next_time(
         assert [unit.positions for _, unit in engine.seen] == [None] * heads
 
 
-def test_a_scene_that_changes_in_between_is_refused(tmp_path):
+def test_a_scene_that_changes_after_its_head_is_refused(tmp_path):
     from batch_tools import DEMO
 
     from taubench_gl.errors import SceneError
     from taubench_gl.settings import Settings
 
     settings = Settings.of(width=8, height=8, columns=("frustum",))
-    with pytest.raises(SceneError, match="changed while the study was running"):
-        Workbench().run(Unit("j", str(DEMO), settings, (0,), "another"))
+    with pytest.raises(SceneError) as caught:
+        Worker().run(Unit("j", str(DEMO), settings, (0,), "another"))
+    assert caught.value.where == str(DEMO)

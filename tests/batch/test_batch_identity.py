@@ -1,40 +1,40 @@
-"""The same files, bit for bit, whatever computes them; and the numbers of plain ``evaluate``."""
+"""Batch results do not depend on engine or chunks, and equal those of ``evaluate``, bit for bit."""
 
 from __future__ import annotations
 
 import json
 
 import pytest
-from batch_tools import DEMO, SMALL, final_files, study_of
+from batch_tools import DEMO, SMALL, final_files, spec_of
 
-from taubench_gl.batch.run import run_study
-from taubench_gl.batch.study import read_study
+from taubench_gl.batch.run import run_batch
+from taubench_gl.batch.spec import read_spec
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.run import load_run
 from taubench_gl.settings import Settings
 
-APART = ("timing", "memory", "provenance")
+VOLATILE = ("timing", "memory", "provenance")
 """Blocks of summary.json that differ with machine and engine."""
 
 
 @pytest.mark.parametrize("chunk", [1, 7])
-def test_chunks_change_nothing(reference, tmp_path, chunk):
+def test_results_do_not_depend_on_chunks(reference, tmp_path, chunk):
     path, expected = reference
-    run_study(read_study(path), tmp_path / "out", chunk=chunk)
+    run_batch(read_spec(path), tmp_path / "out", chunk=chunk)
     assert final_files(tmp_path / "out") == expected
 
 
-def test_worker_processes_change_nothing(reference, tmp_path):
+def test_results_do_not_depend_on_worker_processes(reference, tmp_path):
     path, expected = reference
-    run_study(read_study(path), tmp_path / "out", workers=2, chunk=8)
+    run_batch(read_spec(path), tmp_path / "out", workers=2, chunk=8)
     assert final_files(tmp_path / "out") == expected
     assert not list((tmp_path / "out" / "logs").iterdir())
 
 
 @pytest.mark.long
-def test_dask_changes_nothing(reference, tmp_path):
+def test_results_do_not_depend_on_dask(reference, tmp_path):
     path, expected = reference
-    run_study(read_study(path), tmp_path / "out", engine="dask-local", workers=2, chunk=8)
+    run_batch(read_spec(path), tmp_path / "out", engine="dask-local", workers=2, chunk=8)
     assert final_files(tmp_path / "out") == expected
 
 
@@ -52,22 +52,22 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
     ],
     ids=["plain", "motion", "sampled", "no pairs", "light"],
 )
-def test_as_evaluate(tmp_path, changes):
-    """One chunk boundary every other pair; pairs, sums, curves, census, camera and cuts are those of ``evaluate``."""
+def test_results_equal_those_of_evaluate(tmp_path, changes):
+    """Pairs, sums, curves, census, camera and cuts, with a chunk boundary at every other pair."""
     settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")} | changes
     once = evaluate_scene(DEMO, Settings.of(**settings), out=tmp_path / "once")
     plain = {k: v for k, v in settings.items() if k != "frames"}
     lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
     first, stop = settings["frames"]
-    study = study_of(tmp_path, "\n".join([f'scenes = ["{DEMO}"]', f'frames = "{first}:{stop}"', *lines]))
-    assert study.jobs[0].settings == Settings.of(**settings)
-    run_study(study, tmp_path / "out", chunk=2)
-    run = load_run(tmp_path / "out" / "jobs" / study.jobs[0].id)
+    spec = spec_of(tmp_path, "\n".join([f'scenes = ["{DEMO}"]', f'frames = "{first}:{stop}"', *lines]))
+    assert spec.jobs[0].settings == Settings.of(**settings)
+    run_batch(spec, tmp_path / "out", chunk=2)
+    run = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id)
     stored = load_run(tmp_path / "once")
     assert run.frames == stored.frames == once.frames
     assert list(run.summary) == list(stored.summary)
-    assert {k: v for k, v in run.summary.items() if k not in APART} == {
-        k: v for k, v in stored.summary.items() if k not in APART
+    assert {k: v for k, v in run.summary.items() if k not in VOLATILE} == {
+        k: v for k, v in stored.summary.items() if k not in VOLATILE
     }
     csv = (tmp_path / "once" / "frames.csv").read_bytes()
     assert (run.out / "frames.csv").read_bytes() == csv
@@ -80,7 +80,7 @@ def _toml(value):
 
 
 def test_cuts_are_found_over_chunk_boundaries(tmp_path, reference):
-    """A cut shows only against the pairs around it: told by the whole sequence, not by a chunk."""
+    """A cut depends on the pairs around it, so it is detected on the whole sequence."""
     pq = pytest.importorskip("pyarrow.parquet")
     path, _ = reference
     out = path.parent / "out"
@@ -98,11 +98,11 @@ def test_cuts_are_found_over_chunk_boundaries(tmp_path, reference):
 
 
 @pytest.mark.long
-def test_a_cluster_that_is_there(reference, tmp_path):
-    """An address, and a worker with two threads: OpenGL of a process still runs on one."""
+def test_results_do_not_depend_on_a_running_cluster(reference, tmp_path):
+    """The worker has two threads; all GL calls of a process are made on one."""
     distributed = pytest.importorskip("distributed")
     path, expected = reference
     with distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as cluster:
         address = cluster.scheduler_address.replace("tcp://", "dask://")
-        run_study(read_study(path), tmp_path / "out", engine=address, chunk=4)
+        run_batch(read_spec(path), tmp_path / "out", engine=address, chunk=4)
     assert final_files(tmp_path / "out") == expected

@@ -1,4 +1,4 @@
-"""Killed at any moment: the same files in the end.  Real processes, real SIGKILL."""
+"""Processes killed with SIGKILL at any moment: the batch ends with the same files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from batch_tools import DEMO, SMALL, batch_process, final_files, wait_until, write_study
+from batch_tools import DEMO, SMALL, batch_process, final_files, wait_until, write_spec
+
+from taubench_gl.batch.store import lock_holder
 
 PATIENCE = 300
 
@@ -19,19 +21,19 @@ def partitions(out: Path) -> int:
     return len(list(out.glob("jobs/*/pairs/*.parquet")))
 
 
-def test_the_driver_is_killed(reference, tmp_path):
-    """kill -9 in the middle: its workers go with it, its lock is free, status knows, resume finishes the same files."""
-    study, expected = reference
+def test_killed_driver(reference, tmp_path):
+    """Its workers end, its lock is released, and resume writes the same files."""
+    spec, expected = reference
     out = tmp_path / "out"
-    driver = batch_process(study, "--out", out, "--workers", "1", "--chunk", "1")
+    driver = batch_process(spec, "--out", out, "--workers", "1", "--chunk", "1")
     wait_until(lambda: partitions(out) >= 2, driver)
-    os.kill(driver.pid, signal.SIGSTOP)  # it holds its lock and gets no further while others try
+    os.kill(driver.pid, signal.SIGSTOP)  # it holds its lock and makes no progress
     second = batch_process("resume", out)
-    told = second.communicate(timeout=PATIENCE)[1]
-    assert second.returncode == 2 and f"process {driver.pid} on " in told and told.count("\n") == 1
+    printed = second.communicate(timeout=PATIENCE)[1]
+    assert second.returncode == 2 and f"process {driver.pid} on " in printed and printed.count("\n") == 1
     status = batch_process("status", out)
-    told, _ = status.communicate(timeout=PATIENCE)
-    assert status.returncode == 0 and f"driven by process {driver.pid}" in told and " part " in told
+    printed, _ = status.communicate(timeout=PATIENCE)
+    assert status.returncode == 0 and f"process {driver.pid}" in printed and " part " in printed
     workers = psutil.Process(driver.pid).children()
     os.kill(driver.pid, signal.SIGKILL)
     driver.communicate(timeout=PATIENCE)
@@ -41,8 +43,8 @@ def test_the_driver_is_killed(reference, tmp_path):
     assert 2 <= kept < 60 and not (out / "summary.json").exists()
 
     status = batch_process("status", out)
-    told, _ = status.communicate(timeout=PATIENCE)
-    assert status.returncode == 0 and "nobody is working on it" in told
+    status.communicate(timeout=PATIENCE)
+    assert status.returncode == 0 and lock_holder(out) is None
     resumed = batch_process("resume", out)
     _, errors = resumed.communicate(timeout=PATIENCE)
     assert resumed.returncode == 0, errors
@@ -50,21 +52,21 @@ def test_the_driver_is_killed(reference, tmp_path):
     assert partitions(out) > kept
 
 
-def test_a_worker_is_killed(reference, tmp_path):
-    study, expected = reference
+def test_killed_worker(reference, tmp_path):
+    spec, expected = reference
     out = tmp_path / "out"
-    driver = batch_process(study, "--out", out, "--workers", "1", "--chunk", "3")
+    driver = batch_process(spec, "--out", out, "--workers", "1", "--chunk", "3")
     wait_until(lambda: partitions(out) >= 1, driver)
     (worker,) = psutil.Process(driver.pid).children()
     worker.kill()
     _, errors = driver.communicate(timeout=PATIENCE)
     assert driver.returncode == 0, errors
-    assert "killed by SIGKILL" in errors and "is done again" in errors
+    assert "SIGKILL" in errors
     assert final_files(out) == expected
 
 
 def test_scenes_that_fail_or_kill_their_worker_fail_alone(tmp_path):
-    """One scene is cut off, one takes its worker down each time; the third is evaluated.  Exit code 2, logs say why."""
+    """One scene is truncated, one kills its worker each time, the third is evaluated."""
     shutil.copy(DEMO, tmp_path / "crash.glb")
     (tmp_path / "cut.glb").write_bytes(DEMO.read_bytes()[:1000])
     shutil.copy(DEMO, tmp_path / "good.glb")
@@ -76,36 +78,36 @@ def test_scenes_that_fail_or_kill_their_worker_fail_alone(tmp_path):
         "        os.kill(os.getpid(), 9)\n"
         "sys.addaudithook(audit)\n"
     )
-    study = write_study(tmp_path, f'scenes = ["crash.glb", "cut.glb", "good.glb"]\nframes = "0:3"\n{SMALL}')
+    spec = write_spec(tmp_path, f'scenes = ["crash.glb", "cut.glb", "good.glb"]\nframes = "0:3"\n{SMALL}')
     out = tmp_path / "out"
-    run = batch_process(study, "--out", out, "--workers", "1", PYTHONPATH=str(tmp_path))
-    told, errors = run.communicate(timeout=PATIENCE)
+    run = batch_process(spec, "--out", out, "--workers", "1", PYTHONPATH=str(tmp_path))
+    printed, errors = run.communicate(timeout=PATIENCE)
     assert run.returncode == 2, errors
-    assert "1 of 3 jobs done" in told and "2 of 3 jobs failed" in errors
+    assert "1 of 3 jobs done" in printed and "2 of 3 jobs failed" in errors
     jobs = {Path(job["scene"]).stem: job for job in json.loads((out / "summary.json").read_text())["jobs"]}
     assert {name: job["state"] for name, job in jobs.items()} == {"crash": "failed", "cut": "failed", "good": "done"}
     crash, cut = ((out / jobs[name]["log"]).read_text() for name in ("crash", "cut"))
-    assert "killed by SIGKILL, 3 times in head" in crash and "about to go" in crash
+    assert "SIGKILL, 3 times in head" in crash and "about to go" in crash
     assert "cut.glb" in cut.splitlines()[0] and "Traceback" in cut and "SceneError" in cut
 
     status = batch_process("status", out)
-    told, _ = status.communicate(timeout=PATIENCE)
-    assert status.returncode == 2 and told.count("failed") == 2 and "killed by SIGKILL" in told
+    printed, _ = status.communicate(timeout=PATIENCE)
+    assert status.returncode == 2 and printed.count("failed") == 2 and "killed by SIGKILL" in printed
     report = batch_process("report", out)
-    told, _ = report.communicate(timeout=PATIENCE)
-    assert report.returncode == 0 and "Table 4" in told and told.count("note: not finished: ") == 2
+    printed, _ = report.communicate(timeout=PATIENCE)
+    assert report.returncode == 0 and "Table 4" in printed and printed.count("note: not finished: ") == 2
 
 
-def test_no_opengl_on_any_worker(tmp_path):
-    """Each worker says so once, the end is one line, and nothing is lost: a resume with OpenGL finishes."""
-    study = write_study(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:5"\n{SMALL}')
+def test_no_worker_has_opengl(tmp_path):
+    """Each worker is reported once, the error is one line, and a resume with OpenGL finishes."""
+    spec = write_spec(tmp_path, f'scenes = ["{DEMO}"]\nframes = "0:5"\n{SMALL}')
     out = tmp_path / "out"
-    run = batch_process(study, "--out", out, "--workers", "2", "--chunk", "1", TAUBENCH_BACKEND="nonsense")
+    run = batch_process(spec, "--out", out, "--workers", "2", "--chunk", "1", TAUBENCH_BACKEND="nonsense")
     _, errors = run.communicate(timeout=PATIENCE)
     assert run.returncode == 2
     lines = errors.splitlines()
-    assert sum("has no OpenGL and gets nothing more to do" in line for line in lines) == 2
-    assert lines[-1].startswith("taubench-gl: error: no worker with OpenGL is left")
+    assert sum("has no OpenGL" in line for line in lines) == 2
+    assert lines[-1].startswith("taubench-gl: error: ")
     assert "Traceback" not in errors
     resumed = batch_process("resume", out)
     _, errors = resumed.communicate(timeout=PATIENCE)
@@ -113,11 +115,11 @@ def test_no_opengl_on_any_worker(tmp_path):
 
 
 @pytest.mark.long
-def test_a_dask_worker_is_killed(reference, tmp_path):
-    """Dask's nanny brings another; the scheduler runs the unit again."""
-    study, expected = reference
+def test_killed_dask_worker(reference, tmp_path):
+    """Dask starts another worker and repeats the unit."""
+    spec, expected = reference
     out = tmp_path / "out"
-    driver = batch_process(study, "--out", out, "--engine", "dask-local", "--workers", "2", "--chunk", "1")
+    driver = batch_process(spec, "--out", out, "--engine", "dask-local", "--workers", "2", "--chunk", "1")
     wait_until(lambda: partitions(out) >= 2, driver)
     workers = [p for p in psutil.Process(driver.pid).children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
     assert len(workers) == 2

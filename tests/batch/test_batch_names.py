@@ -1,4 +1,4 @@
-"""Names with a byte that is no UTF-8, in the table of all pairs."""
+"""Scene names that are not valid UTF-8, in the table of all pairs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taubench_gl.run import FRAME_COLUMNS
 pq = pytest.importorskip("pyarrow.parquet")
 
 
-def test_names_that_are_no_text_are_in_the_table():
+def test_names_that_are_not_utf8_are_escaped():
     lost = os.fsdecode(b"caf\xe9")
     row = dict.fromkeys(FRAME_COLUMNS, 0)
     data = frames_table([("job", lost, {"camera": lost, "fps": 24.0}, [row])])

@@ -1,4 +1,4 @@
-"""Worker processes on this machine: spawned, kept for the whole study, replaced when they die."""
+"""Engines that need no cluster: this process, or worker processes on this machine."""
 
 from __future__ import annotations
 
@@ -8,51 +8,83 @@ import signal
 import socket
 import subprocess
 import sys
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from taubench_gl.batch.units import Event, Failed, Finished, Lost, NoGraphics, Slot, Unit
+from taubench_gl.batch.units import Event, Failed, Finished, Lost, NoGraphics, PairDone, Slot, Unit
+from taubench_gl.batch.worker import Worker, attempt
 
 THREADS_VARIABLE = "LP_NUM_THREADS"
-"""Threads that Mesa's software rasterizer starts in a process; on other drivers it means nothing."""
+"""Number of threads of Mesa's software rasterizer in one process; other drivers ignore it."""
 
 TAIL_BYTES = 4000
 
 
 def available_cores() -> int:
-    """Cores this process may use."""
+    """Number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def worker_environment(workers: int) -> dict[str, str]:
-    """The environment of each of ``workers`` processes: together they have as many GL threads as there are cores.
+    """The environment of each of ``workers`` processes: all of them together have one GL thread per core.
 
-    A number that the user has set stays.
+    A value that the user has set is kept.
     """
     threads = str(max(1, available_cores() // workers))
     return {THREADS_VARIABLE: threads} | dict(os.environ)
 
 
+class InProcess:
+    """Runs units here, one after another.  ``on_pair`` is called for every pair, while ``wait`` still blocks."""
+
+    def __init__(self, on_pair: Callable[[PairDone], None] = lambda event: None):
+        self._worker = Worker()
+        self._on_pair = on_pair
+        self._unit: Unit | None = None
+        self._last: str | None = None
+
+    def __enter__(self) -> InProcess:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._worker.release()
+
+    def describe(self) -> str:
+        return "this process"
+
+    def width(self) -> int:
+        return 1
+
+    def idle(self) -> list[Slot]:
+        return [] if self._unit is not None else [Slot(0, self._last)]
+
+    def submit(self, slot: Slot, unit: Unit) -> None:
+        self._unit, self._last = unit, unit.job
+
+    def wait(self) -> list[Event]:
+        unit, self._unit = self._unit, None
+        return [attempt(self._worker, unit, lambda: self._on_pair(PairDone(unit)))]
+
+
 @dataclass(slots=True)
-class _Worker:
+class _Process:
     number: int
     process: subprocess.Popen[bytes]
     connection: Connection
-    said: Path
+    log: Path
     unit: Unit | None = None
     last_job: str | None = None
-    events: list[Event] = field(default_factory=list)
 
 
 class Processes:
-    """``workers`` processes; what they print goes to ``logs``/worker-N.log, kept only where there is something."""
+    """``workers`` processes, replaced when they die.  Their output goes to ``logs``/worker-N.log unless it is empty."""
 
     def __init__(self, workers: int, logs: Path):
         self._count, self._logs = workers, logs
-        self._workers: list[_Worker] = []
+        self._workers: list[_Process] = []
         self._lifeline: tuple[int, int] = (-1, -1)
-        self._barren = 0  # workers without OpenGL: not replaced
 
     def __enter__(self) -> Processes:
         self._lifeline = os.pipe()
@@ -65,7 +97,7 @@ class Processes:
         for worker in self._workers:
             worker.process.kill()
         for worker in self._workers:
-            self._bury(worker)
+            self._reap(worker)
         self._workers.clear()
         for end in self._lifeline:
             os.close(end)
@@ -84,7 +116,7 @@ class Processes:
     def submit(self, slot: Slot, unit: Unit) -> None:
         worker = next(w for w in self._workers if w.number == slot.key)
         worker.unit, worker.last_job = unit, unit.job
-        with contextlib.suppress(OSError):  # it is dead, which ``wait`` will find and tell
+        with contextlib.suppress(OSError):  # it is dead, which ``wait`` reports
             worker.connection.send(unit)
 
     def wait(self) -> list[Event]:
@@ -100,17 +132,17 @@ class Processes:
             if isinstance(event, NoGraphics):
                 self._workers.remove(worker)
                 worker.process.wait()
-                self._bury(worker)
+                self._reap(worker)
             elif isinstance(event, Finished | Failed):
                 worker.unit = None
             events.append(event)
         return events
 
-    def _spawn(self, number: int) -> _Worker:
+    def _spawn(self, number: int) -> _Process:
         ours, theirs = socket.socketpair()
-        said = self._logs / f"worker-{number}.log"
+        log = self._logs / f"worker-{number}.log"
         arguments = [str(theirs.fileno()), str(self._lifeline[0])]
-        with open(said, "ab") as output:
+        with open(log, "ab") as output:
             process = subprocess.Popen(
                 [sys.executable, "-m", "taubench_gl.batch.worker", *arguments],
                 stdin=subprocess.DEVNULL,
@@ -118,28 +150,29 @@ class Processes:
                 stderr=output,
                 env=worker_environment(self._count),
                 pass_fds=(theirs.fileno(), self._lifeline[0]),
-                start_new_session=True,  # Ctrl-C is the driver's, which then ends its workers
+                start_new_session=True,  # Ctrl-C goes to the driver, which ends its workers
             )
         theirs.close()
-        return _Worker(number, process, Connection(ours.detach()), said)
+        return _Process(number, process, Connection(ours.detach()), log)
 
-    def _replace(self, worker: _Worker) -> Lost:
-        """A worker died: say what of, and put another in its place."""
+    def _replace(self, worker: _Process) -> Lost:
+        """Start another process in place of one that died; returns why it died."""
         worker.process.wait()
-        reason, tail = how_it_ended(worker.process.returncode), _tail(worker.said)
+        reason, tail = how_it_ended(worker.process.returncode), _end_of(worker.log)
         unit = worker.unit
-        self._bury(worker)
+        self._reap(worker)
         self._workers[self._workers.index(worker)] = self._spawn(worker.number)
         return Lost(unit, reason, tail)
 
-    def _bury(self, worker: _Worker) -> None:
+    def _reap(self, worker: _Process) -> None:
         worker.process.wait()
         worker.connection.close()
-        if worker.said.exists() and worker.said.stat().st_size == 0:
-            worker.said.unlink()
+        if worker.log.exists() and worker.log.stat().st_size == 0:
+            worker.log.unlink()
 
 
 def how_it_ended(code: int) -> str:
+    """The exit code of a worker process in words."""
     if code >= 0:
         return f"its worker ended with exit code {code}"
     try:
@@ -148,7 +181,7 @@ def how_it_ended(code: int) -> str:
         return f"its worker was killed by signal {-code}"
 
 
-def _tail(path: Path) -> str:
+def _end_of(path: Path) -> str:
     try:
         return path.read_bytes()[-TAIL_BYTES:].decode(errors="replace")
     except OSError:

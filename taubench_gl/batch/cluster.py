@@ -1,4 +1,4 @@
-"""Dask: a cluster that is already there (SLURM, Kubernetes, SSH: by Dask's own deployers), or one made here."""
+"""The Dask engine: an existing cluster (started by Dask's own deployers), or a local one."""
 
 from __future__ import annotations
 
@@ -7,31 +7,30 @@ from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, Queue
 from typing import Any
 
-from taubench_gl.batch.engines.inprocess import attempt
-from taubench_gl.batch.engines.processes import THREADS_VARIABLE, available_cores
+from taubench_gl.batch.engines import THREADS_VARIABLE, available_cores
 from taubench_gl.batch.units import ATTEMPTS, Event, Lost, NoGraphics, Slot, Unit
-from taubench_gl.batch.work import NoOpenGL, Workbench, warm_up
+from taubench_gl.batch.worker import NoOpenGL, Worker, attempt, warm_up
 from taubench_gl.errors import TaubenchError
 
 CONNECT_SECONDS = 30
 AHEAD = 2
-"""Units each worker is given: one to run, one so that it need not wait for the driver."""
+"""Units per worker in flight: one that runs and one that waits, so that no worker waits for the driver."""
 
-UNPLACED = 16
-"""Units handed to the scheduler while there is no worker at all: what an adaptive cluster needs to see to grow."""
+UNASSIGNED = 16
+"""Units submitted while there is no worker: an adaptive cluster grows only while tasks wait."""
 
 
 class DaskCluster:
-    """``address`` of a scheduler (tcp://host:port), or None: ``workers`` processes here with one GL thread each."""
+    """``address`` of a scheduler (tcp://host:port), or None: ``workers`` local processes with one GL thread each."""
 
     def __init__(self, address: str | None, workers: int | None = None):
         self._address, self._count = address, workers or available_cores()
         self._client: Any = None
         self._cluster: Any = None
         self._done: Queue[Any] = Queue()
-        self._flying: dict[str, tuple[Any, Unit, str | None]] = {}  # key -> future, unit, worker it was meant for
+        self._in_flight: dict[str, tuple[Any, Unit, str | None]] = {}  # key -> future, unit, worker
         self._last: dict[str, str] = {}  # worker -> job
-        self._barren: set[str] = set()
+        self._without_gl: set[str] = set()
         self._numbers = iter(range(1 << 62))
 
     def __enter__(self) -> DaskCluster:
@@ -42,7 +41,7 @@ class DaskCluster:
             raise TaubenchError("Dask is not installed", hint="pip install 'taubench-gl[cluster]'") from None
         try:
             if self._address is None:
-                # One GL thread in each: as many threads as processes, and no two of them draw in one process.
+                # One GL thread per process, so that all processes together have one thread per core.
                 one = {"distributed.nanny.pre-spawn-environ": {THREADS_VARIABLE: "1", "OMP_NUM_THREADS": "1"}}
                 with dask.config.set(one):
                     self._cluster = distributed.LocalCluster(
@@ -55,10 +54,10 @@ class DaskCluster:
                 self._client = distributed.Client(self._cluster)
             else:
                 self._client = distributed.Client(self._address, timeout=CONNECT_SECONDS)
-        except RuntimeError as error:  # so says Dask when its worker processes do not come up
+        except RuntimeError as error:  # Dask raises this when its worker processes do not start
             self.__exit__()
-            hint = "in a script of your own, call this under if __name__ == '__main__'"
-            raise TaubenchError(f"Dask's workers do not start: {error}", where="dask-local", hint=hint) from None
+            hint = "a script must call this under if __name__ == '__main__'"
+            raise TaubenchError(f"the Dask workers do not start: {error}", where="dask-local", hint=hint) from None
         except (OSError, TimeoutError, ValueError) as error:
             self.__exit__()
             where = self._address or "dask-local"
@@ -67,7 +66,7 @@ class DaskCluster:
         return self
 
     def __exit__(self, *exc: object) -> None:
-        for future, _, _ in self._flying.values():
+        for future, _, _ in self._in_flight.values():
             future.cancel()
         for part in (self._client, self._cluster):
             if part is not None:
@@ -75,7 +74,7 @@ class DaskCluster:
 
     def describe(self) -> str:
         if self._address is None:
-            return f"{self._count} Dask worker{'' if self._count == 1 else 's'} here, one GL thread each"
+            return f"{self._count} local Dask worker{'' if self._count == 1 else 's'}, one GL thread each"
         return f"Dask at {self._address}, workers: {len(self._workers())}"
 
     def width(self) -> int:
@@ -83,16 +82,16 @@ class DaskCluster:
 
     def _workers(self) -> list[str]:
         info = self._client.scheduler_info(n_workers=-1)
-        return [address for address in info["workers"] if address not in self._barren]
+        return [address for address in info["workers"] if address not in self._without_gl]
 
     def idle(self) -> list[Slot]:
-        load = Counter(worker for _, _, worker in self._flying.values())
+        load = Counter(worker for _, _, worker in self._in_flight.values())
         workers = self._workers()
         if not workers:
-            if self._barren:
+            if self._without_gl:
                 return []
-            return [Slot(None)] * max(UNPLACED - len(self._flying), 0)
-        # Round by round, so that every worker has one before any has two.
+            return [Slot(None)] * max(UNASSIGNED - len(self._in_flight), 0)
+        # Every worker gets one unit before any worker gets two.
         return [Slot(w, self._last.get(w)) for held in range(AHEAD) for w in workers if load[w] <= held]
 
     def submit(self, slot: Slot, unit: Unit) -> None:
@@ -102,7 +101,7 @@ class DaskCluster:
             self._last[slot.key] = unit.job
         key = f"taubench-{unit.job}-{next(self._numbers)}"
         future = self._client.submit(run_on_worker, unit, key=key, pure=False, **where)
-        self._flying[key] = (future, unit, slot.key)
+        self._in_flight[key] = (future, unit, slot.key)
         future.add_done_callback(self._done.put)
 
     def wait(self) -> list[Event]:
@@ -119,39 +118,39 @@ class DaskCluster:
                 if self._client.status in ("closing", "closed"):
                     where = self._address or "dask-local"
                     raise TaubenchError(
-                        "the Dask scheduler is gone", where=where, hint="resume when it is back"
+                        "the Dask scheduler has stopped", where=where, hint="resume when it runs again"
                     ) from None
 
     def _ended(self, future: Any) -> list[Event]:
-        _, unit, _ = self._flying.pop(future.key, (None, None, None))
+        _, unit, _ = self._in_flight.pop(future.key, (None, None, None))
         if unit is None:
             return []
         if future.status == "finished":
             event = future.result()
             if isinstance(event, NoGraphics):
-                known = event.worker in self._barren
-                self._barren.add(event.worker)
+                known = event.worker in self._without_gl
+                self._without_gl.add(event.worker)
                 return [NoGraphics("" if known else event.worker, event.message, unit)]
             return [event]
-        error = future.exception() if future.status == "error" else "the scheduler gave it up"
-        # Dask itself has tried again on other workers (distributed.scheduler.allowed-failures).
-        return [Lost(unit, f"its workers died or could not run it: {' '.join(str(error).split())}", tried=ATTEMPTS)]
+        error = future.exception() if future.status == "error" else "the scheduler cancelled it"
+        # Dask has already repeated it on other workers (distributed.scheduler.allowed-failures).
+        return [Lost(unit, f"its workers died or could not run it: {' '.join(str(error).split())}", attempts=ATTEMPTS)]
 
 
-_bench = Workbench()
+_worker = Worker()
 _thread = ThreadPoolExecutor(1, thread_name_prefix="taubench-gl")
 
 
-def dask_setup(worker: Any) -> None:
-    """Dask calls this on workers started with ``--preload`` and this module's name: all is imported when they join."""
+def dask_setup(dask_worker: Any) -> None:
+    """Called by Dask on workers started with ``--preload`` and this module: imports are done before they join."""
     warm_up()
 
 
 def run_on_worker(unit: Unit) -> Event:
-    """On a Dask worker: all GL of a process on one thread, however many the worker has."""
+    """Runs on a Dask worker: all GL calls of a process are made on one thread, whatever threads the worker has."""
     from distributed import get_worker
 
     try:
-        return _thread.submit(attempt, _bench, unit).result()
+        return _thread.submit(attempt, _worker, unit).result()
     except NoOpenGL as error:
         return NoGraphics(str(get_worker().address), str(error), unit)
