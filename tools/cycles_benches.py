@@ -17,8 +17,9 @@ from taubench_gl.errors import PathTracedError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import ASSETS
-from taubench_gl.pathtraced.cycles.job import Quality
-from taubench_gl.pathtraced.cycles.render import HOW_TO_GET_BPY, blender_version, read_render, render_reference
+from taubench_gl.pathtraced.blender.job import Quality
+from taubench_gl.pathtraced.blender.process import HOW_TO_GET_BPY, blender_version
+from taubench_gl.pathtraced.blender.render import read_render, render_reference
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings

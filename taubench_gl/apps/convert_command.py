@@ -27,7 +27,7 @@ interpreter that has it.  Scripts inside .blend files are not run."""
 )
 def convert(source: str, target: Path, lights: str) -> None:
     """Write an FBX or .blend file as glTF, with its animations, cameras and lights."""
-    from taubench_gl.pathtraced.cycles.convert import convert as convert_file
+    from taubench_gl.pathtraced.blender.convert import convert as convert_file
     from taubench_gl.scene import load_scene
 
     made = convert_file(source, target, lights=lights)

@@ -37,7 +37,7 @@ def asked_for(row: dict[str, Any]) -> dict[str, Any]:
 
 def _converted(store: Any, source: Path) -> Path:
     """The glTF of an FBX or .blend scene, beside it in the cache; one per file it was made from."""
-    from taubench_gl.pathtraced.cycles.convert import convert
+    from taubench_gl.pathtraced.blender.convert import convert
 
     record = store.record()
     target = store.folder / f"converted-{record.sha256[:12]}-{source.stem}.glb"

@@ -50,8 +50,8 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
     from taubench_gl.animation import choose_camera
     from taubench_gl.evaluation import frame_range
-    from taubench_gl.pathtraced.cycles.job import Quality
-    from taubench_gl.pathtraced.cycles.render import CAMERA_FILE, render_reference
+    from taubench_gl.pathtraced.blender.job import Quality
+    from taubench_gl.pathtraced.blender.render import CAMERA_FILE, render_reference
     from taubench_gl.scene import load_scene
 
     asked = ("camera", "scene", "animations", "fps", "frames", "size", "culling", "sky")
@@ -137,7 +137,7 @@ def check(spec: str, **options: Any) -> int:
         verdict = f"WRONG: {finding.fault}" if finding.fault else "ok"
         if finding.absent:
             verdict = f"not there: {finding.absent}"
-        click.echo(f"{finding.what}: {verdict} ({finding.detail})")
+        click.echo(f"{finding.subject}: {verdict} ({finding.detail})")
     return 2 if faults else 0
 
 

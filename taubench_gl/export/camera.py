@@ -6,7 +6,6 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import View
-from taubench_gl.pathtraced.camera_file import CameraPose
 
 Array = np.ndarray
 CV_FROM_VIEW = np.diag([1.0, -1.0, -1.0])
@@ -41,9 +40,3 @@ def matrices(view: View, width: int, height: int) -> dict[str, Array]:
         "intrinsics": intrinsics(view, width, height),
         "jitter_px": np.asarray(view.jitter_px, dtype=np.float64) * [1.0, -1.0] + 0.0,
     }
-
-
-def sidecar_pose(view: View) -> CameraPose:
-    """The view for camera.json (``pathtraced.cameras``)."""
-    c = view.camera
-    return CameraPose(view.position, view.world_from_view, c.kind, c.yfov, c.ymag, c.znear, c.zfar)

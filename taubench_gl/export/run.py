@@ -12,7 +12,6 @@ from taubench_gl import __version__
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import frame_range, frame_total, require_triangles
-from taubench_gl.export.camera import sidecar_pose
 from taubench_gl.export.channels import PRECISIONS, choose_channels
 from taubench_gl.export.formats import ExrWriter, NpzWriter, Spec, Writer, ZarrWriter
 from taubench_gl.export.frames import JITTERS, FrameSource
@@ -20,7 +19,7 @@ from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import is_partial_of, write_atomically
-from taubench_gl.pathtraced.camera_file import camera_file_text
+from taubench_gl.pathtraced.cameras import camera_file_text
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -187,5 +186,5 @@ def _different(before: dict[str, Any], told: dict[str, Any]) -> list[str]:
 
 def _write_cameras(out: Path, views: dict[int, View], spec: Spec) -> None:
     """camera.json: the sidecar that ``evaluate exr: --camera-file`` reads, for every format."""
-    text = camera_file_text({frame: sidecar_pose(view) for frame, view in views.items()}, spec.fps, spec.size)
+    text = camera_file_text(views, spec.fps, spec.size)
     write_atomically(out / CAMERA_FILE, text, parents=True)

@@ -1,55 +1,179 @@
-"""Where the camera of a path-traced sequence was: a sidecar, a scene file, or a fit to the position pass."""
+"""Cameras of path-traced sequences: a JSON sidecar, the camera of a scene file, or a fit to the position pass.
+
+Sidecar (schema ``taubench-gl/camera/1``), glTF axes (+Y up, the camera looks along its local -Z), metres, radians::
+
+    {"schema": "taubench-gl/camera/1", "fps": 24.0, "width": 320, "height": 180,
+     "camera": {"kind": "perspective", "yfov": 0.8, "znear": 0.1, "zfar": null},
+     "frames": {"12": {"world_from_view": [[...], [...], [...], [...]]},
+                "13": {"position": [x, y, z], "rotation": [x, y, z, w], "yfov": 0.7}}}
+
+Each frame has ``world_from_view`` (4x4, rows) or ``position`` and ``rotation`` (xyzw), and may override the keys of
+``camera``.  ``kind`` is perspective (``yfov``) or orthographic (``ymag``, half the height in metres).  ``zfar`` null is
+infinity.  ``fps``, ``width`` and ``height`` are optional.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.errors import PathTracedError
-from taubench_gl.pathtraced.camera_file import CameraFile, CameraPose, read_camera_file
 from taubench_gl.pathtraced.fit import fit_camera
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.scene.model import Camera, Scene
 
-CHECK_POINTS = 4000
-MATCH_PX = 0.5
-"""A camera whose projection of the position pass is farther off (median) is not the one that took the picture."""
+Array = np.ndarray
+CAMERA_SCHEMA = "taubench-gl/camera/1"
+MAX_MISMATCH_PX = 0.5
+"""A camera whose projection of the position pass is farther off than this (median, pixels) did not render the files."""
+
+_INTRINSICS = ("yfov", "ymag", "znear", "zfar")
+_CHECK_POINTS = 4000
+_ORTHOGRAPHIC_ZFAR = 1e4  # metres, where a sidecar gives none: an orthographic projection needs a far plane
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFile:
+    """Contents of a sidecar."""
+
+    views: dict[int, View]  # by frame number
+    fps: float | None = None
+    size: tuple[int, int] | None = None  # width, height in pixels
+
+
+def read_camera_file(path: str | Path) -> CameraFile:
+    """Read a sidecar.  Raises PathTracedError with a JSON pointer to the fault."""
+    path = Path(path)
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        what = f"is no camera file: {getattr(error, 'strerror', None) or error}"
+        raise PathTracedError(what, where=str(path), hint="give JSON as 'reference render' writes it") from None
+    if not isinstance(values, dict) or values.get("schema") != CAMERA_SCHEMA:
+        got = values.get("schema") if isinstance(values, dict) else type(values).__name__
+        raise PathTracedError(f"schema is {got!r}, expected {CAMERA_SCHEMA!r}", where=str(path))
+    frames, shared = values.get("frames"), values.get("camera", {})
+    if not isinstance(frames, dict) or not frames or not isinstance(shared, dict):
+        raise PathTracedError("has no frames", where=f"{path}#/frames", hint="one entry per frame number")
+    views = {}
+    for key, entry in frames.items():
+        where = f"{path}#/frames/{key}"
+        if not key.lstrip("-").isdecimal() or not isinstance(entry, dict):
+            raise PathTracedError("is no frame", where=where, hint='write "12": {"world_from_view": ...}')
+        views[int(key)] = _read_view(shared | entry, where)
+    fps = _number(values, "fps", str(path))
+    width, height = (_number(values, name, str(path)) for name in ("width", "height"))
+    return CameraFile(views, fps, None if width is None or height is None else (int(width), int(height)))
+
+
+def camera_file_text(views: Mapping[int, View], fps: float, size: tuple[int, int]) -> str:
+    """The sidecar of ``views`` (by frame number) as JSON.  ``size``: width, height in pixels."""
+    frames = {str(frame): camera_entry(view) for frame, view in sorted(views.items())}
+    head = {"schema": CAMERA_SCHEMA, "fps": fps, "width": size[0], "height": size[1]}
+    return json.dumps(head | {"frames": frames}, indent=1) + "\n"
+
+
+def camera_entry(view: View) -> dict[str, Any]:
+    """One view as the sidecar has it: ``world_from_view``, ``kind``, ``yfov`` or ``ymag``, ``znear``, ``zfar``."""
+    camera = view.camera
+    lens = {"yfov": camera.yfov} if camera.kind == "perspective" else {"ymag": camera.ymag}
+    matrix = math3d.affine(view.world_from_view, view.position).tolist()
+    zfar = camera.zfar if math.isfinite(camera.zfar) else None
+    return {"world_from_view": matrix, "kind": camera.kind, **lens, "znear": camera.znear, "zfar": zfar}
+
+
+def _read_view(entry: dict[str, Any], where: str) -> View:
+    if "world_from_view" in entry:
+        matrix = _array(entry["world_from_view"], (4, 4), f"{where}/world_from_view")
+        rotation, position = matrix[:3, :3], matrix[:3, 3]
+    elif "position" in entry and "rotation" in entry:
+        position = _array(entry["position"], (3,), f"{where}/position")
+        rotation = math3d.mat3_from_quat(_array(entry["rotation"], (4,), f"{where}/rotation"))
+    else:
+        raise PathTracedError("has no pose", where=where, hint="give world_from_view, or position and rotation")
+    if abs(np.linalg.det(rotation) - 1) > 1e-3 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
+        hint = "right-handed and without scale; -Z looks forward"
+        raise PathTracedError("is not a rotation", where=where, hint=hint)
+    kind = entry.get("kind", "perspective")
+    if kind not in ("perspective", "orthographic"):
+        raise PathTracedError(f"kind is {kind!r}", where=where, hint="choose from perspective, orthographic")
+    lens = "yfov" if kind == "perspective" else "ymag"
+    values = {name: _number(entry, name, where) for name in _INTRINSICS}
+    if values[lens] is None:
+        hint = "radians" if lens == "yfov" else "half the height, metres"
+        raise PathTracedError(f"has no {lens}", where=where, hint=hint)
+    most = math.pi if lens == "yfov" else math.inf
+    if not 0 < values[lens] < most:
+        raise PathTracedError(f"{lens} is {values[lens]}", where=where, hint=f"give a number between 0 and {most:g}")
+    given = {name: value for name, value in values.items() if value is not None}
+    if kind == "orthographic":
+        given.setdefault("zfar", _ORTHOGRAPHIC_ZFAR)
+        given["xmag"] = given["ymag"]
+    camera = Camera(kind=kind, **given)
+    if not 0 <= camera.znear < camera.zfar:
+        raise PathTracedError(f"znear {camera.znear} is not below zfar {camera.zfar}", where=where)
+    return View(position, math3d.orthonormal(rotation), camera)
+
+
+def _array(value: Any, shape: tuple[int, ...], where: str) -> Array:
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise PathTracedError(f"is not {'x'.join(map(str, shape))} finite numbers", where=where)
+    return array
+
+
+def _number(values: dict[str, Any], name: str, where: str) -> float | None:
+    value = values.get(name)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise PathTracedError(f"{name} is {value!r}, expected a number", where=where)
+    return float(value)
 
 
 class PathTracedCamera(Protocol):
-    """Gives the view of every frame; ``describe`` says where it comes from."""
+    """Gives the view of every frame."""
 
-    def describe(self) -> str: ...
+    def describe(self) -> str:
+        """Where the camera comes from."""
 
-    def view(self, number: int, frame: PathTracedFrame) -> View: ...
+    def view(self, number: int, frame: PathTracedFrame) -> View:
+        """The view of frame ``number``.  Raises PathTracedError."""
 
 
 class SidecarCamera:
-    """Poses of a JSON sidecar (``pathtraced.camera_file``)."""
+    """Views of a JSON sidecar."""
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
-        self.file: CameraFile = read_camera_file(path)
+        self.file = read_camera_file(path)
 
     def describe(self) -> str:
         return f"camera file {self.path.name}"
 
     def view(self, number: int, frame: PathTracedFrame) -> View:
-        if number not in self.file.poses:
-            low, high = min(self.file.poses), max(self.file.poses)
+        if number not in self.file.views:
+            low, high = min(self.file.views), max(self.file.views)
             raise PathTracedError(f"has no frame {number}", where=str(self.path), hint=f"it has {low} to {high}")
         if self.file.size is not None and self.file.size != frame.size:
             got, expected = ("x".join(map(str, size)) for size in (self.file.size, frame.size))
             raise PathTracedError(f"is for {got} pixels, the files have {expected}", where=str(self.path))
-        return view_of(self.file.poses[number])
+        return self.file.views[number]
 
 
 class SceneCamera:
-    """The camera of a scene file: frame i at i / fps seconds, shifted by ``offset`` frames."""
+    """The camera of a scene file.  Frame i is at (i + ``offset``) / fps seconds."""
 
     def __init__(self, scene: Scene, track: CameraTrack, fps: float):
         self._poser, self._track, self._fps = Poser(scene), track, fps
@@ -62,19 +186,19 @@ class SceneCamera:
     def view(self, number: int, frame: PathTracedFrame) -> View:
         return self._track.view_at(self._poser.sample((number + self.offset) / self._fps))
 
-    def settle(self, number: int, frame: PathTracedFrame) -> None:
-        """Programs count frames from 0 or from 1: take the offset that explains the positions, 0 if it does."""
-        if frame.position is None or mismatch_px(self.view(number, frame), frame) <= MATCH_PX:
+    def find_offset(self, number: int, frame: PathTracedFrame) -> None:
+        """Set the offset that explains the position pass: programs count frames from 0 or from 1.  Default: 0."""
+        if frame.position is None or mismatch_px(self.view(number, frame), frame) <= MAX_MISMATCH_PX:
             return
         errors = {}
         for self.offset in (-1, 1):
             errors[self.offset] = mismatch_px(self.view(number, frame), frame)
         best = min(errors, key=errors.get)
-        self.offset = best if errors[best] <= MATCH_PX else 0
+        self.offset = best if errors[best] <= MAX_MISMATCH_PX else 0
 
 
 class FittedCamera:
-    """One fit per frame."""
+    """Estimated from the position pass, each frame on its own."""
 
     def __init__(self) -> None:
         self._worst = 0.0
@@ -85,65 +209,73 @@ class FittedCamera:
 
     def view(self, number: int, frame: PathTracedFrame) -> View:
         if frame.position is None:
-            raise PathTracedError(
-                f"frame {number} has no position pass to estimate a camera from",
-                hint="give --camera-file or --scene-file",
-            )
+            what = f"frame {number} has no position pass to estimate a camera from"
+            raise PathTracedError(what, hint="give --camera-file or --scene-file")
         if frame.relative:
-            raise PathTracedError(
-                f"frame {number} has positions relative to a camera that is not known", hint="give --camera-file"
-            )
+            what = f"frame {number} has positions relative to a camera that is not known"
+            raise PathTracedError(what, hint="give --camera-file")
         depth = frame.depth if frame.depth_kind == "planar" else None
         fit = fit_camera(frame.position, frame.sky, depth, where=f"frame {number}")
         self._worst, self._last = max(self._worst, fit.median_px), fit.describe()
-        return view_of(fit.pose)
-
-
-def view_of(pose: CameraPose) -> View:
-    """The View of a sidecar's or a fit's pose."""
-    camera = Camera(kind=pose.kind, yfov=pose.yfov, xmag=pose.ymag, ymag=pose.ymag, znear=pose.znear, zfar=pose.zfar)
-    return View(pose.position, pose.world_from_view, camera)
+        return fit.view
 
 
 def in_world(frame: PathTracedFrame, view: View) -> PathTracedFrame:
-    """The frame with world positions (rounded to float32 there), where they are relative to ``view``; else itself."""
+    """The frame with world positions, float32.  Frames whose positions are not relative are returned unchanged."""
     if not frame.relative or frame.position is None:
         return frame
     position = (frame.position.astype(np.float64) + view.position).astype(np.float32)
     return replace(frame, position=position, prev_position=None, relative=False)
 
 
-def mismatch_px(view: View, frame: PathTracedFrame) -> float:
-    """Median distance between each pixel's centre and where ``view`` projects its position.  inf: nothing in front."""
-    width, height = frame.size
+def project(view: View, points: Array, size: tuple[int, int], *, relative: bool = False) -> Array:
+    """Pixel coordinates (column, row) of (N, 3) points; pixel centers are integers.  (N, 2) float64, NaN behind.
+
+    ``points`` are in world axes, relative to the camera position if ``relative``.
+    """
+    width, height = size
+    offsets = points.astype(np.float64) - (0.0 if relative else view.position)
+    clip = np.column_stack([offsets, np.ones(len(offsets))]) @ view.clip_from_relative(width, height).T
+    w = np.where(clip[:, 3] > 0, clip[:, 3], np.nan)
+    ndc = clip[:, :2] / w[:, None]
+    return np.stack([(ndc[:, 0] + 1.0) * 0.5 * width - 0.5, (1.0 - ndc[:, 1]) * 0.5 * height - 0.5], axis=-1)
+
+
+def pixel_offsets(view: View, frame: PathTracedFrame, most: int | None = _CHECK_POINTS) -> Array:
+    """Projection of the position pass by ``view`` minus pixel centers, at about ``most`` (None: all) surface pixels.
+
+    (N, 2) float64 pixels, +x right, +y down; NaN behind the camera.
+    """
     rows, columns = np.nonzero(~frame.sky & np.isfinite(frame.position).all(axis=-1))
-    if not len(rows):
+    step = 1 if most is None else max(1, len(rows) // most)
+    rows, columns = rows[::step], columns[::step]
+    projected = project(view, frame.position[rows, columns], frame.size, relative=frame.relative)
+    return projected - np.stack([columns, rows], axis=-1)
+
+
+def mismatch_px(view: View, frame: PathTracedFrame) -> float:
+    """Median length of ``pixel_offsets``, pixels.  0: no surface.  inf: most points are behind the camera."""
+    offsets = pixel_offsets(view, frame)
+    if not len(offsets):
         return 0.0
-    thin = slice(None, None, max(1, len(rows) // CHECK_POINTS))
-    rows, columns = rows[thin], columns[thin]
-    relative = frame.position[rows, columns].astype(np.float64) - (0.0 if frame.relative else view.position)
-    clip = np.column_stack([relative, np.ones(len(relative))]) @ view.clip_from_relative(width, height).T
-    front = clip[:, 3] > 0
+    front = np.isfinite(offsets).all(axis=-1)
     if np.mean(front) < 0.5:
-        return float("inf")
-    ndc = clip[front, :2] / clip[front, 3:]
-    x = (ndc[:, 0] + 1.0) * 0.5 * width - 0.5 - columns[front]
-    y = (1.0 - ndc[:, 1]) * 0.5 * height - 0.5 - rows[front]
-    return float(np.median(np.hypot(x, y)))
+        return math.inf
+    return float(np.median(np.hypot(*offsets[front].T)))
 
 
 def check_camera(camera: PathTracedCamera, number: int, frame: PathTracedFrame) -> float | None:
-    """Median pixels by which the camera misses the position pass; None without one.
+    """``mismatch_px`` of frame ``number``; None without a position pass.
 
-    Raises PathTracedError above MATCH_PX: masks of a camera that did not take the pictures would mean nothing.
+    Raises PathTracedError above MAX_MISMATCH_PX: the masks of another camera would be meaningless.
     """
     if isinstance(camera, SceneCamera):
-        camera.settle(number, frame)
+        camera.find_offset(number, frame)
     if frame.position is None:
         return None
     error = mismatch_px(camera.view(number, frame), frame)
-    if error > MATCH_PX:
-        off = "everything it sees lies behind it" if error == float("inf") else f"median {error:.3g} px off"
+    if error > MAX_MISMATCH_PX:
+        off = "its points are behind the camera" if error == math.inf else f"median {error:.3g} px off"
         raise PathTracedError(
             f"{camera.describe()} does not match the position pass of frame {number}: {off}",
             hint="check the file, --fps, the frame numbers and the mapping's 'up'; or leave the camera to be estimated",

@@ -29,8 +29,8 @@ from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.pathtraced.blender.render import read_render
 from taubench_gl.pathtraced.cameras import FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
-from taubench_gl.pathtraced.cycles.render import read_render
 from taubench_gl.pathtraced.noise import noise_floor
 from taubench_gl.pathtraced.passes import BOUNCES, LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence

@@ -1,4 +1,4 @@
-"""A pinhole camera from a position pass: every pixel says which world point it sees."""
+"""Fits a pinhole camera to a position pass: world points against the pixels that show them."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl import math3d
+from taubench_gl.animation import View
 from taubench_gl.errors import PathTracedError
-from taubench_gl.pathtraced.camera_file import CameraPose
+from taubench_gl.scene.model import Camera
 
 Array = np.ndarray
 MAX_POINTS = 20_000
 MIN_POINTS = 32
 WORST_MEDIAN_PX = 0.25
-"""A fit worse than this is no camera: the picture is distorted, shifted, parallel, or the positions are not world."""
+"""Largest accepted median residual.  Lens distortion, shift, orthographic cameras and other spaces exceed it."""
 
 _ROUNDS, _STEPS = 3, 8
 
 
 @dataclass(frozen=True, slots=True)
 class CameraFit:
-    """The fitted camera and how well it explains the pixels used (``points`` of them)."""
+    """The fitted camera and its residuals."""
 
-    pose: CameraPose
-    median_px: float
-    p95_px: float
-    points: int
+    view: View
+    median_px: float  # residual, pixels
+    p95_px: float  # residual, pixels
+    points: int  # pixels used
 
     def describe(self) -> str:
         return (
@@ -37,11 +38,11 @@ class CameraFit:
 
 
 def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: str | None = None) -> CameraFit:
-    """Least squares on pixel coordinates, float64, seven unknowns: place, rotation, field of view.
+    """Least squares on pixel coordinates, float64, seven unknowns: position, rotation, field of view.
 
-    ``position`` (h, w, 3) world points at pixel centres; ``depth`` (h, w) planar metres if the file has it, which
-    makes the first guess linear.  Square pixels and a centred principal point are assumed.  Raises PathTracedError
-    where the positions are too few, too flat, or fit no pinhole.
+    ``position`` (h, w, 3): world points at pixel centers.  ``sky`` (h, w) bool.  ``depth`` (h, w): planar, metres; it
+    makes the initial guess linear.  Pixels are square and the principal point is the image center.  ``where``: prefix
+    of error messages.  Raises PathTracedError if the points are too few, too flat, or fit no pinhole camera.
     """
     h, w = sky.shape
     usable = ~sky & np.isfinite(position).all(axis=-1)
@@ -49,13 +50,13 @@ def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: s
         usable &= np.isfinite(depth) & (depth > 0)
     rows, columns = np.nonzero(usable)
     if len(rows) < MIN_POINTS:
-        raise _cannot(f"only {len(rows)} pixels see a surface", where)
+        raise _no_camera(f"only {len(rows)} pixels see a surface", where)
     step = max(1, len(rows) // MAX_POINTS)
     rows, columns = rows[::step], columns[::step]
     points = position[rows, columns].astype(np.float64)
     screen = screen_of(columns, rows, w, h)
-    middle = points.mean(axis=0)
-    points -= middle  # far from the origin the normal equations would lose digits
+    center = points.mean(axis=0)
+    points -= center  # far from the origin, the normal equations lose precision
     try:
         if depth is not None:
             guess = _from_depth(points, screen, depth[rows, columns].astype(np.float64))
@@ -65,28 +66,28 @@ def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: s
         for _ in range(_ROUNDS):
             guess = _refine(guess, points[kept], screen[kept])
             error = np.linalg.norm(_project(guess, points) - screen, axis=-1) * (0.5 * h)
-            # Edges of filtered positions, and pixels at which something moved under the shutter, are left out.
+            # Leave out filtered positions at edges, and pixels with motion blur.
             kept = error <= max(0.01, 4.0 * float(np.median(error)))
     except np.linalg.LinAlgError:
-        raise _cannot("the points it shows are too flat", where) from None
-    rotation, place, tangent = guess
+        raise _no_camera("the points it shows are too flat", where) from None
+    rotation, origin, tangent = guess
     median, p95 = float(np.median(error)), float(np.percentile(error, 95))
     if not (math.isfinite(median) and median <= WORST_MEDIAN_PX):
-        raise _cannot(f"the best pinhole is {median:.3g} px off in the median", where)
-    near = float(((points - place) @ -rotation[:, 2]).min())
-    pose = CameraPose(place + middle, rotation, yfov=2.0 * math.atan(tangent), znear=max(1e-4, min(0.1, 0.1 * near)))
-    return CameraFit(pose, median, p95, int(kept.sum()))
+        raise _no_camera(f"the best pinhole is {median:.3g} px off in the median", where)
+    near = float(((points - origin) @ -rotation[:, 2]).min())
+    camera = Camera(yfov=2.0 * math.atan(tangent), znear=max(1e-4, min(0.1, 0.1 * near)))
+    return CameraFit(View(origin + center, rotation, camera), median, p95, int(kept.sum()))
 
 
 def screen_of(columns: Array, rows: Array, width: int, height: int) -> Array:
-    """Pixel centres on a screen of half-height 1: x right, y up.  (N,), (N,) -> (N, 2) float64."""
+    """Pixel centers on a screen of half-height 1, +x right, +y up.  (N,), (N,) -> (N, 2) float64."""
     x = (2.0 * np.asarray(columns, dtype=np.float64) + 1.0 - width) / height
     y = (height - 1.0 - 2.0 * np.asarray(rows, dtype=np.float64)) / height
     return np.stack([x, y], axis=-1)
 
 
 Guess = tuple[Array, Array, float]
-"""world_from_view rotation (3, 3), place (3,), tangent of half the vertical field of view."""
+"""world_from_view rotation (3, 3), position (3,), tangent of half the vertical field of view."""
 
 
 def _from_depth(points: Array, screen: Array, depth: Array) -> Guess:
@@ -101,17 +102,17 @@ def _from_depth(points: Array, screen: Array, depth: Array) -> Guess:
 
 
 def _from_plane(points: Array, rays: Array) -> Guess:
-    """The lens, of a fixed set, under which the depths' own points lie congruent to the given ones (Kabsch 1976)."""
+    """The best of fixed fields of view: rigid alignment of unprojected depths with the points (Kabsch 1976)."""
     best: tuple[float, Guess] | None = None
-    middle = points.mean(axis=0)
+    center = points.mean(axis=0)
     for tangent in np.geomspace(0.02, 10.0, 160):
         seen = rays * [tangent, tangent, 1.0]
-        centre = seen.mean(axis=0)
-        u, _, vt = np.linalg.svd((points - middle).T @ (seen - centre))
+        seen_center = seen.mean(axis=0)
+        u, _, vt = np.linalg.svd((points - center).T @ (seen - seen_center))
         rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        error = float(np.sum((points - middle - (seen - centre) @ rotation.T) ** 2))
+        error = float(np.sum((points - center - (seen - seen_center) @ rotation.T) ** 2))
         if best is None or error < best[0]:
-            best = error, (rotation, middle - rotation @ centre, float(tangent))
+            best = error, (rotation, center - rotation @ seen_center, float(tangent))
     return best[1]
 
 
@@ -127,12 +128,12 @@ def _from_points(points: Array, screen: Array) -> Guess:
         raise np.linalg.LinAlgError("flat")
     a, b, c = vectors[-1].reshape(3, 4)
     size = np.linalg.norm(c[:3])
-    sign = 1.0 if np.median(p @ c) > 0 else -1.0  # what is seen lies in front
+    sign = 1.0 if np.median(p @ c) > 0 else -1.0  # visible points are in front of the camera
     a, b, c = (sign * row / size for row in (a, b, c))
     tangent = 2.0 / (np.linalg.norm(a[:3]) + np.linalg.norm(b[:3]))
     world_from_view = _rotation(np.stack([a[:3] * tangent, b[:3] * tangent, -c[:3]], axis=1))
-    place = -np.linalg.solve(np.stack([a[:3], b[:3], c[:3]]), np.array([a[3], b[3], c[3]]))
-    return world_from_view, place * scale, float(tangent)
+    origin = -np.linalg.solve(np.stack([a[:3], b[:3], c[:3]]), np.array([a[3], b[3], c[3]]))
+    return world_from_view, origin * scale, float(tangent)
 
 
 def _rotation(matrix: Array) -> Array:
@@ -141,17 +142,17 @@ def _rotation(matrix: Array) -> Array:
 
 
 def _project(guess: Guess, points: Array) -> Array:
-    rotation, place, tangent = guess
-    view = (points - place) @ rotation
+    rotation, origin, tangent = guess
+    view = (points - origin) @ rotation
     with np.errstate(divide="ignore", invalid="ignore"):
         return view[:, :2] / (-view[:, 2:] * tangent)
 
 
 def _refine(guess: Guess, points: Array, screen: Array) -> Guess:
-    """Gauss-Newton with the analytic Jacobian, in view axes: turn w, shift d, log tangent."""
+    """Gauss-Newton with the analytic Jacobian, in view axes: rotation w, translation d, log tangent."""
     for _ in range(_STEPS):
-        rotation, place, tangent = guess
-        view = (points - place) @ rotation
+        rotation, origin, tangent = guess
+        view = (points - origin) @ rotation
         x, y, z = view.T
         inverse = 1.0 / (-z * tangent)
         u, v = x * inverse, y * inverse
@@ -172,10 +173,10 @@ def _refine(guess: Guess, points: Array, screen: Array) -> Guess:
         step /= scale
         angle = float(np.linalg.norm(step[:3]))
         turn = math3d.mat3_from_quat(math3d.quat_from_axis_angle(step[:3], angle)) if angle > 0 else np.eye(3)
-        guess = rotation @ turn, place + rotation @ step[3:6], tangent * math.exp(step[6])
+        guess = rotation @ turn, origin + rotation @ step[3:6], tangent * math.exp(step[6])
     return guess
 
 
-def _cannot(why: str, where: str | None) -> PathTracedError:
+def _no_camera(why: str, where: str | None) -> PathTracedError:
     hint = "give --camera-file or --scene-file"
     return PathTracedError(f"no camera can be estimated from the position pass: {why}", where=where, hint=hint)

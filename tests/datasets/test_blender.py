@@ -13,7 +13,7 @@ from taubench_gl.datasets.camera_path import CameraSpec
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.registry import Entry
 from taubench_gl.datasets.stress import stress
-from taubench_gl.pathtraced.cycles.render import INTERPRETER, blender_python, blender_version
+from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, blender_version
 
 pytestmark = pytest.mark.long
 

@@ -14,7 +14,7 @@ from taubench_gl.datasets.named import find_named, scene_text
 from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.registry_store import Store
 from taubench_gl.errors import DatasetError
-from taubench_gl.pathtraced.cycles.render import INTERPRETER, blender_python, blender_version
+from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, blender_version
 from taubench_gl.report.tables import paper_numbers
 from taubench_gl.scene import load_scene
 

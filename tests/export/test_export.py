@@ -13,7 +13,7 @@ from export_tools import DEMO, HEIGHT, WIDTH, export
 from taubench_gl.apps import cli
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.export.run import MANIFEST, export_scene
-from taubench_gl.pathtraced.camera_file import read_camera_file
+from taubench_gl.pathtraced.cameras import read_camera_file
 from taubench_gl.settings import Settings
 
 FAST = ("position", "depth", "motion", "motion_forward")
@@ -113,10 +113,10 @@ def test_more_frames_are_added(tmp_path):
     export(tmp_path, "exr", channels=("depth",), frames=(8, 10))
     told = export(tmp_path, "exr", channels=("depth",), frames=(8, 12))
     assert (told.kept, told.written) == (2, 2)
-    assert sorted(read_camera_file(tmp_path / "camera.json").poses) == [8, 9, 10, 11]
+    assert sorted(read_camera_file(tmp_path / "camera.json").views) == [8, 9, 10, 11]
     export(tmp_path, "exr", channels=("depth",), frames=(9, 10))  # fewer: the others stay
     export(tmp_path, "exr", channels=("depth",), frames=(13, 14))
-    assert sorted(read_camera_file(tmp_path / "camera.json").poses) == [8, 9, 10, 11, 13]
+    assert sorted(read_camera_file(tmp_path / "camera.json").views) == [8, 9, 10, 11, 13]
     assert json.loads((tmp_path / "export.json").read_text())["frames"] == [8, 14]
     with pytest.raises(OutputError, match="other frames"):
         export(tmp_path / "z", "zarr", channels=("depth",), frames=(8, 10))

@@ -11,23 +11,23 @@ sys.path.insert(0, str(Path(__file__).parent))  # helpers shared by the tests of
 @pytest.fixture
 def renders(tmp_path):
     """Frames 4 to 6 of a camera that moves to the right over a floor, with noise for light; and its sidecar."""
-    from exr_files import HEIGHT, WIDTH, blender_frame, pose, write
+    from exr_files import HEIGHT, WIDTH, blender_frame, view_at, write
 
-    from taubench_gl.pathtraced.camera_file import camera_file_text
+    from taubench_gl.pathtraced.cameras import camera_file_text
 
     folder = tmp_path / "renders"
     folder.mkdir()
-    poses = {f: pose(0.3 * f) for f in (4, 5, 6)}
-    for f, p in poses.items():
-        write(folder / f"frame_{f:04d}.exr", blender_frame(p.position, seed=f)[0])
-    (folder / "camera.json").write_text(camera_file_text(poses, 30.0, (WIDTH, HEIGHT)))
+    views = {f: view_at(0.3 * f) for f in (4, 5, 6)}
+    for f, v in views.items():
+        write(folder / f"frame_{f:04d}.exr", blender_frame(v.position, seed=f)[0])
+    (folder / "camera.json").write_text(camera_file_text(views, 30.0, (WIDTH, HEIGHT)))
     return folder
 
 
 @pytest.fixture(scope="session")
 def blender() -> str:
     """The configured interpreter that has bpy; tests that need it are skipped, by name, where there is none."""
-    from taubench_gl.pathtraced.cycles.render import INTERPRETER, blender_python, blender_version
+    from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, blender_version
 
     python = blender_python()
     if blender_version(python) is None:

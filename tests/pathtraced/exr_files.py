@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from taubench_gl.pathtraced.camera_file import CameraPose
+from taubench_gl.animation import View
 from taubench_gl.pathtraced.evaluation import PathTracedOptions
+from taubench_gl.scene.model import Camera
 
 WIDTH, HEIGHT = 12, 8
 YFOV = math.radians(60.0)
 
 
-def pose(x: float) -> CameraPose:
-    return CameraPose(np.array([x, 1.0, 5.0]), np.eye(3), yfov=YFOV)
+def view_at(x: float) -> View:
+    """A camera at (x, 1, 5) that looks along -Z."""
+    return View(np.array([x, 1.0, 5.0]), np.eye(3), Camera(yfov=YFOV))
 
 
 def options(folder: Path, **more) -> PathTracedOptions:

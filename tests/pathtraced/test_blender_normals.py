@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import taubench_gl.pathtraced.cycles
+import taubench_gl.pathtraced.blender
 from taubench_gl.animation import Poser, pose_normals, pose_vertices
-from taubench_gl.pathtraced.cycles.resample import write_resampled
+from taubench_gl.pathtraced.blender.job import write_resampled
 from taubench_gl.scene import load_scene
 
 pytestmark = pytest.mark.long
@@ -23,11 +23,11 @@ FRAME = 11
 LOOK = """
 import sys
 sys.path.insert(0, sys.argv[1])
-import bpy, inside, numpy as np
+import bpy, render_script, numpy as np
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.context.scene.render.fps = 24
 bpy.ops.import_scene.gltf(filepath=sys.argv[2], import_shading="NORMALS")
-inside.play_everything(int(sys.argv[4]))
+render_script.activate_animations(int(sys.argv[4]))
 (mesh,) = [o for o in bpy.context.scene.objects if o.type == "MESH" and o.modifiers]
 (armature,) = [o for o in bpy.context.scene.objects if o.type == "ARMATURE"]
 out = {}
@@ -50,7 +50,7 @@ def test_blender_rebuilds_custom_normals_after_the_armature(data, tmp_path, blen
     """Before Cycles sees it: positions agree to a micrometre in the pose, normals only at rest."""
     scene = load_scene(data / "khronos" / "CesiumMan" / "CesiumMan.glb")
     path = write_resampled(scene, range(FRAME - 1, FRAME + 2), 24.0, tmp_path)
-    code = Path(taubench_gl.pathtraced.cycles.__file__).parent
+    code = Path(taubench_gl.pathtraced.blender.__file__).parent
     command = [blender, "-c", LOOK, str(code), str(path), str(tmp_path / "seen.npz"), str(FRAME - 1), str(FRAME)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     with np.load(tmp_path / "seen.npz") as seen:

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from taubench_gl import math3d
+from taubench_gl.animation import View
 from taubench_gl.errors import PathTracedError
-from taubench_gl.pathtraced.camera_file import CAMERA_SCHEMA, CameraPose, camera_file_text, read_camera_file
+from taubench_gl.pathtraced.cameras import CAMERA_SCHEMA, camera_file_text, read_camera_file
 from taubench_gl.pathtraced.exr import read_exr
 from taubench_gl.pathtraced.fit import fit_camera, screen_of
 from taubench_gl.pathtraced.passes import ChannelIndex, load_mapping, read_frame
+from taubench_gl.scene.model import Camera
 
 IDENTITY = np.eye(4).tolist()
 
@@ -39,26 +41,27 @@ def write(tmp_path, values):
 
 
 def test_what_is_written_is_read_back(tmp_path):
-    poses = {
-        3: CameraPose(np.array([1.5, -2.0, 1e6]), turn((1, 2, 3), 40), yfov=0.7, znear=0.01),
-        4: CameraPose(np.zeros(3), np.eye(3), kind="orthographic", ymag=2.5, znear=0.0, zfar=50.0),
+    views = {
+        3: View(np.array([1.5, -2.0, 1e6]), turn((1, 2, 3), 40), Camera(yfov=0.7, znear=0.01)),
+        4: View(np.zeros(3), np.eye(3), Camera(kind="orthographic", ymag=2.5, znear=0.0, zfar=50.0)),
     }
-    file = read_camera_file(write(tmp_path, camera_file_text(poses, 24.0, (320, 180))))
+    file = read_camera_file(write(tmp_path, camera_file_text(views, 24.0, (320, 180))))
     assert (file.fps, file.size) == (24.0, (320, 180))
-    for frame, pose in poses.items():
-        got = file.poses[frame]
-        np.testing.assert_array_equal(got.position, pose.position)
-        np.testing.assert_allclose(got.world_from_view, pose.world_from_view, atol=1e-15)
-        assert (got.kind, got.znear, got.zfar) == (pose.kind, pose.znear, pose.zfar)
-    assert file.poses[3].yfov == 0.7 and file.poses[4].ymag == 2.5
+    for frame, view in views.items():
+        got = file.views[frame]
+        np.testing.assert_array_equal(got.position, view.position)
+        np.testing.assert_allclose(got.world_from_view, view.world_from_view, atol=1e-15)
+        for name in ("kind", "znear", "zfar"):
+            assert getattr(got.camera, name) == getattr(view.camera, name)
+    assert file.views[3].camera.yfov == 0.7 and file.views[4].camera.ymag == 2.5
 
 
 def test_quaternions_shared_lens_and_overrides(tmp_path):
     frames = {"7": {"position": [1, 2, 3], "rotation": [0, math.sqrt(0.5), 0, math.sqrt(0.5)]},
               "8": {"world_from_view": IDENTITY, "yfov": 0.5}}  # fmt: skip
     file = read_camera_file(write(tmp_path, {"schema": CAMERA_SCHEMA, "camera": {"yfov": 1.0}, "frames": frames}))
-    np.testing.assert_allclose(file.poses[7].world_from_view, turn((0, 1, 0), 90), atol=1e-12)
-    assert (file.poses[7].yfov, file.poses[8].yfov, file.fps, file.size) == (1.0, 0.5, None, None)
+    np.testing.assert_allclose(file.views[7].world_from_view, turn((0, 1, 0), 90), atol=1e-12)
+    assert (file.views[7].camera.yfov, file.views[8].camera.yfov, file.fps, file.size) == (1.0, 0.5, None, None)
 
 
 @pytest.mark.parametrize(
@@ -104,9 +107,9 @@ def test_what_is_no_sidecar(tmp_path, text):
 def test_the_fit_finds_the_camera(rotation, place, yfov, with_depth):
     position, depth = seen(rotation, np.asarray(place, float), yfov)
     fit = fit_camera(position, np.zeros(depth.shape, bool), depth if with_depth else None)
-    np.testing.assert_allclose(fit.pose.world_from_view, rotation, atol=1e-8)
-    np.testing.assert_allclose(fit.pose.position, place, atol=1e-7)
-    assert fit.pose.yfov == pytest.approx(yfov, abs=1e-8) and fit.median_px < 1e-6
+    np.testing.assert_allclose(fit.view.world_from_view, rotation, atol=1e-8)
+    np.testing.assert_allclose(fit.view.position, place, atol=1e-7)
+    assert fit.view.camera.yfov == pytest.approx(yfov, abs=1e-8) and fit.median_px < 1e-6
 
 
 def test_one_plane_is_enough_with_depth():
@@ -118,8 +121,8 @@ def test_one_plane_is_enough_with_depth():
     position = (place + world * depth[:, None]).reshape(54, 96, 3)
     depth = depth.reshape(54, 96)
     fit = fit_camera(position, depth == 0, depth)
-    np.testing.assert_allclose(fit.pose.position, place, atol=1e-6)
-    np.testing.assert_allclose(fit.pose.world_from_view, rotation, atol=1e-8)
+    np.testing.assert_allclose(fit.view.position, place, atol=1e-6)
+    np.testing.assert_allclose(fit.view.world_from_view, rotation, atol=1e-8)
 
 
 def test_the_fit_survives_noise_sky_and_wrong_edges():
@@ -132,8 +135,8 @@ def test_the_fit_survives_noise_sky_and_wrong_edges():
     wrong = rng.random(depth.shape) < 0.03
     position[wrong] += rng.normal(size=(int(wrong.sum()), 3))
     fit = fit_camera(position, sky)
-    np.testing.assert_allclose(fit.pose.position, [1, 2, 3], atol=5e-3)
-    np.testing.assert_allclose(fit.pose.world_from_view, rotation, atol=1e-3)
+    np.testing.assert_allclose(fit.view.position, [1, 2, 3], atol=5e-3)
+    np.testing.assert_allclose(fit.view.world_from_view, rotation, atol=1e-3)
 
 
 def test_what_no_pinhole_explains():
@@ -160,6 +163,6 @@ def test_the_fit_on_cycles(data):
         matrix = np.array(info[number]["camera_to_world_gltf"])
         for depth in (frame.depth, None):
             fit = fit_camera(frame.position, frame.sky, depth)
-            assert np.linalg.norm(fit.pose.position - matrix[:3, 3]) < 2e-5
-            assert np.abs(fit.pose.world_from_view - matrix[:3, :3]).max() < 1e-5
-            assert abs(fit.pose.yfov - info[number]["yfov"]) < 1e-5 and fit.median_px < 1e-3
+            assert np.linalg.norm(fit.view.position - matrix[:3, 3]) < 2e-5
+            assert np.abs(fit.view.world_from_view - matrix[:3, :3]).max() < 1e-5
+            assert abs(fit.view.camera.yfov - info[number]["yfov"]) < 1e-5 and fit.median_px < 1e-3

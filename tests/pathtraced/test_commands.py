@@ -75,7 +75,7 @@ def test_check_of_an_export_without_light_finds_nothing_wrong(tmp_path):
 def test_sky_is_written_as_everywhere(tmp_path, monkeypatch, words, sky):
     seen = []
     monkeypatch.setattr(
-        "taubench_gl.pathtraced.cycles.render.render_reference", lambda *_, quality, **__: seen.append(quality) or []
+        "taubench_gl.pathtraced.blender.render.render_reference", lambda *_, quality, **__: seen.append(quality) or []
     )
     done = CliRunner().invoke(
         cli, ["reference", "render", str(DEMO), "--out", str(tmp_path), "--frames", "0:1", *words]

@@ -12,8 +12,8 @@ from cycles_scenes import BASE_COLOR, DOWN, blinking, plane
 from reference_scenes import CASES, compare, faults, open_case
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.pathtraced.cycles.job import Quality
-from taubench_gl.pathtraced.cycles.render import render_reference
+from taubench_gl.pathtraced.blender.job import Quality
+from taubench_gl.pathtraced.blender.render import render_reference
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.scene import load_scene
 

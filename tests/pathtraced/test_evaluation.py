@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exr_files import HEIGHT, WIDTH, blender_frame, options, pose, write
+from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, write
 
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import pair_masks
-from taubench_gl.pathtraced.camera_file import camera_file_text
-from taubench_gl.pathtraced.cameras import view_of
+from taubench_gl.pathtraced.cameras import camera_file_text
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.pathtraced.passes import LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
@@ -29,7 +28,7 @@ def test_the_gpu_counts_what_the_twin_counts(renders):
 
     run = evaluate_path_traced(f"exr:{renders}", settings, options(renders), on_pair=keep)
     sequence = PathTracedSequence.open(renders)
-    views = {f: view_of(pose(0.3 * f)) for f in (4, 5, 6)}
+    views = {f: view_at(0.3 * f) for f in (4, 5, 6)}
     frames = {f: frame_channels(sequence.read(f), view, view, settings) for f, view in views.items()}
     thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
     assert run.summary["pairs"] == 2 and set(masks) == {5, 6}
@@ -77,7 +76,7 @@ def test_hand_computed_direct_light(tmp_path):
 def test_missing_passes_are_null_with_a_reason(renders):
     for path in renders.glob("*.exr"):
         number = int(path.stem[-4:])
-        channels = blender_frame(pose(0.3 * number).position, seed=number)[0]
+        channels = blender_frame(view_at(0.3 * number).position, seed=number)[0]
         write(path, {k: v for k, v in channels.items() if "Gloss" not in k and "Normal" not in k})
     run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
     for column, lost in (("direct", "GlossDir, GlossCol"), ("indirect", "GlossInd, GlossCol"), ("normal", "Normal")):
@@ -92,7 +91,7 @@ def test_pixels_outside_the_data_window_are_invalid(renders):
 
     for path in renders.glob("*.exr"):
         number = int(path.stem[-4:])
-        channels = blender_frame(pose(0.3 * number).position, seed=number)[0]
+        channels = blender_frame(view_at(0.3 * number).position, seed=number)[0]
         cut = {k: np.ascontiguousarray(v[:, 3:]) for k, v in channels.items()}
         whole = window(0, 0, WIDTH - 1, HEIGHT - 1)
         write(path, cut, dataWindow=window(3, 0, WIDTH - 1, HEIGHT - 1), displayWindow=whole)
@@ -105,7 +104,7 @@ def test_without_a_position_pass_depth_and_camera_give_the_points(renders):
     whole = evaluate_path_traced(f"exr:{renders}", None, options(renders))
     for path in renders.glob("*.exr"):
         number = int(path.stem[-4:])
-        channels = blender_frame(pose(0.3 * number).position, seed=number)[0]
+        channels = blender_frame(view_at(0.3 * number).position, seed=number)[0]
         write(path, {k: v for k, v in channels.items() if "Position" not in k})
     run = evaluate_path_traced(f"exr:{renders}", None, options(renders))
     assert run.summary["discard"]["position"] == whole.summary["discard"]["position"]
@@ -115,14 +114,14 @@ def test_without_a_position_pass_depth_and_camera_give_the_points(renders):
 
 
 def test_a_camera_that_did_not_take_the_pictures_is_refused(renders):
-    poses = {f: pose(0.3 * f + 0.5) for f in (4, 5, 6)}
-    (renders / "camera.json").write_text(camera_file_text(poses, 30.0, (WIDTH, HEIGHT)))
+    views = {f: view_at(0.3 * f + 0.5) for f in (4, 5, 6)}
+    (renders / "camera.json").write_text(camera_file_text(views, 30.0, (WIDTH, HEIGHT)))
     with pytest.raises(PathTracedError, match="does not match the position pass of frame 4"):
         evaluate_path_traced(f"exr:{renders}", None, options(renders))
-    (renders / "camera.json").write_text(camera_file_text({4: pose(1.2)}, 30.0, (WIDTH, HEIGHT)))
+    (renders / "camera.json").write_text(camera_file_text({4: view_at(1.2)}, 30.0, (WIDTH, HEIGHT)))
     with pytest.raises(PathTracedError, match="has no frame 5"):
         evaluate_path_traced(f"exr:{renders}", None, options(renders))
-    (renders / "camera.json").write_text(camera_file_text(poses, 30.0, (WIDTH + 1, HEIGHT)))
+    (renders / "camera.json").write_text(camera_file_text(views, 30.0, (WIDTH + 1, HEIGHT)))
     with pytest.raises(PathTracedError, match="13x8 pixels"):
         evaluate_path_traced(f"exr:{renders}", None, options(renders))
 
@@ -145,7 +144,7 @@ def test_the_noise_floor_sees_noise(renders, tmp_path):
     other = tmp_path / "other"
     other.mkdir()
     for f in (4, 5, 6):
-        write(other / f"frame_{f:04d}.exr", blender_frame(pose(0.3 * f).position, seed=f + 100)[0])
+        write(other / f"frame_{f:04d}.exr", blender_frame(view_at(0.3 * f).position, seed=f + 100)[0])
     floor = evaluate_path_traced(f"exr:{renders}", None, options(renders, second_seed=other)).summary["noise_floor"]
     assert {c: e["mean_percent"] > 20 for c, e in floor.items()} == dict(color=True, direct=True, indirect=True), floor
 

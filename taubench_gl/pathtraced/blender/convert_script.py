@@ -1,8 +1,8 @@
-"""Runs inside Blender's Python: one FBX or .blend file -> one .glb.  Imports nothing but bpy and the library.
+"""Runs in Blender's Python: converts an FBX or .blend file to .glb.  Imports only bpy and the standard library.
 
-    python convert_inside.py job.json
+    python convert_script.py job.json
 
-Speaks lines that start with ``@tb `` and hold one JSON object; everything else on its output is Blender's own.
+Reports events as lines that start with ``@tb `` and hold one JSON object.  All other output is Blender's.
 """
 
 import json
@@ -12,7 +12,7 @@ import sys
 import bpy
 
 
-def say(**values):
+def report(**values):
     print("@tb " + json.dumps(values), flush=True)
 
 
@@ -21,10 +21,10 @@ def main():
         job = json.load(file)
     try:
         read(job["source"])
-    except Exception as error:  # the importer was written for whole files: a broken one surfaces as anything
+    except Exception as error:  # the importer raises any type of exception for broken files
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         named = [line for line in lines if line.startswith("Error")] or lines[-1:] or [type(error).__name__]
-        say(event="failed", why=named[-1].removeprefix("Error:").strip())
+        report(event="failed", why=named[-1].removeprefix("Error:").strip())
         stop(3)
     counts = {kind: sum(o.type == kind for o in bpy.data.objects) for kind in ("MESH", "CAMERA", "LIGHT", "ARMATURE")}
     bpy.ops.export_scene.gltf(
@@ -34,12 +34,12 @@ def main():
         export_cameras=True,
         export_lights=True,
         export_animations=True,
-        export_animation_mode="ACTIONS",  # every action of every object, muted ones on tracks too
-        export_tangents=False,  # ours are made as the exporter's would be
+        export_animation_mode="ACTIONS",  # every action of every object, also on muted tracks
+        export_tangents=False,  # the scene reader computes the same tangents
         export_apply=not any(o.type == "MESH" and o.data.shape_keys for o in bpy.data.objects),
         export_import_convert_lighting_mode=job["lights"],
     )
-    say(event="done", blender=bpy.app.version_string, counts=counts, actions=len(bpy.data.actions))
+    report(event="done", blender=bpy.app.version_string, counts=counts, actions=len(bpy.data.actions))
     stop(0)
 
 
@@ -48,13 +48,13 @@ def read(source):
         bpy.ops.wm.open_mainfile(filepath=source, load_ui=False, use_scripts=False)
     else:
         bpy.ops.wm.read_factory_settings(use_empty=True)
-        bpy.ops.import_scene.fbx(filepath=source, anim_offset=0.0)  # its default is one frame late
+        bpy.ops.import_scene.fbx(filepath=source, anim_offset=0.0)  # the default is one frame late
 
 
 def stop(code):
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(code)  # Blender's own threads have been seen to hang the interpreter's shutdown
+    os._exit(code)  # Blender's threads can hang the interpreter's shutdown
 
 
 if __name__ == "__main__":

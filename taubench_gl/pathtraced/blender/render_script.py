@@ -1,8 +1,8 @@
-"""Runs inside Blender's Python: render the frames of one job with Cycles.  Imports nothing but bpy and the library.
+"""Runs in Blender's Python: renders the frames of one job with Cycles.  Imports only bpy and the standard library.
 
-    python inside.py job.json
+    python render_script.py job.json
 
-Speaks lines that start with ``@tb `` and hold one JSON object; everything else on its output is Blender's own.
+Reports events as lines that start with ``@tb `` and hold one JSON object.  All other output is Blender's.
 """
 
 import json
@@ -19,13 +19,13 @@ PASSES = (
     "z", "position", "normal", "vector", "emit", "environment",
     *(f"{lobe}_{what}" for lobe in ("diffuse", "glossy", "transmission") for what in ("direct", "indirect", "color")),
 )  # fmt: skip
-CRISP_FILTER_PX = 0.01  # the narrowest Cycles takes; its BOX filter is one pixel wide whatever this says
-NODE_NAME = "taubench node {}"  # of mesh nodes, by their number in the file
-INFINITELY_FAR = 1e6  # metres, for cameras without a far plane
-SAY_EVERY = 1.0  # seconds between lines about samples
+CRISP_FILTER_PX = 0.01  # smallest filter width of Cycles, for Blackman-Harris; its BOX filter is always 1 pixel wide
+NODE_NAME = "taubench node {}"  # of mesh nodes, by index, as in job.py
+INFINITE_ZFAR = 1e6  # metres, for cameras without a far plane
+SAMPLES_EVERY = 1.0  # seconds between reports of finished samples
 
 
-def say(**values):
+def report(**values):
     print("@tb " + json.dumps(values), flush=True)
 
 
@@ -34,23 +34,23 @@ def main():
         job = json.load(file)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    scene.render.fps, scene.render.fps_base = 24, 1.0  # the rate of the written keys; job frames are Blender's frames
+    scene.render.fps, scene.render.fps_base = 24, 1.0  # frame rate of the written keys: job frames are Blender frames
     bpy.ops.import_scene.gltf(filepath=job["scene"], import_shading="NORMALS")
-    play_everything(job["first_key"])
+    activate_animations(job["first_key"])
     place_camera(scene, job)
     place_lights(scene, job)
     light_sky(scene, job["sky"])
     if job["cull_back_faces"]:
         hide_back_faces()
     configure(scene, job)
-    say(event="ready", blender=bpy.app.version_string, objects=len(scene.objects), actions=len(bpy.data.actions))
+    report(event="ready", blender=bpy.app.version_string, objects=len(scene.objects), actions=len(bpy.data.actions))
     watch_samples(job["samples"])
     for frame in job["frames"]:
         started = time.perf_counter()
         render(scene, job, frame)
-        say(event="frame", frame=frame, seconds=time.perf_counter() - started)
-    say(event="done")
-    # Blender's own threads have been seen to hang the interpreter's shutdown; every frame is on disk by now.
+        report(event="frame", frame=frame, seconds=time.perf_counter() - started)
+    report(event="done")
+    # Blender's threads can hang the interpreter's shutdown.  All frames are on disk.
     sys.stderr.flush()
     os._exit(0)
 
@@ -65,10 +65,10 @@ def fcurves_of(action):
         yield from action.fcurves
 
 
-def play_everything(first_key):
-    """Every object's own action active, strips muted, and keys on whole frames: frame numbers are the job's.
+def activate_animations(first_key):
+    """Activate every object's action, mute the strips, and move the keys to the job's whole frame numbers.
 
-    The importer leaves strips that start at frame 1 on muted tracks, and rounds key times through float32 seconds.
+    The importer puts actions into strips on muted tracks, from frame 1, and rounds key times to float32 seconds.
     """
     owners = [*bpy.data.objects, *bpy.data.shape_keys, *bpy.data.materials, *bpy.data.node_groups]
     owners += [material.node_tree for material in bpy.data.materials if material.node_tree]
@@ -92,7 +92,7 @@ def play_everything(first_key):
 
 
 def pose(owner, position, rotation, frame):
-    """Place something with glTF's world position and world_from_local rotation (3x3 rows), keyed at ``frame``."""
+    """Place an object by its glTF world position and world_from_local rotation (3x3 rows); key it at ``frame``."""
     owner.rotation_mode = "QUATERNION"
     owner.location = BLENDER_FROM_GLTF @ Vector(position)
     owner.rotation_quaternion = (BLENDER_FROM_GLTF @ Matrix(rotation)).to_quaternion()
@@ -112,7 +112,7 @@ def place_camera(scene, job):
         matrix = entry["world_from_view"]
         pose(camera, [row[3] for row in matrix[:3]], [row[:3] for row in matrix[:3]], frame)
         data.clip_start = max(entry["znear"], 1e-6)
-        data.clip_end = INFINITELY_FAR if entry["zfar"] is None else entry["zfar"]
+        data.clip_end = INFINITE_ZFAR if entry["zfar"] is None else entry["zfar"]
         if entry["kind"] == "orthographic":
             data.type, data.ortho_scale = "ORTHO", 2.0 * entry["ymag"]
             data.keyframe_insert("ortho_scale", frame=frame)
@@ -123,7 +123,7 @@ def place_camera(scene, job):
 
 
 def place_lights(scene, job):
-    """Punctual lights in glTF's units: a point light of I candela has 4 pi I watts, since Cycles spreads P / (4 pi)."""
+    """Punctual lights in glTF units.  Cycles divides watts by 4 pi, so a point light of I candela gets 4 pi I watts."""
     for index, light in enumerate(job["lights"]):
         kind = {"point": "POINT", "spot": "SPOT", "directional": "SUN"}[light["kind"]]
         data = bpy.data.lights.new(f"taubench {index}", kind)
@@ -167,7 +167,7 @@ def light_sky(scene, color):
 
 
 def hide_back_faces():
-    """glTF shows no back of single-sided materials; Cycles would.  Camera rays only: both sides cast shadows."""
+    """Hide back faces of single-sided materials from camera rays, as glTF requires; both sides cast shadows."""
     for material in bpy.data.materials:
         if not material.use_backface_culling or not material.use_nodes:
             continue
@@ -192,7 +192,7 @@ def configure(scene, job):
     cycles = scene.cycles
     cycles.device = "CPU"
     cycles.samples, cycles.seed = job["samples"], job["seed"]
-    # Else every frame has the noise of the last: reuse could not average it, a still picture would not show it.
+    # With one seed for all frames, the noise would be the same in every frame and reuse could not average it.
     cycles.use_animated_seed = job["seed_per_frame"]
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = job["bounces"]
@@ -223,18 +223,18 @@ def watch_samples(total):
     last = [0.0]
 
     def stats(text, *_):
-        if "Sample" not in str(text) or time.perf_counter() - last[0] < SAY_EVERY:
+        if "Sample" not in str(text) or time.perf_counter() - last[0] < SAMPLES_EVERY:
             return
         last[0] = time.perf_counter()
         done = str(text).rsplit("Sample", 1)[1].strip().split("/")[0]
         if done.isdigit():
-            say(event="samples", done=int(done), total=total)
+            report(event="samples", done=int(done), total=total)
 
     bpy.app.handlers.render_stats.append(stats)
 
 
 def hide(nodes):
-    """Show every mesh but those of ``nodes``; what the importer hung beneath a node's object (instances) goes along."""
+    """Hide the meshes of ``nodes``, with the instances that the importer made children of them; show all others."""
     for owner in bpy.data.objects:
         if owner.type != "MESH":
             continue
@@ -247,7 +247,7 @@ def hide(nodes):
 
 
 def render(scene, job, frame):
-    """Under a name no reader takes for a frame, then renamed: half a frame never looks like a whole one."""
+    """Write to a name that is no frame name, then rename: readers never see an incomplete frame."""
     target = os.path.join(job["out"], job["name"] % frame)
     partial = os.path.join(job["out"], "." + os.path.basename(target) + ".partial.exr")
     scene.frame_set(frame)

@@ -1,0 +1,224 @@
+"""Input of the render script: the job (cameras, lights, quality) and the scene with one resampled animation.
+
+Blender's importer reads every glTF file, but interpolates rotations by component, drops cubic tangents, and mutes all
+but one of several animations.  The scene therefore gets one animation with a key on every frame, sampled by this
+project, so that nothing is left to interpolate.  Cameras and lights are removed from the scene and set from the job:
+extensions that the importer does not know may animate them.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, unquote
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.animation import CameraTrack, FrameState, Poser, View
+from taubench_gl.animation.curves import sample_channel
+from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.pathtraced.cameras import camera_entry
+from taubench_gl.scene.model import Channel, Scene
+
+FRAME_NAME = "frame_%04d.exr"
+KEY_FPS = 24.0
+"""Frame rate of the written keys: frame f is at (f - first) / KEY_FPS s, at any frame rate of the sequence."""
+
+NODE_NAME = "taubench node {}"
+"""Name of a mesh node, by its index: names in files need not be unique.  ``render_script.py`` repeats this."""
+
+_SET_BY_JOB = ("KHR_lights_punctual", "KHR_animation_pointer", "KHR_node_visibility")
+_PATHS = ("translation", "rotation", "scale", "weights")
+_JSON_CHUNK = 0x4E4F534A
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How Cycles renders.  The paper uses 1024 samples and 12 bounces.  Raises SettingsError."""
+
+    samples: int = 64  # per pixel
+    bounces: int = 12  # longest path
+    seed: int = 0  # of the noise
+    seed_per_frame: bool = True  # independent noise in every frame; False: the same pattern in all frames
+    crisp: bool = False  # sample pixel centers only, as a rasterizer does
+    cull_back_faces: bool = True  # of single-sided materials, as glTF requires
+    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear RGB
+    threads: int = 0  # 0: all cores
+
+    def __post_init__(self) -> None:
+        for name, value, least in (("samples", self.samples, 1), ("bounces", self.bounces, 0), ("seed", self.seed, 0)):
+            if not least <= value < 2**31:
+                raise SettingsError(f"{name} is {value}", hint=f"give {least} or more")
+
+
+def make_job(
+    scene: Scene, camera: CameraTrack, frames: range, fps: float, size: tuple[int, int], quality: Quality
+) -> tuple[dict[str, Any], dict[int, View], list[str]]:
+    """The job without paths, the view of every rendered frame, and notes.  Frame f is at f / fps seconds.
+
+    Cameras and lights cover the neighbors of the rendered frames too: Cycles' Vector pass needs both.
+    """
+    poser = Poser(scene)
+    keyed = range(frames[0] - 1, frames[-1] + 2)
+    states = {frame: poser.sample(frame / fps) for frame in keyed}
+    views = {frame: camera.view_at(state) for frame, state in states.items()}
+    lights, notes = _lights(scene, states)
+    job = {
+        "frames": list(frames),
+        "first_key": keyed[0],
+        "fps": fps,
+        "size": list(size),
+        "name": FRAME_NAME,
+        "view": camera.describe(),
+        "playing": list(scene.playing),
+        **asdict(quality),
+        "sky": list(quality.sky),
+        "camera": {str(frame): camera_entry(view) for frame, view in views.items()},
+        "lights": lights,
+        "hidden": {str(frame): nodes for frame in frames if (nodes := _hidden(scene, states[frame]))},
+    }
+    return job, {frame: views[frame] for frame in frames}, notes
+
+
+def identity(job: dict[str, Any], sha256: str | None) -> str:
+    """Hash of everything that the pixels of a frame depend on.  Renders of different identity are never mixed."""
+    # These differ between the frames of one render, or do not change pixels.
+    left_out = ("frames", "first_key", "camera", "lights", "hidden", "threads", "name")
+    pixels = {k: v for k, v in job.items() if k not in left_out}
+    return hashlib.sha256(json.dumps([pixels, sha256], sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _hidden(scene: Scene, state: FrameState) -> list[int]:
+    """Mesh nodes of the chosen scene that their own or an ancestor's KHR_node_visibility hides."""
+    return [node for node in scene.mesh_nodes.tolist() if scene.nodes.in_scene[node] and not state.visible[node]]
+
+
+def _shines(state: FrameState, node: int) -> bool:
+    """A light is off if its node is hidden or has scale 0, as in the rasterizer."""
+    return bool(state.visible[node] and np.any(state.world[node, :3, :3] != 0.0))
+
+
+def _lights(scene: Scene, states: dict[int, FrameState]) -> tuple[list[dict[str, Any]], list[str]]:
+    out, notes = [], []
+    for node in scene.light_nodes:
+        index = int(scene.nodes.light[node])
+        entries = {}
+        for frame, state in states.items():
+            light, world = state.lights[index], state.world[node]
+            entries[str(frame)] = {
+                "position": world[:3, 3].tolist(),
+                "rotation": math3d.orthonormal(world[:3, :3]).tolist(),
+                "color": list(map(float, light.color)),
+                "intensity": float(light.intensity) if _shines(state, node) else 0.0,
+                "inner_cone": float(light.inner_cone),
+                "outer_cone": float(light.outer_cone),
+            }
+        first = next(iter(entries.values()))
+        if all(entry == first for entry in entries.values()):
+            entries = {next(iter(entries)): first}
+        light = scene.lights[index]
+        out.append({"kind": light.kind, "name": light.name, "frames": entries})
+        if np.isfinite(light.range):
+            notes.append(f"light '{light.name}': Cycles ignores its range of {light.range:g} m")
+        if light.kind == "spot":
+            notes.append(f"light '{light.name}': Cycles and glTF use different formulas for the cone of a spot light")
+    return out, notes
+
+
+def write_resampled(scene: Scene, frames: range, fps: float, folder: Path) -> Path:
+    """Write ``scene.gltf`` and its buffers to ``folder``; returns its path.
+
+    ``frames``: the frames to key, with the neighbors of the rendered ones; frame f is sampled at f / fps seconds.
+    Raises SceneError for files other than glTF.
+    """
+    if scene.path is None or scene.path.suffix.lower() not in (".gltf", ".glb"):
+        raise SceneError("only glTF files can be rendered with Blender", where=str(scene.path or scene.name))
+    root, chunk = _read(scene.path)
+    _strip(root, scene)
+    for buffer in root.get("buffers", ()):
+        if "uri" not in buffer and chunk is not None:
+            (folder / "scene.bin").write_bytes(chunk)
+            buffer["uri"], chunk = "scene.bin", None
+    for item in (*root.get("buffers", ()), *root.get("images", ())):
+        uri = item.get("uri", "data:")
+        if uri != "scene.bin" and uri[:5].lower() != "data:":
+            item["uri"] = quote(os.path.relpath(scene.path.parent / unquote(uri), folder).replace(os.sep, "/"))
+    channels = [c for c in scene.channels if c.target == "node" and c.path in _PATHS]
+    root.pop("animations", None)
+    if channels:
+        (folder / "keys.bin").write_bytes(_add_animation(root, channels, frames, fps))
+    path = folder / "scene.gltf"
+    path.write_text(json.dumps(root), encoding="utf-8")
+    return path
+
+
+def _read(path: Path) -> tuple[dict[str, Any], bytes | None]:
+    data = path.read_bytes()  # the scene reader has checked it
+    if data[:4] != b"glTF":
+        return json.loads(data), None
+    offset, chunks = 12, []
+    while offset + 8 <= len(data):
+        size = int.from_bytes(data[offset : offset + 4], "little")
+        kind = int.from_bytes(data[offset + 4 : offset + 8], "little")
+        chunks.append((kind, data[offset + 8 : offset + 8 + size]))
+        offset += 8 + size
+    rest = [body for kind, body in chunks if kind != _JSON_CHUNK]
+    return json.loads(chunks[0][1]), rest[0] if rest else None
+
+
+def _strip(root: dict[str, Any], scene: Scene) -> None:
+    """Keep the chosen scene only, without cameras and lights; rename mesh nodes, so that the job can hide them."""
+    shown = set(np.flatnonzero(scene.nodes.in_scene).tolist())
+    scenes = [s for s in root.get("scenes", ()) if s.get("nodes") and set(s["nodes"]) <= shown]
+    if scenes:
+        root["scenes"], root["scene"] = [copy.deepcopy(max(scenes, key=lambda s: len(s["nodes"])))], 0
+    for number, node in enumerate(root.get("nodes", ())):
+        if "mesh" in node:
+            node["name"] = NODE_NAME.format(number)
+        node.pop("camera", None)
+        for name in _SET_BY_JOB:
+            node.get("extensions", {}).pop(name, None)
+    root.pop("cameras", None)
+    for name in _SET_BY_JOB:
+        root.get("extensions", {}).pop(name, None)
+    for key in ("extensionsUsed", "extensionsRequired"):
+        kept = [name for name in root.get(key, ()) if name not in _SET_BY_JOB]
+        root.pop(key, None)
+        if kept:
+            root[key] = kept
+
+
+def _add_animation(root: dict[str, Any], channels: list[Channel], frames: range, fps: float) -> bytes:
+    """Append one animation to ``root``; returns the bytes of its buffer."""
+    blob = bytearray()
+    buffer = len(root.setdefault("buffers", []))
+    views, accessors = root.setdefault("bufferViews", []), root.setdefault("accessors", [])
+
+    def accessor(values: np.ndarray, kind: str, **bounds: Any) -> int:
+        data = np.ascontiguousarray(values, dtype="<f4").tobytes()
+        views.append({"buffer": buffer, "byteOffset": len(blob), "byteLength": len(data)})
+        count = values.size if kind == "SCALAR" else len(values)
+        accessors.append({"bufferView": len(views) - 1, "componentType": 5126, "count": count, "type": kind, **bounds})
+        blob.extend(data)
+        return len(accessors) - 1
+
+    times = np.arange(len(frames)) / KEY_FPS
+    last = float(np.float32(times[-1]))
+    input_ = accessor(times, "SCALAR", min=[0.0], max=[last])
+    kinds = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
+    animation: dict[str, Any] = {"name": "taubench", "channels": [], "samplers": []}
+    for channel in channels:
+        values = np.stack([sample_channel(channel, frame / fps) for frame in frames])
+        sampler = {"input": input_, "output": accessor(values, kinds[channel.path]), "interpolation": "LINEAR"}
+        target = {"node": channel.index, "path": channel.path}
+        animation["channels"].append({"sampler": len(animation["samplers"]), "target": target})
+        animation["samplers"].append(sampler)
+    root["animations"] = [animation]
+    root["buffers"].append({"uri": "keys.bin", "byteLength": len(blob)})
+    return bytes(blob)

@@ -1,0 +1,224 @@
+"""Renders reference images with Cycles: starts Blender, follows its progress, resumes, records what it did."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shlex
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taubench_gl import __version__
+from taubench_gl.animation import CameraTrack, View
+from taubench_gl.errors import OutputError, PathTracedError
+from taubench_gl.outputs import cannot_write, make_folders, remove_folders, write_atomically
+from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality, identity, make_job, write_resampled
+from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
+from taubench_gl.pathtraced.cameras import camera_file_text, read_camera_file
+from taubench_gl.pathtraced.exr import read_header
+from taubench_gl.scene.model import Scene
+
+CAMERA_FILE, PROVENANCE_FILE, LOG_FILE = "camera.json", "provenance.json", "render.log"
+CLOCK = "wall clock around each frame's render, within Blender"
+_RECORDED = ("fps", "size", "samples", "bounces", "seed", "seed_per_frame", "crisp", "cull_back_faces", "sky")
+
+
+@dataclass(frozen=True, slots=True)
+class RenderProgress:
+    """Progress of one ``render_reference``."""
+
+    done: int  # finished frames
+    total: int  # frames
+    share: float  # finished share of the current frame's samples, in [0, 1]
+    seconds: float | None  # render time of the last finished frame
+
+
+def render_reference(
+    scene: Scene,
+    camera: CameraTrack,
+    frames: range,
+    out: str | Path,
+    *,
+    fps: float,
+    size: tuple[int, int],
+    quality: Quality | None = None,
+    progress: Callable[[RenderProgress], None] | None = None,
+    python: str | None = None,
+) -> list[str]:
+    """Render ``frames`` into ``out``: frame_NNNN.exr, camera.json, provenance.json, render.log.  Returns notes.
+
+    Complete frames of the same job are kept.  ``size``: width, height in pixels.  Raises PathTracedError if bpy is
+    missing, Blender fails, or ``out`` holds frames of another job.
+    """
+    out, quality, python = Path(out), quality or Quality(), python or blender_python()
+    job, views, notes = make_job(scene, camera, frames, fps, size, quality)
+    key = identity(job, scene.sha256)
+    created = _prepare(out, key)
+    job["frames"] = [frame for frame in frames if not _is_complete(out / (FRAME_NAME % frame), size)]
+    version = _read_json(out / PROVENANCE_FILE).get("blender")
+    if job["frames"]:
+        try:
+            version = require_blender(python)
+        except PathTracedError:
+            remove_folders(created)
+            raise
+    _merge_cameras(out, views, fps, size)
+    with tempfile.TemporaryDirectory(prefix="taubench-") as name:
+        folder = Path(name)
+        keyed = range(frames[0] - 1, frames[-1] + 2)
+        path = write_resampled(scene, keyed, fps, folder)
+        _write_provenance(out, key, job, scene, camera, version, notes)
+        if job["frames"]:
+            job |= {"scene": str(path), "out": str(out.resolve())}
+            _run(python, job, folder, out, len(frames), progress)
+    lost = [frame for frame in frames if not _is_complete(out / (FRAME_NAME % frame), size)]
+    if lost:
+        raise PathTracedError(f"Blender did not write frame {lost[0]}", where=str(out / LOG_FILE))
+    return notes
+
+
+def _prepare(out: Path, key: str) -> list[Path]:
+    """Create ``out``, or check that it is this job's.  Returns the created folders."""
+    try:
+        created = make_folders(out)
+        for leftover in out.glob(".frame_*.partial.exr"):
+            leftover.unlink()
+    except FileExistsError:
+        raise OutputError("is not a folder", where=str(out), hint="give --out another name") from None
+    except OSError as error:
+        raise cannot_write(out, error) from None
+    known = _read_json(out / PROVENANCE_FILE).get("job")
+    if known not in (None, key):
+        hint = "give --out another folder, or delete this one"
+        raise PathTracedError("holds frames of another scene or with other settings", where=str(out), hint=hint)
+    return created
+
+
+def _is_complete(path: Path, size: tuple[int, int]) -> bool:
+    """The script renames frames when they are complete, so a valid header is enough."""
+    try:
+        return path.is_file() and read_header(path).size == tuple(size)
+    except PathTracedError:
+        return False
+
+
+def _run(
+    python: str,
+    job: dict[str, Any],
+    folder: Path,
+    out: Path,
+    total: int,
+    progress: Callable[[RenderProgress], None] | None,
+) -> None:
+    done = total - len(job["frames"])
+    seconds: float | None = None
+
+    def on_event(event: dict[str, Any]) -> None:
+        nonlocal done, seconds
+        share = 0.0
+        if event["event"] == "frame":
+            done, seconds = done + 1, event["seconds"]
+            _record_seconds(out, event["frame"], seconds)
+        elif event["event"] == "samples":
+            share = event["done"] / event["total"]
+        if progress is not None and event["event"] in ("frame", "samples", "ready"):
+            progress(RenderProgress(done, total, share, seconds))
+
+    with open(out / LOG_FILE, "a", encoding="utf-8") as log:
+        failure = run_script(python, "render_script.py", job, folder, on_event, log.write)
+    if failure is not None:
+        raise PathTracedError(failure, where=str(out / LOG_FILE))
+
+
+def _merge_cameras(out: Path, views: dict[int, View], fps: float, size: tuple[int, int]) -> None:
+    """Write the sidecar; it keeps the frames of earlier renders into the same folder."""
+    path = out / CAMERA_FILE
+    earlier = read_camera_file(path).views if path.is_file() else {}
+    write_atomically(path, camera_file_text(earlier | views, fps, size))
+
+
+def _write_provenance(
+    out: Path,
+    key: str,
+    job: dict[str, Any],
+    scene: Scene,
+    camera: CameraTrack,
+    version: str | None,
+    notes: list[str],
+) -> None:
+    path = out / PROVENANCE_FILE
+    values = {
+        "job": key,
+        "version": __version__,
+        "command": shlex.join(sys.argv),
+        "blender": version,
+        "machine": platform.machine(),
+        "scene": {"name": scene.name, "sha256": scene.sha256, "playing": list(scene.playing)},
+        "camera": camera.describe(),
+        "settings": {name: job[name] for name in _RECORDED},
+        "cores": os.cpu_count(),
+        "notes": notes,
+        "clock": CLOCK,
+        "frame_seconds": _read_json(path).get("frame_seconds", {}),
+    }
+    write_atomically(path, json.dumps(values, indent=2) + "\n")
+
+
+def _record_seconds(out: Path, frame: int, seconds: float) -> None:
+    """Written after each frame, so that an interrupted render keeps the times of its finished frames."""
+    values = _read_json(out / PROVENANCE_FILE)
+    values.setdefault("frame_seconds", {})[str(frame)] = seconds
+    write_atomically(out / PROVENANCE_FILE, json.dumps(values, indent=2) + "\n")
+
+
+@dataclass(frozen=True, slots=True)
+class RenderRecord:
+    """What ``render_reference`` records about a folder of frames.  None: not recorded."""
+
+    samples: int | None  # per pixel
+    bounces: int | None
+    seed: int | None
+    seed_per_frame: bool | None
+    crisp: bool | None
+    fps: float | None
+    blender: str | None  # version
+    frame_seconds: Mapping[int, float]  # frame -> render time
+    clock: str  # how the times were measured
+
+    def summary(self, frames: Iterable[int]) -> dict[str, Any]:
+        """The block ``render`` of summary.json; ``seconds_per_frame`` is the mean over the timed ones of ``frames``."""
+        seconds = [self.frame_seconds[frame] for frame in frames if frame in self.frame_seconds]
+        return {
+            **{name: getattr(self, name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp")},
+            "blender": self.blender,
+            "seconds_per_frame": sum(seconds) / len(seconds) if seconds else None,
+            "clock": self.clock,
+        }
+
+
+def read_render(folder: Path) -> RenderRecord | None:
+    """The record in ``folder``; None if another program wrote the frames."""
+    values = _read_json(folder / PROVENANCE_FILE)
+    settings = values.get("settings")
+    if not isinstance(settings, dict) or "job" not in values:
+        return None
+    seconds = {int(frame): float(s) for frame, s in (values.get("frame_seconds") or {}).items()}
+    return RenderRecord(
+        **{name: settings.get(name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "fps")},
+        blender=values.get("blender"),
+        frame_seconds=seconds,
+        clock=f"{values.get('clock', CLOCK)}, {values.get('cores', '?')} cores",
+    )
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return values if isinstance(values, dict) else {}
