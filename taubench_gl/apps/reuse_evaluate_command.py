@@ -150,7 +150,7 @@ def _evaluate_one(
     request: dict[str, Any],
 ) -> Evaluation:
     from taubench_gl.apps.screen import ProgressBar, show_tables
-    from taubench_gl.report.reuse_tables import reuse_tables
+    from taubench_gl.report.reuse import reuse_tables
     from taubench_gl.reuse.evaluate import evaluate_methods
     from taubench_gl.reuse.evaluate_output import ReuseFolder
 
@@ -208,7 +208,7 @@ def fit(
     PSNR, SSIM and tPSNR are maximised.  Says when the best value lies at the edge of its range.
     """
     from taubench_gl.apps.screen import ProgressBar, show_tables
-    from taubench_gl.report.reuse_tables import fit_table
+    from taubench_gl.report.reuse import fit_table
     from taubench_gl.reuse.evaluate_output import new_folder, write_fit
     from taubench_gl.reuse.fit import fit_setting
 

@@ -14,10 +14,10 @@ from typing import Any
 from taubench_gl import glossary
 from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Reason
 from taubench_gl.outputs import write_atomically
+from taubench_gl.report.figures import DASHES
 from taubench_gl.report.frame_store import StoredFrames, spread, stored_frames
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, hex_of
-from taubench_gl.report.plots import DASHES
 from taubench_gl.report.render import NONE, to_html
 from taubench_gl.report.tables import length_unit, paper_numbers, paper_tables, run_labels, thresholds_shown
 

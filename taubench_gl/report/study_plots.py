@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.report.figures import as_title, legend_beside, new_figure, save_figure
 from taubench_gl.report.palette import hex_of
-from taubench_gl.report.plots import _figure, _save
 from taubench_gl.report.study_tables import worst_of
 
 Study = Mapping[str, Any]
@@ -25,11 +25,11 @@ def plot_fronts(study: Study, folder: Path) -> list[Path]:
     Raises OutputError."""
     written = []
     for name in study["front_columns"]:
-        figure, axes = _figure(8.6, 5.2)
+        figure, axes = new_figure(8.6, 5.2)
         _draw(axes, study, name, full=True)
         what = f"{name} column" if name in study["columns"] else worst_of(study, name)
         axes.set_title(_title(study, f"What accuracy costs, {what}"), fontsize=10)
-        written += _save(figure, folder / f"front_{name}")
+        written += save_figure(figure, folder / f"front_{name}")
     if study["columns"]:
         written += _all(study, folder / "fronts")
     for measure in (study["quality"] or {}).get("measures", ()):
@@ -43,7 +43,7 @@ def _methods(study: Study, measure: str, path: Path) -> list[Path]:
     points = [p for p in quality["points"] if p["ms"] and p["errors"][measure] is not None]
     by_name = {p["name"]: p for p in points}
     front = [by_name[name] for name in quality["fronts"][measure]]
-    figure, axes = _figure(8.6, 5.2)
+    figure, axes = new_figure(8.6, 5.2)
     for i, kind in enumerate(dict.fromkeys(p["input"] for p in points)):
         shown = [p for p in points if p["input"] == kind]
         x, y = [p["ms"]["median"] for p in shown], [p["errors"][measure] for p in shown]
@@ -58,10 +58,10 @@ def _methods(study: Study, measure: str, path: Path) -> list[Path]:
         at = (p["ms"]["median"], p["errors"][measure])
         axes.annotate(p["label"].partition(" on ")[0], at, textcoords="offset points", fontsize=7,
                       xytext=(6, 6 + 10 * (i % 2)))  # fmt: skip
-    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    legend_beside(axes, x=1.0, size=8)
     axes.set_title(_title(study, f"What reuse costs, {measure}", points[0] if points else None), fontsize=10)
     _readable_ticks(axes)
-    return _save(figure, path)
+    return save_figure(figure, path)
 
 
 def _all(study: Study, path: Path) -> list[Path]:
@@ -69,12 +69,9 @@ def _all(study: Study, path: Path) -> list[Path]:
 
     columns = list(study["front_columns"])
     rows = math.ceil(len(columns) / 2)
-    figure, _ = _figure(11.0, 3.6 * rows)
-    figure.clear()
-    grid = figure.subplots(rows, min(2, len(columns)), squeeze=False)
+    figure, grid = new_figure(11.0, 3.6 * rows, rows, min(2, len(columns)), squeeze=False)
     flat = [axes for row in grid for axes in row]
     for axes, column in zip(flat, columns):
-        _style(axes)
         _draw(axes, study, column, full=False)
         axes.set_title(column if column in study["columns"] else worst_of(study, column), fontsize=10)
     handles, labels = flat[0].get_legend_handles_labels()
@@ -82,13 +79,7 @@ def _all(study: Study, path: Path) -> list[Path]:
     for axes in flat[len(columns) :]:
         axes.set_axis_off()
     figure.suptitle(_title(study, "What accuracy costs"), fontsize=11)
-    return _save(figure, path)
-
-
-def _style(axes: Any) -> None:
-    axes.grid(True, alpha=0.25)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    return save_figure(figure, path)
 
 
 def _draw(axes: Any, study: Study, column: str, full: bool) -> None:
@@ -130,7 +121,7 @@ def _draw(axes: Any, study: Study, column: str, full: bool) -> None:
         axes.axhline(floor, color="#555555", linewidth=0.9, linestyle="--", label="noise floor of the reference")
     if full:
         _label(axes, list(zip(front, y)))
-        axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        legend_beside(axes, x=1.0, size=8)
     _readable_ticks(axes)
 
 
@@ -170,7 +161,7 @@ def _readable_ticks(axes: Any) -> None:
 def _title(study: Study, what: str, method: Study | None = None) -> str:
     """``method``: a point of ``quality``, whose reference and clock count instead."""
     width, height = study["size"]
-    name = str(study["scene"]["name"]).replace("$", r"\$")
+    name = as_title(study["scene"]["name"])
     renderer = str(study["machine"]["renderer"]).split("(")[0].strip()
     reference, clock = study["reference"]["name"], study["clock"]
     if method is not None:

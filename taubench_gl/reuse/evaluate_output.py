@@ -16,8 +16,7 @@ import numpy as np
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import cannot_write, write_atomically, write_png
 from taubench_gl.report.render import FORMATS
-from taubench_gl.report.reuse_plots import plot_fit, plot_reuse
-from taubench_gl.report.reuse_tables import fit_table, reuse_tables
+from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_tables
 from taubench_gl.report.tables import Table
 from taubench_gl.reuse.evaluate import Evaluation, JudgedFrame
 from taubench_gl.reuse.evaluate_records import ROW_COLUMNS

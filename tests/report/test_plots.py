@@ -79,7 +79,7 @@ def test_the_papers_names_lie_beside_a_sweep_not_on_its_curves(tmp_path, monkeyp
     from taubench_gl.report import plots
 
     drawn = []
-    monkeypatch.setattr(plots, "_save", lambda figure, path: drawn.append(figure) or [])
+    monkeypatch.setattr(plots, "save_figure", lambda figure, path: drawn.append(figure) or [])
     rows = [{"mean_yaw_deg": x, "frustum_percent": 2.0 * x, "color_percent": 3.0 * x} for x in (0.0, 4.0, 9.0)]
     paper = [("Slow", 0.3, 0.1), ("Fast", 8.2, 15.3), ("Beyond", 99.0, 50.0)]
     plots.plot_sweep(rows, "yaw", "deg", "walk", paper, tmp_path / "sweep")

@@ -8,7 +8,7 @@ from reuse_scenes import passing_box
 from reuse_tools import judge
 
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
-from taubench_gl.report.reuse_tables import reuse_tables
+from taubench_gl.report.reuse import reuse_tables
 from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.evaluate_output import ReuseFolder
 from taubench_gl.reuse.loading import load_method

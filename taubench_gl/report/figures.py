@@ -1,0 +1,74 @@
+"""Matplotlib figures in one style, written as PNG and SVG; used by all plots of the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.outputs import cannot_write, plain_text
+from taubench_gl.report.palette import hex_of
+
+DASHES = {"frustum": "-", "color": "--", "position": "-", "normal": "-.", "direct": "-", "indirect": ":"}
+"""Line style of each column of Table 4, also in the HTML report."""
+SERIES_COLORS = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255", "#000000", "#999933", "#332288",
+)  # fmt: skip
+"""Colors of other series, such as methods: Okabe and Ito's palette, then Tol's."""
+_STYLE = {"axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "grid.alpha": 0.25, "font.size": 10}
+
+
+def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **grid: Any) -> tuple[Any, Any]:
+    """A figure of ``width`` x ``height`` inches and its axes, as ``Figure.subplots(rows, columns, **grid)``."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    # Without pyplot, which keeps global state and looks for a display.
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        return figure, figure.subplots(rows, columns, **grid)
+
+
+def column_style(name: str) -> dict[str, Any]:
+    """Line properties of a column of Table 4: its color in mask images, and its dashes."""
+    from matplotlib import patheffects
+
+    style: dict[str, Any] = {"color": hex_of(name), "linestyle": DASHES[name]}
+    if name == "direct":  # yellow on white needs an outline
+        style["path_effects"] = [patheffects.withStroke(linewidth=3.4, foreground="#6b6300")]
+    return style
+
+
+def legend_beside(axes: Any, *others: Any, x: float = 1.01, size: float = 9, **options: Any) -> None:
+    """The legend of ``axes`` and ``others`` right of ``axes``, at ``x`` of its width; none without labels."""
+    entries = [entry for each in (axes, *others) for entry in zip(*each.get_legend_handles_labels(), strict=True)]
+    if entries:
+        place = {"loc": "upper left", "bbox_to_anchor": (x, 1.0), "frameon": False, "fontsize": size}
+        axes.legend(*zip(*entries, strict=True), **place, **options)
+
+
+def as_title(text: Any) -> str:
+    """``text`` for a title: a lone dollar sign would start a formula."""
+    return str(text).replace("$", r"\$")
+
+
+def save_figure(figure: Any, path: Path) -> list[Path]:
+    """Write ``path`` with the suffixes .png and .svg.  -> both files.  Raises OutputError.
+
+    The SVG holds no date and no random identifiers: the same run gives the same bytes.
+    """
+    import matplotlib
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):  # file names may hold bytes that are not UTF-8
+        if (plain := plain_text(text.get_text())) != text.get_text():
+            text.set_text(plain)
+    files = [path.with_suffix(".png"), path.with_suffix(".svg")]
+    try:
+        with matplotlib.rc_context({"svg.hashsalt": "taubench-gl"}):
+            for file in files:
+                figure.savefig(file, dpi=150, metadata={"Date": None} if file.suffix == ".svg" else None)
+    except OSError as error:
+        raise cannot_write(path, error) from None
+    return files

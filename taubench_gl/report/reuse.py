@@ -1,0 +1,240 @@
+"""Tables and plots of a reuse evaluation (schema ``taubench-gl/reuse/1``) and of a parameter fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, save_figure
+from taubench_gl.report.tables import Column, Row, Table
+
+Summary = Mapping[str, Any]
+
+_QUALITY = (
+    ("psnr_db", Column("PSNR", "dB", 2)), ("ssim", Column("SSIM", "", 4)), ("flip", Column("FLIP", "", 4)),
+    ("relmse", Column("relMSE", "", 5)), ("tpsnr_db", Column("tPSNR", "dB", 2)),
+    ("flicker", Column("flicker", "", 5)),
+)  # fmt: skip
+_REUSE = (
+    ("reused_percent", Column("reused", "%", 2)), ("mean_weight", Column("mean weight", "", 3)),
+    ("wrongly_reused_percent", Column("wrongly reused", "%", 2)),
+    ("wrongly_rejected_percent", Column("wrongly rejected", "%", 2)),
+)  # fmt: skip
+
+
+def reuse_tables(summary: Summary) -> list[Table]:
+    """Quality; reuse, time and memory; error by pixel class.  A method that failed is a row of dashes with the reason."""
+    methods = summary["methods"]
+    notes = reuse_notes(summary)
+    quality = [_row(label, m, "mean", [n for n, _ in _QUALITY]) for label, m in methods.items()]
+    tables = [Table(1, "Quality relative to the reference", tuple(c for _, c in _QUALITY), tuple(quality), notes)]
+    columns = (*(c for _, c in _REUSE), Column("time", "ms", 3), Column("memory", "MiB", 2))
+    rows = [_cost_row(label, m) for label, m in methods.items()]
+    clock = f"Time: median over frames of the passes of the method; clock: {summary['clock']}; shading of the input: "
+    shading = summary["input"]["shading_ms"]
+    clock += "not measured." if shading is None else f"{shading:.2f} ms."
+    tables.append(Table(2, "Reuse, time and memory", columns, tuple(rows), (clock, _class_source(summary))))
+    tables.append(_class_table(summary))
+    return tables
+
+
+def reuse_notes(summary: Summary) -> tuple[str, ...]:
+    """The settings on which every number of the evaluation depends."""
+    s, given, reference = summary["settings"], summary["input"], summary["reference"]
+    kind = given["kind"]
+    if given["light_samples"]:
+        kind += f" ({given['light_samples']} lights, {given['indirect_samples']} VPLs, seed {given['seed']})"
+    against = f"{reference['samples']} samples per pixel" if reference["kind"] == "max" else reference["path"]
+    first = f"{summary['scene']['name']}: {s['width']}x{s['height']}, {s['fps']:g} fps, "
+    first += f"means over frames {s['first_frame'] + 1} to {s['last_frame']} (N = {summary['judged_frames']}); "
+    return (f"{first}input: {kind}; reference: {reference['kind']}, {against}.", *given["notes"])
+
+
+def fit_table(fit: Summary) -> Table:
+    """Every point that a fit evaluated."""
+    names = list(fit["settings"])
+    columns = tuple(Column(n, "", 6) for n in names) + (Column(fit["metric"], "", 6),)
+    rows = []
+    for i, point in enumerate(fit["points"], start=1):
+        best = point["settings"] == fit["best"]["settings"]
+        values = (*(_number(point["settings"][n]) for n in names), point["value"])
+        reasons = {len(names): point["failed"] or "not measured"} if point["value"] is None else {}
+        rows.append(Row(f"{i}{' (best)' if best else ''}", values, reasons=reasons))
+    notes = (f"{fit['method']}: {fit['better']} is better.", *fit["notes"])
+    return Table(1, f"{fit['metric']} by parameters of {fit['method']}", columns, tuple(rows), notes)
+
+
+def _row(label: str, method: Summary, block: str, names: list[str]) -> Row:
+    if method["failed"]:
+        return Row(label, (None,) * len(names), reasons={0: method["failed"]})
+    values = method[block]
+    why = method["reasons"]
+    reasons = {i: why.get(n, "not measured") for i, n in enumerate(names) if values[n] is None}
+    return Row(label, tuple(values[n] for n in names), reasons=reasons)
+
+
+def _cost_row(label: str, method: Summary) -> Row:
+    row = _row(label, method, "reuse", [n for n, _ in _REUSE])
+    size = method["memory_bytes"]
+    memory = None if size is None else size / 2**20
+    return Row(label, (*row.values, method.get("time_ms"), memory), reasons=row.reasons)
+
+
+def _class_table(summary: Summary) -> Table:
+    classes = list(summary["classes"])
+    columns = tuple(Column(name, "", 4) for name in classes)
+    good = {label: m for label, m in summary["methods"].items() if not m["failed"]}
+    rows = []
+    for label, method in good.items():
+        measure = _class_measure(method)
+        values = tuple(method["classes"][c].get(measure) for c in classes)
+        rows.append(
+            Row(label, values, reasons={i: "no pixel of this class" for i, v in enumerate(values) if v is None})
+        )
+    if good:
+        first = next(iter(good.values()))["classes"]
+        rows.append(Row("share of pixels, %", tuple(first[c]["percent"] for c in classes)))
+    measure = _class_measure(next(iter(good.values()))) if good else "flip"
+    meaning = "; ".join(f"{name}: {doc}" for name, doc in summary["classes"].items())
+    return Table(3, f"Mean {measure} by pixel class", columns, tuple(rows), (f"{meaning}.", _class_source(summary)))
+
+
+def _class_measure(method: Summary) -> str:
+    return "flip" if any("flip" in entry for entry in method["classes"].values()) else "relmse"
+
+
+def _class_source(summary: Summary) -> str:
+    if summary["judged_by"] == "truth":
+        return "Wrongly reused, wrongly rejected and the pixel classes refer to the masks of the noise-free frames."
+    return "The pixel classes refer to geometry alone, because there are no noise-free masks."
+
+
+def _number(value: Any) -> Any:
+    return int(value) if isinstance(value, bool) else value
+
+
+# --------------------------------------------------------------------------------------------------------------- plots
+
+_LINES = ("-", "--", ":", "-.")
+_MARKERS = ("o", "s", "^", "D")
+
+
+def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
+    """``frames``, ``classes`` and ``time`` as PNG and SVG, as far as there are values.  Raises OutputError."""
+    valid = {label: m for label, m in summary["methods"].items() if not m["failed"]}
+    if not valid:
+        return []
+    measure = "flip" if any(row["flip"] is not None for row in rows) else "relmse"
+    written = _frames(summary, valid, rows, measure, folder / "frames.png")
+    written += _classes(summary, valid, measure, folder / "classes.png")
+    return written + _time(summary, valid, measure, folder / "time.png")
+
+
+def plot_fit(fit: Summary, path: Path) -> list[Path]:
+    """The error by one parameter, or as a map over two; no plot for more.  Raises OutputError."""
+    names = list(fit["settings"])
+    points = [p for p in fit["points"] if p["value"] is not None]
+    if not points or len(names) > 2:
+        return []
+    axes_of = [np.array([float(p["settings"][n]) for p in points]) for n in names]
+    values = np.array([p["value"] for p in points])
+    figure, axes = new_figure(7.0, 4.4)
+    scales = [fit["settings"][n]["scale"] for n in names]
+    if len(names) == 1:
+        order = np.argsort(axes_of[0])
+        axes.plot(axes_of[0][order], values[order], "o-", color=SERIES_COLORS[0], linewidth=2)
+        axes.set(xscale=scales[0], xlabel=names[0], ylabel=f"{fit['metric']} ({fit['better']} is better)")
+    else:
+        drawn = axes.scatter(*axes_of, c=values, s=120, cmap="viridis", edgecolors="black", linewidths=0.5)
+        axes.set(xscale=scales[0], yscale=scales[1], xlabel=names[0], ylabel=names[1])
+        figure.colorbar(drawn, label=f"{fit['metric']} ({fit['better']} is better)")
+    best = [float(fit["best"]["settings"][n]) for n in names]
+    if len(names) == 1:
+        if fit["best"]["value"] is None:  # equal to the reference: infinite
+            axes.axvline(best[0], color=SERIES_COLORS[1], label="best")
+        else:
+            axes.plot(best, [fit["best"]["value"]], "*", markersize=16, color=SERIES_COLORS[1], label="best", zorder=5)
+        now = fit["default"]["settings"][names[0]]
+        axes.axvline(float(now), color="black", linewidth=0.9, linestyle=":", label=f"default {now:g}")
+        axes.legend(frameon=False)
+    else:
+        axes.plot(*([v] for v in best), "*", markersize=18, color=SERIES_COLORS[1], zorder=5)
+    axes.set_title(as_title(f"{fit['method']}, {fit['scene']}"), loc="left", fontsize=11)
+    return save_figure(figure, path)
+
+
+def _series_style(index: int) -> dict[str, Any]:
+    return {
+        "color": SERIES_COLORS[index % len(SERIES_COLORS)],
+        "linestyle": _LINES[index // len(SERIES_COLORS) % len(_LINES)],
+    }
+
+
+def _frames(
+    summary: Summary, valid: Summary, rows: Sequence[Mapping[str, Any]], measure: str, path: Path
+) -> list[Path]:
+    figure, (upper, lower) = new_figure(9.0, 6.0, rows=2, sharex=True, height_ratios=(3, 2))
+    for index, label in enumerate(valid):
+        own = [row for row in rows if row["method"] == label]
+        numbers = [row["frame"] for row in own]
+        for axes, name in ((upper, measure), (lower, "flicker")):
+            values = [np.nan if row[name] is None else row[name] for row in own]
+            if np.isfinite(values).any():
+                axes.plot(numbers, values, linewidth=1.7, label=label, **_series_style(index))
+    upper.set(ylabel=f"{measure} (lower is better)")
+    upper.set_title(_title(summary, "Error per frame"), loc="left", fontsize=11)
+    lower.set(ylabel="flicker (lower is better)", xlabel="frame")
+    for axes in (upper, lower):
+        axes.set_ylim(bottom=0)
+    legend_beside(upper)
+    return save_figure(figure, path)
+
+
+def _classes(summary: Summary, valid: Summary, measure: str, path: Path) -> list[Path]:
+    first = next(iter(valid.values()))["classes"]
+    names = [name for name in summary["classes"] if first[name]["pixels"]]
+    if not names or any(measure not in m["classes"][n] for m in valid.values() for n in names):
+        return []
+    figure, axes = new_figure(max(8.0, 1.1 * len(names) + 0.12 * len(names) * len(valid)), 4.6)
+    width = 0.85 / len(valid)
+    for index, (label, method) in enumerate(valid.items()):
+        at = np.arange(len(names)) + (index - 0.5 * (len(valid) - 1)) * width
+        hatch = "//" if index >= len(SERIES_COLORS) else None
+        color = SERIES_COLORS[index % len(SERIES_COLORS)]
+        axes.bar(at, [method["classes"][n][measure] for n in names], width, label=label, color=color, hatch=hatch)
+    axes.set_xticks(range(len(names)), [f"{n}\n{first[n]['percent']:.1f} %" for n in names])
+    axes.set(ylabel=f"mean {measure} (lower is better)")
+    axes.set_title(_title(summary, "Error by pixel class, and share of the class"), loc="left", fontsize=11)
+    legend_beside(axes)
+    return save_figure(figure, path)
+
+
+def _time(summary: Summary, valid: Summary, measure: str, path: Path) -> list[Path]:
+    timed = {label: m for label, m in valid.items() if m["time_ms"] and m["mean"][measure] is not None}
+    if not timed:
+        return []
+    figure, axes = new_figure(7.5, 4.6)
+    for index, (label, method) in enumerate(valid.items()):
+        if label in timed:
+            at = method["time_ms"], method["mean"][measure]
+            style = {
+                "color": SERIES_COLORS[index % len(SERIES_COLORS)],
+                "marker": _MARKERS[index // len(SERIES_COLORS) % len(_MARKERS)],
+            }
+            axes.plot(*([v] for v in at), linestyle="", markersize=9, label=label, **style)
+    axes.set(xscale="log", xlabel=f"ms per frame, median ({summary['clock']})", ylabel=f"{measure} (lower is better)")
+    axes.margins(x=0.1, y=0.1)
+    axes.set_ylim(bottom=0)
+    legend_beside(axes)
+    axes.set_title(_title(summary, "Error against time"), loc="left", fontsize=11)
+    return save_figure(figure, path)
+
+
+def _title(summary: Summary, what: str) -> str:
+    s = summary["settings"]
+    kind = summary["input"]["kind"].partition(":")[0]  # without the path of files
+    name = as_title(summary["scene"]["name"])
+    return f"{what}: {name}, {s['width']}x{s['height']}, {kind} input"
