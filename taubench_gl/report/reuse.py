@@ -26,11 +26,11 @@ _REUSE = (
 
 
 def reuse_tables(summary: Summary) -> list[Table]:
-    """Quality; reuse, time and memory; error by pixel class.  A method that failed is a row of dashes with the reason."""
+    """Quality; reuse, time and memory; error by pixel class.  Failed methods are rows of dashes with the reason."""
     methods = summary["methods"]
     notes = reuse_notes(summary)
     quality = [_row(label, m, "mean", [n for n, _ in _QUALITY]) for label, m in methods.items()]
-    tables = [Table(1, "Quality relative to the reference", tuple(c for _, c in _QUALITY), tuple(quality), notes)]
+    tables = [Table(1, "Quality against the reference", tuple(c for _, c in _QUALITY), tuple(quality), notes)]
     columns = (*(c for _, c in _REUSE), Column("time", "ms", 3), Column("memory", "MiB", 2))
     rows = [_cost_row(label, m) for label, m in methods.items()]
     clock = f"Time: median over frames of the passes of the method; clock: {summary['clock']}; shading of the input: "
@@ -91,9 +91,7 @@ def _class_table(summary: Summary) -> Table:
     for label, method in good.items():
         measure = _class_measure(method)
         values = tuple(method["classes"][c].get(measure) for c in classes)
-        rows.append(
-            Row(label, values, reasons={i: "no pixel of this class" for i, v in enumerate(values) if v is None})
-        )
+        rows.append(Row(label, values, reasons={i: "no such pixel" for i, v in enumerate(values) if v is None}))
     if good:
         first = next(iter(good.values()))["classes"]
         rows.append(Row("share of pixels, %", tuple(first[c]["percent"] for c in classes)))
@@ -166,11 +164,10 @@ def plot_fit(fit: Summary, path: Path) -> list[Path]:
     return save_figure(figure, path)
 
 
-def _series_style(index: int) -> dict[str, Any]:
-    return {
-        "color": SERIES_COLORS[index % len(SERIES_COLORS)],
-        "linestyle": _LINES[index // len(SERIES_COLORS) % len(_LINES)],
-    }
+def _series_style(index: int, option: str, values: Sequence[str]) -> dict[str, Any]:
+    """Color of series ``index``; ``option`` takes the next of ``values`` when the colors repeat."""
+    repeat, color = divmod(index, len(SERIES_COLORS))
+    return {"color": SERIES_COLORS[color], option: values[repeat % len(values)]}
 
 
 def _frames(
@@ -183,7 +180,7 @@ def _frames(
         for axes, name in ((upper, measure), (lower, "flicker")):
             values = [np.nan if row[name] is None else row[name] for row in own]
             if np.isfinite(values).any():
-                axes.plot(numbers, values, linewidth=1.7, label=label, **_series_style(index))
+                axes.plot(numbers, values, linewidth=1.7, label=label, **_series_style(index, "linestyle", _LINES))
     upper.set(ylabel=f"{measure} (lower is better)")
     upper.set_title(_title(summary, "Error per frame"), loc="left", fontsize=11)
     lower.set(ylabel="flicker (lower is better)", xlabel="frame")
@@ -220,10 +217,7 @@ def _time(summary: Summary, valid: Summary, measure: str, path: Path) -> list[Pa
     for index, (label, method) in enumerate(valid.items()):
         if label in timed:
             at = method["time_ms"], method["mean"][measure]
-            style = {
-                "color": SERIES_COLORS[index % len(SERIES_COLORS)],
-                "marker": _MARKERS[index // len(SERIES_COLORS) % len(_MARKERS)],
-            }
+            style = _series_style(index, "marker", _MARKERS)
             axes.plot(*([v] for v in at), linestyle="", markersize=9, label=label, **style)
     axes.set(xscale="log", xlabel=f"ms per frame, median ({summary['clock']})", ylabel=f"{measure} (lower is better)")
     axes.margins(x=0.1, y=0.1)
