@@ -11,13 +11,12 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, View, choose_camera
 from taubench_gl.animation import pairs as pairing
-from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
-from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.frame.passes.masks import Counts, MaskPass
+from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
+from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.sources import RasterSource
-from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.reprojection import Reprojection
@@ -59,6 +58,7 @@ class Bench:
     def __init__(self, gpu: Gpu, size: Size = (96, 64), device: int | None = None):
         self.gpu, self.size, self.device = gpu, size, device
         self.shaders = ShaderCache(gpu.ctx)
+        self.context = GpuContext(gpu, self.shaders)
 
     def pair(
         self,
@@ -75,14 +75,13 @@ class Bench:
     ) -> PairImages:
         """Draw the frames at ``times`` (previous, current; seconds), compare them, read everything back.
 
-        ``thresholds``: where they differ from 32/255, position in metres before ``unit_scale``; ``extra``: channels to
+        ``thresholds``: where they differ from 32/255, position in metres; ``extra``: channels to
         draw besides; ``size``: (width, height), the bench's own if None.
         """
         size = size or self.size
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
         camera = camera or choose_camera(scene)
         renderer = Renderer(self.gpu, scene, camera, size, names, shaders=self.shaders)
-        masks = self._masks(size, reprojection, sampling)
         before, now = times
         try:
             renderer.draw(before, before)
@@ -90,17 +89,14 @@ class Bench:
             renderer.draw(now, before)
             view = renderer.drawn.view
             pair = pairing.reprojection(view, previous_view, *size)
-            masks.run(
-                pair,
-                limits(thresholds, unit_scale),
-                renderer.history.current.textures,
-                renderer.history.previous.textures,
-            )
+            textures = renderer.history.current.textures, renderer.history.previous.textures
+            drawn = ChannelPair(size, *textures, reprojection=reprojection)
+            settings = Settings.of(thresholds=thresholds or {}, unit_scale=unit_scale, sampling=sampling)
+            found = self._compare(drawn, settings, pair)
             current = {n: renderer.read(n) for n in renderer.channels}
             history = {n: renderer.read(n, previous=True) for n in renderer.channels}
-            return _images(masks, pair, current, history, view, previous_view)
+            return PairImages(*found, pair, current, history, view, previous_view)
         finally:
-            masks.release()
             renderer.release()
 
     def frame(
@@ -166,12 +162,11 @@ class Bench:
         current, history = {**wall, **current}, {**wall, **history}
         now = {n: self._texture(v, dtype) for n, v in current.items()}
         then = {n: self._texture(v, dtype) for n, v in history.items()}
-        masks = self._masks((width, height), reprojection, sampling, radiance)
+        uploaded = ChannelPair((width, height), now, then, reprojection, radiance)
+        settings = Settings.of(thresholds=thresholds or {}, sampling=sampling)
         try:
-            masks.run(pair, limits(thresholds), now, then, declared)
-            return _images(masks, pair, current, history)
+            return PairImages(*self._compare(uploaded, settings, pair, declared), pair, current, history)
         finally:
-            masks.release()
             for texture in (*now.values(), *then.values()):
                 texture.release()
 
@@ -179,14 +174,13 @@ class Bench:
         """Counts of a still pair that shows nothing but sky.  One 8-bit texture stands for every channel."""
         texture = self.gpu.ctx.texture(size, 4, dtype="f1")
         framebuffer = self.gpu.ctx.framebuffer([texture])
-        masks = MaskPass(self.gpu, self.shaders, size)
+        channels = {"position": texture, "normal": texture}
+        evaluator = PairEvaluator(self.context, ChannelPair(size, channels, channels), Settings())
         try:
             framebuffer.clear()
-            channels = {"position": texture, "normal": texture}
-            masks.run(still_pair(size), limits(None), channels, channels)
-            return counts_of(masks.read().mask_histogram)
+            return counts_of(evaluator.compare(still_pair(size)).mask_histogram)
         finally:
-            for item in (masks, framebuffer, texture):
+            for item in (evaluator, framebuffer, texture):
                 item.release()
 
     def wall(self, size: Size) -> dict[str, Array]:
@@ -201,17 +195,16 @@ class Bench:
         self.shaders.release()
         self.gpu.collect()
 
-    def _masks(self, size: Size, reprojection: str, sampling: str, radiance: tuple[str, ...] = ()) -> MaskPass:
-        return MaskPass(
-            self.gpu,
-            self.shaders,
-            size,
-            reprojection=reprojection,
-            sampling=sampling,
-            radiance=radiance,
-            write_mask=True,
-            write_motion=True,
-        )
+    def _compare(
+        self, channels: ChannelPair, settings: Settings, pair: Reprojection, declared: int = 0
+    ) -> tuple[Array, Array, Mapping[str, int], Counts]:
+        """The first four fields of ``PairImages``."""
+        evaluator = PairEvaluator(self.context, channels, settings, images=True)
+        try:
+            counts = evaluator.compare(pair, declared=declared)
+            return evaluator.mask(), evaluator.motion(), counts_of(counts.mask_histogram), counts
+        finally:
+            evaluator.release()
 
     def _texture(self, values: Array, dtype: str):
         height, width = values.shape[:2]
@@ -223,11 +216,9 @@ class Bench:
         return texture
 
 
-def limits(thresholds: Mapping[str, float] | None, unit_scale: float = 1.0) -> dict[str, float]:
-    """a_B of every feature: the defaults with ``thresholds`` put in; position times ``unit_scale``."""
-    out = dict.fromkeys(FEATURES, DEFAULT_THRESHOLD) | dict(thresholds or {})
-    out["position"] *= unit_scale
-    return out
+def limits(thresholds: Mapping[str, float] | None) -> dict[str, float]:
+    """a_B of every feature: the defaults, overridden by ``thresholds``."""
+    return dict(Settings.of(thresholds=thresholds or {}).metrics.thresholds)
 
 
 def rays(size: Size, camera: Camera) -> Array:
@@ -285,12 +276,3 @@ class MovingCamera:
 
     def view_at(self, state) -> View:
         return self._view_of(state.time)
-
-
-def _images(masks: MaskPass, pair: Reprojection, current, history, view=None, previous_view=None) -> PairImages:
-    counted = masks.read()
-    mask = read_channel(masks.mask, "mask")[..., 0]
-    motion = read_channel(masks.motion, "motion")
-    return PairImages(
-        mask, motion, counts_of(counted.mask_histogram), counted, pair, current, history, view, previous_view
-    )

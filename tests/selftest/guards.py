@@ -25,7 +25,7 @@ from taubench_gl.scene.gltf import meshes
 from taubench_gl.selftest import bench
 from taubench_gl.selftest.animation import plain_slerp
 from taubench_gl.selftest.statistics import one_pass_variance
-from taubench_gl.settings import SequenceSettings
+from taubench_gl.settings import MetricsSettings, SequenceSettings
 
 Array = np.ndarray
 
@@ -230,8 +230,7 @@ def _fronts_not_turned() -> AbstractContextManager[None]:
 
 
 def _absolute_threshold() -> AbstractContextManager[None]:
-    original = bench.limits
-    return _replaced((bench, "limits", lambda thresholds, unit_scale=1.0: original(thresholds, 1.0)))
+    return _replaced((MetricsSettings, "threshold", lambda self, feature: self.thresholds[feature]))
 
 
 def _hermite_of_all_terms(v0: Array, out0: Array, in1: Array, v1: Array, u: Array, dt: Array) -> Array:
