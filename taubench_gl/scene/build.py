@@ -1,8 +1,9 @@
-"""What puts a Scene together without a glTF file: nodes one at a time, and bounds at rest."""
+"""Scenes without a glTF file: nodes as records, and the size of a scene at rest."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,93 +15,59 @@ Array = np.ndarray
 
 
 @dataclass
-class NodeList:
-    """Grows node by node; ``nodes`` turns it into the arrays of the model."""
+class Node:
+    """One node, with glTF's defaults; fields as in ``Nodes``, -1 for no reference."""
 
-    names: list[str] = field(default_factory=list)
-    parent: list[int] = field(default_factory=list)
-    translation: list[Array] = field(default_factory=list)
-    rotation: list[Array] = field(default_factory=list)
-    scale: list[Array] = field(default_factory=list)
-    matrix: list[Array | None] = field(default_factory=list)
-    mesh: list[int] = field(default_factory=list)
-    skin: list[int] = field(default_factory=list)
-    camera: list[int] = field(default_factory=list)
-    light: list[int] = field(default_factory=list)
-    visible: list[bool] = field(default_factory=list)
-    in_scene: list[bool] = field(default_factory=list)
-    weights: dict[int, Array] = field(default_factory=dict)
-    instances: dict[int, Array] = field(default_factory=dict)
+    name: str
+    parent: int = -1
+    translation: ArrayLike = (0.0, 0.0, 0.0)
+    rotation: ArrayLike = (0.0, 0.0, 0.0, 1.0)  # unit quaternion xyzw
+    scale: ArrayLike = (1.0, 1.0, 1.0)
+    matrix: Array | None = None  # (4, 4), instead of translation, rotation and scale
+    mesh: int = -1
+    skin: int = -1
+    camera: int = -1
+    light: int = -1
+    visible: bool = True
+    in_scene: bool = True
+    weights: Array | None = None  # (M,) morph weights of the node
+    instances: Array | None = None  # (K, 4, 4) node_from_instance
 
-    def add(
-        self,
-        name: str,
-        parent: int = -1,
-        *,
-        translation: ArrayLike = (0.0, 0.0, 0.0),
-        rotation: ArrayLike = (0.0, 0.0, 0.0, 1.0),
-        scale: ArrayLike = (1.0, 1.0, 1.0),
-        matrix: Array | None = None,
-        mesh: int = -1,
-        skin: int = -1,
-        camera: int = -1,
-        light: int = -1,
-        visible: bool = True,
-        in_scene: bool = True,
-        weights: Array | None = None,
-        instances: Array | None = None,
-    ) -> int:
-        """Index of the new node.
 
-        ``rotation`` is a unit quaternion xyzw; ``matrix`` (4, 4) takes the place of translation, rotation and scale;
-        ``weights`` (M,) are the node's own morph weights, ``instances`` (K, 4, 4) as in ``Nodes``.
-        """
-        index = len(self.names)
-        self.names.append(name)
-        self.parent.append(parent)
-        self.translation.append(np.array(translation, dtype=np.float64))
-        self.rotation.append(np.array(rotation, dtype=np.float64))
-        self.scale.append(np.array(scale, dtype=np.float64))
-        self.matrix.append(matrix)
-        self.mesh.append(mesh)
-        self.skin.append(skin)
-        self.camera.append(camera)
-        self.light.append(light)
-        self.visible.append(visible)
-        self.in_scene.append(in_scene)
-        if weights is not None:
-            self.weights[index] = weights
-        if instances is not None:
-            self.instances[index] = instances
-        return index
+class NodeList(list[Node]):
+    """Nodes in file order; ``nodes`` converts them to the arrays of the model."""
 
-    def __len__(self) -> int:
-        return len(self.names)
+    def add(self, name: str, parent: int = -1, **fields: Any) -> int:
+        """Append ``Node(name, parent, **fields)``.  -> its index."""
+        self.append(Node(name, parent, **fields))
+        return len(self) - 1
 
     def nodes(self) -> Nodes:
-        count = len(self.names)
-        matrices = [np.eye(4) if m is None else m for m in self.matrix]
+        def array(field: str, width: int = 0) -> Array:
+            values = [getattr(node, field) for node in self]
+            return np.array(values, dtype=np.float64).reshape(len(self), width) if width else np.array(values, np.int32)
+
         return Nodes(
-            names=tuple(self.names),
-            parent=np.array(self.parent, dtype=np.int32),
-            translation=np.array(self.translation).reshape(count, 3),
-            rotation=np.array(self.rotation).reshape(count, 4),
-            scale=np.array(self.scale).reshape(count, 3),
-            matrix=np.array(matrices, dtype=np.float64).reshape(count, 4, 4),
-            has_matrix=np.array([m is not None for m in self.matrix], dtype=bool),
-            mesh=np.array(self.mesh, dtype=np.int32),
-            skin=np.array(self.skin, dtype=np.int32),
-            camera=np.array(self.camera, dtype=np.int32),
-            light=np.array(self.light, dtype=np.int32),
-            visible=np.array(self.visible, dtype=bool),
-            in_scene=np.array(self.in_scene, dtype=bool),
-            weights=dict(self.weights),
-            instances=dict(self.instances),
+            names=tuple(node.name for node in self),
+            parent=array("parent"),
+            translation=array("translation", 3),
+            rotation=array("rotation", 4),
+            scale=array("scale", 3),
+            matrix=np.array([np.eye(4) if n.matrix is None else n.matrix for n in self], np.float64).reshape(-1, 4, 4),
+            has_matrix=np.array([n.matrix is not None for n in self], dtype=bool),
+            mesh=array("mesh"),
+            skin=array("skin"),
+            camera=array("camera"),
+            light=array("light"),
+            visible=array("visible").astype(bool),
+            in_scene=array("in_scene").astype(bool),
+            weights={i: node.weights for i, node in enumerate(self) if node.weights is not None},
+            instances={i: node.instances for i, node in enumerate(self) if node.instances is not None},
         )
 
 
 def half_diagonal(nodes: Nodes, meshes: tuple[Mesh, ...]) -> float:
-    """Half the diagonal of the box around everything at rest, metres; 1 where there is nothing."""
+    """Half the diagonal of the bounding box at rest, meters; 1 for an empty scene."""
     world = math3d.trs(nodes.translation, nodes.rotation, nodes.scale)
     for level in nodes.levels()[1:]:
         world[level] = world[nodes.parent[level]] @ world[level]

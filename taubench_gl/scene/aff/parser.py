@@ -16,17 +16,17 @@ from taubench_gl.errors import SceneError
 from taubench_gl.scene.aff import surfaces
 from taubench_gl.scene.aff.surfaces import Collector, Surface
 from taubench_gl.scene.build import NodeList
-from taubench_gl.scene.files import Identity, find_referenced, read_text_file
+from taubench_gl.scene.files import Identity, find_referenced, read_text_file, shortened
 from taubench_gl.scene.model import Note
 
 Array = np.ndarray
 
 LARGEST = 1e30
-"""Magnitude above which a number cannot be meant; squares of what is below still fit a float64, values a float32."""
+"""Limit on the magnitude of numbers: values fit a float32, their squares a float64."""
 
 
 class Tokens:
-    """Whitespace-separated words; ``#`` and ``%`` comment to the end of the line; braces stand for themselves."""
+    """Whitespace-separated words with line numbers.  ``#`` and ``%`` start comments; braces are words."""
 
     def __init__(self, path: Path, data: bytes):
         self.path = path
@@ -43,7 +43,7 @@ class Tokens:
         self.at = 0
 
     def line(self, at: int | None = None) -> int:
-        """Line number, from 1, of word ``at``; by default of the word read last."""
+        """Line number, from 1, of word ``at``; None: of the last word read."""
         at = max(self.at - 1, 0) if at is None else min(at, max(len(self.words) - 1, 0))
         return int(np.searchsorted(self._ends, at, side="right")) + 1
 
@@ -51,7 +51,7 @@ class Tokens:
         return f"{self.path.name}:{self.line(at)}"
 
     def error(self, what: str, hint: str | None = None, at: int | None = None) -> SceneError:
-        """A SceneError that names file and line.  Returned, so that the caller raises it."""
+        """A SceneError at file and line of word ``at``, for the caller to raise."""
         return SceneError(what, where=self.where(at), hint=hint)
 
     def done(self) -> bool:
@@ -59,14 +59,14 @@ class Tokens:
 
     def word(self, what: str) -> str:
         if self.done():
-            raise self.error(f"the file ends where {what} should follow", "is it cut off?")
+            raise self.error(f"the file ends before {what}", "the file may be truncated")
         self.at += 1
         return self.words[self.at - 1]
 
     def expect(self, word: str, what: str) -> None:
         found = self.word(f"{word!r} of {what}")
         if found != word:
-            raise self.error(f"{_short(found)} instead of {word!r} in {what}")
+            raise self.error(f"{shortened(found, 40)} instead of {word!r} in {what}")
 
     def number_follows(self) -> bool:
         if self.done():
@@ -81,7 +81,7 @@ class Tokens:
         """The next ``count`` words as numbers.  (count,) float64, finite."""
         taken = self.words[self.at : self.at + count]
         if len(taken) < count:
-            raise self.error(f"{what} needs {count} numbers, the file has {len(taken)} more words", "is it cut off?")
+            raise self.error(f"{what} needs {count} numbers; {len(taken)} words are left", "the file may be truncated")
         try:
             out = np.fromiter(map(float, taken), dtype=np.float64, count=count)
         except ValueError:
@@ -89,12 +89,12 @@ class Tokens:
                 try:
                     float(word)
                 except ValueError:
-                    raise self.error(f"{_short(word)} where {what} needs a number", at=self.at + i) from None
+                    raise self.error(f"{shortened(word, 40)} where {what} needs a number", at=self.at + i) from None
             raise
         bad = ~(np.abs(out) < LARGEST)
         if np.any(bad):
             i = int(np.argmax(bad))
-            raise self.error(f"{_short(taken[i])} in {what} is not a usable number", at=self.at + i)
+            raise self.error(f"{shortened(taken[i], 40)} in {what} is not a usable number", at=self.at + i)
         self.at += count
         return out
 
@@ -107,9 +107,9 @@ class Tokens:
         try:
             value = int(word)
         except ValueError:
-            raise self.error(f"{_short(word)} where {what} should be a whole number") from None
+            raise self.error(f"{shortened(word, 40)} where {what} must be an integer") from None
         if not low <= value <= high:
-            raise self.error(f"{what} is {_short(word)}, must lie in {low}..{high}")
+            raise self.error(f"{what} is {shortened(word, 40)}; it must be in {low}..{high}")
         return value
 
     def indices(self, rows: int, columns: int, what: str) -> Array:
@@ -119,7 +119,7 @@ class Tokens:
         bad = values != np.floor(values)
         if np.any(bad):
             at = start + int(np.argmax(bad))
-            raise self.error(f"{_short(self.words[at])} where {what} needs a whole number", at=at)
+            raise self.error(f"{shortened(self.words[at], 40)} where {what} needs an integer", at=at)
         return np.clip(values, -(2.0**53), 2.0**53).astype(np.int64).reshape(rows, columns)
 
 
@@ -129,13 +129,9 @@ def read_tokens(path: Path, where: str | None = None) -> tuple[Tokens, bytes]:
     return Tokens(path, data), data
 
 
-def _short(word: str) -> str:
-    return repr(word if len(word) <= 40 else word[:37] + "...")
-
-
 @dataclass(frozen=True, slots=True)
 class Fill:
-    """A surface description: colours are linear coefficients, ``shine`` a Phong exponent."""
+    """A surface description: colors are linear coefficients, ``shine`` is a Phong exponent."""
 
     ambient: tuple[float, ...]
     diffuse: tuple[float, ...]
@@ -156,14 +152,14 @@ class Motion:
 
 @dataclass(slots=True)
 class AffFile:
-    """Everything the files say, before it becomes a Scene."""
+    """The content of all files, before it is converted to a Scene."""
 
     nodes: NodeList = field(default_factory=NodeList)
     drawn: dict[int, Collector] = field(default_factory=dict)  # by node
     fills: dict[Fill, int] = field(default_factory=dict)
     movers: dict[str, list[int]] = field(default_factory=dict)  # animation name -> nodes
     motions: dict[str, Motion] = field(default_factory=dict)
-    lights: list[tuple[int, Array, Array]] = field(default_factory=list)  # parent, position, colour
+    lights: list[tuple[int, Array, Array]] = field(default_factory=list)  # parent, position, color
     camera: dict[str, Any] | None = None
     window: tuple[float, float, int] | None = None  # start, end, frames
     ambient: Array = field(default_factory=lambda: np.zeros(3))
@@ -177,12 +173,12 @@ class AffFile:
 MAX_DEPTH = 64
 MAX_INCLUDES = 20_000
 MAX_VERTICES = 50_000_000
-"""Limits on files that include each other: nesting, number in all, and the vertices that come of it."""
+"""Limits on includes: nesting depth, total number of includes, and total number of vertices."""
 COUNT = 2**31 - 1
 
 
 TRACKS = {"transl": 7, "scale": 7, "rot": 8, "visibility": 2}
-"""Kind of keys -> numbers in each."""
+"""Kind of key -> numbers per key."""
 
 
 class Parser:
@@ -222,7 +218,7 @@ class Parser:
             self._cache[resolved], data = read_tokens(path, where)
             self.file.identity.add(data)
         cached = self._cache[resolved]
-        t = _again(cached)
+        t = _rewound(cached)
         depth = len(self.stack)
         opened: list[int] = []
         self.chain = (*chain, resolved)
@@ -230,13 +226,13 @@ class Parser:
             word = t.word("a statement")
             if word == "}":
                 if len(self.stack) <= depth:
-                    raise t.error("} closes nothing", "every x and xs opens one block with {")
+                    raise t.error("} without an open block", "every x and xs opens one block with {")
                 self.stack.pop()
                 opened.pop()
                 continue
             statement = self._statements.get(word)
             if statement is None:
-                raise t.error(f"{word[:40]!r} is not a statement of AFF", f"known: {' '.join(self._statements)}")
+                raise t.error(f"{word[:40]!r} is not an AFF statement", f"known: {' '.join(self._statements)}")
             if word in ("x", "xs"):
                 opened.append(t.at - 1)
             statement(t)
@@ -252,13 +248,13 @@ class Parser:
             t.expect(name, "the viewpoint")
             view[name] = t.floats(count, f"{name} of the viewpoint")
         if not np.any(view["from"] - view["at"]):
-            raise t.error("the viewpoint looks at itself: from equals at", at=at)
+            raise t.error("the viewpoint has no direction: from equals at", at=at)
         if not 0.0 < view["angle"][0] < 180.0:
-            raise t.error(f"angle of the viewpoint is {view['angle'][0]:g}, must lie in 0..180 degrees", at=at)
+            raise t.error(f"angle of the viewpoint is {view['angle'][0]:g}; it must be in 0..180 degrees", at=at)
         if not np.all(view["resolution"] >= 1):
             raise t.error("resolution of the viewpoint must be positive", at=at)
         if self.file.camera is not None:
-            self.file.note("more than one viewpoint: the last one counts", t.where(at))
+            self.file.note("more than one viewpoint: the last one is used", t.where(at))
         self.file.camera = view
 
     def _light(self, t: Tokens) -> None:
@@ -272,18 +268,18 @@ class Parser:
 
     def _add_light(self, t: Tokens, parent: int) -> None:
         position = t.floats(3, "a light's position")
-        color = t.floats(3, "a light's colour") if t.number_follows() else np.ones(3)
+        color = t.floats(3, "a light's color") if t.number_follows() else np.ones(3)
         if np.any(color < 0.0):
-            raise t.error("a light's colour must not be negative")
+            raise t.error("a light's color must not be negative")
         self.file.lights.append((parent, position, color))
 
     def _background(self, t: Tokens) -> None:
         t.floats(3, "the background")
-        self.file.note("the background colour is not simulated: the sky is black", t.where())
+        self.file.note("the background color is not simulated: the sky is black", t.where())
 
     def _ambient(self, t: Tokens) -> None:
         self.file.ambient = np.maximum(t.floats(3, "the ambient light"), 0.0)
-        self.file.note("ambient light is not simulated, except on surfaces nothing else can light", t.where())
+        self.file.note("ambient light is simulated only on surfaces without diffuse and specular reflection", t.where())
 
     # ----------------------------------------------------------------------------------------------------- materials
     def _fill(self, t: Tokens) -> None:
@@ -301,7 +297,7 @@ class Parser:
         self.fill = self.file.fills.setdefault(fill, len(self.file.fills))
 
     def _with_texture(self, name: str, t: Tokens) -> int:
-        """The current fill with a texture, or as it is where the picture cannot be had."""
+        """The current fill with a texture, or without it if the image cannot be read."""
         found = find_referenced(self.path.parent, name)
         if isinstance(found, str):
             self.file.note(f"texture {found}; drawn without it", t.where())
@@ -319,7 +315,7 @@ class Parser:
     def _count(self, t: Tokens, vertices: int) -> None:
         self.vertices += vertices
         if self.vertices > MAX_VERTICES:
-            raise t.error(f"the scene has more than {MAX_VERTICES} vertices", "includes repeat what they contain")
+            raise t.error(f"the scene has more than {MAX_VERTICES} vertices", "every include adds its vertices again")
 
     def _sphere(self, t: Tokens) -> None:
         values = t.floats(4, "a sphere")
@@ -330,7 +326,7 @@ class Parser:
     def _cone(self, t: Tokens) -> None:
         values = t.floats(8, "a cone")
         if not np.any(values[:3] - values[4:7]) or not np.any(values[[3, 7]]):
-            raise t.error("a cone has no height or no radius")
+            raise t.error("a cone has height 0 or radius 0")
         self._draw(t, surfaces.cone(values[:3], float(values[3]), values[4:7], float(values[7])))
 
     def _polygon(self, t: Tokens) -> None:
@@ -357,7 +353,7 @@ class Parser:
         rows = t.table(count, 19, "an animated triangle")
         later = np.concatenate([[True], rows[1:, 0] > np.maximum.accumulate(rows[:, 0])[:-1]])
         if not np.all(later):
-            self.file.note("times of an animated triangle that do not increase are left out", t.where())
+            self.file.note("keys of an animated triangle whose times do not increase are ignored", t.where())
             rows = rows[later]
         self._count(t, 3 * len(rows))
         collector = self.file.drawn.setdefault(self.stack[-1], Collector())
@@ -390,14 +386,14 @@ class Parser:
                 at = start + (row * len(parts) + k) * 3 + column
                 raise t.error(f"index {t.words[at][:20]} in a mesh of {len(part)} {what}", at=at)
         if count:
-            self._draw(t, _welded(positions, normals, texcoords, corners), material)
+            self._draw(t, _with_shared_vertices(positions, normals, texcoords, corners), material)
 
     # ---------------------------------------------------------------------------------------------------- transforms
     def _static(self, t: Tokens) -> None:
         values = t.floats(10, "a static transform")
         axis, degrees = values[3:6], values[6]
         if not np.any(axis) and degrees != 0.0:
-            self.file.note("a rotation about an axis without length turns nothing", t.where())
+            self.file.note("a rotation about an axis of length 0 is ignored", t.where())
         rotation = math3d.quat_from_axis_angle(axis, np.radians(degrees)) if np.any(axis) else (0.0, 0.0, 0.0, 1.0)
         t.expect("{", "a static transform")
         node = self.file.nodes.add(
@@ -431,16 +427,16 @@ class Parser:
         t.expect("{", f"the animation {name[:40]}")
         while (kind := t.word("} of an animation")) != "}":
             if kind not in TRACKS:
-                raise t.error(f"{kind[:40]!r} is no kind of keys", f"known: {' '.join(TRACKS)}")
+                raise t.error(f"{kind[:40]!r} is not a kind of key", f"known: {' '.join(TRACKS)}")
             least = 1 if kind == "visibility" else 4
             count, where = t.integer(f"the number of {kind} keys", least, COUNT), t.where()
             rows = t.table(count, TRACKS[kind], f"{kind} keys of {name[:40]}")
             if np.any(np.diff(rows[:, 0]) <= 0):
-                self.file.note(f"{kind} keys of {name} whose times do not increase: segments that end no later than "
-                               "an earlier one are skipped, as BART's own code does", where)  # fmt: skip
+                self.file.note(f"times of the {kind} keys of {name} do not increase: segments that do not end after "
+                               "all earlier ones are skipped, as in BART's code", where)  # fmt: skip
             motion.tracks[kind] = rows
         if name in self.file.motions:
-            self.file.note(f"animation {name} is given twice: the last one counts", motion.where)
+            self.file.note(f"animation {name} is defined twice: the last definition is used", motion.where)
         self.file.motions[name] = motion
 
     # ------------------------------------------------------------------------------------------------------ includes
@@ -451,26 +447,26 @@ class Parser:
         level = t.integer("the detail level of an include", -COUNT, COUNT)
         name, where = t.word("the file to include"), t.where()
         if level > self.detail:
-            self.file.note(f"{name} is left out: its detail level {level} is above {self.detail}", where)
+            self.file.note(f"{name} is not included: its detail level {level} exceeds {self.detail}", where)
             return
         self.includes += 1
         if self.includes > MAX_INCLUDES:
             raise t.error(f"more than {MAX_INCLUDES} files are included")
         found = find_referenced(self.path.parent, name)
         if isinstance(found, str):
-            raise t.error(f"include {found}", "keep it in the scene's folder and name it by a relative path")
+            raise t.error(f"include {found}", "put the file into the scene's folder and use a relative path")
         self._run(found, self.chain, where)
 
 
-def _again(cached: Tokens) -> Tokens:
-    """A reader of the same words from the start."""
+def _rewound(cached: Tokens) -> Tokens:
+    """A reader of the same words that starts at the first."""
     t = object.__new__(Tokens)
     t.__dict__ = dict(cached.__dict__)
     t.at = 0
     return t
 
 
-def _welded(positions: Array, normals: Array | None, texcoords: Array | None, corners: Array) -> Surface:
+def _with_shared_vertices(positions: Array, normals: Array | None, texcoords: Array | None, corners: Array) -> Surface:
     """One vertex per distinct combination of indices.  ``corners`` (T, parts, 3)."""
     flat = corners.transpose(0, 2, 1).reshape(-1, corners.shape[1])
     vertices, inverse = np.unique(flat, axis=0, return_inverse=True)

@@ -1,10 +1,10 @@
 """Reads one AFF or NFF file into a Scene.
 
-Axes are the model's already: right-handed, cameras look along -Z with +Y up; ``m`` is taken as metres.  Time 0 of the
-scene is the start of the ``a`` statement (without one, the earliest key).  Colours are linear coefficients; diffuse
-becomes the base colour, the Phong exponent n a roughness of (2 / (n + 2)) ^ 1/4.  AFF's lights do not fade,
-ours do: a light of colour c gets pi c R^2 candela, so that at R, half the diagonal of the scene's box, it lights as
-AFF's does.  Texture coordinates run down from the picture's top row.
+Axes are the model's: right-handed, cameras look along -Z with +Y up; units are meters.  Time 0 of the scene is the
+start of the ``a`` statement, or the earliest key without one.  Colors are linear coefficients; the diffuse color
+becomes the base color, and the Phong exponent n a roughness of (2 / (n + 2)) ^ 1/4.  AFF's lights have no distance
+attenuation: a light of color c gets pi c R^2 candela and matches AFF at distance R, half the diagonal of the scene's
+bounding box.  Texture coordinate v increases downwards from the top row of the image.
 """
 
 from __future__ import annotations
@@ -27,38 +27,38 @@ Array = np.ndarray
 CAMERA = "camera"
 """Name of the animation that moves the viewpoint."""
 SMALLEST_HITHER = 1e-4
-"""A hither nearer than this is taken as 1, as BART's parser does."""
+"""A smaller hither is replaced by 1, as in BART's parser."""
 
 
 def read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
     """``load_scene`` for .aff and .nff.  Raises SceneError with file and line."""
     if scene is not None:
-        raise SceneError("AFF files hold one scene", where=path.name, hint="leave the scene's name out")
+        raise SceneError("AFF files hold one scene", where=path.name, hint="omit the scene's name")
     return _Assembly(Parser(path).parse(), path, animation).scene()
 
 
 class _Assembly:
-    """From what the file says to a Scene."""
+    """Converts the content of a file to a Scene."""
 
     def __init__(self, file: AffFile, path: Path, animation: Sequence[str | int] | None):
         self.file, self.path = file, path
         self.meshes: list[Mesh] = []
         self.cameras: list[Camera] = []
         self.channels: list[Channel] = []
-        self.images: dict[Path, int] = {}
-        self.pictures: list[Image] = []
+        self.image_index: dict[Path, int] = {}
+        self.images: list[Image] = []
         self.plays = animation is None or len(animation) > 0
         self.window = self._window()
 
     def scene(self) -> Scene:
         file = self.file
         materials = tuple(self._material(f, i) for i, f in enumerate(file.fills))
-        self._draw()
-        self._animate()
-        self._view()
+        self._add_meshes()
+        self._add_channels()
+        self._add_camera()
         lights = self._lights()
         if self.channels and self.duration > 0:
-            # The root's visibility never changes; its last key says how long the animation is.
+            # The root's visibility is constant; its last key sets the duration of the scene.
             self._channel(0, "visible", "STEP", np.array([0.0, self.duration]), np.ones((2, 1)))
         played = Animation("keyframes", tuple(self.channels))
         playing = self.plays and bool(self.channels)
@@ -67,7 +67,7 @@ class _Assembly:
             nodes=file.nodes.nodes(),
             meshes=tuple(self.meshes),
             materials=materials,
-            images=tuple(self.pictures),
+            images=tuple(self.images),
             cameras=tuple(self.cameras),
             lights=lights,
             animations=(played,) if self.channels else (),
@@ -84,12 +84,12 @@ class _Assembly:
         return self.window[1] - self.window[0]
 
     def _window(self) -> tuple[float, float]:
-        """Seconds of the file that are shown, (start, end)."""
+        """Displayed time range of the file, (start, end) in seconds."""
         file = self.file
         if file.window is not None:
             start, end, frames = file.window
             if end > start:
-                file.note(f"the file asks for {frames} frames in {end - start:g} s: --fps {frames / (end - start):g}")
+                file.note(f"the file declares {frames} frames in {end - start:g} s: --fps {frames / (end - start):g}")
             return start, end
         spans = [splines.key_window(rows[:, 0]) if kind != "visibility" else (rows[:, 0].min(), rows[:, 0].max())
                  for motion in file.motions.values() for kind, rows in motion.tracks.items()]  # fmt: skip
@@ -97,15 +97,15 @@ class _Assembly:
         return (float(min(a for a, _ in spans)), float(max(b for _, b in spans))) if spans else (0.0, 0.0)
 
     # ------------------------------------------------------------------------------------------------------ surfaces
-    def _draw(self) -> None:
+    def _add_meshes(self) -> None:
         nodes = self.file.nodes
         for node, collector in self.file.drawn.items():
-            mesh = collector.mesh(nodes.names[node])
+            mesh = collector.mesh(nodes[node].name)
             if mesh is not None:
-                nodes.mesh[node] = len(self.meshes)
+                nodes[node].mesh = len(self.meshes)
                 self.meshes.append(mesh)
-            for times, moving in collector.moving_meshes(nodes.names[node]):
-                child = nodes.add(f"{nodes.names[node]} animated triangles", node, mesh=len(self.meshes))
+            for times, moving in collector.moving_meshes(nodes[node].name):
+                child = nodes.add(f"{nodes[node].name} animated triangles", node, mesh=len(self.meshes))
                 self.meshes.append(moving)
                 if len(times) > 1 and self.plays:
                     weights = np.eye(len(times))[:, 1:]
@@ -115,32 +115,32 @@ class _Assembly:
     def _material(self, fill: Fill, index: int) -> Material:
         texture = None
         if fill.texture is not None:
-            if fill.texture not in self.images:
-                self.images[fill.texture] = len(self.pictures)
+            if fill.texture not in self.image_index:
+                self.image_index[fill.texture] = len(self.images)
                 self.file.identity.add_file(fill.texture)
-                self.pictures.append(read_image(fill.texture))
-            texture = Texture(self.images[fill.texture])
+                self.images.append(read_image(fill.texture))
+            texture = Texture(self.image_index[fill.texture])
         alpha = float(np.clip(1.0 - fill.transmittance, 0.0, 1.0))
         if alpha < 0.5:
-            self.file.note("surfaces that let through more than half of the light are not drawn")
-        # A surface without diffuse and specular parts shows its ambient colour whatever lights there are.
-        shows_only_ambient = not any(fill.diffuse) and not any(fill.specular)
-        glow = self.file.ambient * fill.ambient if shows_only_ambient else np.zeros(3)
+            self.file.note("surfaces with a transmittance above 0.5 are not drawn")
+        # A surface without diffuse and specular parts has only its ambient color.
+        only_ambient = not any(fill.diffuse) and not any(fill.specular)
+        emission = self.file.ambient * fill.ambient if only_ambient else np.zeros(3)
         return Material(
             name=f"fill {index}",
             base_color=(*np.clip(fill.diffuse, 0.0, 1.0).tolist(), alpha),
             base_color_texture=texture,
             metallic=0.0,
             roughness=float((2.0 / (max(fill.shine, 0.0) + 2.0)) ** 0.25),
-            emissive=tuple(glow.tolist()),
-            emissive_texture=texture if np.any(glow) else None,
+            emissive=tuple(emission.tolist()),
+            emissive_texture=texture if np.any(emission) else None,
             alpha_mode="BLEND" if alpha < 1.0 else "OPAQUE",
             double_sided=True,
             specular=1.0 if any(fill.specular) else 0.0,
         )
 
     # ----------------------------------------------------------------------------------------------- view and light
-    def _view(self) -> None:
+    def _add_camera(self) -> None:
         nodes, view = self.file.nodes, self.file.camera
         motion = self.file.motions.get(CAMERA)
         if view is None and motion is None:
@@ -152,7 +152,7 @@ class _Assembly:
             hither = float(view["hither"][0])
             znear = hither if hither >= SMALLEST_HITHER else 1.0
             if znear != hither:
-                self.file.note(f"hither of {hither:g} is taken as 1")
+                self.file.note(f"hither of {hither:g} is replaced by 1")
             width, height = view["resolution"].tolist()
             yfov = float(np.radians(view["angle"][0]))
             self.cameras.append(Camera(CAMERA, yfov=yfov, aspect=width / height, znear=znear))
@@ -170,20 +170,20 @@ class _Assembly:
         for parent, position, color in self.file.lights:
             nodes.add(f"light {len(lights)}", parent, translation=position, light=len(lights))
             lights.append(Light(f"light {len(lights)}", color=tuple(color.tolist()), intensity=np.pi * reach * reach))
-        self.file.note(f"lights of AFF do not fade; taken as point lights that shine alike at {reach:.3g} m")
+        self.file.note(f"AFF lights have no distance attenuation: point lights replace them, equal at {reach:.3g} m")
         return tuple(lights)
 
     # ----------------------------------------------------------------------------------------------------- animation
-    def _animate(self) -> None:
+    def _add_channels(self) -> None:
         for name, motion in self.file.motions.items():
             movers = self.file.movers.get(name, [])
             if movers:
                 self._move(motion, movers, ("transl", "rot", "scale", "visibility"))
             elif name != CAMERA:
-                self.file.note(f"animation {name} moves nothing", motion.where)
+                self.file.note(f"animation {name} has no target", motion.where)
         for name in self.file.movers:
             if name not in self.file.motions:
-                self.file.note(f"no animation is called {name}: it stands still")
+                self.file.note(f"there is no animation {name}: the transform {name} is static")
 
     def _move(self, motion: Motion, nodes: list[int], kinds: tuple[str, ...]) -> None:
         for kind in kinds:
@@ -195,8 +195,8 @@ class _Assembly:
                 path, interpolation, keys = "visible", "STEP", splines.visible_keys(times, rows[:, 1], self.window)
             elif kind == "rot":
                 for k in splines.long_turns(rows[:, 1:4], rows[:, 4])[:1].tolist():
-                    self.file.note(f"{motion.name} turns more than 180 degrees between keys {k + 1} and {k + 2}, taken "
-                                   "as written; BART's own code takes the shorter way", motion.where)  # fmt: skip
+                    self.file.note(f"{motion.name} turns by more than 180 degrees between keys {k + 1} and {k + 2}, as "
+                                   "written in the file; BART's code takes the shorter arc", motion.where)  # fmt: skip
                 path, interpolation = "rotation", "CUBICSPLINE"
                 keys = splines.rotation_keys(times, rows[:, 1:4], rows[:, 4], rows[:, 5:], self.window)
             else:
@@ -204,7 +204,7 @@ class _Assembly:
                 keys = splines.position_keys(times, rows[:, 1:4], rows[:, 4:], self.window)
             for node in nodes:
                 if path != "visible":
-                    getattr(self.file.nodes, path)[node] = keys[1][0, 1]
+                    setattr(self.file.nodes[node], path, keys[1][0, 1])
                 if self.plays:
                     self._channel(node, path, interpolation, *keys)
 

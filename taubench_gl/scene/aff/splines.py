@@ -1,15 +1,15 @@
 """Kochanek-Bartels splines of AFF as channels of the model.
 
 Position and scale: cubic polynomials, converted exactly.  Rotation: the same construction on the logarithms of
-quaternions (squad), resampled as cubic quaternion keys until it is within ``ROTATION_ERROR`` of the curve.
+quaternions (squad), resampled as cubic quaternion keys within ``ROTATION_ERROR`` of the curve.
 
 Both follow BART's animation code: tangents are scaled for keys that are not evenly spaced, the first and the last key
-only shape the tangents of their neighbours, and time is clamped to the keys between.  Where key times do not increase,
-that code evaluates the first segment that ends after ``t``; a segment that ends no later than one before it is never
-seen, and the one after it is entered where ``t`` finds it.  ``_spans`` says the same in intervals.
+only affect the tangents of their neighbors, and time is clamped to the keys between them.  Where key times do not
+increase, that code evaluates the first segment that ends after ``t``: a segment that does not end after all earlier
+ones is never evaluated, and the next one starts in its interior.  ``_spans`` expresses this rule as intervals.
 
-Turns: keys that share an axis and differ by more than 180 degrees turn as far as they say, several times round if
-need be; all others take the shorter way.
+Turns: consecutive keys with the same axis and angles more than 180 degrees apart turn by the full difference, which can
+be several revolutions; all others take the shorter arc.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from taubench_gl import math3d
 Array = np.ndarray
 
 ROTATION_ERROR = 1e-7
-"""Radians between the spline and the resampled curve, checked at the quarters of every resampled interval: a
-twentieth of a hundredth of a pixel for a 40 degree camera at 4K."""
-MOST_PIECES = 512
-"""Resampled intervals of one segment at most; ten whole turns between two keys need 128."""
+"""Limit in radians on the distance between spline and resampled curve, checked at the quarters of every resampled
+interval: 0.0005 pixels for a 40 degree camera at 4K."""
+MAX_PIECES = 512
+"""Limit on resampled intervals per segment; ten revolutions between two keys need 128."""
 SAME_AXIS = 1e-9
 
 
@@ -50,7 +50,7 @@ Keys = tuple[Array, Array]
 def position_keys(times: Array, values: Array, tcb: Array, window: tuple[float, float]) -> Keys:
     """The spline through ``values`` (K, n) at ``times`` (K,), K >= 4, with tension, continuity, bias (K, 3).
 
-    ``window`` are the seconds of interest (start, end); keys come out with start as time 0.
+    ``window``: time range (start, end) in seconds; the resulting keys have start as time 0.
     """
     chords = np.diff(values, axis=0)
     pieces = []
@@ -66,7 +66,7 @@ def position_keys(times: Array, values: Array, tcb: Array, window: tuple[float, 
 def rotation_keys(times: Array, axes: Array, degrees: Array, tcb: Array, window: tuple[float, float]) -> Keys:
     """As ``position_keys`` for rotations of ``degrees`` (K,) about ``axes`` (K, 3); values are quaternions xyzw.
 
-    Axes need not be of unit length; a zero axis turns nothing.
+    Axes can have any length; a zero axis is no rotation.
     """
     axes, half = math3d.normalize(axes), 0.5 * np.radians(degrees)
     half = np.where(np.any(axes != 0.0, axis=1), half, 0.0)
@@ -87,14 +87,14 @@ def rotation_keys(times: Array, axes: Array, degrees: Array, tcb: Array, window:
 
 
 def long_turns(axes: Array, degrees: Array) -> Array:
-    """Indices of keys that are followed by a turn of more than 180 degrees about one axis."""
+    """Indices of keys that are followed by a turn of more than 180 degrees about the same axis."""
     axes = math3d.normalize(axes)
     same = np.linalg.norm(np.diff(axes, axis=0), axis=1) <= SAME_AXIS
     return np.flatnonzero(same & (np.abs(np.diff(degrees)) > 180.0))
 
 
 def visible_keys(times: Array, values: Array, window: tuple[float, float]) -> tuple[Array, Array]:
-    """STEP keys: on until the first key, then what each key says.  -> (K,) seconds from the start, (K, 1)."""
+    """STEP keys: visible until the first key, then the value of each key.  -> (K,) seconds from the start, (K, 1)."""
     start, end = window
     out_times, out_values, state, reached = [0.0], [1.0], 1.0, -np.inf
     for t, value in zip(times.tolist(), values.tolist()):
@@ -111,7 +111,7 @@ def visible_keys(times: Array, values: Array, window: tuple[float, float]) -> tu
 
 
 def linear_keys(times: Array, values: Array, window: tuple[float, float]) -> tuple[Array, Array]:
-    """Cut LINEAR keys to the window and count from its start.  (K,) strictly increasing, (K, n) -> the same shapes."""
+    """LINEAR keys clipped to the window, times relative to its start.  (K,) strictly increasing, (K, n) -> the same."""
     start, end = window
     inside = (times > start) & (times < end)
 
@@ -125,14 +125,14 @@ def linear_keys(times: Array, values: Array, window: tuple[float, float]) -> tup
 
 
 def key_window(times: Array) -> tuple[float, float]:
-    """When a spline through keys at these times begins and ends: the second and the last but one."""
+    """Start and end of a spline through keys at these times: the second and the second-to-last key."""
     return float(times[1]), float(max(times[-2], times[1]))
 
 
 def _spans(times: Array, window: tuple[float, float]) -> list[tuple[int, float, float]]:
-    """(segment i from key i to i + 1, begin, end) of what the window shows of each, in order, without gaps.
+    """Segments inside the window: (i of the segment from key i to i + 1, begin, end), in order, without gaps.
 
-    Where nothing moves inside the window it is one span without length: what is held there.
+    Where the value is constant inside the window, one span of length 0.
     """
     last, reached = float(times[-2]), float(times[1])
     spans = []
@@ -150,7 +150,7 @@ def _spans(times: Array, window: tuple[float, float]) -> list[tuple[int, float, 
 
 
 def _tangents(times: Array, chords: Array, tcb: Array, i: int) -> tuple[Array, Array]:
-    """Outgoing tangent at key i and incoming one at key i + 1, per unit of the segment's own parameter."""
+    """Outgoing tangent at key i and incoming tangent at key i + 1, per unit of the segment's parameter."""
     tension, continuity, bias = tcb[i]
     adjust = 2.0 * _ratio(times[i + 1] - times[i], times[i + 1] - times[i - 1])
     common = 0.5 * adjust * (1 - tension)
@@ -163,7 +163,7 @@ def _tangents(times: Array, chords: Array, tcb: Array, i: int) -> tuple[Array, A
 
 
 def _ratio(part: float, whole: float) -> float:
-    """Share of two neighbouring spans; a half where the times make no sense."""
+    """Ratio of two adjacent spans; 0.5 where the times do not increase."""
     return float(part / whole) if part > 0 and whole >= part else 0.5
 
 
@@ -245,7 +245,7 @@ def _resample(
             h = h + step * ((u3 - 2 * u2 + u) * slopes[:-1] + (u3 - u2) * slopes[1:])
             true = curve(s[:-1] + u * (s1 - s0) / count)
             worst = max(worst, float(np.max(math3d.quat_angle(math3d.normalize(h), true))))
-        if worst <= ROTATION_ERROR or count >= MOST_PIECES:
+        if worst <= ROTATION_ERROR or count >= MAX_PIECES:
             break
         count *= 2
     t = np.linspace(t0, t1, count + 1)
@@ -255,15 +255,16 @@ def _resample(
 
 
 def _slopes(curve: Callable[[Array], Array], s: Array) -> Array:
-    """Derivatives by five points; the curve goes on smoothly a little past its ends."""
+    """Derivatives by a five-point stencil; the curve is smooth slightly beyond its ends."""
     h = 1e-3
     return (8 * (curve(s + h) - curve(s - h)) - (curve(s + 2 * h) - curve(s - 2 * h))) / (12 * h)
 
 
 def _join(pieces: list[Piece], origin: float, held: Array) -> Keys:
-    """Pieces in order, without gaps, as keys counted from ``origin``.  A jump becomes two keys one float64 apart.
+    """Pieces in order, without gaps, as keys with times relative to ``origin``.  A jump becomes two adjacent float64
+    times.
 
-    ``held``: the value where there is no piece at all.
+    ``held``: the value if there are no pieces.
     """
     rest = np.zeros_like(held)
     if not pieces or pieces[0].t1 == pieces[-1].t0 == pieces[0].t0:
@@ -280,7 +281,7 @@ def _join(pieces: list[Piece], origin: float, held: Array) -> Keys:
 
 
 def _increasing(times: Array) -> Array:
-    """Times that are equal, or that a subtraction has made so, one float64 apart."""
+    """Times that are equal, also by rounding, separated to adjacent float64 values."""
     for i in range(len(times) - 2, -1, -1):
         if times[i] >= times[i + 1]:
             times[i] = np.nextafter(times[i + 1], -np.inf)

@@ -1,7 +1,7 @@
 """Triangles of AFF's surfaces, and meshes that collect them by node and material.
 
-Round surfaces are tessellated: a sphere has 32 x 16 faces, a cone or cylinder 32 sides and no caps (as NFF has it).
-Their normals are those of the true surface.
+Round surfaces are tessellated: a sphere has 32 x 16 faces, a cone or cylinder 32 sides and no caps (as in NFF).
+Their normals are those of the exact surface.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ class Surface:
 
 
 def fan(positions: Array, normals: Array | None = None, texcoords: Array | None = None) -> Surface:
-    """A convex polygon as the fan around its first corner.  (n, 3), n >= 3."""
+    """A convex polygon as a fan around its first corner.  (n, 3), n >= 3."""
     i = np.arange(1, len(positions) - 1)
     return Surface(positions, np.stack([np.zeros_like(i), i, i + 1], axis=1), usable_normals(normals), texcoords)
 
 
 def usable_normals(normals: Array | None) -> Array | None:
-    """Unit normals; None (flat) where one of them has no length."""
+    """Unit normals; None (flat) if one of them has length 0."""
     if normals is None:
         return None
     normals = normalize(normals)
@@ -67,10 +67,10 @@ def cone(base: Array, base_radius: float, apex: Array, apex_radius: float) -> Su
     x, z = _circle()
     spokes = np.outer(x, u) + np.outer(z, v)
     base_radius, apex_radius = abs(base_radius), abs(apex_radius)
-    # Along the side radius falls by (base - apex) over the height, so the normal leans by as much.
+    # The radius decreases by (base - apex) over the height, which is the slope of the normal.
     normals = normalize(spokes * height + w * (base_radius - apex_radius))
     positions = np.concatenate([base + base_radius * spokes, apex + apex_radius * spokes])
-    # Where one end is a point, half of the triangles have no area.
+    # If one end is a point, half of the triangles have area 0.
     triangles = _band(0)[AROUND if base_radius == 0.0 else 0 : AROUND if apex_radius == 0.0 else None]
     return Surface(positions, triangles, np.concatenate([normals, normals]))
 
@@ -96,7 +96,7 @@ def _not_flat(triangles: Array, rows: int) -> Array:
 
 @dataclass
 class Collector:
-    """What one node draws, by material; ``moving``: animated triangles by material and key times, in seconds."""
+    """Surfaces of one node by material; ``moving``: animated triangles by material and key times in seconds."""
 
     still: dict[tuple[int, bool, bool], list[Surface]] = field(default_factory=dict)
     moving: dict[tuple[int, tuple[float, ...]], list[Array]] = field(default_factory=dict)
@@ -110,12 +110,12 @@ class Collector:
         self.moving.setdefault((material, times), []).append(frames)
 
     def mesh(self, name: str) -> Mesh | None:
-        """All that stands still, as one mesh with a primitive per material."""
+        """All static surfaces as one mesh with a primitive per material."""
         primitives = tuple(_joined(surfaces, key[0]) for key, surfaces in self.still.items())
         return Mesh(name, primitives) if primitives else None
 
     def moving_meshes(self, name: str) -> list[tuple[tuple[float, ...], Mesh]]:
-        """(times, mesh) of animated triangles: target k is the shape at time k + 1, the base that at time 0."""
+        """(times, mesh) of animated triangles: the base is the shape at time 0, target k that at time k + 1."""
         return [(times, Mesh(name, (_morphing(parts, m),), np.zeros(len(times) - 1)))
                 for (m, times), parts in self.moving.items()]  # fmt: skip
 

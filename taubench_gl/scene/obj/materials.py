@@ -1,8 +1,8 @@
-"""MTL: the part of it that a metallic-roughness surface can show.
+"""MTL materials as metallic-roughness materials.
 
-Kd, Ks and Ke are linear (as Blender reads and writes them), pictures are sRGB.  The exponent Ns becomes a roughness of
-(2 / (Ns + 2)) ^ 1/4; a material whose Ks is black, or absent, is Lambertian.  ``d`` below 1 (or ``Tr`` above 0) is
-glTF's BLEND.  map_d is noted and left out.
+Kd, Ks and Ke are linear (as in Blender), images are sRGB.  The exponent Ns becomes a roughness of (2 / (Ns + 2)) ^ 1/4;
+a material with a black or missing Ks is Lambertian.  ``d`` below 1 (or ``Tr`` above 0) becomes glTF's BLEND.  map_d is
+ignored, with a note.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from taubench_gl.scene.model import Image, Material, Note, Texture
 
 OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1,
            "-imfchan": 1, "-type": 1, "-o": 3, "-s": 3, "-t": 3}  # fmt: skip
-"""Options of map statements -> words that follow; -o, -s and -t may have fewer."""
+"""Options of map statements -> number of arguments; -o, -s and -t can have fewer."""
 
 
 @dataclass
 class Library:
-    """Materials and pictures in the order they were first named; the index of a material is its place."""
+    """Materials and images of all material libraries of a scene, in the order of first use."""
 
     folder: Path
     materials: list[Material] = field(default_factory=list)
     images: list[Image] = field(default_factory=list)
     index: dict[str, int] = field(default_factory=dict)
     notes: dict[Note, None] = field(default_factory=dict)
-    data: list[bytes] = field(default_factory=list)  # of the libraries, in order
-    pictures: dict[Path, int] = field(default_factory=dict)  # file -> place in ``images``
+    data: list[bytes] = field(default_factory=list)  # contents of the libraries, in order
+    image_index: dict[Path, int] = field(default_factory=dict)  # file -> index in ``images``
     _read: set[Path] = field(default_factory=set)
 
     def note(self, message: str, where: str = "") -> None:
         self.notes[Note(message, where)] = None
 
     def read(self, names: str, where: str) -> None:
-        """``mtllib``: one file whose name may hold spaces, or several.  One that is missing is noted."""
+        """``mtllib``: one file name, which can contain spaces, or several.  Missing files get a note."""
         found = find_referenced(self.folder, names)
         several = [names] if isinstance(found, Path) else names.split()
         for name in several:
@@ -53,9 +53,9 @@ class Library:
                 self._parse(found, data)
 
     def use(self, name: str) -> int:
-        """Index of a material; -1 for none, and for one that no library holds, which is noted."""
+        """Index of a material; -1 for none and, with a note, for an unknown name."""
         if name and name not in self.index:
-            self.note(f"material {name} is in no library: drawn in the default one")
+            self.note(f"material {name} is in no library: replaced by the default material")
         return self.index.get(name, -1)
 
     def _parse(self, path: Path, data: bytes) -> None:
@@ -81,7 +81,7 @@ class Library:
         kind = words[0]
         if kind in ("Kd", "Ks", "Ke"):
             if words[1:2] and words[1] in ("spectral", "xyz"):
-                self.note(f"{kind} {words[1]} is not supported: left out", where)
+                self.note(f"{kind} {words[1]} is not supported: ignored", where)
                 return
             numbers = _numbers(words[1:], (1, 3), where)
             values[kind] = tuple(max(x, 0.0) for x in (numbers * 3 if len(numbers) == 1 else numbers))
@@ -90,13 +90,13 @@ class Library:
         elif kind in ("map_Kd", "map_Ke"):
             values[kind] = (words[1:], where)
         elif kind == "map_d":
-            self.note("map_d is not simulated: surfaces are as opaque as d says", where)
+            self.note("map_d is not simulated: the opacity is d", where)
 
     def _add(self, path: Path, name: str | None, values: dict) -> None:
         if name is None:
             return
         if name in self.index:
-            self.note(f"material {name} is given twice: the first one counts", path.name)
+            self.note(f"material {name} is defined twice: the first definition is used", path.name)
             return
         self.index[name] = len(self.materials)
         alpha = float(np.clip(values.get("d", 1.0 - values.get("Tr", 0.0)), 0.0, 1.0))
@@ -104,7 +104,7 @@ class Library:
         texture = self._texture(*values["map_Kd"]) if "map_Kd" in values else None
         if color is None or (texture is not None and not any(color)):
             color = (1.0, 1.0, 1.0) if texture is not None else (0.8, 0.8, 0.8)
-        glow = values.get("Ke", (0.0, 0.0, 0.0))
+        emission = values.get("Ke", (0.0, 0.0, 0.0))
         self.materials.append(
             Material(
                 name=name,
@@ -112,8 +112,8 @@ class Library:
                 base_color_texture=texture,
                 metallic=0.0,
                 roughness=float((2.0 / (max(values.get("Ns", 0.0), 0.0) + 2.0)) ** 0.25),
-                emissive=glow,
-                emissive_texture=self._texture(*values["map_Ke"]) if "map_Ke" in values and any(glow) else None,
+                emissive=emission,
+                emissive_texture=self._texture(*values["map_Ke"]) if "map_Ke" in values and any(emission) else None,
                 alpha_mode="BLEND" if alpha < 1.0 else "OPAQUE",
                 double_sided=True,
                 specular=1.0 if any(values.get("Ks", ())) else 0.0,
@@ -128,10 +128,10 @@ class Library:
         if isinstance(found, str):
             self.note(f"texture {found}; drawn without it", where)
             return None
-        if found not in self.pictures:
-            self.pictures[found] = len(self.images)
+        if found not in self.image_index:
+            self.image_index[found] = len(self.images)
             self.images.append(read_image(found))
-        return Texture(self.pictures[found])
+        return Texture(self.image_index[found])
 
 
 def _without_options(words: list[str]) -> list[str]:
@@ -151,7 +151,7 @@ def _numbers(words: list[str], counts: tuple[int, ...], where: str) -> list[floa
     try:
         out = [float(w) for w in words]
     except ValueError:
-        raise SceneError(f"{' '.join(words)[:40]!r} where numbers should be", where=where) from None
+        raise SceneError(f"{' '.join(words)[:40]!r} instead of numbers", where=where) from None
     if not all(abs(x) < 1e30 for x in out):
-        raise SceneError("holds a number that is not usable", where=where)
+        raise SceneError("contains a number that is not finite or too large", where=where)
     return out

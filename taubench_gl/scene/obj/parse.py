@@ -1,7 +1,7 @@
 """The statements of one OBJ file as arrays.
 
-Lines are sorted by their keyword with array operations, and each kind's numbers are converted in one go; only where
-that fails is a file looked at line by line, to say which line is wrong.
+Lines are grouped by keyword with array operations, and the numbers of each group are converted at once.  Only if that
+fails, the lines are searched one by one for the error.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from taubench_gl.scene.files import read_text_file
 Array = np.ndarray
 
 LARGEST = 1e30
-"""Magnitude above which a coordinate cannot be meant; its square still fits a float64, itself a float32."""
+"""Limit on the magnitude of coordinates: they fit a float32, their squares a float64."""
 SPACE, SLASH, NEWLINE = 32, 47, 10
 MISSING = -1
-"""Index of a corner that has no texture coordinate or normal."""
+"""Index of a corner without texture coordinate or normal."""
 
 COUNTS = {b"v": (3, 4, 6, 7, 8), b"vt": (1, 2, 3), b"vn": (3,)}
-"""Numbers each kind of line may have: v may carry a weight or a colour, which are not read."""
+"""Allowed counts of numbers per line; the weight or color of v is ignored."""
 STATES = (b"o", b"g", b"usemtl")
 IGNORED = (b"s", b"vp", b"mg", b"lod", b"bevel", b"c_interp", b"d_interp", b"shadow_obj", b"trace_obj", b"maplib",
            b"usemap")  # fmt: skip
@@ -46,8 +46,8 @@ class ObjFile:
     path: Path
     data: bytes
     v: Array  # (V, 3) float64
-    vt: Array  # (T, 2) float64, v upwards as the file has it
-    vn: Array  # (N, 3) float64, as the file has them
+    vt: Array  # (T, 2) float64, v upwards as in the file
+    vn: Array  # (N, 3) float64, not normalized
     parts: list[Part]
     libraries: list[tuple[str, str]]  # name, file:line
     undrawn: dict[str, int] = field(default_factory=dict)
@@ -63,7 +63,7 @@ class _Lines:
     def __init__(self, path: Path, raw: bytes):
         self.path = path
         if b"\r" in raw:
-            # Every replacement keeps the length, so that line numbers stay the file's own.
+            # All replacements preserve the length, and with it the line numbers.
             raw = raw.replace(b"\\\r\n", b" \\\n").replace(b"\r\n", b" \n").replace(b"\r", b"\n")
         self.breaks = np.flatnonzero(np.frombuffer(raw, np.uint8) == NEWLINE)
         raw = raw.replace(b"\\\n", b"  ")
@@ -90,10 +90,10 @@ class _Lines:
         self._rows: dict[bytes, Array] = {}
 
     def _kinds(self) -> tuple[Array, dict[bytes, int]]:
-        """For every used line the number of its keyword, and what the numbers stand for."""
+        """Keyword number of every used line, and the numbers by keyword."""
         a, b = self.words[self.first], self.word_ends[self.first]
         padded = np.append(self.data, SPACE).astype(np.int64)
-        # Keywords of one and two letters, which are nearly all, are numbers themselves.
+        # Keywords of one and two letters, nearly all, are encoded directly as numbers.
         code = padded[a] * 256 + np.where(b - a == 2, padded[np.minimum(a + 1, len(self.data))], 0)
         names: dict[bytes, int] = {}
         for i in np.flatnonzero(b - a > 2).tolist():
@@ -103,7 +103,7 @@ class _Lines:
         return code, names
 
     def where(self, row: int) -> str:
-        """file:line of a used line (of its first part, where it is continued)."""
+        """file:line of a used line (of the first part of a continued line)."""
         line = int(np.searchsorted(self.breaks, self.words[self.first[row]])) + 1
         return f"{self.path.name}:{line}"
 
@@ -111,7 +111,7 @@ class _Lines:
         return SceneError(what, where=self.where(row), hint=hint)
 
     def rest(self, row: int) -> str:
-        """What follows the keyword of a used line."""
+        """The text after the keyword of a used line."""
         line = self.used[row]
         text = self.text[self.word_ends[self.first[row]] : self.ends[line]]
         return text.decode("utf-8", errors="replace").strip()
@@ -141,15 +141,15 @@ class _Lines:
             ok = np.abs(values) < LARGEST
             if not np.all(ok):
                 row = chosen[np.argmin(np.all(ok, axis=1))]
-                raise self.error(row, "holds a number that is not usable")
+                raise self.error(row, "contains a number that is not finite or too large")
             out[counts == count, : values.shape[1]] = values
         return out
 
     def _joined(self, rows: Array) -> bytes:
-        """What follows the keywords of these used lines, keywords left out."""
+        """The text of these used lines without their keywords."""
         begin, end = self.word_ends[self.first[rows]], self.ends[self.used[rows]]
         text = self.text
-        # Lines of one kind often follow each other: then the run is cut whole and split into words only once.
+        # Consecutive lines of one kind are extracted as one block.
         if len(rows) > 1 and rows[-1] - rows[0] == len(rows) - 1:
             blanked = self.data[begin[0] : end[-1]].copy()
             at = self.words[self.first[rows[1:]]] - begin[0]
@@ -164,8 +164,8 @@ class _Lines:
                 try:
                     convert(word)
                 except ValueError:
-                    return self.error(row, f"{word[:40]!r} where a number should be")
-        return self.error(int(rows[0]), "holds something that is not a number")
+                    return self.error(row, f"{word[:40]!r} instead of a number")
+        return self.error(int(rows[0]), "contains a word that is not a number")
 
     def file(self, raw: bytes) -> ObjFile:
         self._check_kinds()
@@ -188,7 +188,7 @@ class _Lines:
         name = kind.decode("utf-8", errors="replace")[:20]
         if kind in CURVES:
             raise self.error(row, f"{name!r}: curves and surfaces are not supported", "export triangles")
-        raise self.error(row, f"{name!r} is not a statement of OBJ", "is it really an .obj?")
+        raise self.error(row, f"{name!r} is not an OBJ statement", "check the file format")
 
     # --------------------------------------------------------------------------------------------------------- faces
     def _parts(self, nv: int, nt: int, nn: int) -> list[Part]:
@@ -201,7 +201,7 @@ class _Lines:
         corners = self._corners(rows, sizes)
         self._resolve(rows, sizes, corners, (nv, nt, nn))
         first = np.cumsum(sizes) - sizes
-        # Fan: corner 0 with each two that follow one another.
+        # Fan: corner 0 with each two consecutive corners.
         fans = sizes - 2
         face = np.repeat(np.arange(len(rows)), fans)
         step = np.arange(len(face)) - np.repeat(np.cumsum(fans) - fans, fans)
@@ -216,7 +216,7 @@ class _Lines:
         return parts
 
     def _corners(self, rows: Array, sizes: Array) -> Array:
-        """(corners, 3) int64 as the file has them: 0 where an index is left out."""
+        """(corners, 3) int64 as in the file: 0 for a missing index."""
         word = np.repeat(self.first[rows] + 1, sizes) + _counting(sizes)
         slashes = np.flatnonzero(self.data == SLASH)
         low, high = np.searchsorted(slashes, self.words[word]), np.searchsorted(slashes, self.word_ends[word])
@@ -245,10 +245,10 @@ class _Lines:
                 numbers = word.split("/")
                 if len(numbers) > 3 or not numbers[0] or not numbers[-1]:
                     return self.error(row, f"{word[:40]!r} is not a corner", "v, v/vt, v//vn or v/vt/vn")
-        return self.error(int(rows[0]), "holds a corner that cannot be read")
+        return self.error(int(rows[0]), "contains an invalid corner")
 
     def _resolve(self, rows: Array, sizes: Array, corners: Array, totals: tuple[int, int, int]) -> None:
-        """Indices from 0 in place; negative ones count back from the face's own line."""
+        """Convert to indices from 0, in place; negative indices are relative to the line of the face."""
         for column, (kind, total) in enumerate(zip((b"v", b"vt", b"vn"), totals)):
             values = corners[:, column]
             so_far = np.repeat(np.searchsorted(self.rows(kind), rows), sizes)
@@ -257,11 +257,11 @@ class _Lines:
             if np.any(bad):
                 at = int(np.argmax(bad))
                 row = int(rows[np.searchsorted(np.cumsum(sizes), at, side="right")])
-                raise self.error(row, f"index {values[at]}, the file has {total} {kind.decode()}")
+                raise self.error(row, f"index {values[at]}; the file has {total} {kind.decode()}")
             corners[:, column] = resolved
 
     def _states(self, rows: Array) -> tuple[tuple[Array, list[str]], tuple[Array, list[str]]]:
-        """For every face line the number of its object and its material, and their names."""
+        """Object and material number of every face line, and their names."""
         kind = b"o" if len(self.rows(b"o")) else b"g"
         return self._state(rows, kind), self._state(rows, b"usemtl")
 
@@ -273,5 +273,5 @@ class _Lines:
 
 
 def _counting(sizes: Array) -> Array:
-    """0 .. n-1 for each n of ``sizes``, one after another."""
+    """0 .. n-1 for each n of ``sizes``, concatenated."""
     return np.arange(int(sizes.sum())) - np.repeat(np.cumsum(sizes) - sizes, sizes)

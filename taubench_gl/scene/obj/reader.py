@@ -38,7 +38,7 @@ _NUMBER = re.compile(r"(\d+)(?=\D*$)")
 
 
 def is_sequence(text: str) -> bool:
-    """Does ``text`` name a sequence: ``seq:...``, a pattern with ``*`` or ``%04d``, or a folder with OBJ files?"""
+    """Whether ``text`` is a sequence: ``seq:...``, a pattern with ``*`` or ``%04d``, or a folder with OBJ files."""
     if text.startswith(PREFIX):
         return True
     bare = Path(_RATE.sub("", text))
@@ -51,19 +51,19 @@ def is_sequence(text: str) -> bool:
 
 
 def find_frames(text: str) -> tuple[list[Path], float, list[str]]:
-    """Files in order of their number, frames per second, and what is odd about them.  Raises SceneError.
+    """Files sorted by number, frames per second, and warnings.  Raises SceneError.
 
-    ``text`` is a folder or a pattern, with or without ``seq:`` before and ``@FPS`` behind.
+    ``text``: a folder or a pattern, with optional prefix ``seq:`` and suffix ``@FPS``.
     """
     bare = text.removeprefix(PREFIX)
     rate = _RATE.search(bare)
     fps = float(rate[1]) if rate else DEFAULT_FPS
     if not 0 < fps <= 1e6:
-        raise SceneError(f"{fps:g} frames per second cannot be meant", where=text)
+        raise SceneError(f"{fps:g} frames per second is outside 0..1e6", where=text)
     path = Path(bare[: rate.start()] if rate else bare)
     folder, place = (path, None) if path.is_dir() else (path.parent, _PLACE.search(path.name))
     if place is None and folder != path:
-        raise SceneError("is neither a folder nor a pattern", where=text, hint="write name%04d.obj or name*.obj")
+        raise SceneError("is neither a folder nor a pattern", where=text, hint="use name%04d.obj or name*.obj")
     pattern = re.compile(r"(.*?)(\d+)(\D*\.obj)", re.IGNORECASE)
     if place is not None:
         before, after = (re.escape(part) for part in (path.name[: place.start()], path.name[place.end() :]))
@@ -74,28 +74,28 @@ def find_frames(text: str) -> tuple[list[Path], float, list[str]]:
         raise SceneError(f"cannot be read: {e.strerror}", where=str(folder)) from None
     found = [m for m in map(pattern.fullmatch, names) if m]
     if not found:
-        raise SceneError("no numbered .obj file matches", where=text, hint="files are called name000.obj, name001.obj")
+        raise SceneError("no numbered .obj file matches", where=text, hint="name files name000.obj, name001.obj")
     stems = {(m[1], m[3]) for m in found}
     if len(stems) > 1:
         shown = ", ".join(f"{a}*{b}" for a, b in sorted(stems)[:4])
-        raise SceneError(f"the folder holds several sequences: {shown}", where=text, hint="name one of them")
+        raise SceneError(f"the folder contains several sequences: {shown}", where=text, hint="give one of them")
     if len(found) > MAX_FRAMES:
         raise SceneError(f"{len(found)} files, more than {MAX_FRAMES}", where=text)
     found.sort(key=lambda m: (int(m[2]), m[2]))
     numbers = [int(m[2]) for m in found]
-    odd = []
+    warnings = []
     if numbers != list(range(numbers[0], numbers[0] + len(numbers))):
-        odd.append("the numbers of the files have gaps or repeat: frames follow each other as the files do")
-    return [folder / m[0] for m in found], fps, odd
+        warnings.append("the file numbers have gaps or repeat: frames are the files in order")
+    return [folder / m[0] for m in found], fps, warnings
 
 
 @dataclass(slots=True)
 class Shape:
-    """One object in one frame.  ``corners`` count from the object's own lowest indices."""
+    """One object in one frame.  ``corners`` are relative to the lowest indices of the object."""
 
     materials: tuple[str, ...]
     corners: tuple[Array, ...]  # per material (T, 3, 3) int64
-    v: Array  # (n, 3) the object's stretch of the file's positions
+    v: Array  # (n, 3) the object's range of the positions
     vt: Array
     vn: Array
 
@@ -110,7 +110,7 @@ class Shape:
 
 
 def shapes(file: ObjFile) -> dict[str, Shape]:
-    """The objects of one file by name, in the file's order."""
+    """The objects of one file by name, in file order."""
     groups: dict[str, list[Part]] = {}
     for part in file.parts:
         groups.setdefault(part.object, []).append(part)
@@ -118,7 +118,7 @@ def shapes(file: ObjFile) -> dict[str, Shape]:
 
 
 def _shape(file: ObjFile, parts: list[Part]) -> Shape:
-    """An object whose indices moved because another one grew has not changed itself."""
+    """Relative indices: an object is unchanged if its indices move because another object grew."""
     joined = np.concatenate([p.corners.reshape(-1, 3) for p in parts])
     low, arrays = np.zeros(3, dtype=np.int64), []
     for column, values in enumerate((file.v, file.vt, file.vn)):
@@ -130,35 +130,35 @@ def _shape(file: ObjFile, parts: list[Part]) -> Shape:
 
 
 MAX_MORPHED = 200_000_000
-"""Vertices of all morph targets together (5 GB); and weights of all frames together."""
+"""Limit on the vertices of all morph targets (5 GB) plus the weights of all frames."""
 MAX_OBJECTS = 100_000
 
 
 def read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
-    """``load_scene`` for one .obj file, which stands still.  Raises SceneError with file and line."""
+    """``load_scene`` for one .obj file, a still scene.  Raises SceneError with file and line."""
     _only_scene(path.name, scene)
     return _Assembly([path], 1.0, path.parent).scene(path.stem, path, animation)
 
 
 def read_obj_sequence(text: str, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
-    """``load_scene`` for a folder or pattern of numbered OBJ files, ``@FPS`` behind it.  Raises SceneError."""
+    """``load_scene`` for a folder or pattern of numbered OBJ files.  Raises SceneError."""
     _only_scene(text, scene)
-    files, fps, odd = find_frames(text)
+    files, fps, warnings = find_frames(text)
     assembly = _Assembly(files, fps, files[0].parent)
-    for what in odd:
-        assembly.library.note(what)
+    for warning in warnings:
+        assembly.library.note(warning)
     assembly.library.note(f"{len(files)} files at {fps:g} frames per second, the first at 0 s")
     return assembly.scene(files[0].stem.rstrip("0123456789") or files[0].stem, files[0], animation)
 
 
 def _only_scene(name: str, scene: str | int | None) -> None:
     if scene is not None:
-        raise SceneError("OBJ files hold one scene", where=name, hint="leave the scene's name out")
+        raise SceneError("OBJ files contain one scene", where=name, hint="omit the scene's name")
 
 
 @dataclass(slots=True)
 class _Track:
-    """One object while its faces stay the same: frames ``first`` .. ``last``, and the shape of each frame."""
+    """One object with constant topology: frames ``first`` .. ``last``, and the shape of each frame."""
 
     name: str
     first: int
@@ -167,7 +167,7 @@ class _Track:
     which: list[int]  # per frame: 0 the base, k the k-th of ``others``
     others: list[tuple[Array, Array]]  # positions, normals
     seen: dict[bytes, int]
-    replaces: bool  # its object was there before, with other faces
+    replaces: bool  # its object existed in the previous frame, with other faces
 
     def add(self, shape: Shape) -> None:
         key = shape.v.tobytes() + shape.vn.tobytes()
@@ -196,24 +196,24 @@ class _Assembly:
                 track = open_tracks.get(name)
                 if track is not None and track.base.same_topology(shape):
                     if not np.array_equal(track.base.vt, shape.vt):
-                        self.library.note(f"texture coordinates of {name or 'the object'} change: the first are kept")
+                        self.library.note(f"texture coordinates of {name or 'the object'} change: the first are used")
                     track.last = frame
                     track.add(shape)
                 else:
                     if track is not None:
-                        self.library.note(f"{name or 'the object'} changes its faces: a cut for it", path.name)
+                        self.library.note(f"{name or 'the object'} changes its faces: a cut for this object", path.name)
                     track = _Track(name, frame, frame, shape, [], [], {}, replaces=track is not None)
                     track.seen[shape.v.tobytes() + shape.vn.tobytes()] = 0
                     track.add(shape)
                     self.tracks.append(track)
                 now[name] = track
             for name in open_tracks.keys() - now.keys():
-                self.library.note(f"{name or 'the object'} is gone: a cut for it", path.name)
+                self.library.note(f"{name or 'the object'} disappears: a cut for this object", path.name)
             open_tracks = now
             if len(self.tracks) > MAX_OBJECTS:
                 raise SceneError(f"more than {MAX_OBJECTS} objects", where=path.name)
             if sum(len(t.others) * (len(t.base.v) + len(t.which)) for t in self.tracks) > MAX_MORPHED:
-                raise SceneError("the sequence is too large to hold in memory", where=path.name)
+                raise SceneError("the sequence is too large for memory", where=path.name)
 
     def _notes(self, file: ObjFile) -> None:
         for names, where in file.libraries:
@@ -239,13 +239,13 @@ class _Assembly:
             if track.first > 0 or track.last < count - 1:
                 channels.append(self._visible(node, track))
         if count > 1:
-            # The root's visibility never changes; its last key says how long the sequence is.
+            # The root's visibility is constant; its last key sets the duration of the sequence.
             times = np.array([0.0, (count - 1) / self.fps])
             channels.append(Channel("node", root, "visible", "STEP", times, np.ones((2, 1))))
         for data in self.library.data:
             self.identity.add(data)
-        for picture in self.library.pictures:
-            self.identity.add_file(picture)
+        for image in self.library.image_index:
+            self.identity.add_file(image)
         played = Animation("sequence", tuple(channels))
         playing = bool(channels) and (animation is None or len(animation) > 0)
         return Scene(
@@ -284,7 +284,7 @@ class _Assembly:
         flat = corners.reshape(-1, 3)
         vertices, inverse = _distinct(flat)
         v, t, n = flat[vertices].T
-        smooth = bool(np.all(n >= 0)) and _all_long([base.vn, *(vn for _, vn in track.others)], n)
+        smooth = bool(np.all(n >= 0)) and _all_nonzero([base.vn, *(vn for _, vn in track.others)], n)
         texcoords = None
         if np.any(t >= 0):
             uv = np.where((t >= 0)[:, None], base.vt[np.maximum(t, 0)], 0.0)
@@ -308,13 +308,13 @@ class _Assembly:
         )
 
 
-def _all_long(arrays: list[Array], used: Array) -> bool:
-    """Do all normals that are used have a direction?"""
+def _all_nonzero(arrays: list[Array], used: Array) -> bool:
+    """Whether all used normals have a length above 0."""
     return all(bool(np.all(np.any(a[used] != 0.0, axis=1))) for a in arrays)
 
 
 def _distinct(corners: Array) -> tuple[Array, Array]:
-    """Row of the first corner of each distinct kind, and for every corner its kind.  (C, 3) -> (U,), (C,)."""
+    """First row of each distinct corner, and for every corner its distinct index.  (C, 3) -> (U,), (C,)."""
     key = corners[:, 0].copy()
     for column in (1, 2):
         width = int(corners[:, column].max()) + 2
