@@ -311,12 +311,11 @@ class Settings:
     def as_summary(self, frames: range) -> dict[str, Any]:
         """The ``settings`` block of summary.json: ``to_dict`` and the frames evaluated, without ``SELECTING``.
 
-        The position threshold is in scene units.
+        Lengths in metres.
         """
         plain = {name: value for name, value in self.to_dict().items() if name not in SELECTING}
         ends = {"first_frame": frames[0] if frames else None, "last_frame": frames[-1] if frames else None}
-        thresholds = {name: self.metrics.threshold(name) for name in FEATURES}
-        return plain | ends | {"thresholds": thresholds}
+        return plain | ends
 
 
 GROUPS: dict[str, type] = {

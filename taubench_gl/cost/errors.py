@@ -169,7 +169,7 @@ def compare_features(found: Mapping[int, Channels], reference: Mapping[int, Chan
     brought to the reference's pixels.
     """
     scale = settings.metrics.unit_scale
-    errors = FeatureErrors(settings.metrics.threshold("position") / scale, scale)
+    errors = FeatureErrors(settings.metrics.thresholds["position"], scale)
     for frame in sorted(found.keys() & reference.keys()):
         errors.add(_resized(found[frame], reference[frame]["position"].shape[:2]), reference[frame])
     return errors.summary()

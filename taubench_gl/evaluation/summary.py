@@ -69,9 +69,17 @@ def assemble_summary(
         "discard": discard,
         **({} if sampling is None else {"sampling": sampling}),
         "classes": stats.classes(),
-        "curves": stats.curves(),
+        "curves": _curves_in_metres(stats.curves(), settings.metrics.unit_scale),
         "notes": [*facts["notes"], *_accuracy_notes(settings, sampling)],
     }
+
+
+def _curves_in_metres(curves: dict[str, Any], unit_scale: float) -> dict[str, Any]:
+    """``curves`` with the bin edges of position in metres; ``unit_scale``: scene units per metre."""
+    position = curves.get("position")
+    if position is None:
+        return curves
+    return curves | {"position": position | {"edges": [edge / unit_scale for edge in position["edges"]]}}
 
 
 def finish_run(summary: dict[str, Any], rows: list[dict[str, Any]], writer: RunWriter | None) -> Run:

@@ -168,7 +168,7 @@ def _features(a: Run, b: Run, frames: list[int]) -> dict[str, Any]:
         return {"reason": NO_CHANNELS}
     told = b.summary["settings"]
     scale = told.get("unit_scale") or 1.0
-    errors = FeatureErrors(same_place_m=told["thresholds"]["position"] / scale, unit_scale=scale)
+    errors = FeatureErrors(same_place_m=told["thresholds"]["position"], unit_scale=scale)
     for _, first, second in pairs:
         errors.add(first, second)
     return errors.summary()

@@ -12,7 +12,7 @@ import numpy as np
 from taubench_gl.conventions import COLUMNS, FEATURES
 from taubench_gl.report.figures import as_title, column_style, legend_beside, new_figure, save_figure
 from taubench_gl.report.palette import hex_of
-from taubench_gl.report.tables import length_unit, thresholds_shown
+from taubench_gl.report.tables import thresholds_of
 
 Array = np.ndarray
 Summary = Mapping[str, Any]
@@ -48,9 +48,7 @@ def plot_thresholds(summary: Summary, path: str | Path) -> list[Path]:
         if not curve.get("counts"):
             continue
         thresholds, percent = discard_curve(curve, pixels)
-        if name == "position":
-            thresholds = thresholds / length_unit(summary)
-        used = thresholds_shown(summary).get(name)
+        used = thresholds_of(summary).get(name)
         value = (summary.get("discard", {}).get(name) or {}).get("mean_percent")
         label = name if value is None else f"{name}: {value:.2f} % at {used:.3g}{' m' if name == 'position' else ''}"
         axes.plot(thresholds, percent, linewidth=2, label=label, **column_style(name))

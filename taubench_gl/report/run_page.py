@@ -19,7 +19,7 @@ from taubench_gl.report.frame_store import StoredFrames, spread, stored_frames
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, hex_of
 from taubench_gl.report.render import NONE, to_html
-from taubench_gl.report.tables import length_unit, paper_numbers, paper_tables, run_labels, thresholds_shown
+from taubench_gl.report.tables import paper_numbers, paper_tables, run_labels, thresholds_of
 
 Summary = Mapping[str, Any]
 
@@ -199,7 +199,7 @@ def _run_data(run: ReportRun, label: str, most: int, budget: int) -> dict[str, A
         "height": settings.get("height"),
         "measured": measured,
         "discard": {c: discard.get(c) or {} for c in COLUMNS},
-        "thresholds": thresholds_shown(summary),
+        "thresholds": thresholds_of(summary),
         "curves": {f: _curve(summary, f) for f in FEATURES},
         "rows": _rows(run.frames),
         "cuts": list((summary.get("camera") or {}).get("cuts") or ()),
@@ -232,8 +232,7 @@ def _curve(summary: Summary, feature: str) -> dict[str, Any] | None:
     for count in reversed(curve["counts"][1:]):
         total += count
         above.append(total)
-    scale = length_unit(summary) if feature == "position" else 1.0
-    return {"edges": [edge / scale for edge in curve["edges"]], "above": above[::-1]}
+    return {"edges": list(curve["edges"]), "above": above[::-1]}
 
 
 def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

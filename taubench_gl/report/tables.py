@@ -207,7 +207,7 @@ def run_labels(summaries: Sequence[Summary]) -> list[str]:
 
 def _told_settings(summary: Summary) -> dict[str, str]:
     """Flat settings of a run, thresholds as they are shown, and the camera it was seen by, in short."""
-    settings = dict(summary.get("settings") or {}) | {"thresholds": thresholds_shown(summary)}
+    settings = summary.get("settings") or {}
     source = str((summary.get("camera") or {}).get("source") or "")
     camera = {"camera": _CAMERA_REMARK.split(source)[0].removeprefix("camera ")} if source else {}
     return flat_settings(settings) | camera
@@ -221,26 +221,16 @@ def _how(summary: Summary) -> str:
     """Settings on which a discard percentage depends."""
     settings = summary.get("settings") or {}
     thresholds = ", ".join(
-        f"{name} {value:.4g}{' m' if name == 'position' else ''}" for name, value in thresholds_shown(summary).items()
+        f"{name} {value:.4g}{' m' if name == 'position' else ''}" for name, value in thresholds_of(summary).items()
     )
     size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
     ways = f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling"
     return f"{size}, {ways}; thresholds: {thresholds or 'not recorded'}."
 
 
-def length_unit(summary: Summary) -> float:
-    """Scene units per metre of a run: ``thresholds.position`` and the edges of ``curves.position`` are in scene units,
-    as the masks compare them; everything else that a run calls metres is in metres.
-    """
-    return float((summary.get("settings") or {}).get("unit_scale") or 1.0)
-
-
-def thresholds_shown(summary: Summary) -> dict[str, float]:
-    """Thresholds in the units they are shown in: position in metres."""
-    thresholds = dict((summary.get("settings") or {}).get("thresholds") or {})
-    if thresholds.get("position") is not None:
-        thresholds["position"] /= length_unit(summary)
-    return thresholds
+def thresholds_of(summary: Summary) -> dict[str, float]:
+    """a_B per feature; position in metres."""
+    return dict((summary.get("settings") or {}).get("thresholds") or {})
 
 
 def _paper_rate(paper: bool) -> str:

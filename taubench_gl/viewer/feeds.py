@@ -268,11 +268,7 @@ def _scene_of(run: Run, asked: Asked) -> tuple[str, Settings]:
     if "sky" in kept and "sky" not in asked.given:
         values["sky"] = tuple(kept["sky"])
     if "thresholds" not in asked.given and "thresholds" in kept:
-        scale = float(kept.get("unit_scale") or 1.0)  # the run's own, whatever is asked for now
-        limits = {f: float(v) for f, v in kept["thresholds"].items() if f in FEATURES and v is not None}
-        if "position" in limits:
-            limits["position"] /= scale  # the summary has it in scene units, Settings in metres
-        values["thresholds"] = limits
+        values["thresholds"] = {f: float(v) for f, v in kept["thresholds"].items() if f in FEATURES and v is not None}
     if "frames" not in asked.given and kept.get("first_frame") is not None:
         values["frames"] = (kept["first_frame"], kept["last_frame"] + 1)
     for name in ("width", "height"):

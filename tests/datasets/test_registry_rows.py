@@ -101,7 +101,7 @@ def test_a_users_own_row_brings_all_it_says(made, gpu, tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
     assert (settings["fps"], settings["first_frame"], settings["last_frame"]) == (30, 2, 5)
-    assert settings["unit_scale"] == 100 and settings["thresholds"]["position"] == pytest.approx(100 * 32 / 255)
+    assert settings["unit_scale"] == 100 and settings["thresholds"]["position"] == 32 / 255
 
 
 def test_what_is_a_name_and_what_is_a_path(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 
 import numpy as np
@@ -41,12 +42,17 @@ def test_camera_steps_are_metres(runs):
     assert scaled.summary["camera"]["angle"] == plain.summary["camera"]["angle"]
 
 
-def test_masks_and_the_schema_stay_in_scene_units(runs):
-    """The same limit in scene units discards the same, and the summary holds it as the masks compare it."""
-    plain, scaled = runs
-    assert scaled.summary["settings"]["thresholds"]["position"] == plain.summary["settings"]["thresholds"]["position"]
-    assert scaled.summary["discard"] == plain.summary["discard"]
-    assert scaled.summary["curves"] == plain.summary["curves"]
+def test_masks_compare_scene_units_and_the_summary_reports_metres(runs):
+    """The same threshold in scene units discards the same pixels; threshold and curve edges are reported in metres."""
+    plain, scaled = (run.summary for run in runs)
+    assert plain["settings"]["thresholds"]["position"] == 32 / 255
+    assert scaled["settings"]["thresholds"]["position"] == 32 / 255 / SCALE
+    assert scaled["discard"] == plain["discard"]
+    curves = [copy.deepcopy(summary["curves"]) for summary in (plain, scaled)]
+    edges = [np.array(curve["position"].pop("edges")) for curve in curves]
+    np.testing.assert_array_equal(edges[1], edges[0] / SCALE)
+    assert edges[0][0] == 2.0**-20
+    assert curves[1] == curves[0]
 
 
 def test_tables_plots_and_the_page_show_metres(runs, tmp_path: Path):

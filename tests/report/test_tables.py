@@ -132,7 +132,6 @@ def test_runs_of_one_scene_are_named_by_the_settings_that_differ(summary):
         run["settings"]["unit_scale"] = 1.0
     runs[1]["settings"] |= {"fps": 60.0, "unit_scale": 100.0, "last_frame": 7}
     runs[1]["settings"]["thresholds"]["normal"] = 0.05
-    runs[1]["settings"]["thresholds"]["position"] *= 100.0
     runs[1]["camera"]["source"] = "camera 'Top' (node 'eye')"
     name = summary["scene"]["name"]
     first = f"{name} (frames 0:13, normal threshold 0.12549, fps 24, unit scale 1, camera framing orbit)"

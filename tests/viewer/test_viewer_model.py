@@ -181,7 +181,7 @@ def test_the_scene_of_a_run_is_found_from_elsewhere(tmp_path, monkeypatch):
 
 
 def test_limits_of_a_run_are_metres_whatever_scale_is_asked_for(tmp_path):
-    kept = {"unit_scale": 2.0, "thresholds": {"position": 0.5, "normal": 0.25}}
+    kept = {"unit_scale": 2.0, "thresholds": {"position": 0.25, "normal": 0.25}}
     run = Run({"scene": {"path": str(tmp_path)}, "settings": kept}, [], tmp_path)
     for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):
         _, found = _scene_of(run, Asked("run", Settings.of(unit_scale=100.0), given=given))
