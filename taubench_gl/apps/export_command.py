@@ -1,4 +1,4 @@
-"""``taubench-gl export``: the frames of a scene as files that other programs read."""
+"""``taubench-gl export``: writes the frames of a scene to files for other programs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taubench_gl.apps.options import frame_options, gpu_options, light_options, 
 
 
 class _Names(click.ParamType):
-    """Comma-separated channel names; which there are is checked where the table is."""
+    """Comma-separated channel names; ``export.channels`` checks them."""
 
     name = "LIST"
 
@@ -21,7 +21,7 @@ class _Names(click.ParamType):
             return value
         chosen = tuple(word.strip() for word in value.split(",") if word.strip())
         if not chosen:
-            self.fail("nothing to export; leave the option out for gbuffer,flow,masks", param, ctx)
+            self.fail("no channel is named; leave the option out for gbuffer,flow,masks", param, ctx)
         return chosen
 
 
@@ -45,7 +45,7 @@ prev_position, all."""
     type=click.Choice(["exr", "npz", "zarr", "sintel"]),
     default="exr",
     show_default=True,
-    help="exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, a chunk per frame.  sintel: MPI-Sintel's tree.",
+    help="exr: multilayer OpenEXR.  npz: NumPy.  zarr: Zarr v3, one chunk per frame.  sintel: the MPI-Sintel layout.",
 )
 @click.option(
     "--channels", type=_Names(), default=(), help="Names and groups, see below.  [default: gbuffer,flow,masks]"
@@ -55,18 +55,20 @@ prev_position, all."""
     type=click.Choice(["native", "float", "half"]),
     default="native",
     show_default=True,
-    help="native: nothing is lost.  half: 16 bits but for positions, depth and motion.",
+    help="native: as on the GPU.  float: 32 bits.  half: 16 bits except for positions, depth and motion.",
 )
 @click.option(
     "--jitter",
     type=click.Choice(["none", "halton"]),
     default="none",
     show_default=True,
-    help="Sub-pixel offset of each frame's samples; motion is without it.",
+    help="Sub-pixel offset of the samples of each frame; not part of motion.",
 )
-@click.option("--overwrite", is_flag=True, help="Replace an export with other settings that is in DIR.")
+@click.option("--overwrite", is_flag=True, help="Replace an export in DIR that has other settings.")
 @frame_options()
-@pair_options(reprojection="Of the mask, as in 'evaluate'; motion follows surfaces always.", sampling="Of the mask.")
+@pair_options(
+    reprojection="Of the mask, as in 'evaluate'; motion always includes object motion.", sampling="Of the mask."
+)
 @light_options
 @gpu_options
 def export(
@@ -81,30 +83,27 @@ def export(
 ) -> None:
     """Write G-buffers, radiance, motion, masks and cameras of SCENE, frame by frame.
 
-    Row 0 is the top; motion is in pixels, +x right, +y down.  What is stopped goes on when the same command is given
-    again; a folder with other settings is refused.  See docs/export.md.
+    Row 0 is the top; motion is in pixels, +x right, +y down.  The same command continues an interrupted export.  A
+    folder with another export is refused.  See docs/export.md.
     """
     from taubench_gl.apps.named_scenes import asked_for, resolve
     from taubench_gl.apps.screen import ProgressBar
-    from taubench_gl.export.run import export_scene
+    from taubench_gl.export.run import ExportOptions, export_scene
 
     settings = settings_from(options)
     source, row = resolve(scene_path)
     settings = settings.replace(**asked_for(row))
     with ProgressBar(Path(source).name, "frames") as progress:
-        told = export_scene(
+        result = export_scene(
             source,
             out,
             settings,
-            format=format,
-            channels=channels,
-            precision=precision,
-            jitter=jitter,
+            ExportOptions(format, channels, precision, jitter),
             overwrite=overwrite,
             progress=progress,
         )
-    for name, reason in told.unmeasured.items():
+    for name, reason in result.unmeasured.items():
         click.echo(f"note: no {name}: {reason}")
-    kept = f", {told.kept} were there" if told.kept else ""
-    click.echo(f"{told.written} frames written{kept}: {', '.join(told.names)}")
-    click.echo(f"written to {told.out}/")
+    kept = f", {result.kept} kept" if result.kept else ""
+    click.echo(f"{result.written} frames written{kept}: {', '.join(result.names)}")
+    click.echo(f"written to {result.out}/")

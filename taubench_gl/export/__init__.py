@@ -1,1 +1,1 @@
-"""Channels out: EXR, NPZ, Zarr and the Sintel layout, frame by frame, each whole or not there."""
+"""Exports channels as EXR, NPZ, Zarr or the Sintel layout; every frame is written completely or not at all."""

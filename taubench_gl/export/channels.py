@@ -1,4 +1,4 @@
-"""What can be exported: the channel table's channels, and those that are made of them on the way out."""
+"""Channels that can be exported: those of the channel table, and those derived from them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _DTYPES = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}
 
 @dataclass(frozen=True, slots=True)
 class ExportChannel:
-    """One channel of a file.  ``components`` of the picture (h, w, components), row 0 at the top."""
+    """One channel of a file: an image (h, w, components), row 0 at the top."""
 
     name: str
     components: int
@@ -22,11 +22,11 @@ class ExportChannel:
     unit: str
     doc: str
     exr: tuple[str, ...]  # one EXR channel per component
-    keeps_float: bool = False  # geometry: half precision would move it
+    keeps_float: bool = False  # never stored in half precision, which is too coarse for geometry
 
 
 def _from_table(name: str) -> ExportChannel:
-    """The components that the table gives an EXR name; position's w is the channel ``depth``."""
+    """The components with an EXR name in the table.  The w component of position is the channel ``depth``."""
     info = CHANNELS[name]
     exr = tuple(e for e in info.exr if e and not (name == "position" and e.startswith("Depth")))
     geometry = name in ("position", "prev_position", "motion")
@@ -44,12 +44,12 @@ EXPORTS: dict[str, ExportChannel] = {
         *(_from_table(name) for name in CHANNELS if name not in ("position", "motion", "mask")),
         ExportChannel(
             "motion", 2, np.dtype(np.float32), "px",
-            "backward: previous - current, +x right, +y down, surfaces followed; NaN where there is none",
+            "backward: previous - current, +x right, +y down, with object motion; NaN where undefined",
             ("Motion.X", "Motion.Y"), True,
         ),
         ExportChannel(
             "motion_forward", 2, np.dtype(np.float32), "px",
-            "forward: next - current, +x right, +y down, by the next pose; NaN where there is none",
+            "forward: next - current, +x right, +y down, from the next pose; NaN where undefined",
             ("MotionForward.X", "MotionForward.Y"), True,
         ),
         ExportChannel(
@@ -58,7 +58,7 @@ EXPORTS: dict[str, ExportChannel] = {
         ),
         ExportChannel(
             "mask_forward", 1, np.dtype(np.uint32), "bits",
-            "the same against the next frame, surfaces followed, geometry only: DISOCCLUDED is hidden there",
+            "reason bits against the next frame, with object motion, geometry only: DISOCCLUDED means hidden there",
             ("MaskForward",), True,
         ),
     )
@@ -77,7 +77,7 @@ PRECISIONS = ("native", "float", "half")
 
 
 def choose_channels(words: tuple[str, ...]) -> tuple[str, ...]:
-    """Names and groups -> channel names in the table's order.  Raises SettingsError."""
+    """Names of channels and groups -> channel names in the order of the table.  Raises SettingsError."""
     names: set[str] = set()
     for word in words or DEFAULT:
         if word == "all":
@@ -93,7 +93,7 @@ def choose_channels(words: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def stored_as(channel: ExportChannel, precision: str) -> np.dtype:
-    """``native``: as the GPU holds it, nothing lost.  ``float``: all 32 bits.  ``half``: 16 bits but for geometry."""
+    """The stored type: ``native`` as on the GPU, ``float`` 32 bits, ``half`` 16 bits except for geometry."""
     if channel.dtype.kind != "f":
         return channel.dtype
     if precision == "float" or (precision == "half" and channel.keeps_float):

@@ -1,4 +1,4 @@
-"""The file formats: one class each, all with the same four methods (``Writer``)."""
+"""File formats of exports: one class each, with the interface ``Writer``."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
-class Spec:
-    """What an export consists of.  ``frames`` are those asked for; ``names`` the channels that there are."""
+class ExportSpec:
+    """Contents of an export.  ``frames``: the requested frame numbers; ``names``: the channels that exist."""
 
     scene: str
     size: tuple[int, int]
@@ -32,30 +32,30 @@ class Spec:
 
 
 class Writer(Protocol):
-    def __init__(self, out: Path, spec: Spec): ...
+    def __init__(self, out: Path, spec: ExportSpec): ...
 
     def prepare(self) -> None:
-        """Make what all frames share.  Called again when an export is resumed: what is there stays."""
+        """Create files that all frames share.  Called again when an export is resumed; existing files are kept."""
 
     def done(self, frame: int) -> bool:
-        """Whether the frame is there, whole."""
+        """Whether the frame is written completely."""
 
     def write(self, frame: ExportFrame) -> None:
-        """Write one frame, whole or not at all."""
+        """Write one frame, completely or not at all."""
 
     def remove(self) -> None:
-        """Take away what this format has written."""
+        """Delete all files of this format."""
 
 
 def write_file(path: Path, write: Callable[[Path], None]) -> None:
-    """``write`` makes a file beside ``path``, which is then renamed: nobody sees half of it.  Raises OutputError."""
+    """Call ``write`` with a temporary path and rename the file to ``path``.  Raises OutputError."""
     with replacing(path, parents=True, suffix=path.suffix) as partial:
         write(partial)
 
 
 @contextlib.contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """What the system refuses while ``path`` is written is an OutputError."""
+def _writing(path: Path) -> Iterator[None]:
+    """Turns an OSError inside the block into an OutputError."""
     try:
         yield
     except OSError as error:
@@ -67,7 +67,7 @@ class _PerFrame:
 
     suffix = ""
 
-    def __init__(self, out: Path, spec: Spec):
+    def __init__(self, out: Path, spec: ExportSpec):
         self.out, self.spec = out, spec
 
     def path(self, frame: int) -> Path:
@@ -84,9 +84,9 @@ class _PerFrame:
             path.unlink()
 
     def stored(self, frame: ExportFrame) -> dict[str, Array]:
-        """Channels in the precision asked for."""
+        """Channels in the precision of the export."""
         types = {name: stored_as(EXPORTS[name], self.spec.precision) for name in self.spec.names}
-        with np.errstate(over="ignore"):  # beyond half's 65504 is infinite, as the format has it
+        with np.errstate(over="ignore"):  # values above 65504 become infinite in half precision
             return {name: frame.channels[name].astype(types[name], copy=False) for name in self.spec.names}
 
 
@@ -104,15 +104,17 @@ class ExrWriter(_PerFrame):
                 planes[exr] = np.ascontiguousarray(values[..., i])
         header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         header |= exr_attributes(self.spec, frame)
-        # Through memory: OpenEXR's own writing takes no path that is not UTF-8, and does not say why a disk refuses.
+        # Written from memory: OpenEXR accepts only UTF-8 paths, and its errors do not say why a write fails.
         data = io.BytesIO()
         OpenEXR.File(header, planes).write(data)
         write_atomically(self.path(frame.number), data.getvalue(), parents=True)
 
 
-def exr_attributes(spec: Spec, frame: ExportFrame) -> dict[str, Any]:
-    """``worldToCamera`` is OpenEXR's own (float, rows act on row vectors, +Y up, -Z forward); ours are double and act
-    on column vectors, named as in ``export.camera.matrices``."""
+def exr_attributes(spec: ExportSpec, frame: ExportFrame) -> dict[str, Any]:
+    """Header attributes.  ``worldToCamera`` is OpenEXR's (float, acts on row vectors, +Y up, -Z forward).
+
+    ``taubench.*`` are float64 and act on column vectors, as in ``camera_matrices``.
+    """
     camera = frame.camera
     world_to_camera = np.linalg.inv(camera["world_from_view"]).T
     return {
@@ -129,7 +131,7 @@ def exr_attributes(spec: Spec, frame: ExportFrame) -> dict[str, Any]:
 
 
 class NpzWriter(_PerFrame):
-    """Compressed NumPy archives: every channel by its name, and the camera's matrices."""
+    """Compressed NumPy archives: every channel by its name, and the camera matrices."""
 
     suffix = ".npz"
 
@@ -142,10 +144,10 @@ class NpzWriter(_PerFrame):
 class ZarrWriter:
     """Zarr v3 group ``frames.zarr``: one array (N, h, w, components) per channel, one chunk per frame.
 
-    ``written`` (N,) bool is set last: a frame counts as there only then.
+    ``written`` (N,) bool is set last; a frame is complete only then.
     """
 
-    def __init__(self, out: Path, spec: Spec):
+    def __init__(self, out: Path, spec: ExportSpec):
         self.path, self.spec = out / "frames.zarr", spec
         self._group: Any = None
 
@@ -154,7 +156,7 @@ class ZarrWriter:
             import zarr
         except ImportError:
             raise SettingsError("zarr is not installed", hint="pip install 'taubench-gl[export]'") from None
-        with _told(self.path):
+        with _writing(self.path):
             self._open(zarr)
 
     def _open(self, zarr: Any) -> None:
@@ -184,12 +186,12 @@ class ZarrWriter:
     def done(self, frame: int) -> bool:
         try:
             return bool(self._group["written"][self.spec.frames.index(frame)])
-        except Exception:  # a chunk that was cut off by a kill: the codec's error, whichever it is
+        except Exception:  # a chunk truncated by a killed process raises an error of its codec
             return False
 
     def write(self, frame: ExportFrame) -> None:
         row = self.spec.frames.index(frame.number)
-        with _told(self.path):
+        with _writing(self.path):
             for name in self.spec.names:
                 self._group[name][row] = frame.channels[name].astype(self._group[name].dtype, copy=False)
             for name, values in frame.camera.items():

@@ -1,8 +1,8 @@
-"""Draws the frames of an export: every asked-for channel of one frame after another, as arrays.
+"""Renders the frames of an export: the requested channels of one frame after another, as arrays.
 
-Backward motion and masks compare with the frame before, which is drawn for it where it is not exported itself.  Forward
-motion is drawn: the frame with the *next* pose in the place of the previous one.  At the ends of a sequence, where
-there is no frame before or after, motion is NaN and the mask says FIRST.
+Backward motion and masks compare a frame with the previous one, which is rendered even if it is not exported.  Forward
+motion is rendered: the frame is drawn with the next pose as its previous pose.  The first frame has no previous frame
+and the last no next frame; there, motion is NaN and the mask is FIRST.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
-from taubench_gl.evaluation import PairEvaluator
-from taubench_gl.export.camera import matrices
+from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.export.channels import RADIANCE
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.sources import RasterSource
@@ -30,7 +30,10 @@ from taubench_gl.settings import Settings
 Array = np.ndarray
 JITTERS = ("none", "halton")
 NO_MOTION = int(Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.BEHIND)
-"""Pixels without a place in the other frame."""
+"""Pixels without motion: they have no position in the other frame."""
+
+CV_FROM_VIEW = np.diag([1.0, -1.0, -1.0])
+"""glTF view axes (+Y up, camera looks along -Z) -> computer vision axes (+Y down, camera looks along +Z)."""
 
 FORWARD = ("motion_forward", "mask_forward")
 _ALL_COMPONENTS = ("base_color", "material", "ids", "mask", "mask_forward")
@@ -38,7 +41,7 @@ _ALL_COMPONENTS = ("base_color", "material", "ids", "mask", "mask_forward")
 
 @dataclass(frozen=True, slots=True)
 class ExportFrame:
-    """One frame.  ``channels``: name -> (h, w, components); ``camera``: see ``export.camera.matrices``."""
+    """One frame.  ``channels``: name -> (h, w, components); ``camera``: see ``camera_matrices``."""
 
     number: int
     time_s: float
@@ -49,10 +52,7 @@ class ExportFrame:
 
 @dataclass(frozen=True, slots=True)
 class _Submitted:
-    """A frame that is drawn, its images on the way: ``images`` of channels, or of what they are made of (``_arrays``).
-
-    ``moved``: motion -> its mask.
-    """
+    """A rendered frame whose images are in flight: ``images`` of GPU channels, ``moved`` of motion and its mask."""
 
     number: int
     view: View
@@ -61,8 +61,10 @@ class _Submitted:
 
 
 class FrameSource:
-    """Draws any frame of a scene for export.  ``names``: the channels asked for; ``unmeasured`` says which of them the
-    scene does not give, and why."""
+    """Renders any frame of a scene for export.
+
+    ``names``: the requested channels that the scene has; ``unmeasured``: the other requested channels and the reason.
+    """
 
     def __init__(
         self,
@@ -71,12 +73,13 @@ class FrameSource:
         camera: CameraTrack,
         settings: Settings,
         names: tuple[str, ...],
-        count: int,
+        *,
         jitter: str = "none",
         buffered: bool | None = None,
     ):
-        """``count``: frames of the whole sequence; ``jitter``: of JITTERS; ``buffered``: as ``ChannelReader``."""
-        self._gpu, self._camera, self._count = gpu, camera, count
+        """``jitter``: one of JITTERS; ``buffered``: as in ``ChannelReader``."""
+        self._gpu, self._camera = gpu, camera
+        self._count = frame_total(scene, camera, settings)
         self._reader = ChannelReader(gpu, buffered=buffered)
         self._poser = Poser(scene)
         self._jitter = halton_jitter if jitter == "halton" else None
@@ -108,15 +111,15 @@ class FrameSource:
 
     def _why_not(self, name: str) -> str:
         column = name.partition("_")[0]
-        return self.source.unmeasured.get(column, "the scene does not give it")
+        return self.source.unmeasured.get(column, "the scene does not have it")
 
     def view(self, frame: int) -> View:
-        """The camera of any frame, without drawing."""
+        """The view of any frame, without rendering."""
         view = self._camera.view_at(self._poser.sample(frame / self._settings.sequence.fps))
         return view if self._jitter is None else replace(view, jitter_px=self._jitter(frame))
 
     def frames(self, numbers: Iterable[int]) -> Iterator[ExportFrame]:
-        """Draw these frames, ascending.  Through pixel buffers each is collected when the next one is under way."""
+        """Render these frames, ascending.  With pixel buffers, a frame is read back while the next one is rendered."""
         waiting: _Submitted | None = None
         for frame in numbers:
             submitted = self._submit(frame)
@@ -143,7 +146,7 @@ class FrameSource:
         arrays = _arrays(arrays) | {name: _motion(*images) for name, images in submitted.moved.items()}
         out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
         number, view = submitted.number, submitted.view
-        camera = matrices(view, *self.source.size)
+        camera = camera_matrices(view, *self.source.size)
         return ExportFrame(number, number / self._settings.sequence.fps, out, camera, view)
 
     def _advance(self, frame: int) -> None:
@@ -151,9 +154,9 @@ class FrameSource:
         self._drawn = frame
 
     def _start(self) -> dict[str, Image]:
-        wanted = {"position" if name == "depth" else name for name in self.names}
+        read = {"position" if name == "depth" else name for name in self.names}
         current = self.source.current
-        return {name: self._reader.start(current[name], name) for name in self.source.channels if name in wanted}
+        return {name: self._reader.start(current[name], name) for name in self.source.channels if name in read}
 
     def _start_motion(self) -> tuple[Image, Image]:
         motion, mask = self._motion.motion_texture, self._motion.mask_texture
@@ -168,7 +171,7 @@ class FrameSource:
             self._masks.submit(pair, declared=declared, previous=previous)
             submitted.images["mask"] = self._reader.start(self._masks.mask_texture, "mask")
         if "motion" in self.names:
-            # Of the surface alone: the jitter of either frame is no motion.
+            # The jitter of the two frames is not motion.
             pair = reprojection(now, before, *self.source.size, jitter=False)
             self._motion.submit(pair, declared=declared, previous=previous)
             submitted.moved["motion"] = self._start_motion()
@@ -202,14 +205,44 @@ class FrameSource:
         self._gpu.collect()
 
 
+def intrinsics(view: View, width: int, height: int) -> Array:
+    """K (3, 3), computer vision axes -> pixel-index coordinates: the center of the top left pixel is (0, 0), +y down.
+
+    Perspective: pixel = K @ (X / Z, Y / Z, 1).  Orthographic: pixel = K @ (X, Y, 1).  Without jitter.
+    """
+    clip = view.centered().clip_from_view(width, height)
+    focal_x, focal_y = 0.5 * width * clip[0, 0], 0.5 * height * clip[1, 1]
+    return np.array([[focal_x, 0.0, 0.5 * (width - 1)], [0.0, focal_y, 0.5 * (height - 1)], [0.0, 0.0, 1.0]])
+
+
+def extrinsics(view: View) -> Array:
+    """(3, 4), world -> computer vision camera axes."""
+    rotation = CV_FROM_VIEW @ view.world_from_view.T
+    return np.column_stack([rotation, -rotation @ view.position])
+
+
+def camera_matrices(view: View, width: int, height: int) -> dict[str, Array]:
+    """Camera matrices of one frame, float64, by their names in files.  Matrices act on column vectors.
+
+    ``world_from_view`` (4, 4); ``clip_from_view`` (4, 4), reversed Z in [0, 1], without jitter; ``intrinsics`` (3, 3);
+    ``jitter_px`` (2,), +x right, +y DOWN: pixel i shows the point at i + jitter.
+    """
+    return {
+        "world_from_view": math3d.affine(view.world_from_view, view.position),
+        "clip_from_view": view.centered().clip_from_view(width, height),
+        "intrinsics": intrinsics(view, width, height),
+        "jitter_px": np.asarray(view.jitter_px, dtype=np.float64) * [1.0, -1.0] + 0.0,
+    }
+
+
 def _arrays(images: dict[str, Array]) -> dict[str, Array]:
-    """Channels as they are exported: position and depth apart, no padding."""
+    """Channels as they are exported: position and depth separate, without padding."""
     out = {n: a if n in _ALL_COMPONENTS else a[..., :3] for n, a in images.items()}
     return out | ({"depth": images["position"][..., 3:]} if "position" in images else {})
 
 
 def _motion(motion: Image, mask: Image) -> Array:
-    """NaN where a pixel has no place in the other frame."""
+    """(h, w, 2) motion in pixels; NaN where a pixel has no position in the other frame."""
     values = motion.get()
     values[(mask.get()[..., 0] & NO_MOTION) != 0] = np.nan
     return values

@@ -1,8 +1,9 @@
-"""``export_scene``: a scene, a format and a folder -> files; stopped at any moment, it goes on where it was."""
+"""Exports a scene to a folder.  An interrupted export continues where it stopped."""
 
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +12,9 @@ from typing import Any
 from taubench_gl import __version__
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import frame_range, frame_total, require_triangles
+from taubench_gl.evaluation import frame_range, require_triangles
 from taubench_gl.export.channels import PRECISIONS, choose_channels
-from taubench_gl.export.formats import ExrWriter, NpzWriter, Spec, Writer, ZarrWriter
+from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
 from taubench_gl.export.frames import JITTERS, FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
@@ -30,8 +31,34 @@ FORMATS: dict[str, type[Writer]] = {"exr": ExrWriter, "npz": NpzWriter, "zarr": 
 
 
 @dataclass(frozen=True, slots=True)
-class Exported:
-    """``written`` frames now, ``kept`` from before; ``unmeasured``: channel -> why the scene does not give it."""
+class ExportOptions:
+    """What to export and how.  Raises SettingsError for an unknown value."""
+
+    format: str = "exr"
+    channels: tuple[str, ...] = ()  # names and groups of ``export.channels``; empty: the default ones
+    precision: str = "native"
+    jitter: str = "none"
+
+    def __post_init__(self) -> None:
+        for what, value, allowed in (
+            ("format", self.format, FORMATS),
+            ("precision", self.precision, PRECISIONS),
+            ("jitter", self.jitter, JITTERS),
+        ):
+            if value not in allowed:
+                raise SettingsError(f"no {what} is named {value!r}", hint=f"choose from {', '.join(allowed)}")
+
+    def names(self) -> tuple[str, ...]:
+        """The channels to export.  Raises SettingsError for a channel that does not exist."""
+        names = choose_channels(self.channels)
+        if self.format != "sintel":
+            return names
+        return (*SINTEL_NAMES, *(("color",) if "color" in self.channels else ()))
+
+
+@dataclass(frozen=True, slots=True)
+class ExportResult:
+    """Frames ``written`` now and ``kept`` from an earlier run; ``unmeasured``: reason per missing channel."""
 
     out: Path
     written: int
@@ -44,45 +71,37 @@ def export_scene(
     scene: str | Path,
     out: str | Path,
     settings: Settings | None = None,
+    options: ExportOptions | None = None,
     *,
-    format: str = "exr",
-    channels: tuple[str, ...] = (),
-    precision: str = "native",
-    jitter: str = "none",
     overwrite: bool = False,
     progress: Callable[[Progress], None] | None = None,
-) -> Exported:
-    """Write the frames that ``settings.frames`` asks for and that are not in ``out`` yet.
+) -> ExportResult:
+    """Write the frames of ``settings.sequence.frames`` that ``out`` does not hold yet.
 
-    ``channels``: names and groups (``export.channels``), empty for the default ones.  Raises TaubenchError; an ``out``
-    that holds an export of anything else is refused, or replaced with ``overwrite``.
+    Raises TaubenchError.  A folder that holds another export is refused, or replaced if ``overwrite``.
     """
-    settings, out = settings or Settings(), Path(out)
-    for what, value, allowed in (
-        ("format", format, FORMATS), ("precision", precision, PRECISIONS), ("jitter", jitter, JITTERS)
-    ):  # fmt: skip
-        if value not in allowed:
-            raise SettingsError(f"no {what} is named {value!r}", hint=f"choose from {', '.join(allowed)}")
+    settings, options, out = settings or Settings(), options or ExportOptions(), Path(out)
     if settings.metrics.samples_per_pixel != 1 or settings.metrics.pairs != "all":
-        raise SettingsError("an export has every frame, with one sample in each pixel", hint="leave both settings out")
-    names = choose_channels(channels)
-    if format == "sintel":
-        names = tuple(dict.fromkeys([*SINTEL_NAMES, *(("color",) if "color" in channels else ())]))
+        what = "an export contains every frame, with one sample per pixel"
+        raise SettingsError(what, hint="leave samples_per_pixel and pairs out")
+    names = options.names()
     loaded = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
     require_triangles(loaded)
     camera = choose_camera(loaded, settings.sequence.camera)
     frames = frame_range(loaded, camera, settings)
-    count = frame_total(loaded, camera, settings)
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
-        source = FrameSource(gpu, loaded, camera, settings, names, count, jitter)
+        source = FrameSource(gpu, loaded, camera, settings, names, jitter=options.jitter)
         try:
             if not source.names:
                 why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
-                raise SettingsError(f"the scene gives none of these channels: {why}")
-            spec = Spec(loaded.name, source_size(settings), settings.sequence.fps, frames, source.names, precision)
-            writer = FORMATS[format](out, spec)
-            whole = _claim(out, manifest(spec, settings, format, jitter, loaded.sha256, source.unmeasured), overwrite)
+                raise SettingsError(f"the scene has none of these channels: {why}")
+            sequence = settings.sequence
+            size = (sequence.width, sequence.height)
+            spec = ExportSpec(loaded.name, size, sequence.fps, frames, source.names, options.precision)
+            writer = FORMATS[options.format](out, spec)
+            description = manifest(spec, settings, options, loaded.sha256, source.unmeasured)
+            whole = _write_manifest(out, description, overwrite)
             writer.prepare()
             held = [frame for frame in whole if frame in frames or writer.done(frame)]
             _write_cameras(out, {frame: source.view(frame) for frame in held}, spec)
@@ -91,11 +110,7 @@ def export_scene(
             gpu.check("an export")
         finally:
             source.release()
-    return Exported(out, done, len(frames) - len(missing), source.names, source.unmeasured)
-
-
-def source_size(settings: Settings) -> tuple[int, int]:
-    return settings.sequence.width, settings.sequence.height
+    return ExportResult(out, done, len(frames) - len(missing), source.names, source.unmeasured)
 
 
 def _write_all(
@@ -105,8 +120,6 @@ def _write_all(
     name: str,
     progress: Callable[[Progress], None] | None,
 ) -> int:
-    import time
-
     started = time.perf_counter()
     for done, frame in enumerate(source.frames(missing), start=1):
         writer.write(frame)
@@ -118,9 +131,9 @@ def _write_all(
 
 
 def manifest(
-    spec: Spec, settings: Settings, format: str, jitter: str, sha256: str | None, unmeasured: dict[str, str]
+    spec: ExportSpec, settings: Settings, options: ExportOptions, sha256: str | None, unmeasured: dict[str, str]
 ) -> dict[str, Any]:
-    """What export.json says: everything the files depend on."""
+    """The contents of export.json: everything that the files depend on."""
     plain = settings.to_dict()
     for name in ("frames", "backend", "device"):
         plain.pop(name)
@@ -131,11 +144,11 @@ def manifest(
                 "version": __version__,
                 "scene": spec.scene,
                 "sha256": sha256,
-                "format": format,
+                "format": options.format,
                 "channels": list(spec.names),
                 "unmeasured": unmeasured,
                 "precision": spec.precision,
-                "jitter": jitter,
+                "jitter": options.jitter,
                 "settings": plain,
                 "frames": [spec.frames.start, spec.frames.stop],
             }
@@ -143,30 +156,33 @@ def manifest(
     )
 
 
-def _claim(out: Path, told: dict[str, Any], overwrite: bool) -> range:
-    """Write the manifest, or find that the folder's is the same; the frames it speaks of.  Raises OutputError."""
+def _write_manifest(out: Path, new: dict[str, Any], overwrite: bool) -> range:
+    """Write export.json and return the frames of the whole export, earlier ones included.
+
+    Raises OutputError if the folder holds other files or, without ``overwrite``, another export.
+    """
     path = out / MANIFEST
     if out.exists() and not out.is_dir():
         raise OutputError("is not a folder", where=str(out), hint="give --out another name")
     before = _read_manifest(path)
     if before is None and out.is_dir() and not all(is_partial_of(path, p) for p in out.iterdir()):
         raise OutputError("holds other files and no export", where=str(out), hint="give --out a new folder")
-    different = [] if before is None else _different(before, told)
-    # Another range of frames adds to what is there (``frames``: from the first to the last of both), but where the
-    # range shapes the files (Zarr's arrays, Sintel's last frame).
-    if different == ["frames"] and told["format"] in ("exr", "npz") and not overwrite:
-        (start, stop), (first, end) = before["frames"], told["frames"]
-        told, different = told | {"frames": [min(start, first), max(stop, end)]}, []
+    different = [] if before is None else _different(before, new)
+    # Another range of frames extends the export, except where the range determines the files (the arrays of Zarr, the
+    # last frame of Sintel).
+    if different == ["frames"] and new["format"] in ("exr", "npz") and not overwrite:
+        (start, stop), (first, end) = before["frames"], new["frames"]
+        new, different = new | {"frames": [min(start, first), max(stop, end)]}, []
     if different and not overwrite:
         what = f"holds an export with other {', '.join(different)}"
         raise OutputError(what, where=str(out), hint="give --overwrite to replace it, or another --out")
     if before is not None and (different or overwrite):
         size = (before["settings"]["width"], before["settings"]["height"])
         names = tuple(before["channels"])
-        old = Spec(before["scene"], size, before["settings"]["fps"], range(*before["frames"]), names, "native")
+        old = ExportSpec(before["scene"], size, before["settings"]["fps"], range(*before["frames"]), names, "native")
         FORMATS[before["format"]](out, old).remove()
-    write_atomically(path, json.dumps(told, indent=2, ensure_ascii=False) + "\n", parents=True)
-    return range(*told["frames"])
+    write_atomically(path, json.dumps(new, indent=2, ensure_ascii=False) + "\n", parents=True)
+    return range(*new["frames"])
 
 
 def _read_manifest(path: Path) -> dict[str, Any] | None:
@@ -177,14 +193,14 @@ def _read_manifest(path: Path) -> dict[str, Any] | None:
         return None
 
 
-def _different(before: dict[str, Any], told: dict[str, Any]) -> list[str]:
-    """Names of what differs, settings by their own names."""
-    out = [key for key in told if key != "settings" and before.get(key) != told[key]]
+def _different(before: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    """Names of the entries and settings that differ."""
+    out = [key for key in new if key != "settings" and before.get(key) != new[key]]
     settings = before.get("settings", {})
-    return out + [key for key, value in told["settings"].items() if settings.get(key) != value]
+    return out + [key for key, value in new["settings"].items() if settings.get(key) != value]
 
 
-def _write_cameras(out: Path, views: dict[int, View], spec: Spec) -> None:
-    """camera.json: the sidecar that ``evaluate exr: --camera-file`` reads, for every format."""
+def _write_cameras(out: Path, views: dict[int, View], spec: ExportSpec) -> None:
+    """Write camera.json, which ``evaluate exr: --camera-file`` reads, for every format."""
     text = camera_file_text(views, spec.fps, spec.size)
     write_atomically(out / CAMERA_FILE, text, parents=True)

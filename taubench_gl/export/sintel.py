@@ -1,11 +1,11 @@
 """The layout and formats of MPI-Sintel (Butler et al., ECCV 2012; its README and depth add-on).
 
     flow/SCENE/frame_0001.flo          forward flow to the next frame: u right, v down, pixels; > 1e9: unknown
-    occlusions/SCENE/frame_0001.png    8-bit grey, 255: inside the next frame but hidden there by something nearer
-    invalid/SCENE/frame_0001.png       255: outside the next frame, or without a place in it
+    occlusions/SCENE/frame_0001.png    8-bit gray, 255: inside the next frame but hidden there by something nearer
+    invalid/SCENE/frame_0001.png       255: outside the next frame, or without a position in it
     depth/SCENE/frame_0001.dpt         planar depth, metres; 1e10 where there is no surface
-    camdata_left/SCENE/frame_0001.cam  M (3, 3) and N (3, 4), float64: pixel = M N world; centres at whole numbers
-    clean/SCENE/frame_0001.png         8-bit RGB, where ``color`` is exported
+    camdata_left/SCENE/frame_0001.cam  M (3, 3) and N (3, 4), float64: pixel = M N world; pixel centers at integers
+    clean/SCENE/frame_0001.png         8-bit RGB, if ``color`` is exported
 
 All integers and floats are little-endian.  Frame i of the scene is frame_{i+1}; the last of a sequence has
 no flow.
@@ -20,9 +20,8 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import SettingsError
-from taubench_gl.export.camera import extrinsics
-from taubench_gl.export.formats import Spec, write_file
-from taubench_gl.export.frames import ExportFrame
+from taubench_gl.export.formats import ExportSpec, write_file
+from taubench_gl.export.frames import ExportFrame, extrinsics
 from taubench_gl.outputs import write_atomically
 
 Array = np.ndarray
@@ -32,13 +31,13 @@ TAG = 202021.25
 UNKNOWN_FLOW = 1e10
 NO_SURFACE = 1e10
 NAMES = ("depth", "motion_forward", "mask_forward")
-"""Channels the layout is made of; ``color`` may be added."""
+"""Channels that the layout requires; ``color`` is optional."""
 
-_NO_PLACE = int(Reason.OUTSIDE | Reason.BEHIND | Reason.INVALID | Reason.CUT | Reason.FIRST)
+_NO_POSITION = int(Reason.OUTSIDE | Reason.BEHIND | Reason.INVALID | Reason.CUT | Reason.FIRST)
 
 
 def flo_bytes(flow: Array) -> bytes:
-    """(h, w, 2) float32 -> .flo; what is not finite is unknown."""
+    """(h, w, 2) float32 -> .flo; values that are not finite are written as unknown."""
     height, width, _ = flow.shape
     values = np.where(np.isfinite(flow).all(axis=-1, keepdims=True), flow, UNKNOWN_FLOW)
     return struct.pack("<fii", TAG, width, height) + values.astype("<f4").tobytes()
@@ -57,14 +56,14 @@ def cam_bytes(intrinsics: Array, extrinsic: Array) -> bytes:
 
 
 class SintelWriter:
-    """Writes the tree.  A frame is there when all its files are."""
+    """Writes the folder tree.  A frame is complete if all its files exist."""
 
-    def __init__(self, out: Path, spec: Spec):
+    def __init__(self, out: Path, spec: ExportSpec):
         self.out, self.spec = out, spec
 
     def _paths(self, frame: int) -> dict[str, Path]:
         kinds = {"camdata_left": ".cam", "depth": ".dpt", "occlusions": ".png", "invalid": ".png", "flow": ".flo"}
-        if frame == self.spec.frames[-1]:  # no flow into what was not exported
+        if frame == self.spec.frames[-1]:  # the next frame is not exported
             kinds = {"camdata_left": ".cam", "depth": ".dpt"}
         if "color" in self.spec.names:
             kinds["clean"] = ".png"
@@ -75,7 +74,7 @@ class SintelWriter:
     def prepare(self) -> None:
         missing = [name for name in NAMES if name not in self.spec.names]
         if missing:
-            raise SettingsError(f"the Sintel layout needs the channels {', '.join(missing)}")
+            raise SettingsError(f"the Sintel layout requires the channels {', '.join(missing)}")
 
     def done(self, frame: int) -> bool:
         return all(path.is_file() for path in self._paths(frame).values())
@@ -83,7 +82,7 @@ class SintelWriter:
     def write(self, frame: ExportFrame) -> None:
         if frame.view.camera.kind != "perspective":
             raise SettingsError(
-                "a .cam file holds perspective cameras only", hint="choose another --camera or --format"
+                "a .cam file can only hold a perspective camera", hint="choose another --camera or --format"
             )
         for kind, path in self._paths(frame.number).items():
             if kind == "clean":
@@ -106,8 +105,8 @@ class SintelWriter:
 
 
 def masks_of(reasons: Array) -> tuple[Array, Array]:
-    """Reason words against the next frame (h, w) -> occluded, invalid, both (h, w) bool, never both true."""
-    invalid = (reasons & _NO_PLACE) != 0
+    """Reason words against the next frame (h, w) -> occluded, invalid: (h, w) bool each, never both true."""
+    invalid = (reasons & _NO_POSITION) != 0
     return ~invalid & ((reasons & int(Reason.DISOCCLUDED)) != 0), invalid
 
 

@@ -13,7 +13,7 @@ import pytest
 from taubench_gl.apps.inspect_command import MAX_INSPECTED, describe
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.export.run import export_scene
+from taubench_gl.export.run import ExportOptions, export_scene
 from taubench_gl.paths import ASSETS
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
@@ -60,7 +60,8 @@ def test_a_few_frames_of_thirty_years(tmp_path: Path):
 def test_an_export_of_a_few_frames_of_thirty_years_and_a_few_more(tmp_path: Path, monkeypatch):
     monkeypatch.setattr("taubench_gl.export.run.load_scene", lambda *_, **__: late(1e9))
     for first in (2, 4):
-        export_scene("x.glb", settings=SMALL.replace(frames=(first, first + 2)), out=tmp_path, channels=("depth",))
+        few = SMALL.replace(frames=(first, first + 2))
+        export_scene("x.glb", tmp_path, few, ExportOptions(channels=("depth",)))
     assert [p.name for p in sorted(tmp_path.glob("frame*"))] == [f"frame_{i:05d}.exr" for i in range(2, 6)]
     assert len(json.loads((tmp_path / "camera.json").read_text())["frames"]) == 4
 

@@ -1,4 +1,4 @@
-"""Frames that the tests of formats and motion share."""
+"""Frames shared by the tests of formats and motion."""
 
 from __future__ import annotations
 

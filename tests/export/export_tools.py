@@ -1,4 +1,4 @@
-"""The demo scene, exported small; and its channels and motion as independent code says they are."""
+"""Exports of the demo scene at a small size, and helpers of their tests."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.evaluation import frame_range
 from taubench_gl.export.channels import EXPORTS, choose_channels
 from taubench_gl.export.frames import ExportFrame, FrameSource
-from taubench_gl.export.run import Exported, export_scene
+from taubench_gl.export.run import ExportOptions, ExportResult, export_scene
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
@@ -26,19 +25,19 @@ def settings(**changes: Any) -> Settings:
     return Settings.of(**(SETTINGS | {"frames": (8, 11)} | changes))
 
 
-def export(out: Path, format: str, **changes: Any) -> Exported:
-    own = {k: changes.pop(k) for k in ("channels", "precision", "jitter", "overwrite", "progress") if k in changes}
-    return export_scene(DEMO, out, settings(**changes), format=format, **({"channels": ("all",)} | own))
+def export(out: Path, format: str, **changes: Any) -> ExportResult:
+    chosen = {"channels": ("all",)} | {k: changes.pop(k) for k in ("channels", "precision", "jitter") if k in changes}
+    control = {k: changes.pop(k) for k in ("overwrite", "progress") if k in changes}
+    return export_scene(DEMO, out, settings(**changes), ExportOptions(format, **chosen), **control)
 
 
 def drawn(numbers, names=tuple(EXPORTS), jitter="none", buffered=None, **changes: Any) -> list[ExportFrame]:
-    """Frames as they are before any file format has seen them."""
+    """Rendered frames, before a file format converts them."""
     scene, gpu = load_scene(DEMO), open_gpu()
     camera = choose_camera(scene)
-    count = len(frame_range(scene, camera, settings(frames=(None, None))))
     with gpu:
         names = choose_channels(tuple(names))
-        source = FrameSource(gpu, scene, camera, settings(**changes), names, count, jitter, buffered)
+        source = FrameSource(gpu, scene, camera, settings(**changes), names, jitter=jitter, buffered=buffered)
         try:
             return list(source.frames(numbers))
         finally:
@@ -46,7 +45,7 @@ def drawn(numbers, names=tuple(EXPORTS), jitter="none", buffered=None, **changes
 
 
 def same(ours: np.ndarray, theirs: np.ndarray) -> None:
-    """Bit for bit, type and NaN included."""
+    """Assert equality bit for bit, type and NaN included."""
     assert ours.dtype == theirs.dtype and ours.shape == theirs.shape
     assert np.ascontiguousarray(ours).tobytes() == np.ascontiguousarray(theirs).tobytes()
 

@@ -1,4 +1,4 @@
-"""Round trips, bit for bit, through readers that are not ours."""
+"""Exported files, read by independent readers, equal the rendered arrays bit for bit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from PIL import Image
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.export.channels import EXPORTS, stored_as
-from taubench_gl.export.formats import ExrWriter, NpzWriter, Spec, ZarrWriter
+from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, ZarrWriter
 from taubench_gl.export.sintel import SintelWriter, dpt_bytes, flo_bytes, masks_of
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import COUNT_COLUMNS
@@ -22,8 +22,8 @@ from taubench_gl.run import COUNT_COLUMNS
 NAMES = tuple(EXPORTS)
 
 
-def spec(frames, names=NAMES, precision="native") -> Spec:
-    return Spec("demo", (WIDTH, HEIGHT), 24.0, range(min(frames), max(frames) + 1), names, precision)
+def spec(frames, names=NAMES, precision="native") -> ExportSpec:
+    return ExportSpec("demo", (WIDTH, HEIGHT), 24.0, range(min(frames), max(frames) + 1), names, precision)
 
 
 def read_exr(path) -> tuple[dict[str, np.ndarray], dict]:
@@ -44,14 +44,14 @@ def test_exr(frames, tmp_path, precision):
             expected = frame.channels[name].astype(stored_as(info, precision))
         for i, exr in enumerate(info.exr):
             same(planes[exr], expected[..., i])
-    if precision != "half":  # nothing is lost: what is 16 bits in the file is 16 bits on the GPU
+    if precision != "half":  # lossless: channels with 16 bits in the file have 16 bits on the GPU
         for name, info in EXPORTS.items():
             back = np.stack([planes[exr] for exr in info.exr], axis=-1).astype(frame.channels[name].dtype)
             assert np.array_equal(back, frame.channels[name], equal_nan=frame.channels[name].dtype.kind == "f")
     for key, name in (("worldFromView", "world_from_view"), ("clipFromView", "clip_from_view"),
                       ("intrinsics", "intrinsics"), ("jitterPx", "jitter_px")):  # fmt: skip
         same(np.asarray(header[f"taubench.{key}"]), frame.camera[name])
-    # OpenEXR's own attribute acts on row vectors: world points -> camera space.
+    # The attribute of OpenEXR acts on row vectors: world points -> camera space.
     point = np.append(frame.view.position - 2 * frame.view.world_from_view[:, 2], 1.0)
     np.testing.assert_allclose(point @ header["worldToCamera"], [0, 0, -2, 1], atol=1e-5)
 
@@ -74,7 +74,7 @@ def test_zarr(frames, tmp_path):
     writer.prepare()
     frame = spoiled(frames[9])
     writer.write(frame)
-    writer.prepare()  # as when resumed: what is there stays
+    writer.prepare()  # as in a resumed export: existing files stay
     assert [writer.done(n) for n in (8, 9, 10)] == [False, True, False]
     group = zarr.open_group(tmp_path / "frames.zarr", mode="r")
     assert group.metadata.zarr_format == 3
@@ -82,7 +82,7 @@ def test_zarr(frames, tmp_path):
         same(group[name][1], frame.channels[name])
         assert group[name].chunks == (1, HEIGHT, WIDTH, EXPORTS[name].components)
         if group[name].dtype.kind == "f":
-            assert np.isnan(group[name][0]).all()  # not written: no number
+            assert np.isnan(group[name][0]).all()  # not written
     for name, values in frame.camera.items():
         same(group[name][1], values)
     assert group["written"][:].tolist() == [False, True, False] and group["frame"][:].tolist() == [8, 9, 10]
@@ -91,7 +91,7 @@ def test_zarr(frames, tmp_path):
     assert not writer.done(9)
 
 
-# ------------------------------------------------------------- readers of the Sintel formats, from their description
+# ----------------------------------------------------- readers of the Sintel formats, written from their description
 def read_flo(data: bytes) -> np.ndarray:
     """Baker et al., IJCV 2011: 4 bytes "PIEH", int32 width, int32 height, then u, v of row 0, left to right."""
     assert data[:4] == b"PIEH"
@@ -112,8 +112,7 @@ def read_cam(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     return np.frombuffer(data, "<f8", 9, 4).reshape(3, 3), np.frombuffer(data, "<f8", 12, 4 + 72).reshape(3, 4)
 
 
-def test_our_reader_reads_a_published_file(data):
-    """So what it accepts of ours is what others write.  That file, written again, is the same bytes."""
+def test_published_flow_file_is_read_and_written_unchanged(data):
     published = (data / "flow" / "sintel_0001.flo").read_bytes()
     flow = read_flo(published)
     assert flow.shape == (436, 1024, 2) and np.isfinite(flow).all()
@@ -150,7 +149,7 @@ def test_sintel(frames, tmp_path):
 
 
 def test_sintel_cameras_and_flow_agree(frames, tmp_path):
-    """Depth and two cameras give the flow of what stands still: x' = M' N' X, from the files alone."""
+    """Depth and two cameras determine the flow of static surfaces: x' = M' N' X, from the files alone."""
     writer = SintelWriter(tmp_path, spec(frames, ("depth", "motion_forward", "mask_forward")))
     for frame in frames.values():
         writer.write(frame)
@@ -165,11 +164,11 @@ def test_sintel_cameras_and_flow_agree(frames, tmp_path):
     there = (world @ n2[:, :3].T + n2[:, 3]) @ m2.T
     expected = there[..., :2] / there[..., 2:] - np.stack([x, y], axis=-1)
     error = np.abs(flow - expected).max(axis=-1)
-    assert np.median(error) < 1e-3 and (error < 0.01).mean() > 0.5  # the rest are surfaces that move by themselves
+    assert np.median(error) < 1e-3 and (error < 0.01).mean() > 0.5  # the rest are moving objects
 
 
 def test_occlusions_and_invalid(frames, tmp_path):
-    """Occluded points lie behind what the next frame shows in their place; invalid ones lie outside it."""
+    """Occluded points lie behind the surface that the next frame shows; invalid points lie outside the next frame."""
     for number in (8, 9):
         frame, after = frames[number], frames[number + 1]
         hidden, invalid = masks_of(frame.channels["mask_forward"][..., 0])
@@ -181,7 +180,7 @@ def test_occlusions_and_invalid(frames, tmp_path):
         to = np.rint(np.clip(at[hidden], 0, [WIDTH - 1, HEIGHT - 1])).astype(int)
         shown = np.linalg.norm(after.channels["position"][to[:, 1], to[:, 0]], axis=-1)
         own = np.linalg.norm(frame.channels["position"][hidden], axis=-1)
-        shown, own = (np.where(d > 0, d, np.inf) for d in (shown, own))  # the sky is behind everything
+        shown, own = (np.where(d > 0, d, np.inf) for d in (shown, own))  # sky
         assert np.mean(shown < own + 0.1) > 0.9
     words = np.array([0, Reason.DISOCCLUDED, Reason.OUTSIDE, Reason.OUTSIDE | Reason.DISOCCLUDED, Reason.FIRST])
     assert [m.tolist() for m in masks_of(words)] == [[False, True, False, False, False], [False] * 2 + [True] * 3]
@@ -198,7 +197,7 @@ def test_unknown_values():
 
 @pytest.mark.parametrize("mode", ["camera", "motion"])
 def test_evaluate_reads_an_export_back(tmp_path, mode):
-    """``evaluate exr:DIR`` counts what ``evaluate`` of the scene counted: every pixel of every pair, light included."""
+    """``evaluate exr:DIR`` gives the counts of ``evaluate SCENE``: every pixel of every pair, radiance included."""
     names = ("gbuffer", "radiance", "prev_position")
     export(tmp_path, "exr", channels=names, frames=(7, 11))
     from export_tools import DEMO, settings
@@ -211,5 +210,5 @@ def test_evaluate_reads_an_export_back(tmp_path, mode):
     for ours, theirs in zip(back.frames, once.frames, strict=True):
         assert {k: ours[k] for k in COUNT_COLUMNS} == {k: theirs[k] for k in COUNT_COLUMNS}
         assert ours["translation_m"] == pytest.approx(theirs["translation_m"], rel=1e-12)
-    # Bins of single distances too: not a bit of a channel is lost.
+    # Histograms of distances too: the channels are lossless.
     assert back.summary["curves"] == json.loads(json.dumps(once.summary["curves"]))

@@ -1,4 +1,4 @@
-"""What is exported is right: motion both ways against float64, signs, masks, cameras, the sequence's ends."""
+"""Exported motion against float64 references, signs, masks, cameras, first and last frame."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def scene():
 
 
 def vertices_of(scene, poser, time: float) -> np.ndarray:
-    """World positions of every drawn vertex at ``time``, float64, in one order."""
+    """World positions of every drawn vertex at ``time``, float64, in a fixed order."""
     state = poser.sample(time)
     parts = [
         pose_vertices(scene, state, int(node), primitive)
@@ -46,7 +46,7 @@ def project(view, points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("name", "step"), [("motion", -1), ("motion_forward", 1)])
 def test_motion_follows_vertices(scene, frames, name, step):
-    """Vertices seen at a pixel move, in float64, as that pixel's motion says: skinned, rigid and still ones."""
+    """The motion of a pixel is the float64 motion of the vertex it shows: skinned, rigid or static."""
     poser, camera = Poser(scene), choose_camera(scene)
     compared = 0
     for number, frame in frames.items():
@@ -57,7 +57,7 @@ def test_motion_follows_vertices(scene, frames, name, step):
         inside = np.isfinite(at).all(axis=1) & (at >= 0).all(axis=1) & (at < [WIDTH, HEIGHT]).all(axis=1)
         x, y = at[inside].astype(int).T
         seen = frame.channels["position"][y, x] + frame.view.position
-        # A vertex counts where its pixel shows it: nearer than a tenth of a pixel's footprint on a smooth surface.
+        # A vertex is compared if its pixel shows it: within a tenth of the pixel's footprint.
         near = np.linalg.norm(seen - now[inside], axis=1) < 0.02
         got, expected = frame.channels[name][y, x][near], (there - here)[inside][near]
         compared += near.sum()
@@ -67,28 +67,28 @@ def test_motion_follows_vertices(scene, frames, name, step):
 
 
 @pytest.mark.parametrize(("name", "step"), [("motion", -1), ("motion_forward", 1)])
-def test_motion_against_the_float64_twin(scene, frames, name, step):
-    """Forward motion is no negated backward motion: it is projected with the next camera.  Within 0.01 px."""
+def test_motion_equals_the_float64_reference(scene, frames, name, step):
+    """Forward motion is projected with the next camera; it is not negated backward motion.  Within 0.01 px."""
     poser, camera = Poser(scene), choose_camera(scene)
     for number, frame in frames.items():
         other = camera.view_at(poser.sample((number + step) / FPS))
         assert np.any(other.position != frame.view.position)
         pair = reprojection(frame.view, other, WIDTH, HEIGHT)
         position = np.concatenate([frame.channels["position"], frame.channels["depth"]], axis=-1).astype(np.float64)
-        twin = reproject(pair, position).motion_px
+        reference = reproject(pair, position).motion_px
         got = frame.channels[name]
-        # Where surfaces stand still, the twin of camera reprojection is the whole truth.
+        # For static surfaces the reference of camera reprojection is exact.
         moved = drawn_moves(scene, frame, step)
         assert (~moved).mean() > 0.5
-        difference = np.abs(got - twin)[~moved]
+        difference = np.abs(got - reference)[~moved]
         assert np.nanmax(difference) < 0.01
-        assert np.isnan(got[~moved]).sum() == np.isnan(twin[~moved]).sum()
+        assert np.isnan(got[~moved]).sum() == np.isnan(reference[~moved]).sum()
         forward, backward = frame.channels["motion_forward"], frame.channels["motion"]
         assert np.nanmax(np.abs(forward + backward)) > 0.05
 
 
 def drawn_moves(scene, frame, step) -> np.ndarray:
-    """(h, w) bool: pixels whose node is somewhere else (or deformed) at the other time."""
+    """(h, w) bool: pixels of nodes that move or deform between the two times."""
     poser = Poser(scene)
     now, then = poser.sample(frame.number / FPS), poser.sample((frame.number + step) / FPS)
     still = []
@@ -100,22 +100,22 @@ def drawn_moves(scene, frame, step) -> np.ndarray:
     return ~np.array([True, *still])[ids]
 
 
-def test_moving_surfaces_are_followed(scene, frames):
-    """The twin again with the drawn previous positions, where surfaces move by themselves."""
+def test_motion_includes_object_motion(scene, frames):
+    """The reference uses the rendered previous positions."""
     frame = frames[9]
     poser, camera = Poser(scene), choose_camera(scene)
     pair = reprojection(frame.view, camera.view_at(poser.sample(8 / FPS)), WIDTH, HEIGHT)
     position = np.concatenate([frame.channels["position"], frame.channels["depth"]], axis=-1).astype(np.float64)
     moved = drawn_moves(scene, frame, -1)
     assert moved.any()
-    twin = reproject(pair, position, frame.channels["prev_position"].astype(np.float64)).motion_px
-    assert np.nanmax(np.abs(frame.channels["motion"] - twin)) < 0.01
+    reference = reproject(pair, position, frame.channels["prev_position"].astype(np.float64)).motion_px
+    assert np.nanmax(np.abs(frame.channels["motion"] - reference)) < 0.01
     camera_only = reproject(pair, position).motion_px
     assert np.nanmax(np.abs(frame.channels["motion"] - camera_only)[moved]) > 0.5
 
 
-def test_signs():
-    """Motion is other - current, +x right, +y down: the surface point in the middle of the picture, projected."""
+def test_signs_of_motion():
+    """Motion is other - current, +x right, +y down, at the surface point in the middle of the image."""
     scene = load_scene(DEMO)
     (frame,) = drawn([9], ("position", "depth", "motion", "motion_forward"))
     poser, camera = Poser(scene), choose_camera(scene)
@@ -128,16 +128,16 @@ def test_signs():
 
 
 @pytest.mark.parametrize("mode", ["camera", "motion"])
-def test_masks_are_those_of_evaluate(mode):
-    """Every count of every pair, radiance included; the first frame of a slice is judged against the one before it."""
+def test_masks_equal_those_of_evaluate(mode):
+    """Every count of every pair, radiance included; the first frame of a slice is compared with the one before it."""
     run = evaluate_scene(DEMO, settings(frames=(7, 11), reprojection=mode))
     for frame, row in zip(drawn(range(8, 11), ("mask",), reprojection=mode), run.frames, strict=True):
         counts = counts_of(np.bincount(frame.channels["mask"].ravel(), minlength=1 << 16))
         assert {k: row[k] for k in counts} == counts and row["frame"] == frame.number
 
 
-def test_ends_of_a_sequence():
-    """Before the first frame and after the last there is nothing: motion is NaN there, the mask says FIRST."""
+def test_first_and_last_frame():
+    """The first frame has no backward motion, the last no forward motion: NaN, and the mask is FIRST."""
     first, last = drawn([0, 60], ("motion", "motion_forward", "mask", "mask_forward"))
     assert np.isnan(first.channels["motion"]).all() and np.isfinite(first.channels["motion_forward"]).any()
     assert (first.channels["mask"] & Reason.FIRST).all() and not (first.channels["mask_forward"] & Reason.FIRST).any()
@@ -145,20 +145,20 @@ def test_ends_of_a_sequence():
     assert (last.channels["mask_forward"] & Reason.FIRST).all() and not (last.channels["mask"] & Reason.FIRST).any()
 
 
-def test_frames_do_not_depend_on_each_other(frames):
-    """Frame 10 alone is frame 10 of a row: what an export that is resumed rests on."""
+def test_frames_do_not_depend_on_earlier_frames(frames):
+    """A resumed export requires this."""
     (alone,) = drawn([10])
     for name, values in frames[10].channels.items():
         assert alone.channels[name].tobytes() == values.tobytes(), name
 
 
-def test_jitter_is_no_motion(scene):
-    """Jittered samples lie elsewhere in their pixels; motion is that of the points they show."""
+def test_motion_excludes_jitter(scene):
+    """Jitter moves the samples within their pixels; motion is that of the points they show."""
     names = ("position", "depth", "motion", "motion_forward", "ids")
     for frame in drawn(range(8, 11), names, "halton"):
         assert np.any(frame.camera["jitter_px"])
         assert frame.camera["jitter_px"][1] == -frame.view.jitter_px[1]
-        # The position drawn at pixel i projects, without jitter, to i + jitter.
+        # The position rendered at pixel i projects, without jitter, to i + jitter.
         points = frame.channels["position"].reshape(-1, 3) + frame.view.position
         y, x = np.mgrid[:HEIGHT, :WIDTH]
         surface = frame.channels["depth"].ravel() > 0
@@ -173,7 +173,7 @@ def test_jitter_is_no_motion(scene):
 
 
 def test_camera_matrices(frames):
-    """K and the two matrices agree with the pixels: every surface point projects to the centre of its pixel."""
+    """Every surface point projects to the center of its pixel, with K and with the two matrices."""
     for frame in frames.values():
         y, x = np.mgrid[:HEIGHT, :WIDTH]
         surface = frame.channels["depth"][..., 0] > 0

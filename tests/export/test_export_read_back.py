@@ -1,4 +1,4 @@
-"""Pixel buffers that are read one frame late give what reading at once gives, bit for bit, and are used again."""
+"""Reading through pixel buffers one frame late gives the bits of an immediate read; buffers are reused."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from taubench_gl.frame.targets import write_channel
 
 
 @pytest.mark.parametrize("jitter", ["none", "halton"])
-def test_late_frames_are_the_same_frames(jitter: str) -> None:
-    numbers = (0, 1, 2, 9, 10, 60)  # the first, a gap, and the last, which has no next
-    late, now = (drawn(numbers, jitter=jitter, buffered=buffered) for buffered in (True, False))
-    assert [frame.number for frame in late] == [frame.number for frame in now] == list(numbers)
-    for one, other in zip(late, now, strict=True):
+def test_buffered_frames_equal_immediate_ones(jitter: str) -> None:
+    numbers = (0, 1, 2, 9, 10, 60)  # the first, a gap, and the last
+    buffered_frames, immediate = (drawn(numbers, jitter=jitter, buffered=buffered) for buffered in (True, False))
+    assert [frame.number for frame in buffered_frames] == [frame.number for frame in immediate] == list(numbers)
+    for one, other in zip(buffered_frames, immediate, strict=True):
         assert set(one.channels) == set(other.channels) == set(EXPORTS)
         for name in one.channels:
             same(one.channels[name], other.channels[name])
         for name in one.camera:
             same(one.camera[name], other.camera[name])
-    assert not np.array_equal(now[1].channels["color"], now[2].channels["color"])  # or being late would not show
+    assert not np.array_equal(immediate[1].channels["color"], immediate[2].channels["color"])
 
 
-def test_only_what_is_asked_for_is_read() -> None:
+def test_only_requested_channels_are_read() -> None:
     (frame,) = drawn([3], names=("depth",), buffered=True)
     (whole,) = drawn([3], buffered=True)
     assert set(frame.channels) == {"depth"}
     same(frame.channels["depth"], whole.channels["depth"])
 
 
-def test_an_image_is_of_the_moment_it_was_started_at(gpu, monkeypatch) -> None:
+def test_an_image_holds_the_contents_at_its_start(gpu, monkeypatch) -> None:
     size = (7, 5)
     texture = gpu.ctx.texture(size, CHANNELS["normal"].components, dtype="f4")
     reader, rng = ChannelReader(gpu, buffered=True), np.random.default_rng(1)
@@ -45,14 +45,14 @@ def test_an_image_is_of_the_moment_it_was_started_at(gpu, monkeypatch) -> None:
     write_channel(texture, "normal", values[2])
     for image, one in zip(images, values[:2], strict=True):
         assert np.array_equal(image.get(), one)
-    monkeypatch.setattr(gpu.ctx, "buffer", lambda **_: pytest.fail("a buffer was made although two are free"))
+    monkeypatch.setattr(gpu.ctx, "buffer", lambda **_: pytest.fail("a buffer was created although two are free"))
     write_channel(texture, "normal", values[3])
     assert np.array_equal(reader.start(texture, "normal").get(), values[3])
     reader.release()
     texture.release()
 
 
-def test_which_way_is_the_devices(gpu) -> None:
+def test_buffering_is_chosen_by_device(gpu) -> None:
     from dataclasses import replace
 
     assert ChannelReader(replace(gpu, software=False)).buffered
