@@ -1,4 +1,4 @@
-"""``taubench-gl compare``: stored runs side by side, and beside the paper."""
+"""``taubench-gl compare``: the tables of stored runs and of the paper."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ Examples:
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 @click.option(
     "--format",
-    "look",
+    "form",
     type=click.Choice(["text", "markdown", "csv", "latex", "html"]),
     default="text",
     show_default=True,
-    help="How the tables are written.",
+    help="Format of the tables.",
 )
-@click.option("--paper/--no-paper", default=True, show_default=True, help="Add the rows of the paper.")
-def compare(runs: tuple[str, ...], look: str, paper: bool) -> None:
+@click.option("--paper/--no-paper", default=True, show_default=True, help="Include the rows of the paper.")
+def compare(runs: tuple[str, ...], form: str, paper: bool) -> None:
     """Print Tables 1 to 4 of one or more runs.
 
-    RUN is a folder that 'taubench-gl evaluate --out' wrote.  Runs of one scene are named by the settings that differ.
+    RUN is an output folder of 'taubench-gl evaluate'.  Runs of one scene are labeled with the settings that differ.
     """
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.report import FORMATS, paper_tables
     from taubench_gl.run import load_run
 
     tables = paper_tables([load_run(run).summary for run in runs], paper=paper)
-    if look == "text":
+    if form == "text":
         show_tables(tables)
     else:
-        click.echo(FORMATS[look](tables), nl=False)
+        click.echo(FORMATS[form](tables), nl=False)

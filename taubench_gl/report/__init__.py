@@ -1,6 +1,12 @@
-"""Views of results: tables beside the paper's, plots, mask pictures.  Takes summaries and arrays, opens no GL.
+"""Views of results: tables with the paper's rows, plots, mask images and HTML pages.
 
-``write_report`` puts everything that can be said of one run beside its summary.json.
+Input are summaries, rows and arrays; nothing here uses OpenGL.  Modules:
+
+- ``tables``, ``labels``, ``render``: Tables 1 to 4 as data, names of runs, and their text formats
+- ``figures``, ``plots``, ``palette``: Matplotlib helpers, plots of a run, colors
+- ``mask_images``, ``frame_store``: images of reason masks, and the stored images of a report
+- ``page``, ``run_page``, ``templates``, ``assets``: the HTML kit (``page`` documents how a page is made) and the report
+- ``reuse``: tables and plots of reuse evaluations
 """
 
 from __future__ import annotations
@@ -34,17 +40,17 @@ _TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "cs
 
 
 def write_report(summary: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], folder: str | Path) -> list[Path]:
-    """Tables (text, Markdown, CSV, LaTeX) and plots (PNG, SVG) of one run into ``folder``.
+    """Write the tables (text, Markdown, CSV, LaTeX) and plots (PNG, SVG) of one run to ``folder``.
 
-    Returns the files written.  Raises OutputError.
+    -> the files written.  Raises OutputError.
     """
     folder = Path(folder)
     tables = paper_tables([summary])
     written = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, look in _TABLE_FILES.items():
-            write_atomically(folder / name, FORMATS[look](tables))
+        for name, form in _TABLE_FILES.items():
+            write_atomically(folder / name, FORMATS[form](tables))
             written.append(folder / name)
     except OSError as error:
         raise cannot_write(folder, error) from None

@@ -1,23 +1,40 @@
-"""Names of runs that stand side by side: what tells those of one scene apart is the settings that differ."""
+"""Names of runs that are compared: the scene, and the settings in which runs of one scene differ."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+Summary = Mapping[str, Any]
+
 NOT_GIVEN = "default"
-_ELSEWHERE = ("width", "height", "first_frame", "last_frame", "thresholds")
-"""Settings that ``flat_settings`` puts under other keys, or in other words."""
+_OTHER_KEYS = ("width", "height", "first_frame", "last_frame", "thresholds")
+"""Settings that ``flat_settings`` combines or splits into other keys."""
+_CAMERA_REMARK = re.compile(r" \(|: ")
+"""Start of the remark that follows the name in the ``source`` of a camera."""
 
 
-def labelled(name: str, told: Iterable[str]) -> str:
-    """``name (size 1920x1080, camera Top)``; the name alone where there is nothing to tell."""
-    words = ", ".join(told)
-    return f"{name} ({words})" if words else name
+def run_labels(summaries: Sequence[Summary]) -> list[str]:
+    """One label per run: the scene, with the differing settings if several runs have it, numbered if none differs."""
+    names = [str((summary.get("scene") or {}).get("name") or "scene") for summary in summaries]
+    labels = list(names)
+    for name in dict.fromkeys(names):
+        indices = [i for i, other in enumerate(names) if other == name]
+        for i, settings in zip(indices, differing([_settings_of(summaries[i]) for i in indices]), strict=True):
+            labels[i] = labelled(name, (phrase(*item) for item in settings.items()))
+    count = labels.count
+    return [f"{one} #{labels[: i + 1].count(one)}" if count(one) > 1 else one for i, one in enumerate(labels)]
+
+
+def labelled(name: str, phrases: Iterable[str]) -> str:
+    """``name (size 1920x1080, camera Top)``; the name alone without phrases."""
+    text = ", ".join(phrases)
+    return f"{name} ({text})" if text else name
 
 
 def flat_settings(settings: Mapping[str, Any]) -> dict[str, str]:
-    """Key -> text of every setting, of Settings' fields as plain values or of a summary's ``settings`` block.
+    """Key -> text of every setting, from the fields of Settings or the ``settings`` block of a summary.
 
     Width and height are one key, ``size``; first and last frame are ``frames``; each threshold is ``thresholds.NAME``.
     """
@@ -32,14 +49,34 @@ def flat_settings(settings: Mapping[str, Any]) -> dict[str, str]:
     for key, value in settings.items():
         if key == "frames":
             flat[key] = range_text(value) if any(end is not None for end in value) else NOT_GIVEN
-        elif key not in _ELSEWHERE:
+        elif key not in _OTHER_KEYS:
             flat[key] = _text(value)
     return flat
 
 
+def differing(runs: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
+    """For each run, the flat settings that not all runs share; a missing setting counts as its default."""
+    keys = dict.fromkeys(key for run in runs for key in run)
+    different = [key for key in keys if len({run.get(key, NOT_GIVEN) for run in runs}) > 1]
+    return [{key: run.get(key, NOT_GIVEN) for key in different} for run in runs]
+
+
+def phrase(key: str, text: str) -> str:
+    """One flat setting in words: ``fps 24``, ``normal threshold 0.05``."""
+    _, prefix, name = key.partition("thresholds.")
+    return f"{name} threshold {text}" if prefix else f"{key.replace('_', ' ')} {text}"
+
+
 def range_text(ends: Iterable[int | None]) -> str:
-    """A range of frames as the command line has it: ``0:24``, ``100:``."""
+    """A range of frames in the notation of the command line: ``0:24``, ``100:``."""
     return ":".join("" if end is None else str(end) for end in ends)
+
+
+def _settings_of(summary: Summary) -> dict[str, str]:
+    """Flat settings of a run, and the name of its camera."""
+    source = str((summary.get("camera") or {}).get("source") or "")
+    camera = {"camera": _CAMERA_REMARK.split(source)[0].removeprefix("camera ")} if source else {}
+    return flat_settings(summary.get("settings") or {}) | camera
 
 
 def _text(value: Any) -> str:
@@ -48,16 +85,3 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return ",".join(_text(one) for one in value) if isinstance(value, (list, tuple)) else str(value)
-
-
-def differing(runs: Sequence[Mapping[str, str]]) -> list[dict[str, str]]:
-    """Of each run's flat settings those on which not all runs agree; a setting that a run lacks is its default."""
-    keys = dict.fromkeys(key for run in runs for key in run)
-    apart = [key for key in keys if len({run.get(key, NOT_GIVEN) for run in runs}) > 1]
-    return [{key: run.get(key, NOT_GIVEN) for key in apart} for run in runs]
-
-
-def phrase(key: str, text: str) -> str:
-    """One setting in words: ``fps 24``, ``normal threshold 0.05``."""
-    _, of, name = key.partition("thresholds.")
-    return f"{name} threshold {text}" if of else f"{key.replace('_', ' ')} {text}"

@@ -1,4 +1,4 @@
-"""One Table, five looks: terminal text, Markdown, CSV, LaTeX and HTML."""
+"""Tables as terminal text, Markdown, CSV, LaTeX and HTML."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taubench_gl.report.tables import Column, Row, Table
 
 NONE = "–"
 MIN_WIDTH = 100
-"""Terminal columns Table 3 needs; a narrower terminal breaks its lines."""
+"""Terminal columns that Table 3 needs."""
 _SUPERSCRIPT = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LATEX = str.maketrans(
     {
@@ -24,7 +24,7 @@ _LATEX = str.maketrans(
 
 
 def format_value(value: Any, column: Column) -> str:
-    """As printed: ``–`` for none, and ``<0.01`` rather than a 0.00 that is not zero."""
+    """A value as text: ``–`` for none; ``<0.01`` instead of 0.00 for a value that is not zero."""
     if value is None:
         return NONE
     if isinstance(value, float) and not math.isfinite(value):
@@ -40,13 +40,13 @@ def format_value(value: Any, column: Column) -> str:
 
 
 class Footnotes:
-    """Numbers reasons in the order they are met; the same words get the same number."""
+    """Numbers footnotes in order of appearance; equal texts share a number."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
 
     def mark(self, row: Row, index: int) -> str:
-        """The number for this cell as decimal digits, or nothing."""
+        """The number of the footnote of a cell as decimal digits, or an empty text."""
         reason = row.reasons.get(index)
         if reason is None:
             return ""
@@ -60,7 +60,7 @@ def _heading(column: Column) -> str:
 
 
 def _body(table: Table, superscript: Any) -> tuple[list[list[str]], list[str]]:
-    """Cells as text with their footnote marks (label first), and the footnotes in order."""
+    """Cells as text with footnote marks, the label first, and the footnotes."""
     notes = Footnotes()
     lines = []
     for row in table.rows:
@@ -81,7 +81,7 @@ def _title(table: Table) -> str:
 
 
 def to_rich(table: Table) -> Any:
-    """A rich renderable, MIN_WIDTH columns at least.  The paper's rows are dim, beneath the run's."""
+    """A rich renderable of at least MIN_WIDTH columns.  The paper's rows are dim and follow those of the runs."""
     from rich import box
     from rich.console import Group
     from rich.table import Table as RichTable
@@ -93,8 +93,8 @@ def to_rich(table: Table) -> Any:
     )
     grid.add_column("", overflow="fold", max_width=40)
     for column in table.columns:
-        # One word a line keeps Table 3 within MIN_WIDTH: left to itself, rich folds labels and numbers instead.
-        # Text, never markup: rich would take "[m]" for a tag, and names come from files.
+        # One word per line keeps Table 3 within MIN_WIDTH; otherwise rich folds labels and numbers.
+        # Text instead of markup: rich would read "[m]" as a tag, and names come from files.
         grid.add_column(Text(_heading(column).replace(" ", "\n")), justify="right", no_wrap=True)
     for position, (row, cells) in enumerate(zip(table.rows, lines, strict=True)):
         if row.paper and (position == 0 or not table.rows[position - 1].paper):
@@ -107,7 +107,7 @@ def to_rich(table: Table) -> Any:
 
 
 def to_text(tables: Sequence[Table], width: int = 120) -> str:
-    """Plain text without colour, ``width`` columns wide (MIN_WIDTH at least)."""
+    """Plain text without color, ``width`` columns wide, at least MIN_WIDTH."""
     from rich.console import Console
 
     console = Console(file=io.StringIO(), width=max(width, MIN_WIDTH), color_system=None, force_terminal=False)
@@ -136,9 +136,9 @@ def to_markdown(tables: Sequence[Table]) -> str:
 
 
 def to_csv(tables: Sequence[Table]) -> str:
-    """One line per value, all digits: table, row, source (run or paper), column, unit, value, note.
+    """One line per value with all digits: table, row, source (run or paper), column, unit, value, note.
 
-    The long form, because the four tables have different columns.  No value: an empty cell, with the reason as note.
+    A long format, because the four tables have different columns.  A missing value is empty; its note is the reason.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -154,7 +154,7 @@ def to_csv(tables: Sequence[Table]) -> str:
 
 
 def to_latex(tables: Sequence[Table]) -> str:
-    """``table`` environments with booktabs rules; footnotes below the tabular."""
+    """``table`` environments with booktabs rules; footnotes follow the tabular."""
 
     def safe(text: str) -> str:
         return text.translate(_LATEX)
@@ -199,7 +199,7 @@ def to_html(tables: Sequence[Table], scroll: bool = False) -> str:
 
 
 class TablesView:
-    """Several tables to look at: ``print`` it, give it to rich, or let a notebook show it."""
+    """Several tables that ``print``, rich and notebooks display."""
 
     def __init__(self, tables: Sequence[Table]):
         self.tables = tuple(tables)
@@ -219,4 +219,4 @@ class TablesView:
 
 
 FORMATS = {"text": to_text, "markdown": to_markdown, "csv": to_csv, "latex": to_latex, "html": to_html}
-"""Name -> function of a sequence of tables, giving a string."""
+"""Format name -> function from a sequence of tables to text."""

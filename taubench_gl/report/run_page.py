@@ -16,10 +16,11 @@ from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Rea
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.figures import DASHES
 from taubench_gl.report.frame_store import StoredFrames, spread, stored_frames
+from taubench_gl.report.labels import run_labels
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, hex_of
 from taubench_gl.report.render import NONE, to_html
-from taubench_gl.report.tables import paper_numbers, paper_tables, run_labels, thresholds_of
+from taubench_gl.report.tables import paper_numbers, paper_tables, thresholds_of
 
 Summary = Mapping[str, Any]
 

@@ -129,7 +129,7 @@ def stored(tmp_path):
 def test_compare_puts_runs_side_by_side(taubench, stored):
     code, out, _ = taubench("compare", *stored)
     assert code == 0
-    assert "one of w·h" in out and "two of w·h" in out and "Emerald Square" in out
+    assert "one, % of all pixels" in out and "two, % of all pixels" in out and "Emerald Square" in out
     _, without, _ = taubench("compare", *stored, "--no-paper")
     assert "Emerald Square" not in without
 

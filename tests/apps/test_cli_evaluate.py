@@ -107,7 +107,7 @@ def test_one_scene_that_fails_does_not_stop_the_others(taubench, evaluate, tmp_p
     assert [Path(call["scene"]).stem for call in evaluate.calls] == ["a", "bad", "bug", "c"]
     assert load_run(tmp_path / "a").frames and load_run(tmp_path / "c").frames
     assert "error: bad.glb#/nodes/3" in err and "ZeroDivisionError: oops" in err and "2 of 4 scenes failed" in err
-    assert "a of w·h" in out and "c of w·h" in out
+    assert "a, % of all pixels" in out and "c, % of all pixels" in out
 
 
 def test_interrupt_says_what_is_kept(taubench, evaluate, tmp_path):

@@ -11,9 +11,11 @@ from html.parser import HTMLParser
 import pytest
 
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.glossary import STATISTICS
 from taubench_gl.report import FORMATS, Column, Row, Table, paper_tables
+from taubench_gl.report.labels import run_labels
 from taubench_gl.report.render import MIN_WIDTH, format_value
-from taubench_gl.report.tables import paper_numbers, run_labels
+from taubench_gl.report.tables import paper_numbers
 
 # Typed off the paper's Tables 1 to 4 by hand, one row of each: a slip in paper.json must not pass.
 PAPER_ROWS = {
@@ -49,12 +51,12 @@ def test_paper_is_left_out_on_request(summary):
 def test_path_traced_columns_stand_with_their_noise_floor(summary):
     summary["path_traced"] = {"mapping": "blender"}
     discard = paper_tables([summary])[3]
-    assert any("noise floor is not known" in note for note in discard.notes)
+    assert any("noise floor is unknown" in note for note in discard.notes)
     summary["noise_floor"] = {"color": {"mean_percent": 5.0}, "direct": {"mean_percent": 4.0},
                               "indirect": {"mean_percent": None, "reason": "the files lack the pass X"}}  # fmt: skip
     discard = paper_tables([summary])[3]
-    row = find(discard, f"{summary['scene']['name']} noise floor")
-    assert discard.rows[1] is row and not any("not known" in note for note in discard.notes)
+    row = find(discard, f"{summary['scene']['name']}, noise floor")
+    assert discard.rows[1] is row and not any("unknown" in note for note in discard.notes)
     assert [value(discard, row, name) for name in COLUMNS] == [None, 5.0, None, None, 4.0, None]
     assert row.reasons[5] == "the files lack the pass X" and value(discard, row, "N") == summary["pairs"] + 1
 
@@ -74,7 +76,9 @@ def test_own_numbers_land_in_their_columns(summary):
     assert value(rotation, rotation.rows[0], "angle max") == 6
     assert [c.name for c in discard.columns[:6]] == list(COLUMNS)
     assert discard.rows[0].values[:6] == (0.0, 1.5, 3.0, 4.5, 6.0, None)
-    assert discard.rows[0].label.endswith("of w·h") and discard.rows[1].label.endswith("of comparable")
+    assert [row.label for row in discard.rows[:2]] == [
+        f"{summary['scene']['name']}, {STATISTICS[key].label}" for key in ("mean_percent", "comparable_mean_percent")
+    ]
     assert discard.rows[1].values[1:5] == (2.5, 5.0, 7.5, 10.0)
 
 
