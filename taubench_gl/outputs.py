@@ -90,6 +90,18 @@ def write_png(path: Path, image: np.ndarray) -> None:
     write_atomically(path, data.getvalue())
 
 
+def output_folder(out: str | Path) -> Path:
+    """Create the folder ``out`` of a command, with its parents, unless it exists.  Raises OutputError."""
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise OutputError("is not a folder", where=str(folder), hint="give --out another name") from None
+    except OSError as error:
+        raise cannot_write(folder, error) from None
+    return folder
+
+
 def make_folders(path: Path) -> list[Path]:
     """Create ``path`` and its missing parents.  -> the folders created, innermost first.  Raises OSError."""
     made = [folder for folder in (path, *path.parents) if not folder.exists()]

@@ -18,12 +18,12 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation import assemble_summary, mark_cuts, sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.outputs import write_atomically
-from taubench_gl.report import FORMATS, paper_tables
+from taubench_gl.report import paper_tables
+from taubench_gl.report.render import write_tables as write_table_files
 from taubench_gl.run import CAMERA_COLUMNS, FRAME_COLUMNS, Run, RunWriter, load_run
 from taubench_gl.scene.model import Camera
 
 SCHEMA = "taubench-gl/batch/2"
-TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "csv", "tables.tex": "latex"}
 IN_PROVENANCE = "depends on machine, engine and chunks: see provenance.json"
 
 
@@ -109,6 +109,6 @@ def labelled(job: Job, summary: Mapping[str, Any]) -> dict[str, Any]:
 def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[Any]:
     """Write tables.txt, .md, .csv and .tex of these runs; returns the tables."""
     tables = paper_tables(list(summaries)) if summaries else []
-    for name, form in TABLE_FILES.items() if tables else ():
-        write_atomically(store.out / name, FORMATS[form](tables))
+    if tables:
+        write_table_files(store.out, tables)
     return tables

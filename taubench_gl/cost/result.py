@@ -29,7 +29,7 @@ from taubench_gl.cost.plan import BASE, BEST, Plan
 from taubench_gl.cost.points import errors_of, points_of
 from taubench_gl.cost.preset import save_preset
 from taubench_gl.cost.promise import hold_against
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.pathtraced.series import SampleCountSeries
 
 COST_SCHEMA = "taubench-gl/cost/1"
@@ -136,11 +136,7 @@ class CostStudy:
         from taubench_gl.report.study_plots import plot_fronts
         from taubench_gl.report.study_tables import study_csv, study_markdown, study_text
 
-        folder = Path(out or self.out)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise cannot_write(folder, error) from None
+        folder = output_folder(out or self.out)
         values = self.as_json()
         texts = {
             STUDY_FILE: json.dumps(values, indent=1, allow_nan=False, ensure_ascii=False) + "\n",

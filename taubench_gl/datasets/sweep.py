@@ -20,9 +20,9 @@ from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.rig import add_rig
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
-from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.report.plots import plot_sweep
 from taubench_gl.report.tables import paper_numbers
 from taubench_gl.scene import load_scene
@@ -86,12 +86,7 @@ def run_sweep(
         rows = []
         specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
         _posed(scene, specs[-1], space)  # a speed that no frame can hold is told of before anything is drawn or written
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except FileExistsError:
-            raise OutputError("is not a folder", where=str(out), hint="give --out another name") from None
-        except OSError as error:
-            raise cannot_write(out, error) from None
+        output_folder(out)
         frames = (0, base.frames)
         for value, spec in zip(sweep.values, specs, strict=True):
             run = evaluate_scene(_posed(scene, spec, space), settings.replace(frames=frames))

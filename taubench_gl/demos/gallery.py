@@ -1,4 +1,4 @@
-"""Running demos: pictures, pages and notebooks into one folder."""
+"""Runs demos and writes their figures and pages to one folder."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from taubench_gl.demos.demo import Demo, Result
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.page import INDEX_FILE, demo_page, index_page
 from taubench_gl.demos.stage import SIZE, Stage
-from taubench_gl.errors import OutputError
 from taubench_gl.gpu.context import open_gpu
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import output_folder, write_atomically
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A demo that was run, and its page."""
+    """A demo with its result and its page."""
 
     demo: Demo
     result: Result
@@ -27,7 +26,7 @@ class Shown:
 
 @contextmanager
 def open_stage(size: tuple[int, int] = SIZE, backend: str = "auto", device: int | None = None) -> Iterator[Stage]:
-    """A stage on this machine's GPU or CPU driver, released at the end.  Raises GraphicsError, SettingsError."""
+    """A stage on the GPU or CPU driver of this machine, released on exit.  Raises GraphicsError, SettingsError."""
     gpu = open_gpu(backend, device)
     with gpu:
         stage = Stage(gpu, size, device)
@@ -39,9 +38,9 @@ def open_stage(size: tuple[int, int] = SIZE, backend: str = "auto", device: int 
 
 
 def run_demo(name: str, out: str | Path, size: tuple[int, int] = SIZE) -> Result:
-    """Run one demo by name or number; its pictures and its page go into ``out``.  Raises TaubenchError.
+    """Run one demo, given by name or number, and write its figures and page to ``out``.  Raises TaubenchError.
 
-    ``size``: pixels of a panel.
+    ``size``: width and height of a panel in pixels.
     """
     chosen = find_demo(name)
     with open_stage(size) as stage:
@@ -56,11 +55,11 @@ def run_demos(
     index: bool = False,
     on_demo: Callable[[Shown], None] | None = None,
 ) -> list[Shown]:
-    """Run demos in order; pictures and a page of each into ``out``, which is made.  ``index``: a page of all as well.
+    """Run demos in order and write the figures and the page of each to the folder ``out``.
 
-    Raises TaubenchError.
+    ``index``: write an index of all as well.  ``on_demo``: called after each demo.  Raises TaubenchError.
     """
-    folder = make_folder(out)
+    folder = output_folder(out)
     shown: list[Shown] = []
     for i, demo in enumerate(chosen):
         result = demo.run(stage, folder)
@@ -73,15 +72,3 @@ def run_demos(
     if index:
         write_atomically(folder / INDEX_FILE, index_page([(s.demo, s.result) for s in shown]))
     return shown
-
-
-def make_folder(out: str | Path) -> Path:
-    """``out`` as a folder that exists.  Raises OutputError."""
-    folder = Path(out)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise OutputError("is not a folder", where=str(folder), hint="give --out another name") from None
-    except OSError as error:
-        raise cannot_write(folder, error) from None
-    return folder

@@ -15,7 +15,7 @@ import numpy as np
 from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FRUSTUM
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.feature_errors import FeatureErrors
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.pathtraced.compare_report import comparison_html, comparison_text, save_worst_picture
 from taubench_gl.run import Run, load_run
 
@@ -71,11 +71,7 @@ def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
 
     ``result`` is ``compare_runs``'s of two runs on disk.  -> the files written.  Raises OutputError.
     """
-    out = Path(out)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(out, error) from None
+    out = output_folder(out)
     written = []
     picture = None
     if "frame" in result["worst"]:

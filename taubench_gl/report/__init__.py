@@ -15,10 +15,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.outputs import output_folder
 from taubench_gl.report.mask_images import mask_overlay, save_mask_image
 from taubench_gl.report.plots import plot_frames, plot_thresholds
-from taubench_gl.report.render import FORMATS, MIN_WIDTH, TablesView
+from taubench_gl.report.render import FORMATS, MIN_WIDTH, TablesView, write_tables
 from taubench_gl.report.tables import Column, Row, Table, paper_tables
 
 __all__ = [
@@ -34,9 +34,8 @@ __all__ = [
     "plot_thresholds",
     "save_mask_image",
     "write_report",
+    "write_tables",
 ]
-
-_TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "csv", "tables.tex": "latex"}
 
 
 def write_report(summary: Mapping[str, Any], frames: Sequence[Mapping[str, Any]], folder: str | Path) -> list[Path]:
@@ -44,16 +43,8 @@ def write_report(summary: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]
 
     -> the files written.  Raises OutputError.
     """
-    folder = Path(folder)
-    tables = paper_tables([summary])
-    written = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, form in _TABLE_FILES.items():
-            write_atomically(folder / name, FORMATS[form](tables))
-            written.append(folder / name)
-    except OSError as error:
-        raise cannot_write(folder, error) from None
+    folder = output_folder(folder)
+    written = write_tables(folder, paper_tables([summary]))
     written += plot_thresholds(summary, folder / "thresholds")
     written += plot_frames(summary, frames, folder / "frames")
     return written

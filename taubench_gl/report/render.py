@@ -6,8 +6,10 @@ import csv
 import io
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+from taubench_gl.outputs import write_atomically
 from taubench_gl.report.tables import Column, Row, Table
 
 NONE = "–"
@@ -220,3 +222,12 @@ class TablesView:
 
 FORMATS = {"text": to_text, "markdown": to_markdown, "csv": to_csv, "latex": to_latex, "html": to_html}
 """Format name -> function from a sequence of tables to text."""
+TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "csv", "tables.tex": "latex"}
+"""The files that every folder of results holds, and their formats."""
+
+
+def write_tables(folder: Path, tables: Sequence[Table]) -> list[Path]:
+    """Write TABLE_FILES to ``folder``.  -> the files.  Raises OutputError."""
+    for name, form in TABLE_FILES.items():
+        write_atomically(folder / name, FORMATS[form](tables))
+    return [folder / name for name in TABLE_FILES]

@@ -14,16 +14,14 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import SettingsError
-from taubench_gl.outputs import cannot_write, write_atomically, write_png
-from taubench_gl.report.render import FORMATS
+from taubench_gl.outputs import output_folder, write_atomically, write_png
+from taubench_gl.report.render import write_tables
 from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_tables
-from taubench_gl.report.tables import Table
 from taubench_gl.reuse.evaluate import Evaluation, JudgedFrame
 from taubench_gl.reuse.evaluate_records import ROW_COLUMNS
 from taubench_gl.reuse.pictures import CODECS, Video, side_by_side
 
 VIDEOS = (*CODECS, "none")
-_TABLE_FILES = {"tables.txt": "text", "tables.md": "markdown", "tables.csv": "csv", "tables.tex": "latex"}
 
 
 class ReuseFolder:
@@ -43,7 +41,7 @@ class ReuseFolder:
             raise SettingsError("a video needs imageio-ffmpeg", hint=hint)
         self.out = Path(out)
         self._made = not self.out.exists()
-        make_folder(self.out)
+        output_folder(self.out)
         self._video = None if video == "none" else Video(self.out / f"side_by_side.{video}", fps, video)
         self._worst, self._worst_picture = -1.0, None
         self._rows: list[dict[str, Any]] = []
@@ -102,7 +100,7 @@ class ReuseFolder:
 def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
     """fit.json, curve.csv, tables and the curve's plot into ``out``.  Returns the files.  Raises OutputError."""
     out = Path(out)
-    make_folder(out)
+    output_folder(out)
     written = [out / "curve.csv", out / "fit.json"]
     names = list(fit["settings"])
     rows = [p["settings"] | {fit["metric"]: p["value"], "failed": p["failed"]} for p in fit["points"]]
@@ -119,26 +117,13 @@ def new_folder(out: Path | None) -> Iterator[None]:
     """
     made = out is not None and not out.exists()
     if out is not None:
-        make_folder(out)
+        output_folder(out)
     try:
         yield
     except BaseException:
         if made and not any(out.iterdir()):
             out.rmdir()
         raise
-
-
-def make_folder(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(out, error) from None
-
-
-def write_tables(out: Path, tables: list[Table]) -> list[Path]:
-    for name, look in _TABLE_FILES.items():
-        write_atomically(out / name, FORMATS[look](tables))
-    return [out / name for name in _TABLE_FILES]
 
 
 def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
