@@ -12,7 +12,8 @@ import numpy as np
 from taubench_gl.conventions import FEATURE_BIT, Reason
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import Pair, evaluate_scene
-from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced, is_sequence
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.frame_store import FrameRecorder
 from taubench_gl.report.run_page import REPORT_FILE, ReportRun, write_html_report

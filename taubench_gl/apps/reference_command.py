@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from taubench_gl.settings import Settings
 
 @click.group(cls=Group)
 def reference() -> None:
-    """Path-traced reference images: render, check conventions, compare."""
+    """Path-traced reference images: render them, check their conventions, compare runs with them."""
 
 
 @reference.command(
@@ -28,24 +29,24 @@ Examples:
   taubench-gl evaluate exr:renders --camera-file renders/camera.json
 \b
 Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
-interpreter that has it.  Interrupted and called again, it goes on with the first missing frame."""
+interpreter that has it.  An interrupted render continues with the first missing frame."""
 )
 @click.argument("scene_path", metavar="SCENE")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder for the frames.")
 @frame_options()
-@click.option("--samples", type=click.IntRange(1), default=64, show_default=True, help="Paths per pixel.")
+@click.option("--samples", type=click.IntRange(1), default=64, show_default=True, help="Samples per pixel.")
 @click.option("--bounces", type=click.IntRange(0), default=12, show_default=True, help="Longest path.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the noise.")
 @click.option(
     "--seed-per-frame/--one-seed",
     default=True,
     show_default=True,
-    help="Independent noise in every frame, or the same pattern in all.",
+    help="Independent noise in every frame, or the same pattern in all frames.",
 )
-@click.option("--crisp", is_flag=True, help="Sample pixel centres only, as a rasterizer does.")
+@click.option("--crisp", is_flag=True, help="Sample pixel centers only, as a rasterizer does.")
 @culling_option
 @sky_option
-@click.option("--threads", type=click.IntRange(0), default=0, help="Of Blender.  [default: all cores]")
+@click.option("--threads", type=click.IntRange(0), default=0, help="CPU threads of Blender.  [default: all cores]")
 def render(scene_path: str, out: Path, **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
     from taubench_gl.animation import choose_camera
@@ -54,40 +55,39 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     from taubench_gl.pathtraced.blender.render import CAMERA_FILE, render_reference
     from taubench_gl.scene import load_scene
 
-    asked = ("camera", "scene", "animations", "fps", "frames", "size", "culling", "sky")
-    settings = settings_from({name: options[name] for name in asked})
+    names = ("camera", "scene", "animations", "fps", "frames", "size", "culling", "sky")
+    settings = settings_from({name: options[name] for name in names})
     scene = load_scene(scene_path, scene=settings.sequence.scene, animation=settings.sequence.animation)
     camera = choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
     quality = Quality(
-        samples=options["samples"],
-        bounces=options["bounces"],
-        seed=options["seed"],
-        seed_per_frame=options["seed_per_frame"],
-        crisp=options["crisp"],
+        **{name: options[name] for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "threads")},
         cull_back_faces=settings.sequence.culling == "gltf",
         sky=settings.lighting.sky,
-        threads=options["threads"],
     )
-    said = _Lines()
     notes = render_reference(
-        scene, camera, frames, out, fps=settings.sequence.fps, size=options["size"], quality=quality, progress=said
+        scene,
+        camera,
+        frames,
+        out,
+        fps=settings.sequence.fps,
+        size=options["size"],
+        quality=quality,
+        progress=_ProgressLines(),
     )
     for note in notes[:10]:
         click.echo(f"note: {note}")
     click.echo(f"{len(frames)} frames in {out}; next: taubench-gl evaluate exr:{out} --camera-file {out / CAMERA_FILE}")
 
 
-class _Lines:
-    """One line per frame with the time left; samples within a frame only on a terminal."""
+class _ProgressLines:
+    """One line per frame with the remaining time; on a terminal also the finished share of the current frame."""
 
     def __init__(self) -> None:
         self._seconds: list[float] = []
         self._done = -1
 
     def __call__(self, progress: Any) -> None:
-        import sys
-
         if progress.done == self._done:
             if sys.stderr.isatty() and progress.share > 0:
                 click.echo(f"\rframe {progress.done + 1}/{progress.total}: {progress.share:4.0%}", nl=False, err=True)
@@ -96,7 +96,7 @@ class _Lines:
         if progress.seconds is not None:
             self._seconds.append(progress.seconds)
         if first:
-            kept = f", {progress.done} are there already" if progress.done else ""
+            kept = f", {progress.done} are complete" if progress.done else ""
             click.echo(f"rendering {progress.total} frames{kept}", err=True)
             return
         left = sum(self._seconds) / len(self._seconds) * (progress.total - progress.done)
@@ -112,31 +112,32 @@ Examples:
 )
 @click.argument("spec", metavar="exr:DIR")
 @click.option("--camera-file", metavar="JSON", help="Camera sidecar.")
-@click.option("--scene-file", metavar="SCENE", help="glTF file whose camera took the pictures.")
+@click.option("--scene-file", metavar="SCENE", help="glTF file with the camera that rendered the images.")
 @click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
 @click.option("--mapping", metavar="NAME|FILE", help="Pass names; blender, mitsuba, falcor, taubench or TOML.")
 @click.option("--layer", metavar="NAME", help="View layer.  [default: the one with most passes]")
 @click.option("--fps", type=float, default=Settings().sequence.fps, show_default=True, help="Frames per second.")
 def check(spec: str, **options: Any) -> int:
-    """Find wrong axes, flipped rows, units, motion the wrong way round, and a camera that took other pictures.
+    """Find wrong axes, units, row order, motion direction, and a camera that did not render these images.
 
-    Looks at the first two frames.  The exit code is 2 if something is wrong; a pass that is not there is only named.
+    Checks the first two frames.  The exit code is 2 if a fault is found; missing passes are listed and are no fault.
     """
+    from taubench_gl.pathtraced.cameras import FittedCamera
     from taubench_gl.pathtraced.check import check_sequence
-    from taubench_gl.pathtraced.evaluation import PathTracedOptions, choose_camera_source
-    from taubench_gl.pathtraced.sequence import PathTracedSequence
+    from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
 
-    sequence = PathTracedSequence.open(spec, mapping=options["mapping"], layer=options["layer"])
-    given = options["camera_file"] is not None or options["scene_file"] is not None
-    told = PathTracedOptions(camera_file=options["camera_file"], scene_file=options["scene_file"])
-    camera, _ = choose_camera_source(told, Settings.of(fps=options["fps"], camera=options["camera"]))
-    frames = range(sequence.frames[0], sequence.frames[0] + (2 if sequence.frames[0] + 1 in sequence.files else 1))
+    names = ("camera_file", "scene_file", "mapping", "layer")
+    settings = Settings.of(fps=options["fps"], camera=options["camera"])
+    given = open_input(spec, settings, PathTracedOptions(**{name: options[name] for name in names}))
+    camera = None if isinstance(given.camera, FittedCamera) else given.camera
+    first = given.sequence.frames[0]
+    frames = range(first, first + (2 if first + 1 in given.sequence.files else 1))
     faults = 0
-    for finding in check_sequence(sequence, camera if given else None, frames):
+    for finding in check_sequence(given.sequence, camera, frames):
         faults += bool(finding.fault)
         verdict = f"WRONG: {finding.fault}" if finding.fault else "ok"
         if finding.absent:
-            verdict = f"not there: {finding.absent}"
+            verdict = f"missing: {finding.absent}"
         click.echo(f"{finding.subject}: {verdict} ({finding.detail})")
     return 2 if faults else 0
 
@@ -149,15 +150,15 @@ Examples:
   taubench-gl reference compare raster traced
   taubench-gl reference compare raster traced --out comparison"""
 )
-@click.argument("first", metavar="RUN_A")
-@click.argument("second", metavar="RUN_B")
+@click.argument("first", metavar="RUN")
+@click.argument("second", metavar="REFERENCE")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--out", type=OutPath(), metavar="DIR", help="Also write text, JSON, HTML, a picture.")
+@click.option("--out", type=OutPath(), metavar="DIR", help="Also write text, JSON, HTML and an image.")
 def compare(first: str, second: str, as_json: bool, out: Path | None) -> None:
-    """How far RUN_A agrees with RUN_B (folders that 'taubench-gl evaluate --out' wrote).
+    """Compare RUN with REFERENCE, two folders written by 'taubench-gl evaluate --out'.
 
-    Differences of every column in points, with the noise floor where known, and seconds per frame of both; with saved
-    masks also their overlap and the worst pair, with saved channels the error distribution of every feature.
+    Shows differences of every column in percentage points, noise floors, and seconds per frame.  With saved masks: also
+    their overlap and the worst pair.  With saved channels: also the error distribution of every feature.
     """
     from taubench_gl.pathtraced.compare import compare_runs, save_comparison
     from taubench_gl.pathtraced.compare_report import comparison_text

@@ -1,12 +1,9 @@
-"""The main job over path-traced files: ``exr:DIR`` -> the same Channels, masks and summary as the rasterizer's.
-
-One mask implementation judges both sources; only where channels and cameras come from differs.
-"""
+"""Evaluates path-traced files: ``exr:DIR`` -> channels -> the same masks and summary as for a rendered scene."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +11,7 @@ import numpy as np
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.evaluation import (
     Observers,
     Pair,
@@ -31,37 +28,71 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.blender.render import read_render
 from taubench_gl.pathtraced.cameras import FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
-from taubench_gl.pathtraced.noise import noise_floor
 from taubench_gl.pathtraced.passes import BOUNCES, LOBES
-from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence
+from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.provenance import provenance
 from taubench_gl.run import FRAME_COLUMNS, Progress, Run, RunWriter
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
-NO_SCENE = "path-traced files do not say what the scene is made of"
-
-__all__ = ["PathTracedOptions", "evaluate_path_traced", "is_sequence"]
+NO_SCENE = "path-traced files have no scene statistics"
+NOISY_COLUMNS = ("color", "direct", "indirect")
 
 
 @dataclass(frozen=True, slots=True)
 class PathTracedOptions:
-    """What only a path-traced sequence needs to be told.  At most one of ``camera_file`` and ``scene_file``."""
+    """Options of path-traced files.  At most one of ``camera_file`` and ``scene_file``.  Raises SettingsError."""
 
     camera_file: str | Path | None = None  # JSON sidecar
-    scene_file: str | Path | None = None  # glTF whose camera took the pictures (``Settings.camera`` chooses it)
-    mapping: str | Path | None = None  # preset name or TOML/JSON file; None: Blender
+    scene_file: str | Path | None = None  # glTF file with the camera that rendered the images (settings choose it)
+    mapping: str | Path | None = None  # preset, or TOML or JSON file; None: blender
     layer: str | None = None  # view layer; None: the one with most passes
-    lobes: tuple[str, ...] = field(default=())  # lobes of direct and indirect to measure apart
+    lobes: tuple[str, ...] = ()  # lobes of direct and indirect to evaluate separately too
     second_seed: str | Path | None = None  # exr: of the same frames with another seed, for the noise floor
 
     def __post_init__(self) -> None:
         if self.camera_file is not None and self.scene_file is not None:
-            raise SettingsError("camera file and scene file both say where the camera was", hint="give one")
+            raise SettingsError("a camera file and a scene file are given", hint="give one")
         for lobe in self.lobes:
             if lobe not in LOBES:
                 raise SettingsError(f"no lobe is named {lobe!r}", hint=f"choose from {', '.join(LOBES)}")
+
+
+@dataclass(frozen=True, slots=True)
+class PathTracedInput:
+    """An opened sequence with its camera."""
+
+    sequence: PathTracedSequence
+    camera: PathTracedCamera
+    settings: Settings  # with the size of the files, and the frame rate of the sidecar if it has one
+
+    @property
+    def frames(self) -> range:
+        """Frame numbers to evaluate.  Raises PathTracedError on gaps."""
+        return self.sequence.select(self.settings.sequence.frames)
+
+
+def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedInput:
+    """Open ``exr:DIR`` or ``exr:DIR/name*.exr``; no pixel is read.  Raises TaubenchError."""
+    sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
+    camera, fps = _choose_camera(options, settings)
+    settings = settings.replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
+    return PathTracedInput(sequence, camera, settings)
+
+
+def _choose_camera(options: PathTracedOptions, settings: Settings) -> tuple[PathTracedCamera, float]:
+    """The camera and the frame rate."""
+    wanted = settings.sequence
+    if options.camera_file is not None:
+        camera = SidecarCamera(options.camera_file)
+        return camera, camera.file.fps or wanted.fps
+    if options.scene_file is not None:
+        scene = load_scene(options.scene_file, scene=wanted.scene, animation=wanted.animation)
+        if not len(scene.camera_nodes):
+            raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
+        return SceneCamera(scene, choose_camera(scene, wanted.camera), wanted.fps), wanted.fps
+    return FittedCamera(), wanted.fps
 
 
 def evaluate_path_traced(
@@ -76,8 +107,9 @@ def evaluate_path_traced(
 ) -> Run:
     """Evaluate the frame pairs of ``exr:DIR`` or ``exr:DIR/name*.exr``.
 
-    The picture size is the files'; ``settings.fps`` gives way to a sidecar's.  A column whose pass is missing is null,
-    with the pass that would give it as the reason.  Raises TaubenchError for everything a user can cause.
+    The image size is that of the files; the frame rate of a sidecar overrides the settings.  A column without its
+    passes is null, and its reason names them.  ``channels`` is ignored: files hold what they hold.  Raises
+    TaubenchError for every error that a user can cause.
     """
     settings, options = settings or Settings(), options or PathTracedOptions()
     for what, value, only in (
@@ -86,76 +118,41 @@ def evaluate_path_traced(
     ):
         if value != only:
             raise SettingsError(f"{what} {value} is for rendered scenes", where=str(spec), hint=f"leave it at {only}")
-    sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
-    camera, fps = choose_camera_source(options, settings)
-    settings = settings.replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
-    frames = sequence.select(settings.sequence.frames)
-    observers = Observers(sequence.name, None, progress, on_pair)
+    given = open_input(spec, settings, options)
+    frames = given.frames
+    observers = Observers(given.sequence.name, None, progress, on_pair)
     if out is None:
-        return _run(sequence, camera, frames, settings, options, observers)
+        return _run(given, frames, options, observers)
     with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(sequence, camera, frames, settings, options, replace(observers, writer=writer))
+        return _run(given, frames, options, replace(observers, writer=writer))
 
 
-def choose_camera_source(options: PathTracedOptions, settings: Settings) -> tuple[PathTracedCamera, float]:
-    """Where the camera comes from, and the frame rate to go with it."""
-    if options.camera_file is not None:
-        camera = SidecarCamera(options.camera_file)
-        return camera, camera.file.fps or settings.sequence.fps
-    if options.scene_file is not None:
-        scene = load_scene(options.scene_file, scene=settings.sequence.scene, animation=settings.sequence.animation)
-        if not len(scene.camera_nodes):
-            raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
-        return SceneCamera(
-            scene, choose_camera(scene, settings.sequence.camera), settings.sequence.fps
-        ), settings.sequence.fps
-    return FittedCamera(), settings.sequence.fps
-
-
-def _run(
-    sequence: PathTracedSequence,
-    camera: PathTracedCamera,
-    frames: range,
-    settings: Settings,
-    options: PathTracedOptions,
-    observers: Observers,
-) -> Run:
+def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, observers: Observers) -> Run:
+    sequence, settings = given.sequence, given.settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer = PassTimer(gpu)
         context = GpuContext(gpu, timer=timer)
-        source = PathTracedSource(gpu, sequence, camera, settings, lobes=options.lobes)
         untimed = GpuContext(gpu, context.shaders)
-        lobes = _LobeColumns(untimed, source, settings) if options.lobes else None
-
-        def seen(pair: Pair) -> None:
-            if lobes is not None:
-                lobes.add(pair.view)
-            if observers.on_pair is not None:
-                observers.on_pair(pair)
-
-        watched = seen if lobes is not None or observers.on_pair is not None else None
+        source = PathTracedSource(gpu, sequence, given.camera, settings, lobes=options.lobes)
+        lobes = _LobeColumns(untimed, source, settings)
         try:
             schedule = frame_schedule(frames, sampled_pairs(frames, settings))
-            results = evaluate_pairs(context, source, settings, schedule, replace(observers, on_pair=watched))
+            on_pair = lobes.observer(observers.on_pair) if options.lobes else observers.on_pair
+            results = evaluate_pairs(context, source, settings, schedule, replace(observers, on_pair=on_pair))
             gpu.check("evaluation")
-            facts = _facts(sequence, frames, settings, camera, _notes(source, camera))
+            facts = _facts(given, _notes(source, given.camera))
             summary = assemble_summary(facts, frames, settings, results.views, results.stats) | source.describe()
-            folder = sequence.path if sequence.path.is_dir() else sequence.path.parent
-            record = read_render(folder)
+            record = read_render(sequence.folder)
             summary["path_traced"]["render"] = None if record is None else record.summary(frames)
-            if lobes is not None:
+            if options.lobes:
                 summary["lobes"] = lobes.summary()
             if options.second_seed is not None:
-                other = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
-                # Motion reprojection says nothing about a pair without time between its frames.
-                still = settings.replace(reprojection="camera")
-                floor = noise_floor(untimed, sequence, other, camera, frames, still)
-                summary["noise_floor"] = floor
-                summary["notes"].append(_said(floor))
+                second = PathTracedSequence.open(options.second_seed, mapping=options.mapping, layer=options.layer)
+                floor = summary["noise_floor"] = noise_floor(untimed, given, second)
+                summary["notes"].append(_floor_note(floor))
         finally:
-            if lobes is not None:
-                lobes.release()
+            lobes.release()
             source.release()
             context.release()
             gpu.collect()
@@ -164,53 +161,93 @@ def _run(
     return finish_run(summary, results.rows, observers.writer)
 
 
-def _facts(
-    sequence: PathTracedSequence, frames: range, settings: Settings, camera: PathTracedCamera, notes: list[str]
-) -> dict[str, Any]:
-    """As ``evaluation.scene_facts``, of files that do not say what they show."""
+def _facts(given: PathTracedInput, notes: list[str]) -> dict[str, Any]:
+    """As ``evaluation.scene_facts``, for files."""
+    sequence = given.sequence
     return {
         "scene": {
             "name": sequence.name,
             "path": str(sequence.path),
             "sha256": sequence.sha256(),
-            "duration_s": (len(frames) - 1) / settings.sequence.fps,
+            "duration_s": (len(given.frames) - 1) / given.settings.sequence.fps,
             "playing": [],
         },
         "census": {"reason": NO_SCENE},
-        "camera_source": camera.describe(),
+        "camera_source": given.camera.describe(),
         "notes": notes,
     }
-
-
-def _said(floor: dict[str, Any]) -> str:
-    shares = [f"{c} {e['mean_percent']:.2f} %" for c, e in floor.items() if e["mean_percent"] is not None]
-    return f"noise floor, from a render with another seed: {', '.join(shares) or 'nothing to compare'}"
 
 
 def _notes(source: PathTracedSource, camera: PathTracedCamera) -> list[str]:
     notes = [f"the camera is {camera.describe()}"] if isinstance(camera, FittedCamera) else []
     if source.mismatch_px is None:
-        notes.append("without a position pass the camera could not be checked against the pictures")
+        notes.append("the camera was not checked: there is no position pass")
     if isinstance(camera, SceneCamera) and camera.offset:
         notes.append(f"the files count frames from {-camera.offset}: frame {-camera.offset} is the scene's 0 s")
     return notes
 
 
+def noise_floor(context: GpuContext, given: PathTracedInput, second: PathTracedSequence) -> dict[str, Any]:
+    """Column of NOISY_COLUMNS -> ``discard`` entry of two renders of one frame that differ only in their seed.
+
+    Camera and surfaces do not move in such a pair, so every discarded pixel is noise; about as many of a real pair's
+    discards are noise.  Raises PathTracedError if ``second`` lacks frames or has another size.
+    """
+    first = given.sequence
+    if second.size != first.size:
+        a, b = ("x".join(map(str, s.size)) for s in (first, second))
+        raise PathTracedError(f"is {b} pixels, the first render {a}", where=str(second.path))
+    lost = sorted(set(given.frames) - set(second.frames))
+    if lost:
+        raise PathTracedError(f"lacks frame {lost[0]} of the first render", where=str(second.path))
+    # Motion reprojection needs two moments; both images show the same one.
+    settings = given.settings.replace(reprojection="camera", sampling="nearest")
+    sources = [PathTracedSource(context.gpu, sequence, given.camera, settings) for sequence in (first, second)]
+    unmeasured = {c: why for source in sources for c, why in source.unmeasured.items() if c in NOISY_COLUMNS}
+    measured = tuple(c for c in NOISY_COLUMNS if c not in unmeasured)
+    stats = SequenceStats(measured, unmeasured)
+    evaluator = PairEvaluator(context, sources[0], settings, radiance=measured)
+    try:
+        for frame in given.frames:
+            view, _ = (source.advance(frame) for source in sources)
+            stats.add(evaluator.compare(reprojection(view, view, *first.size), previous=sources[1].current))
+    finally:
+        evaluator.release()
+        for source in sources:
+            source.release()
+    discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
+    return {column: discard[column] for column in NOISY_COLUMNS}
+
+
+def _floor_note(floor: dict[str, Any]) -> str:
+    shares = [f"{c} {e['mean_percent']:.2f} %" for c, e in floor.items() if e["mean_percent"] is not None]
+    return f"noise floor, from a render with another seed: {', '.join(shares) or 'nothing to compare'}"
+
+
 class _LobeColumns:
-    """direct and indirect of single lobes, through the same mask pass with their textures in the place of the sums."""
+    """direct and indirect of single lobes: the same evaluator, with the lobe's textures instead of the sums."""
 
     def __init__(self, context: GpuContext, source: PathTracedSource, settings: Settings):
         self._source = source
         self._lobes: dict[str, tuple[PairEvaluator, SequenceStats]] = {}
         for lobe in source.lobes:
             missing = {b: source.missing[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in source.missing}
-            there = tuple(b for b in BOUNCES if b not in missing)
-            evaluator = PairEvaluator(context, source, settings, radiance=there)
-            stats = SequenceStats(there, missing)
-            self._lobes[lobe] = evaluator, stats
+            measured = tuple(b for b in BOUNCES if b not in missing)
+            evaluator = PairEvaluator(context, source, settings, radiance=measured)
+            self._lobes[lobe] = evaluator, SequenceStats(measured, missing)
 
-    def add(self, view: View) -> None:
-        """Count the pair whose frames the source holds now; ``view`` is the current one's."""
+    def observer(self, on_pair: Callable[[Pair], None] | None) -> Callable[[Pair], None]:
+        """A callback that counts each pair for every lobe and then calls ``on_pair``."""
+
+        def observe(pair: Pair) -> None:
+            self._add(pair.view)
+            if on_pair is not None:
+                on_pair(pair)
+
+        return observe
+
+    def _add(self, view: View) -> None:
+        """Count the pair whose frames the source holds; ``view`` is that of the current frame."""
         pair = reprojection(view, self._source.previous_view, *self._source.size)
         for lobe, (evaluator, stats) in self._lobes.items():
             current, previous = (

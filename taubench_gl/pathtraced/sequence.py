@@ -1,4 +1,4 @@
-"""Numbered OpenEXR files of a folder -> frames of one sequence."""
+"""Path-traced sequences: numbered OpenEXR files of a folder, one or several per frame."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from pathlib import Path
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
 from taubench_gl.pathtraced.passes import (
-    BOUNCES,
-    LOBES,
     ChannelIndex,
     PassMap,
     PathTracedFrame,
@@ -54,11 +52,11 @@ def find_frames(spec: str | Path) -> dict[int, tuple[Path, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class PathTracedSequence:
-    """A path-traced sequence on disk.  Nothing but the first frame's headers is read before ``read``."""
+    """A path-traced sequence on disk.  ``open`` reads the headers of the first frame, ``read`` the pixels of one."""
 
     path: Path
-    files: Mapping[int, tuple[Path, ...]]
-    size: tuple[int, int]  # width, height
+    files: Mapping[int, tuple[Path, ...]]  # by frame number, ascending
+    size: tuple[int, int]  # width, height in pixels
     mapping: PassMap
     index: ChannelIndex
 
@@ -66,7 +64,7 @@ class PathTracedSequence:
     def open(
         cls, spec: str | Path, *, mapping: str | Path | None = None, layer: str | None = None
     ) -> PathTracedSequence:
-        """Find the files and check the first.  Raises PathTracedError for none, or none that can be read."""
+        """Find the files and read the first frame's headers.  Raises PathTracedError."""
         files = find_frames(spec)
         passes = load_mapping(mapping)
         first = next(iter(files.values()))
@@ -81,34 +79,41 @@ class PathTracedSequence:
 
     @property
     def frames(self) -> tuple[int, ...]:
+        """All frame numbers, ascending."""
         return tuple(self.files)
 
     @property
-    def name(self) -> str:
-        return (self.path if self.path.is_dir() else self.path.parent).resolve().name
+    def folder(self) -> Path:
+        return self.path if self.path.is_dir() else self.path.parent
 
-    def select(self, wanted: tuple[int | None, int | None]) -> range:
-        """Existing frame numbers A to B-1; negative ends count from the last.  Raises PathTracedError on gaps."""
+    @property
+    def name(self) -> str:
+        return self.folder.resolve().name
+
+    def select(self, bounds: tuple[int | None, int | None]) -> range:
+        """Frame numbers in [A, B); negative bounds count from the last.  Raises PathTracedError on gaps."""
         first, last = self.frames[0], self.frames[-1]
-        start, stop = (end if end is None or end >= 0 else last + 1 + end for end in wanted)
+        start, stop = (end if end is None or end >= 0 else last + 1 + end for end in bounds)
         chosen = [f for f in self.frames if (start is None or f >= start) and (stop is None or f < stop)]
         if not chosen:
-            raise PathTracedError("no frame is left", where=str(self.path), hint=f"choose within {first}:{last + 1}")
-        whole = range(chosen[0], chosen[-1] + 1)
-        missing = sorted(set(whole) - set(chosen))
+            raise PathTracedError(
+                "no frame is in the given range", where=str(self.path), hint=f"choose within {first}:{last + 1}"
+            )
+        span = range(chosen[0], chosen[-1] + 1)
+        missing = sorted(set(span) - set(chosen))
         if missing:
             a, b = _longest_run(chosen)
             listed = ", ".join(map(str, missing[:8])) + (", ..." if len(missing) > 8 else "")
-            hint = f"pairs need neighbours: render them, or give --frames {a}:{b}"
+            hint = f"render them, or give --frames {a}:{b}: pairs need consecutive frames"
             raise PathTracedError(f"{len(missing)} frames are missing: {listed}", where=str(self.path), hint=hint)
-        return whole
+        return span
 
     def missing(self, lobes: Collection[str] = ()) -> dict[str, str]:
-        """Columns (and ``lobe_bounce``) that the first frame's passes cannot give -> why."""
+        """Columns (and ``lobe_bounce``) without their passes in the first frame -> reason."""
         return missing_columns(self.index, lobes)
 
     def read(self, frame: int, lobes: Collection[str] = ()) -> PathTracedFrame:
-        """Decode one frame.  Raises PathTracedError if it differs from the first in size or lacks one of its passes."""
+        """Decode one frame.  Raises PathTracedError if its size or its passes differ from the first frame's."""
         paths = self.files[frame]
         images = [read_exr(path) for path in paths]
         for image in images:
@@ -120,7 +125,7 @@ class PathTracedSequence:
         return read_frame(image, self.index, lobes)
 
     def sha256(self) -> str:
-        """Of the bytes of all files, in frame order."""
+        """Hash of the bytes of all files, in frame order."""
         digest = hashlib.sha256()
         for path in (p for paths in self.files.values() for p in paths):
             with open(path, "rb") as file:
@@ -129,9 +134,9 @@ class PathTracedSequence:
         return digest.hexdigest()
 
     def _check_passes(self, image: ExrImage) -> None:
-        there = set(image.names)
+        present = set(image.names)
         for name in self.mapping.passes:
-            lost = [c for c in (self.index.channels(name) if name in self.index else ()) if c not in there]
+            lost = [c for c in (self.index.channels(name) if name in self.index else ()) if c not in present]
             if lost:
                 hint = "all frames need the same passes"
                 raise PathTracedError(
@@ -140,7 +145,7 @@ class PathTracedSequence:
 
 
 def _prefix(group: tuple[Path, ...], path: Path) -> str:
-    """Layer of a file's channels where several files make up a frame: its name without the number."""
+    """Layer name of a file's channels if a frame has several files: the file name without the number."""
     if len(group) == 1:
         return ""
     return _NUMBERED.match(path.stem).group(1).rstrip("._- ")
@@ -158,6 +163,3 @@ def _longest_run(frames: list[int]) -> tuple[int, int]:
             runs.append((frames[start], frames[i - 1] + 1))
             start = i
     return max(runs, key=lambda run: run[1] - run[0])
-
-
-__all__ = ["BOUNCES", "LOBES", "PREFIX", "PathTracedSequence", "find_frames", "is_sequence"]

@@ -1,4 +1,4 @@
-"""Path-traced files as a source of Channels: the same textures as the rasterizer's, judged by the same masks."""
+"""Path-traced files as a Source: the same channels, in the same textures, as the rasterizer's."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = np.ndarray
 
 
 class PathTracedSource:
-    """Frames of a PathTracedSequence, uploaded one after another.  ``lobes``: also keep these lobes' radiance apart."""
+    """Uploads the frames of a sequence one after another.  Raises SettingsError for motion without its pass."""
 
     def __init__(
         self,
@@ -34,42 +34,50 @@ class PathTracedSource:
         settings: Settings,
         *,
         lobes: Collection[str] = (),
+        keep_frame: bool = False,
     ):
+        """``lobes``: upload these lobes' radiance too.  ``keep_frame``: keep the passes read last as ``frame``."""
         self._gpu, self.sequence, self.camera, self._settings = gpu, sequence, camera, settings
         self.size, self.lobes = sequence.size, tuple(lobes)
         self.reprojection = settings.metrics.reprojection
         if self.reprojection == "motion" and "prev_position" not in sequence.index:
             raise SettingsError(
-                "these files hold no previous positions, so surfaces cannot be followed",
+                "motion reprojection needs previous positions, which these files do not have",
                 hint="use --reprojection camera, or map a pass to prev_position",
             )
         self.missing = sequence.missing(self.lobes)
         self.unmeasured = {c: self.missing[c] for c in COLUMNS if c in self.missing}
-        self.unmeasured |= {c: "not asked for" for c in COLUMNS if c not in settings.metrics.columns}
+        self.unmeasured |= {c: "not requested" for c in COLUMNS if c not in settings.metrics.columns}
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
-        self.cuts = False  # pictures do not say which surface took which place
+        self.cuts = False  # images do not show which surfaces have no history
         self.channels = ("position", "normal", *self.radiance)
         if self.reprojection == "motion":
             self.channels += ("prev_position",)
-        self.mismatch_px: float | None = None
+        self.mismatch_px: float | None = None  # of the camera at the first frame; None: no position pass
         self.current_view: View | None = None
         self.previous_view: View | None = None
-        self._arrays: list[dict[str, Array]] = [{}, {}]
+        self.frame: PathTracedFrame | None = None
+        self._keep_frame = keep_frame
+        self._arrays: list[dict[str, Array]] = [{}, {}]  # current, previous
         self._textures: list[dict[str, moderngl.Texture]] = [{}, {}]
 
     def advance(self, frame: int) -> View:
-        """Read, convert and upload ``frame``; what was current becomes history."""
-        values = self.sequence.read(frame, self.lobes)
+        """Read, convert and upload frame number ``frame``; the current frame becomes the previous one.
+
+        Raises PathTracedError if the files or the camera cannot be used.
+        """
+        passes = self.sequence.read(frame, self.lobes)
+        self.frame = passes if self._keep_frame else None
         if self.current_view is None:
-            self.mismatch_px = check_camera(self.camera, frame, values)
-        view = self.camera.view(frame, values)
+            self.mismatch_px = check_camera(self.camera, frame, passes)
+        view = self.camera.view(frame, passes)
         self.previous_view, self.current_view = self.current_view or view, view
-        arrays = frame_channels(values, view, self.previous_view, self._settings)
+        arrays = frame_channels(passes, view, self.previous_view, self._settings)
         self._arrays.reverse()
         self._textures.reverse()
         self._arrays[0] = arrays
-        for name in (*self.channels, *values.lobes):
-            channel = name if name in CHANNELS else "direct"  # lobes have the format of radiance
+        for name in (*self.channels, *passes.lobes):
+            channel = name if name in CHANNELS else "direct"  # lobes have the format of direct
             if name not in self._textures[0]:
                 info = CHANNELS[channel]
                 texture = self._gpu.ctx.texture(self.size, info.components, dtype=info.dtype)
@@ -80,21 +88,23 @@ class PathTracedSource:
 
     @property
     def current(self) -> Mapping[str, moderngl.Texture]:
+        """Channel -> texture of the current frame."""
         return self._textures[0]
 
     @property
     def previous(self) -> Mapping[str, moderngl.Texture]:
+        """Channel -> texture of the previous frame; empty after the first ``advance``."""
         return self._textures[1]
 
     def read(self, name: str, *, previous: bool = False) -> Array:
-        """A channel as (h, w, components), row 0 at the top."""
+        """A channel, (h, w, components) float32, row 0 at the top."""
         values = self._arrays[1 if previous else 0][name]
         out = np.zeros((*values.shape[:2], CHANNELS[name].components), dtype=np.float32)
         out[..., : values.shape[-1]] = values
         return out
 
     def describe(self) -> dict[str, Any]:
-        """The summary block ``path_traced``: where camera and passes come from."""
+        """The summary blocks ``effects`` (none) and ``path_traced``: the source of camera and passes."""
         index = self.sequence.index
         return {
             "effects": {},
@@ -115,10 +125,10 @@ class PathTracedSource:
 
 
 def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings: Settings) -> dict[str, Array]:
-    """Canonical arrays of one frame: position (h, w, 4), the others (h, w, 3), float32, as ``channels`` defines them.
+    """Channels of one frame as ``channels`` defines them: position (h, w, 4), others (h, w, 3), float32.
 
-    Positions become camera-relative in float64 before float32 sees them.  A surface that is not in front of its own
-    camera is a fault of the file: NaN, so that the masks count it as INVALID.
+    Positions become camera-relative in float64 and are then rounded to float32.  A surface that is not in front of its
+    own camera is an error of the file: its position is NaN, and the masks count it as INVALID.
     """
     position, depth = relative_position(frame, view)
     position = np.concatenate([position, depth[..., None]], axis=-1)
@@ -127,16 +137,13 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
     out = {"position": position.astype(np.float32)}
     normal = np.zeros_like(out["position"][..., :3]) if frame.normal is None else frame.normal
     out["normal"] = np.where(frame.sky[..., None], np.float32(0), normal)
-    for name, radiance in (*frame.radiance.items(), *frame.lobes.items()):
-        out[name] = radiance  # exposure is the mask pass's
+    out |= {**frame.radiance, **frame.lobes}  # the mask pass applies the exposure
     if frame.combined is not None:
         color = frame.combined.astype(np.float64)
-        encoded = np.clip(color, 0.0, 1.0) if frame.color_encoded else None
-        color = (
-            encoded
-            if encoded is not None
-            else display_color(color, settings.lighting.exposure, settings.lighting.tone_map)
-        )
+        if frame.color_encoded:
+            color = np.clip(color, 0.0, 1.0)
+        else:
+            color = display_color(color, settings.lighting.exposure, settings.lighting.tone_map)
         out["color"] = color.astype(np.float32)
     if frame.prev_position is not None:
         origin = 0.0 if frame.relative else previous.position
@@ -145,7 +152,10 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
 
 
 def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
-    """Surface points relative to the camera, world axes, (h, w, 3), and their planar depth (h, w); float64, metres."""
+    """Surface points minus the camera position, world axes, (h, w, 3), and planar depth, (h, w); float64, metres.
+
+    Without a position pass, points are reconstructed from depth.
+    """
     forward = -view.world_from_view[:, 2]
     if frame.position is not None:
         relative = frame.position.astype(np.float64) - (0.0 if frame.relative else view.position)

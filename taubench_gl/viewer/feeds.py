@@ -22,8 +22,8 @@ from taubench_gl.evaluation import frame_range, require_triangles
 from taubench_gl.frame.plan import bound_times
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.pathtraced.evaluation import PathTracedOptions, choose_camera_source
-from taubench_gl.pathtraced.sequence import PathTracedSequence, is_sequence
+from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.run import SUMMARY_FILE, Run, load_run
 from taubench_gl.scene import load_scene
@@ -159,15 +159,12 @@ class PathTracedFeed:
     switchable: tuple[str, ...] = ()
 
     def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):
-        self.sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
-        camera, fps = choose_camera_source(options, settings)
-        width, height = self.sequence.size
-        self.settings = settings.replace(width=width, height=height, fps=fps)
-        self.frames = self.sequence.select(settings.sequence.frames)
-        self.size, self.name = (width, height), self.sequence.name
+        given = open_input(spec, settings, options)
+        self.sequence, self.settings, self.frames = given.sequence, given.settings, given.frames
+        self.size, self.name = self.sequence.size, self.sequence.name
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
-        self.source = PathTracedSource(gpu, self.sequence, camera, self.settings)
+        self.source = PathTracedSource(gpu, self.sequence, given.camera, self.settings)
         self._views: dict[int, View] = {}
         self._held: tuple[int | None, int | None] = (None, None)  # previous and current frame
         self._shown: tuple[int, int] | None = None

@@ -1,4 +1,4 @@
-"""``taubench-gl evaluate exr:DIR``, ``reference`` as a user types them."""
+"""The commands ``evaluate exr:DIR`` and ``reference``."""
 
 from __future__ import annotations
 
@@ -31,36 +31,37 @@ def renders(tmp_path):
     return folder
 
 
-def test_evaluate_and_agree(renders, tmp_path):
+def test_evaluate_and_compare(renders, tmp_path):
     out = tmp_path / "out"
     options = ("--lobe", "glossy", "--second-seed", f"exr:{renders}", "--save", "masks,channels")
     code, text, err = taubench("evaluate", f"exr:{renders}", "--out", out, *options)
     assert code == 0, err
-    assert "Table 4" in text and "estimated from the position pass" in text and "noise floor" in text
-    assert load_run(out).summary["lobes"]["glossy"]["direct"]["mean_percent"] > 0
+    assert "Table 4" in text
+    summary = load_run(out).summary
+    assert summary["lobes"]["glossy"]["direct"]["mean_percent"] > 0 and summary["noise_floor"]["color"]
     code, text, _ = taubench("reference", "compare", out, out)
     assert code == 0 and "error of" in text and "worst pair" in text
 
 
-def test_errors_are_one_line(renders, tmp_path):
-    for arguments, complaint in (
-        (("evaluate", f"exr:{tmp_path / 'none'}"), "is no folder of EXR files"),
-        (("evaluate", f"exr:{renders}", "--mapping", "x.toml"), "is no pass mapping"),
-        (("evaluate", "scene.glb", "--lobe", "glossy"), "--lobe is for path-traced files"),
-        (("reference", "check", f"exr:{renders}", "--layer", "none"), "no layer 'none'"),
-        (("reference", "render", tmp_path / "none.glb", "--out", tmp_path / "o"), "no such file"),
+def test_errors_are_one_line_and_exit_code_2(renders, tmp_path):
+    for arguments, named in (
+        (("evaluate", f"exr:{tmp_path / 'none'}"), "none"),
+        (("evaluate", f"exr:{renders}", "--mapping", "x.toml"), "x.toml"),
+        (("evaluate", "scene.glb", "--lobe", "glossy"), "--lobe"),
+        (("reference", "check", f"exr:{renders}", "--layer", "none"), "'none'"),
+        (("reference", "render", tmp_path / "none.glb", "--out", tmp_path / "o"), "none.glb"),
     ):
         code, _, err = taubench(*arguments)
-        assert code == 2 and complaint in err and err.count("\n") == 1, err
+        assert code == 2 and named in err and err.count("\n") == 1, err
 
 
-def test_check_has_an_exit_code(renders):
+def test_check_exits_with_0_for_correct_files(renders):
     code, text, _ = taubench("reference", "check", f"exr:{renders}")
     assert code == 0 and "camera: ok" in text and "passes: ok" in text
 
 
-def test_check_of_an_export_without_light_finds_nothing_wrong(tmp_path):
-    """docs/export.md: what was not exported is named as not there."""
+def test_check_of_an_export_without_light_has_no_fault(tmp_path):
+    """docs/export.md: passes that were not exported are missing, which is no fault."""
     out = tmp_path / "frames"
     code, _, err = taubench("export", DEMO, "--out", out, "--size", "48x27", "--frames", "0:2")
     assert code == 0, err
@@ -68,22 +69,23 @@ def test_check_of_an_export_without_light_finds_nothing_wrong(tmp_path):
         "reference", "check", f"exr:{out}", "--mapping", "taubench", "--camera-file", out / "camera.json"
     )
     assert code == 0 and "WRONG" not in text and "camera: ok" in text, text
-    assert "passes: not there: color: the files lack" in text
+    assert "passes: missing: color:" in text
 
 
 @pytest.mark.parametrize(("words", "sky"), [([], (0, 0, 0)), (["--sky", "0.1,0.2,0.3"], (0.1, 0.2, 0.3))])
-def test_sky_is_written_as_everywhere(tmp_path, monkeypatch, words, sky):
-    seen = []
+def test_sky_option(tmp_path, monkeypatch, words, sky):
+    qualities = []
     monkeypatch.setattr(
-        "taubench_gl.pathtraced.blender.render.render_reference", lambda *_, quality, **__: seen.append(quality) or []
+        "taubench_gl.pathtraced.blender.render.render_reference",
+        lambda *_, quality, **__: qualities.append(quality) or [],
     )
     done = CliRunner().invoke(
         cli, ["reference", "render", str(DEMO), "--out", str(tmp_path), "--frames", "0:1", *words]
     )
     assert done.exit_code == 0, done.output
-    assert [quality.sky for quality in seen] == [sky]
+    assert [quality.sky for quality in qualities] == [sky]
 
 
-def test_a_sky_of_three_words_is_refused(tmp_path):
+def test_a_sky_of_three_arguments_is_refused(tmp_path):
     code, _, err = taubench("reference", "render", DEMO, "--out", tmp_path / "o", "--sky", "0.1", "0.2", "0.3")
-    assert code == 2 and "unexpected extra arguments (0.2 0.3)" in err and not (tmp_path / "o").exists()
+    assert code == 2 and "0.2 0.3" in err and not (tmp_path / "o").exists()

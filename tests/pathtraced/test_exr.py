@@ -1,4 +1,4 @@
-"""Reading single EXR files: layouts, windows, types, and refusals of what is broken."""
+"""Reading single EXR files: layouts, windows, types, and errors for broken files."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def ramp(dtype=np.float32):
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.uint32])
-def test_types_come_out_as_float32(tmp_path, dtype):
+def test_all_types_are_read_as_float32(tmp_path, dtype):
     image = read_exr(write(tmp_path / "a.exr", {"L.Pass.X": ramp(dtype)}))
     assert image.plane("L.Pass.X").dtype == np.float32
     np.testing.assert_array_equal(image.plane("L.Pass.X"), ramp())
 
 
 @pytest.mark.parametrize("name", COMPRESSIONS)
-def test_every_compression(tmp_path, name):
+def test_every_compression_is_read(tmp_path, name):
     compression = getattr(OpenEXR, f"{name}_COMPRESSION")
     image = read_exr(write(tmp_path / "a.exr", {"P.X": ramp()}, compression=compression))
     np.testing.assert_allclose(image.plane("P.X"), ramp(), atol=0.01)
@@ -80,37 +80,32 @@ def test_cut_off_files_are_refused(tmp_path, share, capfd):
     path = write(tmp_path / "a.exr", {"P.X": noise, "P.Y": noise})
     whole = path.read_bytes()
     path.write_bytes(whole[: int(len(whole) * share)])
-    with pytest.raises(PathTracedError, match=r"a\.exr: .*(damaged or cut off)"):
+    with pytest.raises(PathTracedError) as error:
         read_exr(path)
-    assert capfd.readouterr() == ("", "")  # the library's own chatter goes into the error, not to the terminal
+    assert error.value.where == str(path)
+    assert capfd.readouterr() == ("", "")  # the library's messages go to the error, not to the terminal
 
 
-@pytest.mark.parametrize(
-    ("data", "complaint"),
-    [
-        (b"", "not an OpenEXR"),
-        (b"GIF89a..", "not an OpenEXR"),
-        (exr.MAGIC, "ends within"),
-        (exr.MAGIC + b"\2\0\0\0", "damaged or cut off"),
-    ],
-)
-def test_other_files_are_refused(tmp_path, data, complaint):
+@pytest.mark.parametrize("data", [b"", b"GIF89a..", exr.MAGIC, exr.MAGIC + b"\2\0\0\0"])
+def test_other_formats_and_bare_headers_are_refused(tmp_path, data):
     path = tmp_path / "a.exr"
     path.write_bytes(data)
-    with pytest.raises(PathTracedError, match=complaint):
+    with pytest.raises(PathTracedError) as error:
         read_exr(path)
+    assert error.value.where == str(path)
 
 
-def test_missing_files_and_folders(tmp_path):
+def test_missing_files_and_folders_are_refused(tmp_path):
     for path in (tmp_path / "none.exr", tmp_path):
-        with pytest.raises(PathTracedError, match="cannot be read"):
+        with pytest.raises(PathTracedError) as error:
             read_exr(path)
+        assert error.value.where == str(path)
 
 
 def test_huge_windows_are_refused_before_reading(tmp_path, monkeypatch):
     path = write(tmp_path / "a.exr", {"P.X": ramp()})
     monkeypatch.setattr(exr, "MAX_SIDE", WIDTH - 1)
-    with pytest.raises(PathTracedError, match="12x8 pixels"):
+    with pytest.raises(PathTracedError, match="12x8"):
         read_exr(path)
     monkeypatch.setattr(exr, "MAX_SIDE", 16384)
     monkeypatch.setattr(exr, "MAX_PIXEL_BYTES", 100)
@@ -118,13 +113,13 @@ def test_huge_windows_are_refused_before_reading(tmp_path, monkeypatch):
         read_exr(path)
 
 
-def test_deep_images_are_refused_by_name(data):
-    with pytest.raises(PathTracedError, match="deep image"):
+def test_deep_images_are_refused(data):
+    with pytest.raises(PathTracedError, match="deep"):
         read_exr(data / "exr" / "deep" / "11.deep.exr")
 
 
-def test_broken_files_of_others_within_bounded_memory(data):
-    """Each gives one line or a picture; the process never takes more than 1 GiB."""
+def test_broken_files_are_refused_within_bounded_memory(data):
+    """Each gives one line or an image; the process never uses more than 1 GiB."""
     code = """
 import sys
 from pathlib import Path
@@ -156,7 +151,7 @@ print(read)
 
 
 @pytest.mark.parametrize("name", ["t01", "t03", "t05", "t07", "t09", "t11", "t13", "t15"])
-def test_display_windows_of_others(data, name):
+def test_display_windows_of_the_openexr_test_images(data, name):
     image = read_exr(data / "exr" / "DisplayWindow" / f"{name}.exr")
     plane = image.plane("R")
     assert plane.shape == image.size[::-1]

@@ -1,4 +1,4 @@
-"""Numbered files -> sequences: numbers, gaps, sizes, several files per frame."""
+"""Sequences of numbered files: numbers, gaps, sizes, several files per frame."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ def fill(folder, numbers, name="frame_{:04d}.exr", **options):
     return folder
 
 
-def test_specs():
+def test_sequence_arguments_start_with_exr():
     assert is_sequence("exr:renders") and not is_sequence("renders") and not is_sequence("scene.glb")
 
 
-def test_numbers_come_from_names_not_from_their_order(tmp_path):
+def test_frame_numbers_come_from_file_names(tmp_path):
     fill(tmp_path / "a", [2, 10, 9], "shot3_{}.exr")
-    (tmp_path / "a" / ".shot3_11.exr").write_bytes(b"half")  # hidden: being written
+    (tmp_path / "a" / ".shot3_11.exr").write_bytes(b"half")  # hidden: incomplete
     (tmp_path / "a" / "notes.exr").write_bytes(b"")
     assert list(find_frames(tmp_path / "a")) == [2, 9, 10]
     sequence = PathTracedSequence.open(f"exr:{tmp_path / 'a'}")
@@ -51,17 +51,19 @@ def test_frames_are_chosen_by_number(tmp_path, frames, expected):
     assert PathTracedSequence.open(fill(tmp_path / "a", range(3, 8))).select(frames) == expected
 
 
-def test_gaps_are_named_and_the_longest_run_is_offered(tmp_path):
+def test_gaps_are_refused_and_the_longest_run_is_the_hint(tmp_path):
     sequence = PathTracedSequence.open(fill(tmp_path / "a", [1, 2, 4, 5, 6, 9]))
-    with pytest.raises(PathTracedError, match=r"3 frames are missing: 3, 7, 8 .*--frames 4:7"):
+    with pytest.raises(PathTracedError) as error:
         sequence.select((None, None))
+    assert "3, 7, 8" in error.value.what and "4:7" in error.value.hint
     assert sequence.select((4, 7)) == range(4, 7)
-    with pytest.raises(PathTracedError, match=r"no frame is left .*1:10"):
+    with pytest.raises(PathTracedError) as error:
         sequence.select((20, None))
+    assert "1:10" in error.value.hint
 
 
-def test_one_file_per_output_makes_one_frame(tmp_path):
-    """As Falcor saves them: Mogwai.GBuffer.posW.12.exr and so on."""
+def test_several_files_of_one_frame(tmp_path):
+    """Falcor writes one file per output: Mogwai.GBuffer.posW.12.exr, ..."""
     _, ours = blender_frame()
     outputs = {"GBuffer.posW": "position", "GBuffer.normW": "normal", "PT.color": "combined"}
     for name, values in ((name, ours[key]) for name, key in outputs.items()):
@@ -78,20 +80,20 @@ def test_a_later_frame_of_another_size_or_without_a_pass(tmp_path):
     write(folder / "frame_0002.exr", {k: np.ascontiguousarray(v[:, :-1]) for k, v in channels.items()})
     write(folder / "frame_0003.exr", {k: v for k, v in channels.items() if "Normal" not in k})
     sequence = PathTracedSequence.open(folder)
-    with pytest.raises(PathTracedError, match=r"frame_0002\.exr: is 11x8 pixels, the first frame is 12x8"):
-        sequence.read(2)
-    with pytest.raises(PathTracedError, match=r"frame_0003\.exr: lacks ViewLayer\.Normal\.X"):
-        sequence.read(3)
+    for number, what in ((2, "11x8"), (3, "ViewLayer.Normal.X")):
+        with pytest.raises(PathTracedError) as error:
+            sequence.read(number)
+        assert error.value.where == str(folder / f"frame_000{number}.exr") and what in error.value.what
 
 
-def test_nothing_to_read(tmp_path):
-    with pytest.raises(PathTracedError, match=r"no \.exr file"):
-        find_frames(tmp_path)
-    with pytest.raises(PathTracedError, match="is no folder"):
-        find_frames(tmp_path / "none")
-    write(tmp_path / "beauty.exr", blender_frame()[0])
-    with pytest.raises(PathTracedError, match="no name ends in a frame number"):
-        find_frames(tmp_path)
+def test_folders_without_numbered_files_are_refused(tmp_path):
+    unnumbered = tmp_path / "unnumbered"
+    unnumbered.mkdir()
+    write(unnumbered / "beauty.exr", blender_frame()[0])
+    for where in (tmp_path, tmp_path / "none", unnumbered):
+        with pytest.raises(PathTracedError) as error:
+            find_frames(where)
+        assert error.value.where == str(where)
 
 
 def test_the_hash_depends_on_every_byte(tmp_path):
