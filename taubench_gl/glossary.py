@@ -23,6 +23,11 @@ class Term:
     source: str = ""
 
     @property
+    def sentence(self) -> str:
+        """The definition with its final period."""
+        return f"{self.definition}."
+
+    @property
     def tooltip(self) -> str:
         """The definition with unit and source: ``Reprojected outside the previous image (paper, Eq. 3)``."""
         remarks = ", ".join(part for part in (self.unit, self.source) if part)

@@ -1,4 +1,4 @@
-// One colour for all arrows.
+// One color for all arrows.
 
 uniform vec4 arrow_color;
 out vec4 out_color;

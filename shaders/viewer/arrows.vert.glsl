@@ -1,4 +1,4 @@
-// Arrows from pixels to where their surface was: one instance per cell of a grid, six vertices each.
+// Motion vectors as arrows from a pixel to its previous position: one instance per grid cell, six vertices each.
 // Reads    motion (previous - current, pixels, +y up)
 
 uniform sampler2D motion;
@@ -15,6 +15,6 @@ void main() {
     vec2 tip = vec2(at) + m, head = min(0.35 * far, 5.0) * along;
     vec2 side = 0.6 * vec2(-head.y, head.x);
     vec2 place[6] = vec2[](vec2(at), tip, tip, tip - head + side, tip, tip - head - side);
-    vec2 p = far < 0.5 ? vec2(-9.0) : place[gl_VertexID]; // what stands still has none
+    vec2 p = far < 0.5 ? vec2(-9.0) : place[gl_VertexID]; // no arrow without motion
     gl_Position = vec4((p + 0.5) / vec2(size) * 2.0 - 1.0, 0.0, 1.0);
 }

@@ -1,7 +1,7 @@
-// The picture, onto its place in the window.
+// Copies the image into the window.
 
-uniform sampler2D picture;
+uniform sampler2D image;
 in vec2 uv;
 out vec4 color;
 
-void main() { color = vec4(texture(picture, uv).rgb, 1.0); }
+void main() { color = vec4(texture(image, uv).rgb, 1.0); }

@@ -1,9 +1,9 @@
-// A channel as a picture, compared with another where asked, under mask colours.
+// Displays a channel under mask colors, optionally compared with the same channel of another source.
 //
-// Reads    one channel, position, mask (reason bits); with COMPARE the same channel of another source; with OBSERVER the
-//          mask and position of the camera that is held, looked at from outside.
-// Writes   display colours, 8 bits.
-// Twin     metrics.display (picture_of, masked), report.pictures.mask_overlay (stripes)
+// Reads      one channel, position, mask (reason bits); with COMPARE the same channel of another source; with OBSERVER
+//            mask and position of the frozen camera, which is viewed from outside.
+// Writes     display colors, RGBA8.
+// Reference  metrics.display (channel_rgb, masked), report.mask_images.mask_overlay (stripes)
 #include "common/numbers.glsl"
 
 #if KIND == KIND_IDS
@@ -19,8 +19,8 @@ uniform usampler2D other;
 #else
 uniform sampler2D other;
 #endif
-uniform float split_px; // left of it this source, right of it the other
-uniform float gain;     // of the difference
+uniform float split_px; // this source on the left, the other on the right
+uniform float gain;     // factor of the difference
 #endif
 uniform sampler2D position;
 uniform usampler2D mask;
@@ -28,17 +28,17 @@ uniform vec2 value_range;
 uniform uint bits[MAX_REASONS];
 uniform vec3 colors[MAX_REASONS];
 uniform int reasons;
-uniform uint all_bits; // of those
+uniform uint all_bits; // union of bits
 uniform float opacity;
 uniform ivec2 size;
-#if KIND == KIND_MOTION_ERROR
+#if KIND == KIND_OBJECT_MOTION
 uniform mat4 prev_clip_from_prev;
 uniform vec3 camera_delta;
 #endif
 #if OBSERVER
-uniform sampler2D held_position;
-uniform mat4 held_clip;   // clip <- relative to the held camera
-uniform vec3 held_delta;  // observer - held camera, world, metres
+uniform sampler2D frozen_position;
+uniform mat4 frozen_clip;   // clip <- relative to the frozen camera
+uniform vec3 frozen_delta;  // viewing camera - frozen camera, world, scene units
 #endif
 out vec4 out_color;
 
@@ -57,7 +57,7 @@ vec3 color_scale(float t) {
     return mix(SCALE[i], SCALE[i + 1], x - float(i));
 }
 
-vec3 picture_of(VALUE v, vec4 p) {
+vec3 display_color(VALUE v, vec4 p) {
 #if KIND == KIND_IDS
     uint x = v.x * 2654435761u;
     return v.x == 0u ? vec3(0.0) : 0.25 + 0.75 * vec3(x & 255u, (x >> 8) & 255u, (x >> 16) & 255u) / 255.0;
@@ -71,10 +71,10 @@ vec3 picture_of(VALUE v, vec4 p) {
     float turn = fract(atan(v.y, v.x) / 6.283185307179586);
     vec3 hue = clamp(abs(mod(turn * 6.0 + vec3(0.0, 4.0, 2.0), 6.0) - 3.0) - 1.0, 0.0, 1.0);
     float far = length(v.xy);
-    return far > 0.0 ? hue * clamp((far - value_range.x) / span(), 0.0, 1.0) : vec3(0.0); // no motion has no direction
+    return far > 0.0 ? hue * clamp((far - value_range.x) / span(), 0.0, 1.0) : vec3(0.0); // zero motion has no direction
 #else
     if (p.w <= 0.0) return NOTHING;
-#if KIND == KIND_SHAPE
+#if KIND == KIND_HEADLIGHT
     float far = length(p.xyz);
     return vec3(0.25 + 0.75 * abs(dot(v.xyz, p.xyz)) / (far > 0.0 ? far : 1.0));
 #elif KIND == KIND_UNIT
@@ -83,10 +83,10 @@ vec3 picture_of(VALUE v, vec4 p) {
     return (v.xyz - value_range.x) / span();
 #elif KIND == KIND_DEPTH
     return color_scale((v.w - value_range.x) / span());
-#elif KIND == KIND_MOTION_ERROR
-    // Supplied: where the same surface point was; expected: where this place was, had nothing moved by itself.
-    vec3 expected = p.xyz + camera_delta;
-    vec4 a = prev_clip_from_prev * vec4(v.xyz, 1.0), b = prev_clip_from_prev * vec4(expected, 1.0);
+#elif KIND == KIND_OBJECT_MOTION
+    // Distance in pixels between the previous positions of the surface point and of a static point at the same place.
+    vec3 static_point = p.xyz + camera_delta;
+    vec4 a = prev_clip_from_prev * vec4(v.xyz, 1.0), b = prev_clip_from_prev * vec4(static_point, 1.0);
     if (a.w <= 0.0 || b.w <= 0.0) return color_scale(0.0);
     float error = length((a.xy / a.w - b.xy / b.w) * 0.5 * vec2(size));
     return color_scale((error - value_range.x) / span());
@@ -95,47 +95,47 @@ vec3 picture_of(VALUE v, vec4 p) {
 #endif
 }
 
-vec3 with_masks(vec3 picture, uint word, ivec2 at) {
-    if ((word & all_bits) == 0u) return picture;
+vec3 with_masks(vec3 color, uint word, ivec2 at) {
+    if ((word & all_bits) == 0u) return color;
     int count = 0;
     for (int i = 0; i < reasons; ++i) count += (word & bits[i]) != 0u ? 1 : 0;
     int turn = ((size.y - 1 - at.y + at.x) / STRIPE) % count, place = 0;
     for (int i = 0; i < reasons; ++i) {
         if ((word & bits[i]) == 0u) continue;
-        if (place++ == turn) return mix(picture, colors[i], opacity);
+        if (place++ == turn) return mix(color, colors[i], opacity);
     }
-    return picture;
+    return color;
 }
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
     vec4 p = texelFetch(position, at, 0);
     VALUE v = texelFetch(channel, at, 0);
-    vec3 picture;
+    vec3 color;
 #if COMPARE == COMPARE_SPLIT
     bool right = float(at.x) >= split_px;
-    picture = clamp(picture_of(right ? texelFetch(other, at, 0) : v, p), 0.0, 1.0);
-    if (abs(float(at.x) + 0.5 - split_px) < 1.0) picture = vec3(1.0);
+    color = clamp(display_color(right ? texelFetch(other, at, 0) : v, p), 0.0, 1.0);
+    if (abs(float(at.x) + 0.5 - split_px) < 1.0) color = vec3(1.0);
 #elif COMPARE == COMPARE_DIFFERENCE
-    picture = clamp(gain * abs(picture_of(v, p) - picture_of(texelFetch(other, at, 0), p)), 0.0, 1.0);
+    color = clamp(gain * abs(display_color(v, p) - display_color(texelFetch(other, at, 0), p)), 0.0, 1.0);
 #else
-    picture = clamp(picture_of(v, p), 0.0, 1.0);
+    color = clamp(display_color(v, p), 0.0, 1.0);
 #endif
 #if OBSERVER
-    // What the held camera sees is shown with its masks; what it does not see is dark.
-    vec3 point = p.xyz + held_delta;
-    vec4 clip = held_clip * vec4(point, 1.0);
+    // Points that the frozen camera sees carry its masks; all others are dark.
+    vec3 point = p.xyz + frozen_delta;
+    vec4 clip = frozen_clip * vec4(point, 1.0);
     vec2 there = (clip.xy / clip.w * 0.5 + 0.5) * vec2(size);
     ivec2 pixel = ivec2(floor(there));
     bool seen = p.w > 0.0 && clip.w > 0.0 && all(greaterThanEqual(pixel, ivec2(0))) && all(lessThan(pixel, size));
     if (seen) {
-        vec4 held = texelFetch(held_position, pixel, 0);
-        seen = held.w > 0.0 && length(point) <= length(held.xyz) * 1.02 + 1e-4;
+        vec4 frozen = texelFetch(frozen_position, pixel, 0);
+        seen = frozen.w > 0.0 && length(point) <= length(frozen.xyz) * 1.02 + 1e-4;
     }
-    if (!seen) picture *= 0.3;
-    else picture = with_masks(picture, texelFetch(mask, pixel, 0).r, at);
+    if (!seen) color *= 0.3;
+    else color = with_masks(color, texelFetch(mask, pixel, 0).r, at);
 #else
-    picture = with_masks(picture, texelFetch(mask, at, 0).r, at);
+    color = with_masks(color, texelFetch(mask, at, 0).r, at);
 #endif
-    out_color = vec4(picture, 1.0);
+    out_color = vec4(color, 1.0);
 }

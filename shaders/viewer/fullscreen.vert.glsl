@@ -1,4 +1,4 @@
-// One triangle over the whole viewport.
+// One triangle that covers the viewport.
 
 out vec2 uv; // 0..1, +y up
 

@@ -1,4 +1,4 @@
-// Lines: faint where a surface is in front of them.
+// Lines: transparent behind surfaces.
 
 uniform sampler2D position;
 in vec3 color;

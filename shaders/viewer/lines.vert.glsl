@@ -1,11 +1,11 @@
-// Lines in the world, relative to the camera that looks at them.
+// Lines in world space, relative to the viewing camera.
 
 in vec3 in_position;
 in vec3 in_color;
 uniform mat4 clip_from_relative;
 uniform vec3 forward;
 out vec3 color;
-out float depth; // planar, metres
+out float depth; // planar, scene units
 
 void main() {
     color = in_color;

@@ -1,4 +1,4 @@
-// Panels: colour times glyph.
+// Panels: vertex color times font texture.
 
 uniform sampler2D glyphs;
 in vec2 uv;

@@ -3,7 +3,7 @@
 in vec2 in_position;
 in vec2 in_uv;
 in vec4 in_color;
-uniform vec2 points; // of the window
+uniform vec2 points; // window size
 out vec2 uv;
 out vec4 color;
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.aliases import Group
-from taubench_gl.apps.option_types import OutPath
+from taubench_gl.apps.options import OutPath
 
 if TYPE_CHECKING:
     from taubench_gl.batch.driver import Outcome

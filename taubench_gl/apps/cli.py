@@ -1,6 +1,6 @@
-"""The command line ``taubench-gl``: a thin shell that turns options into calls and errors into exit codes.
+"""The command line ``taubench-gl``: options become calls, errors become exit codes.
 
-Every command imports its work when it runs, so ``--help`` needs neither OpenGL nor NumPy.
+Every command imports its libraries when it runs, so ``--help`` needs neither OpenGL nor NumPy.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import sys
 from typing import NoReturn, TextIO
 
 import click
+from click.shell_completion import get_completion_class
 
 from taubench_gl import __version__
 from taubench_gl.apps.aliases import Group, former_commands
 from taubench_gl.apps.batch_command import batch
 from taubench_gl.apps.compare_command import compare
-from taubench_gl.apps.completion_command import completion
 from taubench_gl.apps.convert_command import convert
 from taubench_gl.apps.cost_command import cost
 from taubench_gl.apps.demo_command import demo
@@ -37,7 +37,8 @@ from taubench_gl.errors import TaubenchError
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
 _REFUSED = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""What a system says that has no room, or no disk any more."""
+"""Errors of a full or failing disk."""
+SHELLS = ("bash", "zsh", "fish")
 
 
 @click.group(
@@ -59,7 +60,22 @@ Errors end with exit code 2 and one line; TAUBENCH_DEBUG=1 adds the traceback.""
 )
 @click.version_option(__version__, prog_name="taubench-gl")
 def cli() -> None:
-    """How much of the last frame can be reused, on which pixels, and what a wrong reuse costs."""
+    """Measure how much of each frame the next one can reuse, on which pixels, and the error of a wrong reuse."""
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  source <(taubench-gl completion bash)
+  taubench-gl completion zsh >> ~/.zshrc
+  taubench-gl completion fish > ~/.config/fish/completions/taubench-gl.fish"""
+)
+@click.argument("shell", type=click.Choice(SHELLS))
+def completion(shell: str) -> None:
+    """Print the script that completes commands and options in SHELL."""
+    maker = get_completion_class(shell)
+    assert maker is not None, shell  # click has all three
+    click.echo(maker(cli, {}, "taubench-gl", "_TAUBENCH_GL_COMPLETE").source())
 
 
 for command in (
@@ -94,7 +110,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     try:
         code = cli.main(args=arguments, prog_name="taubench-gl", standalone_mode=False)
         if sys.stdout is not None:
-            sys.stdout.flush()  # here, where a full disk can still be told of
+            sys.stdout.flush()  # a full disk is reported below, not by the interpreter at exit
     except TaubenchError as error:
         if _debugging():
             raise
@@ -107,14 +123,14 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         click.echo("taubench-gl: interrupted", err=True)
         code = EXIT_INTERRUPTED
     except BrokenPipeError:
-        # Whoever read our output has closed it (as head does).
+        # The reader of the output has closed it, as head does.
         _drop_output(sys.stdout)
         code = 1
     except OSError as error:
         if error.errno not in _REFUSED or _debugging():
             raise
         _drop_output(sys.stdout)
-        with contextlib.suppress(OSError):  # where the messages go to the same disk
+        with contextlib.suppress(OSError):  # messages may go to the same disk
             what = f"{error.filename or 'output'} cannot be written: {error.strerror}"
             click.echo(f"taubench-gl: error: {what}", err=True)
         code = EXIT_ERROR
@@ -126,7 +142,7 @@ def _debugging() -> bool:
 
 
 def _drop_output(stream: TextIO) -> None:
-    """Let what ``stream`` can no longer write go nowhere: the interpreter would try, and complain, once more."""
+    """Send the rest of ``stream`` to the null device; otherwise the interpreter fails again when it flushes at exit."""
     try:
         stream.flush()
         return

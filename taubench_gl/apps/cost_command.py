@@ -11,8 +11,15 @@ import click
 
 from taubench_gl.apps.accuracy_options import accuracy_options, removed_option
 from taubench_gl.apps.evaluate_command import out_folders
-from taubench_gl.apps.option_types import OutPath, Words
-from taubench_gl.apps.options import frame_options, gpu_options, light_options, pair_options, settings_from
+from taubench_gl.apps.options import (
+    OutPath,
+    Words,
+    frame_options,
+    gpu_options,
+    light_options,
+    pair_options,
+    settings_from,
+)
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import TaubenchError
 from taubench_gl.settings import Settings

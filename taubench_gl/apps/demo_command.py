@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from taubench_gl.apps.option_types import OutPath, Size
-from taubench_gl.apps.options import gpu_options
+from taubench_gl.apps.options import OutPath, Size, gpu_options
 from taubench_gl.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -31,19 +30,19 @@ Examples:
   taubench-gl demo occlusion --view
   taubench-gl demo occlusion --scene board.glb
 \b
-DIR receives pictures (PNG), a page per demo (HTML, nothing else needed), with --all index.html, and with --notebook
-Jupyter notebooks.  docs/demos.md says what each demo shows."""
+DIR receives the figures (PNG), a self-contained HTML page per demo, index.html with --all, and Jupyter notebooks
+with --notebook.  docs/demos.md lists the demos."""
 )
 @click.argument("names", nargs=-1, metavar="[NAME|NUMBER]...")
-@click.option("--all", "every", is_flag=True, help="All demos, and a page that leads to them.")
+@click.option("--all", "every", is_flag=True, help="Run all demos and write an index page.")
 @click.option("--out", type=OutPath(), default="demos", show_default=True, metavar="DIR",
-              help="Where pictures and pages go.")  # fmt: skip
-@click.option("--list", "listing", is_flag=True, help="Say what there is, as without a name.")
+              help="Folder of the figures and pages.")  # fmt: skip
+@click.option("--list", "listing", is_flag=True, help="List the demos, as without a name.")
 @click.option("--notebook", is_flag=True, help="Write Jupyter notebooks instead of running the demos.")
 @click.option("--scene", "scene_file", type=OutPath(dir_okay=False), metavar="OUT.glb",
-              help="Write the demo's scene instead, for every other command.")  # fmt: skip
-@click.option("--view", "viewing", is_flag=True, help="Open the demo's scene in the viewer instead.")
-@click.option("--size", type=Size(), help="Pixels of a panel.  [default: 480x270; notebooks 320x180]")
+              help="Only write the demo's scene, as a file for other commands.")  # fmt: skip
+@click.option("--view", "viewing", is_flag=True, help="Only open the demo's scene in the viewer.")
+@click.option("--size", type=Size(), help="Size of a panel, pixels.  [default: 480x270; notebooks 320x180]")
 @gpu_options
 def demo(
     names: tuple[str, ...],
@@ -57,18 +56,19 @@ def demo(
     backend: str,
     device: int | None,
 ) -> int:
-    """Show one idea of temporal reuse at a time: pictures, what to look for, and a number beside what theory says.
+    """Run demos that each explain one idea of temporal reuse with figures and a measured number.
 
-    Without a name: what there is.  Ends with exit code 1 if a number is not what theory says.
+    Each number is compared with its theoretical value; the exit code is 1 if one differs.  Without a name, lists the
+    demos.
     """
     from taubench_gl.demos.lessons import demos, find_demo
 
     if every and names:
-        raise SettingsError("--all and names were given", hint="give one of them")
+        raise SettingsError("--all and names were given", hint="give one of the two")
     if sum((notebook, scene_file is not None, viewing)) > 1:
         raise SettingsError("--notebook, --scene and --view exclude each other", hint="give one of them")
     if (scene_file is not None or viewing) and not (names or every or listing):
-        raise SettingsError("no demo was named", hint="--scene and --view take one, see 'taubench-gl demo'")
+        raise SettingsError("no demo was named", hint="--scene and --view need one, see 'taubench-gl demo'")
     if scene_file is not None and scene_file.suffix.lower() != ".glb":
         raise SettingsError(f"{scene_file.name} does not end in .glb", hint="scenes are written as one binary file")
     chosen = demos() if every else list(dict.fromkeys(find_demo(name) for name in names))
@@ -90,7 +90,7 @@ def _list(chosen: list[Demo]) -> None:
 
 
 def _scene(chosen: list[Demo], path: Path | None, size: tuple[int, int] | None) -> None:
-    """Write the scene of a demo as glTF, or show it."""
+    """Write the scene of a demo as glTF, or open it in the viewer."""
     from taubench_gl.datasets.gltf_from_scene import write_scene
 
     if len(chosen) > 1:
@@ -98,15 +98,15 @@ def _scene(chosen: list[Demo], path: Path | None, size: tuple[int, int] | None) 
     (one,) = chosen
     if path is not None:
         write_scene(one.scene(), path)
-        click.echo(f"written to {path}; see it with: taubench-gl view {path}")
+        click.echo(f"written to {path}; open it with: taubench-gl view {path}")
         return
     from taubench_gl.apps.view_command import view
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"{one.stem}.glb"
         write_scene(one.scene(), file)
-        wanted = [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
-        view.main(args=[str(file), "--light", *wanted], standalone_mode=False)
+        size_option = [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
+        view.main(args=[str(file), "--light", *size_option], standalone_mode=False)
 
 
 def _notebooks(chosen: list[Demo], out: Path, size: tuple[int, int] | None) -> None:
@@ -128,19 +128,19 @@ def _run(
         shown = run_demos(stage, chosen, out, index=every, on_demo=_show)
     pages = f"{out / 'index.html'}" if every else ", ".join(str(s.page) for s in shown)
     click.echo(f"written to {out}{os.sep}; open {pages}")
-    wrong = [s.demo for s in shown if not s.result.as_expected]
-    if wrong:
-        click.secho(f"not what theory says: {', '.join(d.name for d in wrong)}", fg="red", bold=True)
-    return EXIT_NOT_AS_EXPECTED if wrong else 0
+    failed = [s.demo for s in shown if not s.result.as_expected]
+    if failed:
+        click.secho(f"differs from theory: {', '.join(d.name for d in failed)}", fg="red", bold=True)
+    return EXIT_NOT_AS_EXPECTED if failed else 0
 
 
 def _show(shown: Shown) -> None:
-    """One demo on the screen: idea, what to look for, numbers."""
+    """Print idea, things to look for and numbers of a demo."""
     one, result = shown.demo, shown.result
     click.secho(f"\n{one.number}. {one.title}", bold=True)
     click.echo(textwrap.fill(one.idea, 110))
     for item in one.look_for:
         click.echo(textwrap.fill(item, 110, initial_indent="  - ", subsequent_indent="    "))
     for f in result.findings:
-        click.secho(f"  {'ok ' if f.as_expected else 'BAD'} ", fg="green" if f.as_expected else "red", nl=False)
-        click.echo(f"{f.said} {f.meaning}; expected {f.expected.said} ({f.expected.source})")
+        click.secho(f"  {'PASS' if f.as_expected else 'FAIL'} ", fg="green" if f.as_expected else "red", nl=False)
+        click.echo(f"{f.text} {f.meaning}; expected {f.expected.text} ({f.expected.source})")

@@ -24,20 +24,21 @@ MODULES: dict[str, tuple[str, ...]] = {
     "taubench_gl.metrics.masks": ("pair_masks", "PairMasks"),
     "taubench_gl.metrics.activity": ("camera_activity", "detect_cuts"),
 }
-"""What people call from Python, by module, in the order of the page."""
+"""The public Python interface by module, in the order of the page."""
 
 API_HEAD = """# Python interface
 
-`import taubench_gl as tb` gives what the first section lists.  Errors a caller can cause are `TaubenchError`s with one
-line of text.  Importing never opens OpenGL; scenes, metrics, tables and stored runs work on machines that have none.
+`import taubench_gl as tb` provides the names of the first section.  Errors that a caller can cause are subclasses of
+`TaubenchError`, with one line of text.  Importing never opens OpenGL; scenes, metrics, tables and stored runs work on
+machines without it.
 
 This page is written by `python -m taubench_gl.apps.doc` from the docstrings.
 """
 
 
 def commands(command: click.Command = cli, path: tuple[str, ...] = (PROGRAM,)) -> Iterator[tuple[tuple[str, ...], str]]:
-    """(path, help text) of the program, its commands and theirs, groups before their members."""
-    # As the program has it: click keeps the option that the first context made.
+    """(path, help text) of the program, its commands and their subcommands, groups before their members."""
+    # The same names as in the program: click caches the help option of the first context.
     names = cli.context_settings["help_option_names"]
     context = click.Context(
         command, info_name=" ".join(path), terminal_width=WIDTH, max_content_width=WIDTH, help_option_names=names
@@ -87,7 +88,7 @@ def _entry(name: str, thing: object, level: str) -> list[str]:
 
 
 def _members(owner: str, thing: object) -> list[str]:
-    """Public methods of a class that say something of their own."""
+    """Entries of the public methods of a class that have a docstring."""
     if not inspect.isclass(thing) or issubclass(thing, Exception):
         return []
     out = []
@@ -98,7 +99,7 @@ def _members(owner: str, thing: object) -> list[str]:
 
 
 def _signature(name: str, thing: object) -> str:
-    """As written in the source, on one line where it fits."""
+    """The signature as in the source, on one line if it fits."""
     try:
         signature = inspect.signature(thing)  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -110,7 +111,7 @@ def _signature(name: str, thing: object) -> str:
 
 
 def _parameters(signature: inspect.Signature) -> Iterator[str]:
-    """Each parameter, with the star before the first that is by keyword only.  ``self`` says nothing: left out."""
+    """Each parameter except ``self``, with the star before the first keyword-only one."""
     starred = False
     for name, parameter in signature.parameters.items():
         if name == "self":
@@ -129,13 +130,13 @@ def _parameters(signature: inspect.Signature) -> Iterator[str]:
 
 
 def pages() -> dict[Path, str]:
-    """Every page this module writes, by path."""
+    """Path -> text of every page that this module writes."""
     out = {DOCS / "commands" / name: text for name, text in command_pages().items()}
     return out | {DOCS / "api.md": api_page(), DOCS / "glossary.md": glossary.page()}
 
 
 def write() -> None:
-    """Write the pages; those of commands that are gone go too."""
+    """Write the pages and delete those of removed commands."""
     every = pages()
     folder = DOCS / "commands"
     folder.mkdir(parents=True, exist_ok=True)

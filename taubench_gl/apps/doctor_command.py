@@ -1,4 +1,4 @@
-"""``taubench-gl doctor``: what OpenGL and which libraries this machine has."""
+"""``taubench-gl doctor``: OpenGL and libraries of this machine."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Examples:
 @gpu_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 def doctor(backend: str, device: int | None, as_json: bool) -> None:
-    """Show what OpenGL this machine offers, its limits, and the versions of what is installed.
+    """Print the OpenGL of this machine, its limits, and the versions of installed libraries.
 
-    Ends with exit code 2 and the command that would help if OpenGL 4.5 cannot be opened.
+    If OpenGL 4.5 cannot be opened, exits with code 2 and prints a command that may help.
     """
     from taubench_gl.gpu.context import capability_report
 
@@ -33,7 +33,7 @@ def doctor(backend: str, device: int | None, as_json: bool) -> None:
 
 
 def show_report(report: dict[str, Any]) -> None:
-    """Print a capability report as tables.  Unknown keys are left to ``--json``."""
+    """Print a capability report as tables; ``--json`` prints all of its keys."""
     from taubench_gl.apps.screen import show_pairs
 
     timer = report["timer"]

@@ -1,4 +1,4 @@
-"""``taubench-gl evaluate``: the main job, for one scene or several in turn."""
+"""``taubench-gl evaluate``: statistics of one scene or of several."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.accuracy_options import accuracy_options, preset_option, with_preset
-from taubench_gl.apps.option_types import OutPath, Words
 from taubench_gl.apps.options import (
+    OutPath,
+    Words,
     frame_options,
     given_options,
     gpu_options,
@@ -23,6 +24,7 @@ from taubench_gl.apps.options import (
     settings_from,
 )
 from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.glossary import COLUMNS, definitions
 
 if TYPE_CHECKING:
     from taubench_gl.run import Run
@@ -44,37 +46,43 @@ Examples:
   taubench-gl evaluate bart-museum --size 960x540
   taubench-gl evaluate exr:renders --camera-file renders/camera.json --lobe glossy
 \b
-With --out, DIR holds summary.json and frames.csv (one row per finished pair, also after an interrupt),
-tables as text, Markdown, CSV and LaTeX, and plots.  Several scenes get one folder each inside DIR."""
+With --out, DIR receives summary.json, frames.csv (one row per finished pair, also after an interrupt), tables as
+text, Markdown, CSV and LaTeX, and plots.  Several scenes get one folder each in DIR.
+\b
+Columns of Table 4 (all terms: docs/glossary.md):
+"""
+    + definitions(COLUMNS)
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @frame_options()
 @pair_options()
-@click.option("--out", type=OutPath(), metavar="DIR", help="Write results here, not only print.")
-@click.option("--save", type=Words(*SAVE), default="", help="Also write masks, channels (comma-separated) per pair.")
-@click.option("--report", is_flag=True, help="Also write report.html, one page to look at, and its pictures.")
+@click.option("--out", type=OutPath(), metavar="DIR", help="Also write the results to this folder.")
+@click.option(
+    "--save", type=Words(*SAVE), default="", help="Also write masks and/or channels of each pair, comma-separated."
+)
+@click.option("--report", is_flag=True, help="Also write report.html and its images.")
 @preset_option
 @light_options
 @accuracy_options
 @path_traced_options
 @gpu_options
 def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, **options: Any) -> int:
-    """Measure how much of each frame can be reused in the next, and print the paper's Tables 1 to 4.
+    """Measure how much of each frame the next one can reuse, and print the paper's Tables 1 to 4.
 
-    SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or pattern of numbered OBJ files
-    ("name*.obj@30", quoted), exr:DIR, a folder of path-traced OpenEXR frames, or the name of a scene that 'scenes get'
-    brought (also as scene:NAME), with its rate, frames, camera and units.  One scene that fails does not stop the
-    others; the exit code is then 2.
+    SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or a quoted pattern of numbered OBJ
+    files ("name*.obj@30"), exr:DIR (a folder of path-traced OpenEXR frames), or the name of a scene that 'scenes get'
+    downloaded (also scene:NAME), with its frame rate, frames, camera and units.  If one of several scenes fails, the
+    others are still evaluated and the exit code is 2.
     """
     if save and out is None:
-        raise click.UsageError("--save needs --out DIR to write to")
+        raise click.UsageError("--save needs --out DIR")
     if report and out is None:
-        raise click.UsageError("--report needs --out DIR to write to")
+        raise click.UsageError("--report needs --out DIR")
     path_traced = {
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
     settings = settings_from(with_preset(options, options.pop("preset")))
-    _require_effect(scenes, scene_file=path_traced["scene_file"])
+    _require_used(scenes, scene_file=path_traced["scene_file"])
     folders = out_folders(scenes, out)
     runs: list[Run] = []
     failed = 0
@@ -84,29 +92,29 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
-            _say(f"error: {error}")
+            _message(f"error: {error}")
             failed += 1
         except KeyboardInterrupt:
-            _say(_interrupted(folder, runs))
+            _message(_interrupted(folder, runs))
             raise click.exceptions.Exit(130) from None
         except Exception:
-            # A fault of ours in one scene of a batch: shown in full, and the night's other scenes still run.
+            # An internal error in one of several scenes: print the traceback, evaluate the other scenes.
             if len(scenes) == 1:
                 raise
             traceback.print_exc()
-            _say(f"error: {scene}: internal error, see above")
+            _message(f"error: {scene}: internal error, see above")
             failed += 1
     if runs:
         _show(runs)
     if failed:
-        _say(f"{failed} of {len(scenes)} scenes failed")
+        _message(f"{failed} of {len(scenes)} scenes failed")
     return 2 if failed else 0
 
 
-def _require_effect(scenes: Sequence[str], *, scene_file: str | None) -> None:
-    """Refuse what was given for nothing: path-traced files have their size, and the camera that took them.
+def _require_used(scenes: Sequence[str], *, scene_file: str | None) -> None:
+    """Check that no option was given that path-traced files ignore: they have their own size and camera.
 
-    Beside a scene that is drawn such an option is for that one.  Raises SettingsError.
+    With a rasterized scene among ``scenes`` such an option applies to that scene.  Raises SettingsError.
     """
     from taubench_gl.pathtraced.sequence import is_sequence
 
@@ -114,16 +122,16 @@ def _require_effect(scenes: Sequence[str], *, scene_file: str | None) -> None:
         return
     given = given_options(("size", "camera"))
     if "size" in given:
-        raise SettingsError("--size does nothing here", where=scenes[0], hint="leave it out: the size is the files'")
+        raise SettingsError("--size has no effect", where=scenes[0], hint="leave it out: the files have a size")
     if "camera" in given and scene_file is None:
-        hint = "leave it out: it chooses among the cameras of --scene-file SCENE"
-        raise SettingsError("--camera does nothing here", where=scenes[0], hint=hint)
+        hint = "leave it out, or give --scene-file SCENE to choose among its cameras"
+        raise SettingsError("--camera has no effect", where=scenes[0], hint=hint)
 
 
 def out_folders(scenes: Sequence[str], out: Path | None) -> list[Path | None]:
-    """Where each scene's results go: ``out`` itself for one scene, else a folder in it named after the file.
+    """Folder of each scene's results: ``out`` itself for one scene, else a folder in it named after the file.
 
-    Equal names get -2, -3 and so on, never one that another scene has (compared without case, as some disks do).
+    Equal names get -2, -3, ..., never the name of another scene.  Case is ignored, as some file systems do.
     """
     if out is None:
         return [None] * len(scenes)
@@ -152,20 +160,20 @@ def _evaluate_one(
     report: bool,
 ) -> Run:
     from taubench_gl.api import evaluate as evaluate_scene
-    from taubench_gl.apps.named_scenes import asked_for, resolve
+    from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.screen import ProgressBar
     from taubench_gl.pathtraced.sequence import is_sequence
 
     more: dict[str, Any] = {}
     scene, row = resolve(scene)
-    settings = settings.replace(**asked_for(row))
+    settings = settings.replace(**row_settings(row))
     if is_sequence(scene):
         from taubench_gl.pathtraced.evaluation import PathTracedOptions
 
         more["path_traced"] = PathTracedOptions(**path_traced)
     elif any(path_traced.values()):
         given = next(name for name, value in path_traced.items() if value).replace("_", "-").removesuffix("s")
-        raise SettingsError(f"--{given} is for path-traced files", where=scene, hint="name them exr:DIR")
+        raise SettingsError(f"--{given} is for path-traced files", where=scene, hint="give them as exr:DIR")
     with ProgressBar(Path(scene).name) as progress:
         return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, report=report, **more)
 
@@ -177,7 +185,7 @@ def _show(runs: list[Run]) -> None:
     show_tables(paper_tables([run.summary for run in runs]))
     for run in runs:
         name = run.summary["scene"]["name"]
-        # Capped: a broken exporter can produce one note per node, and all of them are in summary.json.
+        # At most 10: a broken exporter can produce one note per node.  summary.json has all of them.
         notes = [str(note) for note in run.summary.get("notes", ())]
         for note in notes[:10]:
             click.echo(f"note: {name}: {note}")
@@ -188,7 +196,7 @@ def _show(runs: list[Run]) -> None:
 
 
 def _interrupted(folder: Path | None, runs: list[Run]) -> str:
-    """What is left after an interrupt, said in one line."""
+    """One line that names the results kept after an interrupt."""
     from taubench_gl.run import FRAMES_FILE, read_frames
 
     if folder is None:
@@ -199,5 +207,5 @@ def _interrupted(folder: Path | None, runs: list[Run]) -> str:
     return f"interrupted; {kept}{whole}"
 
 
-def _say(line: str) -> None:
+def _message(line: str) -> None:
     click.echo(f"taubench-gl: {line}", file=sys.stderr)

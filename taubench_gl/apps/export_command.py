@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.option_types import OutPath
-from taubench_gl.apps.options import frame_options, gpu_options, light_options, pair_options, settings_from
+from taubench_gl.apps.options import OutPath, frame_options, gpu_options, light_options, pair_options, settings_from
 
 
 class _Names(click.ParamType):
@@ -86,13 +85,13 @@ def export(
     Row 0 is the top; motion is in pixels, +x right, +y down.  The same command continues an interrupted export.  A
     folder with another export is refused.  See docs/export.md.
     """
-    from taubench_gl.apps.named_scenes import asked_for, resolve
+    from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.screen import ProgressBar
     from taubench_gl.export.run import ExportOptions, export_scene
 
     settings = settings_from(options)
     source, row = resolve(scene_path)
-    settings = settings.replace(**asked_for(row))
+    settings = settings.replace(**row_settings(row))
     with ProgressBar(Path(source).name, "frames") as progress:
         result = export_scene(
             source,

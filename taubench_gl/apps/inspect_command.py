@@ -34,12 +34,12 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: 
 
     Needs no OpenGL.
     """
-    from taubench_gl.apps.named_scenes import asked_for, resolve
+    from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.scene import load_scene
     from taubench_gl.settings import Settings
 
     path, row = resolve(path)
-    settings = Settings.of(**{name: asked_for(row).get(name, value) for name, value in options.items()})
+    settings = Settings.of(**{name: row_settings(row).get(name, value) for name, value in options.items()})
     facts = describe(load_scene(path, scene, animations or None), settings)
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))

@@ -1,4 +1,4 @@
-"""Where a command takes a scene's path it takes a name of the registry too: this makes the one of the other."""
+"""Names of the scene registry as scene paths: every command that takes a path resolves it here."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from taubench_gl.apps.options import given_options
 
 
 def resolve(text: str) -> tuple[str, dict[str, Any]]:
-    """-> what ``load_scene`` takes, and the settings that the scene's row in the registry calls for.
+    """(what ``load_scene`` takes, settings of the scene's registry row); a path is returned unchanged with none.
 
-    A path comes back as it is, without settings.  A scene in FBX or .blend is converted the first time.  Raises
-    DatasetError, and what ``convert`` raises.
+    A scene in FBX or .blend is converted on first use.  Raises DatasetError, and what ``convert`` raises.
     """
     from taubench_gl.datasets.named import find_named, scene_text
 
@@ -27,8 +26,9 @@ def resolve(text: str) -> tuple[str, dict[str, Any]]:
     return source, store.entry.settings()
 
 
-def asked_for(row: dict[str, Any]) -> dict[str, Any]:
-    """``row`` without what the user gave to the command that is running; frames go with the rate they count at."""
+def row_settings(row: dict[str, Any]) -> dict[str, Any]:
+    """``row`` without the options that the user gave; ``--fps`` also overrides the row's frames, which count at its
+    rate."""
     given = given_options(row)
     if "fps" in given:
         given |= {"frames"}
@@ -36,12 +36,12 @@ def asked_for(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _converted(store: Any, source: Path) -> Path:
-    """The glTF of an FBX or .blend scene, beside it in the cache; one per file it was made from."""
+    """The glTF file of an FBX or .blend scene, stored beside it in the cache and named after its hash."""
     from taubench_gl.pathtraced.blender.convert import convert
 
     record = store.record()
     target = store.folder / f"converted-{record.sha256[:12]}-{source.stem}.glb"
     if not target.is_file():
-        click.echo(f"{store.name}: converting {source.name} with Blender, this once", err=True)
+        click.echo(f"{store.name}: converting {source.name} with Blender (once)", err=True)
         convert(source, target)
     return target

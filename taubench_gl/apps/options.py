@@ -1,18 +1,24 @@
-"""The options that several commands have, and Settings made of them."""
+"""Option types, the options that several commands share, and the Settings made from them.
+
+Help texts come from the metadata of Settings' fields and from the glossary.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import click
 
-from taubench_gl.apps.option_types import Color, Frames, Size, Threshold, Words
+from taubench_gl.apps.aliases import current_value
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.glossary import OPTIONS
 from taubench_gl.settings import (
     BACKENDS,
     CULLINGS,
     EFFECTS,
+    FIELDS,
     INDIRECT,
     REPROJECTIONS,
     SAMPLINGS,
@@ -25,30 +31,147 @@ from taubench_gl.settings import (
 Decorator = Callable[[Any], Any]
 
 
+# Option types
+
+
+class Size(click.ParamType):
+    """``1920x1080`` -> (1920, 1080)."""
+
+    name = "WxH"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        width, by, height = value.lower().partition("x")
+        if not (by and width.isdecimal() and height.isdecimal()):
+            self.fail(f"{value!r} is not a size such as 1920x1080", param, ctx)
+        return int(width), int(height)
+
+
+class Frames(click.ParamType):
+    """``A:B`` -> (A, B), a Python slice of frame numbers; a missing end is None."""
+
+    name = "A:B"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        first, colon, stop = value.partition(":")
+        try:
+            if not colon:
+                raise ValueError
+            return tuple(int(end) if end.strip() else None for end in (first, stop))
+        except ValueError:
+            self.fail(f"{value!r} is not a range of frames such as 0:24, 100: or :-1", param, ctx)
+
+
+class Threshold(click.ParamType):
+    """``normal=0.1`` -> ("normal", 0.1); Settings checks the name."""
+
+    name = "NAME=V"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        name, equals, number = value.partition("=")
+        try:
+            if not equals:
+                raise ValueError
+            return name.strip(), float(number)
+        except ValueError:
+            self.fail(f"{value!r} is not a threshold such as normal=0.1", param, ctx)
+
+
+class Color(click.ParamType):
+    """``R,G,B``, or one number for all three channels -> (r, g, b) floats; Settings checks the range."""
+
+    name = "R,G,B"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in value.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) not in (1, 3):
+            self.fail(f"{value!r} is not a radiance such as 0.2,0.4,0.9", param, ctx)
+        return numbers * 3 if len(numbers) == 1 else numbers
+
+
+class OutPath(click.Path):
+    """Output path -> Path.  An empty name, such as an unset shell variable, is an error."""
+
+    def __init__(self, *, dir_okay: bool = True) -> None:
+        super().__init__(path_type=Path, dir_okay=dir_okay)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":
+            self.fail("the name is empty; '.' is the current folder", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Words(click.ParamType):
+    """Comma-separated values out of ``words`` -> tuple without duplicates, in the order given.
+
+    ``verb`` completes the message "cannot VERB x"; ``none`` allows an empty list; ``former`` maps former words to
+    current ones.
+    """
+
+    name = "LIST"
+
+    def __init__(self, *words: str, verb: str = "save", none: bool = True, former: Mapping[str, str] | None = None):
+        self.words, self.verb, self.none = words, verb, none
+        self.former = dict(former or {})
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        given = (word.strip() for word in value.split(",") if word.strip())
+        chosen = tuple(dict.fromkeys(current_value(word, self.former, param) for word in given))
+        unknown = [word for word in chosen if word not in self.words]
+        if unknown:
+            self.fail(f"cannot {self.verb} {', '.join(unknown)}; choose from {', '.join(self.words)}", param, ctx)
+        if not (chosen or self.none):
+            self.fail(f"nothing to {self.verb}; choose from {', '.join(self.words)}", param, ctx)
+        return chosen
+
+
+# Settings from options
+
+
 def with_options(command: Any, *options: Decorator) -> Any:
-    """``command`` with ``options``, in the order in which its help lists them."""
+    """``command`` with ``options``, in the order of its help."""
     for option in reversed(options):
         command = option(command)
     return command
 
 
-def of_settings(flag: str, help: str, *, field: str | None = None, **attributes: Any) -> Decorator:
-    """An option for a field of Settings, by default the one of its name; default and type are the field's."""
+def of_settings(flag: str, help: str | None = None, *, field: str | None = None, **attributes: Any) -> Decorator:
+    """An option for a field of Settings, by default the field of its name.
+
+    Default, type and, without ``help``, the help text are the field's.
+    """
     name = field or flag.removeprefix("--").replace("-", "_")
+    if help is None:
+        meaning, unit = FIELDS[name].metadata["meaning"], FIELDS[name].metadata["unit"]
+        unit = f", {unit}" if unit and unit not in ("1/m", "1/s") and unit not in meaning else ""
+        starts_with_value = meaning.partition(":")[0] in getattr(attributes.get("type"), "choices", ())
+        help = f"{meaning if starts_with_value else meaning[0].upper() + meaning[1:]}{unit}."
     return click.option(flag, name, help=help, **{"default": Settings().get(name), "show_default": True, **attributes})
 
 
 def given_options(names: Iterable[str]) -> frozenset[str]:
-    """Of ``names``, parameters of the command that is running, those that the user gave, as opposed to defaults."""
+    """Those of ``names``, parameters of the running command, that the user gave rather than the default."""
     context = click.get_current_context()
     default = (click.core.ParameterSource.DEFAULT, click.core.ParameterSource.DEFAULT_MAP, None)
     return frozenset(name for name in names if context.get_parameter_source(name) not in default)
 
 
 def settings_from(options: dict[str, Any], **more: Any) -> Settings:
-    """Settings of a command's options, ``frame_options`` among them; all that ``options`` holds must be one.
+    """Settings from the options of a command that has ``frame_options``; every option must be a setting.
 
-    ``more``: fields that the command decides.  Raises SettingsError for a value that no evaluation can have.
+    ``more``: fields that the command decides.  Raises SettingsError for a value out of range.
     """
     options = dict(options)
     width, height = options.pop("size")
@@ -63,62 +186,62 @@ def settings_from(options: dict[str, Any], **more: Any) -> Settings:
     )
 
 
+def _meanings(*values: str) -> str:
+    """``camera: the glossary's definition.  motion: ...`` for the values of an option."""
+    return "  ".join(f"{value}: {OPTIONS[value].sentence}" for value in values)
+
+
+# Shared options
+
+
 def gpu_options(command: Any) -> Any:
     """``--backend`` and ``--device``."""
     return with_options(
         command,
-        of_settings(
-            "--backend",
-            "How OpenGL is opened.",
-            type=click.Choice(BACKENDS),
-            envvar="TAUBENCH_BACKEND",
-            show_envvar=True,
-        ),
-        click.option("--device", type=click.IntRange(min=0), help="EGL device number, see 'taubench-gl doctor'."),
+        of_settings("--backend", type=click.Choice(BACKENDS), envvar="TAUBENCH_BACKEND", show_envvar=True),
+        click.option("--device", type=click.IntRange(min=0), help="EGL device index; see 'taubench-gl doctor'."),
     )
 
 
 def scene_options(command: Any) -> Any:
-    """``--scene`` and ``--animation``: which part of a file."""
+    """``--scene`` and ``--animation``: the part of a file."""
     return with_options(
         command,
-        click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's own]"),
+        click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's default]"),
         click.option(
             "--animation",
             "animations",
             multiple=True,
             metavar="NAME|INDEX",
-            help="Animation to play; may be repeated.  [default: all that fit together]",
+            help="Animation to play; may be repeated.  [default: all that do not collide]",
         ),
     )
 
 
 def frame_options(size: str = "1920x1080", fps: float = Settings().sequence.fps) -> Decorator:
-    """Which pictures of a scene: ``--camera``, ``--scene``, ``--animation``, ``--fps``, ``--frames``, ``--size``."""
+    """Frames to render: ``--camera``, ``--scene``, ``--animation``, ``--fps``, ``--frames``, ``--size``."""
 
     def decorate(command: Any) -> Any:
         return with_options(
             command,
             click.option(
-                "--camera", metavar="NAME|INDEX", help="[default: the first, else an orbit that frames the scene]"
+                "--camera",
+                metavar="NAME|INDEX",
+                help="Camera of the scene.  [default: the first, else an orbit around the scene]",
             ),
             scene_options,
-            of_settings("--fps", "Frames per second.", default=fps),
+            of_settings("--fps", default=fps),
             click.option("--frames", type=Frames(), help="Frames A to B-1, a Python slice.  [default: all]"),
-            click.option("--size", type=Size(), default=size, show_default=True, help="Pixels."),
+            click.option("--size", type=Size(), default=size, show_default=True, help="Width and height, pixels."),
         )
 
     return decorate
 
 
-def pair_options(
-    *,
-    reprojection: str = "camera: as the paper, surfaces count as still.  motion: follow moving surfaces.",
-    sampling: str = "Of history.",
-) -> Decorator:
-    """How the two frames of a pair are drawn and judged, from ``--reprojection`` to ``--textures``.
+def pair_options(*, reprojection: str = _meanings(*REPROJECTIONS), sampling: str = _meanings(*SAMPLINGS)) -> Decorator:
+    """How the two frames of a pair are compared, from ``--reprojection`` to ``--textures``.
 
-    The arguments are the help texts of the options of their names, where a command uses them in a way of its own.
+    ``reprojection``, ``sampling``: help texts, for a command that uses the option differently.
     """
 
     def decorate(command: Any) -> Any:
@@ -129,11 +252,7 @@ def pair_options(
             threshold_option,
             unit_scale_option,
             culling_option,
-            of_settings(
-                "--textures",
-                "finest: without mipmaps, as 'reference render --crisp' samples them.",
-                type=click.Choice(TEXTURES),
-            ),
+            of_settings("--textures", type=click.Choice(TEXTURES)),
         )
 
     return decorate
@@ -144,27 +263,29 @@ threshold_option = click.option(
     "thresholds",
     type=Threshold(),
     multiple=True,
-    help="a_B of color, position (metres), normal, direct or indirect; may be repeated.  [default: 32/255]",
+    help="Threshold of color, position (metres), normal, direct or indirect; may be repeated.  [default: 32/255]",
 )
-unit_scale_option = of_settings("--unit-scale", "Scene units per metre.")
-culling_option = of_settings("--culling", "Back faces.", type=click.Choice(CULLINGS))
-sky_option = of_settings("--sky", "Uniform sky radiance, cd/m2.  [default: 0,0,0]", type=Color(), show_default=False)
+unit_scale_option = of_settings("--unit-scale")
+culling_option = of_settings("--culling", type=click.Choice(CULLINGS))
+sky_option = of_settings(
+    "--sky", "Uniform sky radiance, linear RGB, cd/m2.  [default: 0,0,0]", type=Color(), show_default=False
+)
 
 
 def light_options(command: Any) -> Any:
-    """What is measured of light, and how it is simulated (docs/light.md)."""
+    """``--columns``, ``--effects`` and ``lighting_options`` (docs/light.md)."""
     return with_options(
         command,
         of_settings(
             "--columns",
-            f"Columns of Table 4 to measure, of {','.join(COLUMNS)}.  [default: all]",
+            f"Columns of Table 4 to measure, comma-separated: {', '.join(COLUMNS)}.  [default: all]",
             type=Words(*COLUMNS, verb="measure", none=False),
             default=",".join(COLUMNS),
             show_default=False,
         ),
         of_settings(
             "--effects",
-            "auto: simulate what scene and columns call for.  all: everything, for comparison.",
+            "auto: simulate the effects that scene and columns need.  all: simulate every effect.",
             type=click.Choice(EFFECTS),
         ),
         lighting_options,
@@ -172,48 +293,42 @@ def light_options(command: Any) -> Any:
 
 
 def lighting_options(command: Any) -> Any:
-    """How light is simulated: the part of ``light_options`` for commands that choose the columns themselves."""
+    """How light is simulated: ``light_options`` without the columns."""
     return with_options(
         command,
         sky_option,
-        of_settings("--exposure", "Factor on radiance before thresholds and tone map.", metavar="VALUE"),
-        of_settings("--tone-map", "From radiance x exposure to the color column.", type=click.Choice(TONE_MAPS)),
-        of_settings(
-            "--shadow-size",
-            "Side of a shadow map, texels; directional lights have four times as many.",
-            metavar="TEXELS",
-        ),
-        of_settings("--shadow-lights", "Lights that cast shadows, the most significant first.", metavar="N"),
+        of_settings("--exposure", metavar="VALUE"),
+        of_settings("--tone-map", type=click.Choice(TONE_MAPS)),
+        of_settings("--shadow-size", metavar="TEXELS"),
+        of_settings("--shadow-lights", metavar="N"),
         of_settings(
             "--shadow-filter",
-            "hard: one texel decides.  bilinear: four, weighted.",
+            "Filter of the shadow-map lookup.  hard: nearest texel.  bilinear: weighted mean of four texels.",
             type=click.Choice(SHADOW_FILTERS),
         ),
         of_settings(
             "--light-error",
-            "Largest radiance, cd/m2 before exposure, that light culling may leave out of a pixel.",
+            "Radiance that light culling may leave out of a tile, cd/m2 before exposure.",
             metavar="RADIANCE",
         ),
         of_settings(
             "--indirect",
-            "Light of two bounces or more: none (column is null), rsm (ignores walls between surfaces and later "
-            "bounces) or probes (auto; four bounces, ignores detail below the probe spacing).",
+            "Method of indirect light.  none: the column is null.  rsm: one bounce by reflective shadow maps, without "
+            "occlusion between surfaces.  probes: up to four bounces, without detail below the probe spacing.  auto: "
+            "probes.",
             type=click.Choice(INDIRECT),
         ),
     )
 
 
 def path_traced_options(command: Any) -> Any:
-    """What path-traced files (``exr:DIR``) need to be told: camera, names of passes, lobes."""
+    """How to read path-traced files (``exr:DIR``): camera, pass names, lobes."""
     return with_options(
         command,
-        click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
-        click.option("--scene-file", metavar="SCENE", help="exr: glTF file whose camera took the pictures."),
+        *exr_options,
         click.option(
-            "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML."
+            "--second-seed", metavar="exr:DIR", help="exr: the same frames with another seed, for the noise floor."
         ),
-        click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
-        click.option("--second-seed", metavar="exr:DIR", help="exr: same frames, other seed, for the noise floor."),
         click.option(
             "--lobe",
             "lobes",
@@ -222,3 +337,13 @@ def path_traced_options(command: Any) -> Any:
             help="exr: also measure this lobe of direct and indirect; may be repeated.",
         ),
     )
+
+
+exr_options = (
+    click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
+    click.option("--scene-file", metavar="SCENE", help="exr: glTF file with the camera of the frames."),
+    click.option(
+        "--mapping", metavar="NAME|FILE", help="exr: pass names: blender, mitsuba, falcor, taubench or a TOML file."
+    ),
+    click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
+)

@@ -11,8 +11,7 @@ from typing import Any
 import click
 
 from taubench_gl.apps.aliases import Group
-from taubench_gl.apps.option_types import OutPath
-from taubench_gl.apps.options import culling_option, frame_options, settings_from, sky_option
+from taubench_gl.apps.options import OutPath, culling_option, frame_options, settings_from, sky_option
 from taubench_gl.settings import Settings
 
 

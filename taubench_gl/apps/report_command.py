@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from taubench_gl.apps.aliases import former_option
-from taubench_gl.apps.option_types import OutPath
+from taubench_gl.apps.options import OutPath
 
 
 @click.command(

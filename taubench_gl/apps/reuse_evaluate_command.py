@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.evaluate_command import out_folders
-from taubench_gl.apps.option_types import OutPath
 from taubench_gl.apps.options import (
+    OutPath,
     frame_options,
     gpu_options,
     lighting_options,

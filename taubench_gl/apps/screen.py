@@ -1,4 +1,4 @@
-"""What the commands share to print tables and progress."""
+"""Tables and progress on the terminal, for all commands."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from taubench_gl.run import Progress
 
 PLAIN_STEPS = 10
-"""Progress lines per scene where there is no terminal to draw a bar on."""
+"""Progress lines per scene if standard error is not a terminal."""
 
 
 def show_tables(tables: list[Table]) -> None:
-    """Tables to standard output: styled on a terminal, plain text in a pipe."""
+    """Print tables: styled on a terminal, plain text in a pipe."""
     if not sys.stdout.isatty():
         from taubench_gl.report import FORMATS
 
@@ -32,7 +32,7 @@ def show_tables(tables: list[Table]) -> None:
 
 
 def show_pairs(title: str, pairs: dict[str, Any]) -> None:
-    """A heading and a two-column listing; long values fold."""
+    """Print a heading and two columns; long values wrap."""
     from rich.console import Console
     from rich.table import Table as Grid
     from rich.text import Text
@@ -49,7 +49,7 @@ def show_pairs(title: str, pairs: dict[str, Any]) -> None:
 
 
 class ProgressBar:
-    """Callable given to ``evaluate``: a bar on a terminal, about ten lines where standard error is a file or pipe."""
+    """Progress callback of ``evaluate``: a bar on a terminal, PLAIN_STEPS lines in a file or pipe."""
 
     def __init__(self, name: str, unit: str = "pairs"):
         self.name, self.unit = name, unit

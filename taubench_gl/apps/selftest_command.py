@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.option_types import Size
-from taubench_gl.apps.options import gpu_options
+from taubench_gl.apps.options import Size, gpu_options
 
 if TYPE_CHECKING:
     from taubench_gl.selftest import CaseResult

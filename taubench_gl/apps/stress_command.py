@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.option_types import OutPath, Size
-from taubench_gl.apps.options import given_options, gpu_options
+from taubench_gl.apps.options import OutPath, Size, given_options, gpu_options
 from taubench_gl.errors import SettingsError
 
 if TYPE_CHECKING:

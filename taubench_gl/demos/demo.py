@@ -1,4 +1,4 @@
-"""What a demo is: one idea, what to look for, and a run that ends with pictures and a number with its expectation."""
+"""Records of a demo: one idea, things to look for, figures, and measured numbers with their theoretical values."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ RGB = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What theory says of the number: a closed form (``value`` and ``tolerance``) or bounds.  ``source``: whence.
+    """Theoretical value of a number as a range, both ends inclusive.
 
-    ``low`` and ``high`` are both inclusive.
+    ``text``: the range for display; ``source``: formula or reason.
     """
 
     low: float
     high: float
-    said: str
+    text: str
     source: str
 
     @classmethod
     def near(cls, value: float, tolerance: float, source: str, digits: int = 2) -> Expected:
-        """``value`` give or take ``tolerance``, in the unit of the number."""
-        said = f"{value:.{digits}f}" + (f" ± {tolerance:.{digits}f}" if tolerance else " exactly")
-        return cls(value - tolerance, value + tolerance, said, source)
+        """``value`` ± ``tolerance``, in the unit of the number."""
+        text = f"{value:.{digits}f}" + (f" ± {tolerance:.{digits}f}" if tolerance else " exactly")
+        return cls(value - tolerance, value + tolerance, text, source)
 
     @classmethod
     def between(cls, low: float, high: float, source: str, digits: int = 2) -> Expected:
-        """``low`` to ``high``; an infinite end is no bound."""
+        """``low`` to ``high``; either may be infinite."""
         if math.isinf(high):
-            said = f"at least {low:.{digits}f}"
+            text = f"at least {low:.{digits}f}"
         else:
-            said = f"at most {high:.{digits}f}" if math.isinf(low) else f"{low:.{digits}f} to {high:.{digits}f}"
-        return cls(low, high, said, source)
+            text = f"at most {high:.{digits}f}" if math.isinf(low) else f"{low:.{digits}f} to {high:.{digits}f}"
+        return cls(low, high, text, source)
 
     def met_by(self, number: float) -> bool:
-        """False for NaN."""
+        """Whether ``number`` is in the range; False for NaN."""
         return bool(self.low <= number <= self.high)
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A picture of a demo.  ``path``: PNG; ``caption``: what it shows; ``colors``: meaning -> 8-bit sRGB used in it."""
+    """A figure of a demo.  ``path``: PNG; ``colors``: legend entry -> 8-bit sRGB."""
 
     path: Path
     caption: str
@@ -58,7 +58,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A number the engine gave, what it means, and what it should be, in the same unit."""
+    """A measured number, its meaning, and its theoretical value in the same unit."""
 
     number: float
     unit: str
@@ -71,14 +71,14 @@ class Finding:
         return self.expected.met_by(self.number)
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """``31.25 %``."""
         return f"{self.number:.{self.digits}f} {self.unit}".strip()
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a demo found.  ``findings``: the first is *the* number of the demo; ``figures``: its pictures."""
+    """Findings and figures of a demo; the first finding is its main number."""
 
     findings: tuple[Finding, ...]
     figures: tuple[Figure, ...]
@@ -101,7 +101,7 @@ class Result:
 
     @property
     def as_expected(self) -> bool:
-        """Whether every number is what theory says."""
+        """Whether every number agrees with theory."""
         return all(f.as_expected for f in self.findings)
 
 
@@ -109,8 +109,8 @@ class Result:
 class Demo:
     """One numbered demo.
 
-    ``idea``: two or three sentences that a student understands; ``look_for``: where to point.  ``run`` draws into a
-    folder and returns its result; ``scene`` makes the scene it is about, to be looked at in the viewer.
+    ``idea``: two or three sentences for students; ``look_for``: what to notice in the figures.  ``run`` writes
+    figures into a folder and returns its result; ``scene`` builds its scene, for the viewer and other commands.
     """
 
     number: int
@@ -120,11 +120,11 @@ class Demo:
     look_for: tuple[str, ...]
     run: Callable[[Stage, Path], Result]
     scene: Callable[[], Scene] | None = None
-    see_also: tuple[tuple[str, str], ...] = ()  # (what, page of docs/)
+    see_also: tuple[tuple[str, str], ...] = ()  # (text, page of docs/)
 
     @property
     def stem(self) -> str:
-        """``03-behind``: what its files are called."""
+        """``03-behind``: start of its file names."""
         return f"{self.number:02d}-{self.name}"
 
 
@@ -145,7 +145,7 @@ def demo(
 
     def register(run: Callable[[Stage, Path], Result]) -> Callable[[Stage, Path], Result]:
         if name in REGISTRY or any(d.number == number for d in REGISTRY.values()):
-            raise ValueError(f"two demos are {number} or {name}")
+            raise ValueError(f"two demos have number {number} or name {name}")
         REGISTRY[name] = Demo(number, name, title, idea, look_for, run, scene, see_also)
         return run
 

@@ -58,7 +58,7 @@ for figure in result.figures:
 
 _NUMBERS = """\
 rows = ["| measured | what | expected | because |", "| --- | --- | --- | --- |"]
-rows += [f"| {f.said} | {f.meaning} | {f.expected.said} | {f.expected.source} |" for f in result.findings]
+rows += [f"| {f.text} | {f.meaning} | {f.expected.text} | {f.expected.source} |" for f in result.findings]
 display(Markdown("\\n".join(rows)))
 assert result.as_expected"""
 

@@ -7,7 +7,7 @@ import numpy as np
 from taubench_gl.metrics.color import srgb_encode
 
 Array = np.ndarray
-KINDS = ("encoded", "radiance", "shape", "unit", "vector", "depth", "ids", "motion", "motion_error")
+KINDS = ("encoded", "radiance", "headlight", "unit", "vector", "depth", "ids", "motion", "object_motion")
 BACKGROUND = 0.06
 """Gray level of pixels without a surface, for kinds that are undefined there."""
 
@@ -60,7 +60,7 @@ def channel_rgb(kind: str, values: Array, low: float, high: float, *, position: 
     return np.where(bad[..., None], np.array([1.0, 0.0, 1.0]), np.clip(out, 0.0, 1.0))
 
 
-def _shape(values: Array, low: float, span: float, position: Array) -> Array:
+def _headlight(values: Array, low: float, span: float, position: Array) -> Array:
     ray = position[..., :3]
     length = np.linalg.norm(ray, axis=-1)
     facing = np.abs(np.sum(values[..., :3] * ray, axis=-1)) / np.where(length > 0, length, 1.0)
@@ -77,17 +77,17 @@ def _motion(values: Array, low: float, span: float, position: Array | None) -> A
 _COLOR = {
     "encoded": lambda v, low, span, p: v[..., :3],
     "radiance": lambda v, low, span, p: srgb_encode(np.clip((v[..., :3] - low) / span, 0.0, 1.0)),
-    "shape": _shape,
+    "headlight": _headlight,
     "unit": lambda v, low, span, p: 0.5 + 0.5 * v[..., :3],
     "vector": lambda v, low, span, p: (v[..., :3] - low) / span,
     "depth": lambda v, low, span, p: color_scale((v[..., 3] - low) / span),
     "ids": lambda v, low, span, p: id_color(v[..., 0].astype(np.uint32)),
     "motion": _motion,
-    "motion_error": lambda v, low, span, p: color_scale((v[..., 0] - low) / span),
+    "object_motion": lambda v, low, span, p: color_scale((v[..., 0] - low) / span),
 }
 
 
-def motion_error(supplied_px: Array, expected_px: Array) -> Array:
+def object_motion(supplied_px: Array, expected_px: Array) -> Array:
     """Distance of two motion fields, pixels.  (h, w, 2) each -> (h, w); 0 where either is undefined."""
     return np.nan_to_num(
         np.linalg.norm(np.asarray(supplied_px, np.float64) - expected_px, axis=-1), nan=0.0, posinf=0.0

@@ -18,7 +18,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.outputs import write_png
 from taubench_gl.viewer.capture import free_name
-from taubench_gl.viewer.feeds import Asked
+from taubench_gl.viewer.feeds import OpenRequest
 from taubench_gl.viewer.imgui_renderer import BACKGROUND, ImguiRenderer, apply_theme
 from taubench_gl.viewer.input import Input
 from taubench_gl.viewer.layout import Layout
@@ -29,8 +29,8 @@ from taubench_gl.viewer.panels import Panels
 class Viewer(ViewerModel):
     """A ViewerModel with an ImGui context, input and panels."""
 
-    def __init__(self, gpu: Gpu, asked: Asked, *, light: bool | None = None, folder: Path | None = None):
-        super().__init__(gpu, asked, light=light, folder=folder)
+    def __init__(self, gpu: Gpu, request: OpenRequest, *, light: bool | None = None, folder: Path | None = None):
+        super().__init__(gpu, request, light=light, folder=folder)
         self._imgui = imgui.create_context()
         imgui.get_io().set_ini_filename("")
         apply_theme()
@@ -43,7 +43,7 @@ class Viewer(ViewerModel):
 
     def _serve(self, request: str) -> None:
         if request == "window screenshot":
-            self.window_screenshot(free_name(self.shots, f"{self.stem}-window", ".png"))
+            self.window_screenshot(free_name(self.screenshots, f"{self.stem}-window", ".png"))
         else:
             super()._serve(request)
 
@@ -72,7 +72,7 @@ class Viewer(ViewerModel):
 
     def tick(self, seconds: float) -> None:
         """Advance time by ``seconds``, move the camera by the held keys, update the image."""
-        self.input.hold(seconds)
+        self.input.move_camera(seconds)
         super().tick(seconds)
         if seconds > 0 and (self.state.playing or self.input.held):
             rate = 1.0 / seconds
@@ -99,16 +99,16 @@ class Viewer(ViewerModel):
         self._renderer.render(framebuffer)
 
     def _draw_image(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:
-        left, top, width, height = layout.picture
+        left, top, width, height = layout.image
         scale = framebuffer.size[0] / self.window_size[0]
         x, y = left * scale, (self.window_size[1] - top - height) * scale
-        texture, ctx = self.engine.picture, self.gpu.ctx
+        texture, ctx = self.engine.texture, self.gpu.ctx
         whole = (width * scale) % texture.size[0] == 0  # an integer multiple shows exact pixels
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST) if whole else (moderngl.LINEAR, moderngl.LINEAR)
         ctx.viewport = (int(x), int(y), max(int(width * scale), 1), max(int(height * scale), 1))
         ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
         texture.use(0)
-        self._blit["picture"] = 0
+        self._blit["image"] = 0
         self._triangle.render(moderngl.TRIANGLES, vertices=3)
 
     def bench(self, frames: int, present: Callable[[], None]) -> float:

@@ -1,4 +1,4 @@
-"""Cameras that people move: flying as games have it, and an orbit about a point.  Float64, no OpenGL."""
+"""Interactive cameras: fly, as in games, and orbit about a point.  Float64, no OpenGL."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_PITCH = math.radians(89.0)
 LOOK = math.radians(0.25)
 """Radians per pixel of mouse movement."""
 TURN = math.radians(75.0)
-"""Radians per second with a turning key held."""
+"""Radians per second while a turning key is held."""
 FAST = 5.0
 
 
@@ -26,21 +26,21 @@ def rotation(yaw: float, pitch: float) -> Array:
 
 
 def angles(world_from_view: Array) -> tuple[float, float]:
-    """Yaw and pitch of a view, radians; its roll is left out."""
+    """Yaw and pitch of a view, radians, without its roll."""
     back = world_from_view[:, 2]
     pitch = math.asin(float(np.clip(-back[1], -1.0, 1.0)))
     return math.atan2(float(back[0]), float(back[2])), float(np.clip(pitch, -MAX_PITCH, MAX_PITCH))
 
 
 class UserCamera:
-    """Fly and orbit share a place and a direction; the orbit turns about ``center``."""
+    """Position and direction for fly and orbit.  ``center`` (3,), ``radius``: bounding sphere of the scene."""
 
     def __init__(self, view: View, center: Array, radius: float):
         self.center, self.radius = np.asarray(center, dtype=np.float64), float(radius)
         self.reset(view)
 
     def reset(self, view: View) -> None:
-        """Start from ``view``; the orbit's distance is that to the scene's centre."""
+        """Start from ``view``; the orbit keeps its distance to the center of the scene."""
         self.position = np.array(view.position, dtype=np.float64)
         self.yaw, self.pitch = angles(view.world_from_view)
         self.camera: Camera = view.camera
@@ -49,21 +49,21 @@ class UserCamera:
         return View(self.position.copy(), rotation(self.yaw, self.pitch), self.camera)
 
     def look(self, dx_px: float, dy_px: float) -> None:
-        """Turn in place, as the mouse moves: right looks right, down looks down."""
+        """Turn in place: a mouse movement to the right turns right, down turns down."""
         self._turn(-LOOK * dx_px, -LOOK * dy_px)
 
     def turn_about(self, dx_px: float, dy_px: float) -> None:
-        """Orbit: the scene turns with the mouse."""
+        """Orbit: the scene follows the mouse."""
         self._orbit(-LOOK * dx_px, -LOOK * dy_px)
 
     def zoom(self, steps: float) -> None:
-        """Orbit: come nearer by a tenth per step, never through the centre."""
+        """Orbit: approach by 10 % per step, never past the center."""
         forward = -rotation(self.yaw, self.pitch)[:, 2]
         pivot, distance = self._pivot()
         self.position = pivot - forward * max(distance * 0.9**steps, 1e-3 * self.radius)
 
-    def hold(self, keys: Collection[str], seconds: float, mode: str) -> None:
-        """Keys held for ``seconds``: W A S D Q E move (orbit: W S zoom), I J K L look, SHIFT makes it fast."""
+    def move(self, keys: Collection[str], seconds: float, mode: str) -> None:
+        """Move by ``keys`` for ``seconds``: W A S D Q E (orbit: W S zoom); I J K L turn; SHIFT: FAST times as fast."""
         fast = FAST if "SHIFT" in keys else 1.0
         axis = {n: (a in keys) - (b in keys) for n, a, b in (
             ("x", "D", "A"), ("y", "E", "Q"), ("z", "S", "W"), ("yaw", "J", "L"), ("pitch", "I", "K"))}  # fmt: skip
@@ -84,7 +84,7 @@ class UserCamera:
         self.pitch = min(max(self.pitch + pitch, -MAX_PITCH), MAX_PITCH)
 
     def _pivot(self) -> tuple[Array, float]:
-        """The point straight ahead that is nearest the scene's centre, and its distance."""
+        """The point on the view axis nearest to the center of the scene, (3,), and its distance."""
         forward = -rotation(self.yaw, self.pitch)[:, 2]
         distance = max(float((self.center - self.position) @ forward), 0.1 * self.radius)
         return self.position + distance * forward, distance
@@ -96,7 +96,7 @@ class UserCamera:
 
 
 def frustum_lines(view: View, aspect: float, reach: float) -> Array:
-    """Edges of a view's frustum as pairs of points, world, from near plane to ``reach`` metres.  (24, 3) float64."""
+    """Edges of a view's frustum from the near plane to depth ``reach``, as pairs of points in world space.  (24, 3)."""
     c = view.camera
     corners = []
     for depth in (c.znear, max(reach, 2.0 * c.znear)):

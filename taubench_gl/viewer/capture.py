@@ -1,4 +1,4 @@
-"""Pictures and clips on disk."""
+"""Names of screenshots, and clips as mp4."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
 
 
 def free_name(folder: Path, stem: str, suffix: str) -> Path:
-    """``stem-1.png``, ``stem-2.png``, ...: the first that is not there yet."""
+    """``stem-1.png``, ``stem-2.png``, ...: the first name that is free."""
     number = 1
     while (folder / f"{stem}-{number}{suffix}").exists():
         number += 1
@@ -24,18 +24,18 @@ def free_name(folder: Path, stem: str, suffix: str) -> Path:
 
 
 class Clip:
-    """An mp4 that grows by a picture at a time, at constant rate.  Odd sizes lose their last row or column (yuv420)."""
+    """An mp4 at a constant frame rate.  Odd sizes lose their last row or column (yuv420)."""
 
     def __init__(self, path: Path, size: tuple[int, int], fps: float):
         try:
             import imageio_ffmpeg
         except ImportError:
             raise OutputError(NO_VIDEO) from None
-        self.path, self.pictures = path, 0
+        self.path, self.frames = path, 0
         self._partial = new_partial(path, path.suffix)
         self._even = (size[0] // 2 * 2, size[1] // 2 * 2)
         if min(self._even) < 2:
-            raise OutputError("the picture is too small for a clip")
+            raise OutputError("the image is too small for a clip")
         try:
             self._partial.touch()
         except OSError as error:
@@ -45,19 +45,19 @@ class Clip:
         )
         self._writer.send(None)
 
-    def add(self, picture: Array) -> None:
+    def add(self, image: Array) -> None:
         """(h, w, 3) uint8."""
         width, height = self._even
         try:
-            self._writer.send(np.ascontiguousarray(picture[:height, :width]))
+            self._writer.send(np.ascontiguousarray(image[:height, :width]))
         except (OSError, RuntimeError) as error:
-            raise OutputError(f"the clip broke off: {str(error).splitlines()[0]}", where=str(self.path)) from None
-        self.pictures += 1
+            raise OutputError(f"recording failed: {str(error).splitlines()[0]}", where=str(self.path)) from None
+        self.frames += 1
 
     def close(self) -> None:
-        """Finish the file; without a picture there is none."""
+        """Finish the file; a clip without frames leaves no file."""
         self._writer.close()
-        if self.pictures:
+        if self.frames:
             try:
                 os.replace(self._partial, self.path)
             except OSError as error:

@@ -1,4 +1,4 @@
-"""Passes that make the picture: channel, comparison and masks in one, then lines and arrows over it."""
+"""The image of the viewer: a channel with comparison and masks in one pass, then lines and arrows."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ ARROW_COLOR = (1.0, 0.92, 0.35, 1.0)
 
 
 @dataclass(slots=True)
-class Held:
-    """The camera that is looked at from outside: its position channel and clip matrix, and where it is from here."""
+class FrozenCamera:
+    """The frozen camera, viewed from outside: position channel, clip matrix, offset from the viewing camera."""
 
     position: moderngl.Texture
     clip_from_relative: Array
-    delta: Array  # observer - held camera, world, metres
+    delta: Array  # viewing camera - frozen camera, (3,) world, scene units
 
 
 @dataclass(slots=True)
 class Content:
-    """What one picture is made of.  ``channel``: the texture shown as ``kind``."""
+    """Inputs of one image.  ``channel`` is displayed as ``kind`` in the range ``low`` to ``high``."""
 
     kind: str
     channel: moderngl.Texture
@@ -48,13 +48,13 @@ class Content:
     other: moderngl.Texture | None = None
     split: float = 0.5
     gain: float = 1.0
-    held: Held | None = None
+    frozen: FrozenCamera | None = None
     prev_clip_from_prev: Array | None = None
     camera_delta: Array | None = None
 
 
 class Display:
-    """Draws pictures of one size into ``texture``, 8 bits, sRGB."""
+    """Draws images of one size into ``texture``, RGBA8, sRGB."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]):
         self._gpu, self.size = gpu, size
@@ -72,7 +72,7 @@ class Display:
         defines |= {
             "KIND": KINDS.index(content.kind),
             "COMPARE": 0 if other is None else COMPARISONS.index(content.comparison),
-            "OBSERVER": content.held is not None,
+            "OBSERVER": content.frozen is not None,
             "MAX_REASONS": len(OVERLAYS),
             "STRIPE": STRIPE_PX,
             "BACKGROUND": BACKGROUND,
@@ -94,10 +94,10 @@ class Display:
             bits[i], colors[i] = int(OVERLAYS[name]), np.array(color_of(OVERLAYS[name])) / 255.0
         values["all_bits"] = int(np.bitwise_or.reduce(bits))
         values |= {"bits": bits.tolist(), "colors": [tuple(map(float, c)) for c in colors]}
-        if content.held is not None:
-            textures["held_position"] = content.held.position
-            values |= {"held_clip": column_major(content.held.clip_from_relative).ravel().tolist()}
-            values["held_delta"] = tuple(map(float, content.held.delta))
+        if content.frozen is not None:
+            textures["frozen_position"] = content.frozen.position
+            values |= {"frozen_clip": column_major(content.frozen.clip_from_relative).ravel().tolist()}
+            values["frozen_delta"] = tuple(map(float, content.frozen.delta))
         if content.prev_clip_from_prev is not None:
             values["prev_clip_from_prev"] = column_major(content.prev_clip_from_prev).ravel().tolist()
             values["camera_delta"] = tuple(map(float, content.camera_delta))
@@ -106,13 +106,13 @@ class Display:
                 texture.use(unit)
                 program[name] = unit
         for name, value in values.items():
-            if name in program:  # a compiler drops what a variant does not read
+            if name in program:  # compilers remove unused uniforms
                 program[name] = value
         self._begin()
         self._array(program).render(moderngl.TRIANGLES, vertices=3)
 
     def lines(self, points: Array, colors: Array, view: View, position: moderngl.Texture) -> None:
-        """World lines over the picture.  ``points`` (2 K, 3) float64 world, ``colors`` (2 K, 3)."""
+        """Draw lines over the image.  ``points`` (2 K, 3) float64 world space, ``colors`` (2 K, 3) in [0, 1]."""
         program = self._shaders.render("viewer/lines.vert.glsl", "viewer/lines.frag.glsl")
         rows = np.concatenate([points - view.position, colors], axis=1).astype(np.float32)
         self._lines.orphan(max(rows.nbytes, 4))
@@ -129,7 +129,7 @@ class Display:
         self._gpu.ctx.disable(moderngl.BLEND)
 
     def arrows(self, motion: moderngl.Texture) -> None:
-        """Where every so-manieth pixel's surface was in the last frame."""
+        """Draw an arrow from every ARROW_STEP_PX-th pixel to its position in the previous frame."""
         program = self._shaders.render("viewer/arrows.vert.glsl", "viewer/arrows.frag.glsl")
         cells = tuple(-(-n // ARROW_STEP_PX) for n in self.size)
         motion.use(0)
@@ -139,9 +139,9 @@ class Display:
         self._array(program).render(moderngl.LINES, vertices=6, instances=cells[0] * cells[1])
 
     def read(self) -> Array:
-        """The picture, (h, w, 3) uint8, row 0 at the top."""
+        """The image, (h, w, 3) uint8, row 0 at the top."""
         width, height = self.size
-        self._gpu.finish()  # Mesa 22's llvmpipe may read a texture while its last draw is still under way
+        self._gpu.finish()  # Mesa 22's llvmpipe may read a texture before its last draw has finished
         return np.frombuffer(self.texture.read(), np.uint8).reshape(height, width, 4)[::-1, :, :3]
 
     def release(self) -> None:
@@ -164,44 +164,48 @@ class Display:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
-    """``channel`` is read by the shader as ``kind`` (``metrics.display``); ``needs``: channels it takes besides."""
+class Visualization:
+    """How a channel is displayed.
+
+    ``channel`` is the texture, displayed as ``kind`` (``metrics.display.KINDS``); ``needs`` are further channels;
+    ``fixed`` is the automatic display range, None for smallest to largest value.
+    """
 
     channel: str
     kind: str
     doc: str
     needs: tuple[str, ...] = ()
-    fixed: tuple[float, float] | None = (0.0, 1.0)  # range when automatic; None: least and largest value there are
+    fixed: tuple[float, float] | None = (0.0, 1.0)
 
     def __post_init__(self) -> None:
         assert self.kind in KINDS, self.kind
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What a source must have: position and normal always are there, motion is the mask pass's."""
+        """Channels that the source must have; it always has position and normal, the mask pass writes motion."""
         return tuple(n for n in (self.channel, *self.needs) if n not in ("position", "normal", "motion"))
 
 
-PICTURES: dict[str, Picture] = {
-    "color": Picture("color", "encoded", "as a screen shows it"),
-    "direct": Picture("direct", "radiance", "light after one bounce", fixed=None),
-    "indirect": Picture("indirect", "radiance", "light after two bounces or more", fixed=None),
-    "direct_diffuse": Picture("direct_diffuse", "radiance", "its diffuse lobe", fixed=None),
-    "direct_glossy": Picture("direct_glossy", "radiance", "its glossy lobe", fixed=None),
-    "emission": Picture("emission", "radiance", "emitted light", fixed=None),
-    "shape": Picture("normal", "shape", "a light at the camera"),
-    "base_color": Picture("base_color", "radiance", "base colour"),
-    "normal": Picture("normal", "unit", "shading normal: x red, y green, z blue"),
-    "geometric_normal": Picture("geometric_normal", "unit", "normal of the triangle"),
-    "material": Picture("material", "vector", "metallic red, roughness green, occlusion blue"),
-    "depth": Picture("position", "depth", "planar depth", fixed=None),
-    "position": Picture("position", "vector", "place relative to the camera", fixed=None),
-    "ids": Picture("ids", "ids", "one colour per object"),
-    "motion": Picture("motion", "motion", "direction as hue, pixels as brightness", fixed=None),
-    "motion_error": Picture(
+VISUALIZATIONS: dict[str, Visualization] = {
+    "color": Visualization("color", "encoded", "tone-mapped sRGB"),
+    "direct": Visualization("direct", "radiance", "radiance after one bounce", fixed=None),
+    "indirect": Visualization("indirect", "radiance", "radiance after two or more bounces", fixed=None),
+    "direct_diffuse": Visualization("direct_diffuse", "radiance", "diffuse lobe of direct", fixed=None),
+    "direct_glossy": Visualization("direct_glossy", "radiance", "glossy lobe of direct", fixed=None),
+    "emission": Visualization("emission", "radiance", "emitted radiance", fixed=None),
+    "headlight": Visualization("normal", "headlight", "headlight shading"),
+    "base_color": Visualization("base_color", "radiance", "base color"),
+    "normal": Visualization("normal", "unit", "shading normal: x red, y green, z blue"),
+    "geometric_normal": Visualization("geometric_normal", "unit", "triangle normal: x red, y green, z blue"),
+    "material": Visualization("material", "vector", "metallic red, roughness green, occlusion blue"),
+    "depth": Visualization("position", "depth", "planar depth", fixed=None),
+    "position": Visualization("position", "vector", "position relative to the camera", fixed=None),
+    "ids": Visualization("ids", "ids", "one color per object"),
+    "motion": Visualization("motion", "motion", "motion vector: direction as hue, length as brightness", fixed=None),
+    "object_motion": Visualization(
         "prev_position",
-        "motion_error",
-        "supplied against expected motion, pixels",
+        "object_motion",
+        "motion vector without camera motion, pixels",
         needs=("prev_position",),
         fixed=None,
     ),
@@ -209,14 +213,14 @@ PICTURES: dict[str, Picture] = {
 
 LIGHT = {"color": "color", "direct": "direct", "indirect": "indirect", "direct_diffuse": "direct",
          "direct_glossy": "direct", "emission": "emission"}  # fmt: skip
-"""Pictures that exist only where an effect is on."""
+"""Visualization -> the effect it needs."""
 
 
-def pictures_of_scene(effects: dict[str, Effect]) -> tuple[str, ...]:
-    """Names of the pictures that a scene with these effects can give."""
-    return tuple(n for n in PICTURES if n not in LIGHT or effects[LIGHT[n]].enabled)
+def visualizations_of_scene(effects: dict[str, Effect]) -> tuple[str, ...]:
+    """Keys of the visualizations of a scene with these effects."""
+    return tuple(n for n in VISUALIZATIONS if n not in LIGHT or effects[LIGHT[n]].enabled)
 
 
-def pictures_of_channels(channels: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the pictures that a source with fixed channels can give."""
-    return tuple(n for n, p in PICTURES.items() if set(p.channels) <= set(channels))
+def visualizations_of_channels(channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Keys of the visualizations of a source with fixed channels."""
+    return tuple(n for n, p in VISUALIZATIONS.items() if set(p.channels) <= set(channels))

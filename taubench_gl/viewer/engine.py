@@ -1,4 +1,4 @@
-"""From state to picture: which pair is shown, what must be drawn for it, and what was counted.  No window."""
+"""From state to image: chooses the pair, renders what changed, evaluates the masks, counts.  No window."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
-from taubench_gl.metrics.display import motion_error
+from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
-from taubench_gl.viewer.display import PICTURES, Content, Display, Held
+from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, FrozenCamera
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.state import ViewerState
 
@@ -30,29 +30,29 @@ CURRENT_COLOR, PREVIOUS_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
 
 
 class Comparison(Protocol):
-    """What the image is compared with: a path-traced reference, or the result of a reuse method for the same frames."""
+    """Images to compare with: a path-traced reference, or the result of a reuse method for the same frames."""
 
     name: str
 
     def texture(self, channel: str, frame: int) -> moderngl.Texture | None:
-        """The same channel of the same frame, of the picture's size; None where there is none."""
+        """The same channel of the same frame in the size of the image; None if it has none."""
 
     def release(self) -> None: ...
 
 
 @dataclass(slots=True)
 class Drawn:
-    """How often what was done: a frame in which nothing changed does nothing."""
+    """Numbers of renders so far; a frame in which nothing changed renders nothing."""
 
     pairs: int = 0
     masks: int = 0
-    pictures: int = 0
+    images: int = 0
     plans: int = 0
 
 
 @dataclass(slots=True)
 class ViewerEngine:
-    """Keeps a picture up to date with a state.  ``timer``: given to the passes."""
+    """Updates image, masks and counts to a state.  ``timer`` measures the passes."""
 
     gpu: Gpu
     feed: Feed
@@ -69,10 +69,10 @@ class ViewerEngine:
     _observer: SceneFeed | None = None
     _display: Display | None = None
     _mask_key: Any = None
-    _picture_key: Any = None
+    _image_key: Any = None
     _range_key: Any = None
-    _last: Shot | None = None  # what the user's camera saw in the last update
-    _before: Shot | None = None  # and what that was compared with
+    _last: Shot | None = None  # of the user's camera at the last update
+    _before: Shot | None = None  # the previous shot of that update
     _frozen: dict[str, Shot | None] = field(default_factory=lambda: {"current": None, "previous": None})
 
     def __post_init__(self) -> None:
@@ -81,7 +81,8 @@ class ViewerEngine:
         self.user = UserCamera(self.feed.file_shot(self.feed.frames[0]).view, self.feed.center, self.feed.radius)
 
     @property
-    def picture(self) -> moderngl.Texture:
+    def texture(self) -> moderngl.Texture:
+        """The image, RGBA8."""
         return self._display.texture
 
     @property
@@ -93,7 +94,7 @@ class ViewerEngine:
         self.user.reset(self.feed.file_shot(state.frame).view)
 
     def update(self, state: ViewerState) -> None:
-        """Bring everything up to date; does nothing where nothing changed."""
+        """Update pair, masks and image to ``state``; unchanged parts are not rendered."""
         self._plan(state)
         previous, current = self._choose(state)
         changed = self.feed.show(previous, current)
@@ -107,23 +108,20 @@ class ViewerEngine:
         self._show(state)
 
     def _plan(self, state: ViewerState) -> None:
-        picture = PICTURES.get(state.channel)
-        if (
-            self.feed.plan(frozenset(picture.channels if picture else ()), state.switched_off)
-            or self._evaluator is None
-        ):
+        shown = VISUALIZATIONS.get(state.channel)
+        if self.feed.plan(frozenset(shown.channels if shown else ()), state.switched_off) or self._evaluator is None:
             if self._evaluator is not None:
                 self._evaluator.release()
             self._evaluator = PairEvaluator(self._context, self.feed.source, self.feed.settings, images=True)
-            self._mask_key = self._picture_key = None
+            self._mask_key = self._image_key = None
             self.drawn.plans += 1
-            state.channels = self.feed.pictures()
+            state.channels = self.feed.visualizations()
             if state.channel not in state.channels:
-                state.message = f"there is no {state.channel.replace('_', ' ')} to show now"
+                state.message = f"the source has no {state.channel.replace('_', ' ')} channel"
                 state.channel = state.channels[0]
 
     def _choose(self, state: ViewerState) -> tuple[Shot, Shot]:
-        """The pair to judge.  With the file's camera: frames i-1 and i.  Flying: what was seen just before, and now."""
+        """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view."""
         if not self.feed.free:
             state.camera, state.freeze_current, state.freeze_previous = "file", False, False
         before = max(state.frame - 1, state.first)
@@ -134,12 +132,12 @@ class ViewerEngine:
             seen = Shot(state.frame, self.user.view())
             last = self._last or seen
             if seen.frame != last.frame:
-                last = Shot(before, last.view)  # time moved on: its last frame is the one before
+                last = Shot(before, last.view)  # history is the frame before, from the last view
             elif seen.key == last.key and self._before is not None:
-                last = self._before  # nothing moved: the pair stays
+                last = self._before  # nothing moved: the pair is unchanged
         current = self._freeze("current", state.freeze_current, seen)
         if state.freeze_current and state.camera != "file":
-            last = Shot(before, seen.view)  # a held current camera is compared with where one stands
+            last = Shot(before, seen.view)  # history of the frozen camera is the user's view
         self._before = last if state.camera != "file" else None
         self._last = seen
         return self._freeze("previous", state.freeze_previous, last), current
@@ -153,7 +151,7 @@ class ViewerEngine:
         return self._frozen[which]
 
     def _first(self, state: ViewerState, previous: Shot, current: Shot) -> bool:
-        """Whether there is no history: the first frame, seen by the file's camera."""
+        """Whether there is no history: the first frame with the file camera."""
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
     def _evaluate(self, state: ViewerState, previous: Shot, current: Shot, first: bool) -> None:
@@ -171,30 +169,30 @@ class ViewerEngine:
             state.opacity, state.comparison, state.split, state.gain, state.arrows, state.frusta, observed,
             state.switched_off, state.freeze_previous,
         )  # fmt: skip
-        if key == self._picture_key:
+        if key == self._image_key:
             return
         source = self.feed.source
-        held = None
+        frozen = None
         if observed:
-            source = self._look_on(state, shown)
+            source = self._render_observer(state, shown)
             current = self.shots[1].view
-            held = Held(
+            frozen = FrozenCamera(
                 self.feed.source.current["position"],
                 current.clip_from_relative(*self.feed.size),
                 shown.view.position - current.position,
             )
-        picture = PICTURES[state.channel]
-        texture = self._evaluator.motion_texture if picture.channel == "motion" else source.current[picture.channel]
+        visual = VISUALIZATIONS[state.channel]
+        texture = self._evaluator.motion_texture if visual.channel == "motion" else source.current[visual.channel]
         self._set_range(state, source, shown)
         other = None
         if self.comparison is not None and state.comparison != "off" and not observed and state.camera == "file":
-            other = self.comparison.texture(picture.channel, state.frame)
+            other = self.comparison.texture(visual.channel, state.frame)
         if state.comparison != "off" and other is None:
             state.message = self._no_comparison(state)
-        with self.timer.measure("picture"):
+        with self.timer.measure("image"):
             self._display.draw(
                 Content(
-                    picture.kind,
+                    visual.kind,
                     texture,
                     source.current["position"],
                     self._evaluator.mask_texture,
@@ -206,7 +204,7 @@ class ViewerEngine:
                     other,
                     state.split,
                     state.gain,
-                    held,
+                    frozen,
                     self.pair.prev_clip_from_prev,
                     self.pair.camera_delta,
                 )
@@ -214,52 +212,52 @@ class ViewerEngine:
             self._lines(state, shown.view, source)
             if state.arrows and not observed:
                 self._display.arrows(self._evaluator.motion_texture)
-        self.drawn.pictures += 1
-        self._picture_key = key[:3] + (state.low, state.high) + key[5:]
+        self.drawn.images += 1
+        self._image_key = key[:3] + (state.low, state.high) + key[5:]
 
     def _no_comparison(self, state: ViewerState) -> str:
         if self.comparison is None:
-            return "nothing to compare with: start with --reference exr:DIR"
+            return "no reference: start with --reference exr:DIR"
         if state.camera != "file":
             return "the reference was rendered with the file's camera: press V"
         return f"{self.comparison.name} has no {state.channel.replace('_', ' ')} of this frame"
 
-    def _look_on(self, state: ViewerState, shot: Shot) -> Any:
-        """The scene as somebody sees it who walks around the held camera."""
+    def _render_observer(self, state: ViewerState, shot: Shot) -> Any:
+        """Render the scene from the user's camera while the current camera is frozen; its source."""
         if self._observer is None:
             feed = self.feed
             self._observer = SceneFeed(self.gpu, feed.scene, feed.settings, self.timer, feed.camera)
-        self._observer.plan(frozenset(PICTURES[state.channel].channels), state.switched_off)
-        self._observer.look(shot)
+        self._observer.plan(frozenset(VISUALIZATIONS[state.channel].channels), state.switched_off)
+        self._observer.show_one(shot)
         return self._observer.source
 
     def _lines(self, state: ViewerState, view: View, source: Any) -> None:
         if not state.frusta:
             return
-        held = [(self.shots[0].view, PREVIOUS_COLOR)] if state.freeze_previous else []
-        held += [(self.shots[1].view, CURRENT_COLOR)] if state.freeze_current else []
+        frozen = [(self.shots[0].view, PREVIOUS_COLOR)] if state.freeze_previous else []
+        frozen += [(self.shots[1].view, CURRENT_COLOR)] if state.freeze_current else []
         width, height = self.feed.size
-        for other, color in held:
+        for other, color in frozen:
             points = frustum_lines(other, width / height, 1.5 * self.feed.radius)
             self._display.lines(points, np.tile(color, (len(points), 1)), view, source.current["position"])
 
     def _set_range(self, state: ViewerState, source: Any, shown: Shot) -> None:
-        """The automatic range: fixed where the picture has one, else least and largest value there are."""
-        picture = PICTURES[state.channel]
+        """Set the automatic display range: that of the visualization, else smallest to largest value."""
+        visual = VISUALIZATIONS[state.channel]
         if not state.auto_range:
             return
         key = (state.channel, shown.key, self._mask_key)
         if key == self._range_key:
             return
         self._range_key = key
-        state.low, state.high = picture.fixed or self.value_range(picture.kind, picture.channel, source)
+        state.low, state.high = visual.fixed or self.value_range(visual.kind, visual.channel, source)
 
     def value_range(self, kind: str, channel: str, source: Any) -> tuple[float, float]:
-        """Least and largest finite value of a channel, over surfaces; (0, 1) where there is none."""
+        """Smallest and largest finite value of a channel on surfaces; (0, 1) without any."""
         if channel == "motion":
             values = np.linalg.norm(self.motion(), axis=-1)
-        elif kind == "motion_error":
-            values = self.motion_error()
+        elif kind == "object_motion":
+            values = self.object_motion()
         else:
             surface = source.read("position")[..., 3] > 0
             values = source.read(channel)
@@ -269,7 +267,7 @@ class ViewerEngine:
         if not values.size:
             return 0.0, 1.0
         low, high = float(values.min()), float(values.max())
-        low = 0.0 if kind in ("radiance", "motion", "motion_error") else low
+        low = 0.0 if kind in ("radiance", "motion", "object_motion") else low
         return low, high if high > low else low + 1.0
 
     def motion(self) -> Array:
@@ -280,20 +278,20 @@ class ViewerEngine:
         """Reason words, (h, w) uint32, row 0 at the top."""
         return self._evaluator.mask()
 
-    def motion_error(self) -> Array:
-        """Pixels between where a surface point was and where a still world would have put it, (h, w)."""
+    def object_motion(self) -> Array:
+        """Length of the motion vector without camera motion, pixels, (h, w)."""
         position = self.feed.source.read("position").astype(np.float64)
         previous = self.feed.source.read("prev_position").astype(np.float64)
-        return motion_error(
+        return object_motion(
             reproject(self.pair, position, previous).motion_px, reproject(self.pair, position).motion_px
         )
 
     def image(self) -> Array:
-        """The picture, (h, w, 3) uint8, row 0 at the top."""
+        """The image, (h, w, 3) uint8, row 0 at the top."""
         return self._display.read()
 
     def percentages(self) -> Mapping[str, float | None]:
-        """Percent of all pixels per overlay; None where its column is not measured."""
+        """Percent of all pixels per count; None if its column is not measured."""
         pixels, missing = max(self.counts.get("pixels", 0), 1), self.feed.source.unmeasured
         needs = {"lit": "direct", "shadowed": "direct"}
         out: dict[str, float | None] = {}
@@ -309,11 +307,15 @@ class ViewerEngine:
         self.gpu.collect()
 
 
-SMOOTH = 0.2
+SMOOTHING = 0.2
+"""Weight of the latest time in the moving average."""
 
 
 class LiveTimer:
-    """Stands in for ``gpu.timing.PassTimer``: the latest times, smoothed, and only while ``enabled``."""
+    """Moving average of each pass's time, ``ms``; has the interface of ``gpu.timing.PassTimer``.
+
+    It measures only while ``enabled``, because it waits for the GPU before and after each pass.
+    """
 
     clock = "finish + monotonic clock"
 
@@ -330,5 +332,5 @@ class LiveTimer:
         start = time.perf_counter()
         yield
         self._gpu.finish()
-        taken = (time.perf_counter() - start) * 1e3
-        self.ms[name] = taken + (1.0 - SMOOTH) * (self.ms.get(name, taken) - taken)
+        elapsed = (time.perf_counter() - start) * 1e3
+        self.ms[name] = elapsed + (1.0 - SMOOTHING) * (self.ms.get(name, elapsed) - elapsed)

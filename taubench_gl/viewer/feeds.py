@@ -1,6 +1,6 @@
-"""What the viewer draws from: a scene whose cameras people may move, or path-traced files as they are.
+"""Sources of the viewer: a rasterized scene with a free camera, or path-traced files with theirs; and how they open.
 
-A feed shows a pair of *shots* (a frame seen by a view) and draws only what it does not hold already.
+A feed holds the channels of a pair of *shots*, a frame with a view each, and renders only those that changed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from taubench_gl.run import SUMMARY_FILE, Run, load_run
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
-from taubench_gl.viewer.display import pictures_of_channels, pictures_of_scene
+from taubench_gl.viewer.display import visualizations_of_channels, visualizations_of_scene
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Shot:
 
 
 class Feed(Protocol):
-    """``free``: cameras may be moved.  ``effects``: by name, empty where there is no choice."""
+    """``free``: the camera can be moved.  ``effects``: by name, empty for files.  ``size``: pixels."""
 
     name: str
     free: bool
@@ -58,27 +58,27 @@ class Feed(Protocol):
     source: Any
 
     def file_shot(self, frame: int) -> Shot:
-        """The frame as the file's own camera sees it."""
+        """The frame with the camera of the file."""
 
-    def pictures(self) -> tuple[str, ...]: ...
+    def visualizations(self) -> tuple[str, ...]: ...
 
     def plan(self, extra: frozenset[str], off: frozenset[str]) -> bool:
-        """Have channels ``extra`` too and effects ``off`` switched off; whether anything had to be made anew."""
+        """Provide channels ``extra`` and disable effects ``off``; whether the source was recreated."""
 
     def show(self, previous: Shot, current: Shot) -> bool:
-        """Hold this pair; whether anything was drawn."""
+        """Hold the channels of this pair; whether anything was rendered."""
 
     def release(self) -> None: ...
 
 
 class SceneFeed:
-    """A Scene, rasterized."""
+    """A rasterized Scene."""
 
     free = True
 
     def __init__(self, gpu: Gpu, scene: Scene, settings: Settings, timer: Any, camera: CameraTrack | None = None):
         self._gpu, self.scene, self._timer = gpu, scene, timer
-        # One sample in the middle of each pixel: what a person sees is what is judged.
+        # One sample at the pixel center: the masks belong to the displayed image.
         self.settings = settings.replace(samples_per_pixel=1)
         self.camera = camera or choose_camera(scene, settings.sequence.camera)
         self.frames = frame_range(scene, self.camera, settings)
@@ -97,11 +97,11 @@ class SceneFeed:
 
     @property
     def switchable(self) -> tuple[str, ...]:
-        """Effects that are on, so that switching them off shows something."""
+        """Enabled effects that can be disabled."""
         return tuple(n for n in SWITCHABLE if self._all[n].enabled)
 
-    def pictures(self) -> tuple[str, ...]:
-        return pictures_of_scene(dict(self.effects))
+    def visualizations(self) -> tuple[str, ...]:
+        return visualizations_of_scene(dict(self.effects))
 
     def file_shot(self, frame: int) -> Shot:
         return Shot(frame, self.camera.view_at(self._poser.sample(frame / self.settings.sequence.fps)))
@@ -121,29 +121,29 @@ class SceneFeed:
             poser=self._poser,
             without=tuple(off),
         )
-        if self.source is not None:  # only now: what cannot be made leaves what there was
+        if self.source is not None:  # only now: if the new source fails, the old one stays
             self.source.release()
         self.source, self._off, self._held = source, off, [None, None]
         return True
 
     def show(self, previous: Shot, current: Shot) -> bool:
-        wanted = [previous.key, (*current.key, *previous.key)]
-        if self._held == wanted:
+        keys = [previous.key, (*current.key, *previous.key)]
+        if self._held == keys:
             return False
         held = self._held[1]
         if held is None or held[:3] != previous.key:
             self.source.draw_pair(previous.frame, previous.frame, previous.view, previous.view)
         self.source.draw_pair(current.frame, previous.frame, current.view, previous.view)
-        self._held = wanted
+        self._held = keys
         return True
 
-    def look(self, shot: Shot) -> bool:
-        """Draw ``shot`` alone, for somebody who looks on from outside."""
-        wanted = [None, (*shot.key, *shot.key)]
-        if self._held == wanted:
+    def show_one(self, shot: Shot) -> bool:
+        """Render ``shot`` alone, without a pair; whether anything was rendered."""
+        keys = [None, (*shot.key, *shot.key)]
+        if self._held == keys:
             return False
         self.source.draw_pair(shot.frame, shot.frame, shot.view, shot.view)
-        self._held = wanted
+        self._held = keys
         return True
 
     def release(self) -> None:
@@ -153,7 +153,7 @@ class SceneFeed:
 
 
 class PathTracedFeed:
-    """Path-traced OpenEXR frames: their camera is the files'."""
+    """Path-traced OpenEXR frames with the camera of the files."""
 
     free = False
     switchable: tuple[str, ...] = ()
@@ -170,26 +170,26 @@ class PathTracedFeed:
         self._shown: tuple[int, int] | None = None
 
     def file_shot(self, frame: int) -> Shot:
-        """The view of a frame is known once the frame was read."""
+        """The frame with its camera, which is known after the frame is read."""
         if frame not in self._views:
             self._read(frame)
         return Shot(frame, self._views[frame])
 
-    def pictures(self) -> tuple[str, ...]:
-        return pictures_of_channels(self.source.channels)
+    def visualizations(self) -> tuple[str, ...]:
+        return visualizations_of_channels(self.source.channels)
 
     def plan(self, extra: frozenset[str], off: frozenset[str]) -> bool:
         return False
 
     def show(self, previous: Shot, current: Shot) -> bool:
-        wanted = (previous.frame, current.frame)
-        if self._shown == wanted:
+        keys = (previous.frame, current.frame)
+        if self._shown == keys:
             return False
-        if self._held != wanted:
+        if self._held != keys:
             if self._held[1] != previous.frame:
                 self._read(previous.frame)
             self._read(current.frame)
-        self._shown = wanted
+        self._shown = keys
         return True
 
     def _read(self, frame: int) -> None:
@@ -200,27 +200,30 @@ class PathTracedFeed:
         self.source.release()
 
 
-_OF_RUN = ("fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "effects", "exposure", "tone_map",
-           "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes", "light_error",
-           "storage")  # fmt: skip
+_RUN_SETTINGS = (
+    "fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "effects", "exposure", "tone_map",
+    "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes", "light_error",
+    "storage",
+)  # fmt: skip
+"""Settings that a run's summary provides; columns, sky, thresholds, frames and size need conversion."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What was asked for on the command line.  ``resolve``: from a name of the registry to a path and settings."""
+class OpenRequest:
+    """A source to open with its options.  ``resolve``: a name of the scene registry -> path and settings."""
 
-    text: str
+    source: str
     settings: Settings
     reference: str | None = None
     options: PathTracedOptions = field(default_factory=PathTracedOptions)
-    given: frozenset[str] = frozenset()  # settings that the user gave: these win over a run's
+    given: frozenset[str] = frozenset()  # settings that the user gave; they override those of a run
     resolve: Callable[[str], tuple[str, dict[str, Any]]] | None = None
 
 
 @dataclass(slots=True)
 class Opened:
     feed: Feed
-    frame: int | None = None  # to start with
+    frame: int | None = None  # initial frame
     notes: tuple[str, ...] = ()
 
 
@@ -229,20 +232,20 @@ def is_run(text: str) -> bool:
     return path.name == SUMMARY_FILE or (path / SUMMARY_FILE).is_file()
 
 
-def open_feed(gpu: Gpu, asked: Asked, timer: Any) -> Opened:
-    """A feed of what ``asked`` names.  Raises TaubenchError for everything a user can cause."""
-    if is_sequence(asked.text):
-        return Opened(PathTracedFeed(gpu, asked.text, asked.settings, asked.options))
-    if is_run(asked.text):
-        run = load_run(asked.text)
-        text, settings = _scene_of(run, asked)
+def open_feed(gpu: Gpu, request: OpenRequest, timer: Any) -> Opened:
+    """Open the source of ``request``.  Raises TaubenchError for everything a user can cause."""
+    if is_sequence(request.source):
+        return Opened(PathTracedFeed(gpu, request.source, request.settings, request.options))
+    if is_run(request.source):
+        run = load_run(request.source)
+        text, settings = _scene_of(run, request)
         if is_sequence(text):
-            return Opened(PathTracedFeed(gpu, text, settings, asked.options), worst_frame(run))
+            return Opened(PathTracedFeed(gpu, text, settings, request.options), worst_frame(run))
         feed = _scene_feed(gpu, text, settings, timer)
-        return Opened(feed, worst_frame(run), (_said(run, feed.scene.sha256),))
-    text, settings = asked.text, asked.settings
-    if asked.resolve is not None:
-        text, row = asked.resolve(text)
+        return Opened(feed, worst_frame(run), (_run_note(run, feed.scene.sha256),))
+    text, settings = request.source, request.settings
+    if request.resolve is not None:
+        text, row = request.resolve(text)
         settings = settings.replace(**row)
     return Opened(_scene_feed(gpu, text, settings, timer))
 
@@ -253,60 +256,61 @@ def _scene_feed(gpu: Gpu, text: str, settings: Settings, timer: Any) -> SceneFee
     return SceneFeed(gpu, scene, settings, timer)
 
 
-def _scene_of(run: Run, asked: Asked) -> tuple[str, Settings]:
-    """The run's scene and settings.  Size, camera and threshold options that the user gave win."""
+def _scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
+    """The run's scene and its settings, overridden by the options that the user gave."""
     path = (run.summary.get("scene") or {}).get("path")
     if path is None:
         raise OutputError("the run's scene was not read from a file", where=str(run.out), hint="open a scene instead")
-    kept = run.summary.get("settings") or {}
-    values = {n: kept[n] for n in _OF_RUN if n in kept and n not in asked.given}
-    if "columns" in kept and "columns" not in asked.given:
-        values["columns"] = tuple(kept["columns"])
-    if "sky" in kept and "sky" not in asked.given:
-        values["sky"] = tuple(kept["sky"])
-    if "thresholds" not in asked.given and "thresholds" in kept:
-        values["thresholds"] = {f: float(v) for f, v in kept["thresholds"].items() if f in FEATURES and v is not None}
-    if "frames" not in asked.given and kept.get("first_frame") is not None:
-        values["frames"] = (kept["first_frame"], kept["last_frame"] + 1)
+    stored = run.summary.get("settings") or {}
+    values = {n: stored[n] for n in _RUN_SETTINGS if n in stored and n not in request.given}
+    if "columns" in stored and "columns" not in request.given:
+        values["columns"] = tuple(stored["columns"])
+    if "sky" in stored and "sky" not in request.given:
+        values["sky"] = tuple(stored["sky"])
+    if "thresholds" not in request.given and "thresholds" in stored:
+        limits = stored["thresholds"].items()
+        values["thresholds"] = {f: float(v) for f, v in limits if f in FEATURES and v is not None}
+    if "frames" not in request.given and stored.get("first_frame") is not None:
+        values["frames"] = (stored["first_frame"], stored["last_frame"] + 1)
     for name in ("width", "height"):
-        if "size" not in asked.given and name in kept:
-            values[name] = int(kept[name])
+        if "size" not in request.given and name in stored:
+            values[name] = int(stored[name])
     path_traced, path = run.summary.get("path_traced") is not None, scene_path(run.out, str(path))
-    return (f"exr:{path}" if path_traced else path), asked.settings.replace(**values)
+    return (f"exr:{path}" if path_traced else path), request.settings.replace(**values)
 
 
 def scene_path(out: Path | None, path: str) -> str:
-    """Where the scene of the run in ``out`` is: ``path`` as the run was given it, else from a folder above the run's.
+    """Path of the scene of the run in ``out``: ``path`` itself, else relative to a folder above ``out``.
 
-    A run keeps the path that it was given, often relative to a folder that nobody remembers.  Raises OutputError.
+    A run stores the path as it was given, which may be relative to another folder.  Raises OutputError.
     """
-    if Path(path).exists() or any(sign in path for sign in "*?[%@"):  # patterns are for the reader of sequences
+    if Path(path).exists() or any(sign in path for sign in "*?[%@"):  # the sequence reader resolves patterns
         return path
     above = () if out is None or Path(path).is_absolute() else (out.resolve(), *out.resolve().parents)
     found = next((folder / path for folder in above if (folder / path).exists()), None)
     if found is None:
-        hint = "start in the folder it was evaluated from, or open the scene itself"
-        raise OutputError(f"the run's scene {path} is not here", where=str(out), hint=hint)
+        hint = "start in the folder of the evaluation, or open the scene itself"
+        raise OutputError(f"the run's scene {path} does not exist", where=str(out), hint=hint)
     return str(found)
 
 
 def worst_frame(run: Run) -> int | None:
-    """The later frame of the most discarded pair, as ``evaluate`` chooses its mask.png; None without pairs."""
+    """The worst frame of a run, the one of its mask.png; None without pairs."""
     rows = [row for row in run.frames if row.get("frame") is not None]
     if not rows:
         return None
     return int(max(rows, key=lambda row: sum(row.get(n) or 0 for n in ("frustum", *FEATURE_BIT)))["frame"])
 
 
-def _said(run: Run, sha256: str | None) -> str:
+def _run_note(run: Run, sha256: str | None) -> str:
     scene = run.summary["scene"]
     changed = scene.get("sha256") is not None and scene["sha256"] != sha256
-    told = "the scene has changed since" if changed else "its most discarded pair"
-    return f"run of {scene.get('name', '?')}: {told}"
+    note = "the scene has changed since" if changed else "worst frame"
+    return f"run of {scene.get('name', '?')}: {note}"
 
 
 class PathTracedComparison:
-    """Frame n of the scene against the files' frame n, or n + 1 where those count from 1."""
+    """Path-traced frames to compare with: frame n, or n + 1 if the files count from 1.  Raises SettingsError."""
 
     def __init__(self, feed: PathTracedFeed, size: tuple[int, int], first: int):
         if feed.size != size:

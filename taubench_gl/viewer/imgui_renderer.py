@@ -1,4 +1,7 @@
-"""Draws Dear ImGui's lists with moderngl: the bundle's own PyOpenGL back end leaves errors behind on a core profile."""
+"""Theme of the panels, and a renderer of Dear ImGui draw lists with moderngl.
+
+The PyOpenGL back end of imgui-bundle raises OpenGL errors on a core profile.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from taubench_gl.gpu.shader import ShaderCache
 
 
 class ImguiRenderer:
-    """One per ImGui context.  Keeps ImGui's textures (glyphs grow as they are needed) as moderngl textures."""
+    """Renderer of one ImGui context.  ImGui adds glyphs to its textures on demand; they are mirrored in moderngl."""
 
     def __init__(self, gpu: Gpu):
         self._gpu = gpu
@@ -32,7 +35,7 @@ class ImguiRenderer:
         return self._gpu.ctx.vertex_array(self._program, [layout], self._indices, index_element_size=imgui.INDEX_SIZE)
 
     def update_textures(self) -> None:
-        """Create, change and drop textures as ImGui asks."""
+        """Create, update and delete textures as ImGui requests."""
         status = imgui.ImTextureStatus
         for texture in imgui.get_platform_io().textures:
             if texture.status in (status.want_create, status.want_updates):
@@ -52,7 +55,7 @@ class ImguiRenderer:
                 texture.set_status(status.destroyed)
 
     def render(self, framebuffer: moderngl.Framebuffer) -> None:
-        """Draw what ``imgui.render()`` has prepared, over what is in ``framebuffer``."""
+        """Draw the lists of ``imgui.render()`` over the content of ``framebuffer``."""
         data, ctx = imgui.get_draw_data(), self._gpu.ctx
         self.update_textures()
         width, height = framebuffer.size
@@ -112,7 +115,7 @@ BACKGROUND = (0.06, 0.063, 0.07)
 
 
 def apply_theme() -> None:
-    """Colours, spacing and font of the current ImGui context."""
+    """Set colors, spacing and font of the current ImGui context."""
     style, col = imgui.get_style(), imgui.Col_
     imgui.style_colors_dark()
     style.window_padding, style.frame_padding, style.item_spacing = ImVec2(12, 10), ImVec2(8, 3), ImVec2(8, 5)
@@ -135,7 +138,7 @@ def apply_theme() -> None:
 
 
 def _font() -> None:
-    """The bundle's Roboto, or ImGui's own font where it is not there."""
+    """Load Roboto from imgui-bundle; without the file ImGui uses its built-in font."""
     found = importlib.util.find_spec("imgui_bundle")
     fonts = Path(found.origin).parent / "assets" / "fonts" if found and found.origin else Path()
     path = next((p for p in (fonts / "Roboto" / "Roboto-Regular.ttf", fonts / "DroidSans.ttf") if p.is_file()), None)

@@ -1,4 +1,4 @@
-"""Mouse and keyboard: what the panels do not want moves cameras, the split line and the probe."""
+"""Mouse and keyboard: events that the panels do not use move cameras, the split line and the probe."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from taubench_gl.viewer.actions import KEYS, MOVEMENT, chord
 from taubench_gl.viewer.model import ViewerModel
 
 SPLIT_REACH = 8.0
-"""Window points on either side of the split line in which it can be grabbed."""
+"""Distance from the split line, screen points, within which it can be dragged."""
 _EDIT = ("BACKSPACE", "ENTER", "LEFT_ARROW", "RIGHT_ARROW", "TAB", "ESCAPE")
 
 
 class Input:
-    """Takes events in window points, y down."""
+    """Handlers of window events.  Positions are screen points, y down."""
 
     def __init__(self, viewer: ViewerModel):
         self._viewer = viewer
@@ -22,7 +22,7 @@ class Input:
         self._drag: str | None = None
 
     def resize(self, width: int, height: int) -> None:
-        """The window's new size; 0 x 0 while it is minimised."""
+        """The window has a new size; 0 x 0 while it is minimized."""
         self._viewer.window_size = (max(width, 0), max(height, 0))
 
     def mouse_move(self, x: float, y: float) -> None:
@@ -32,7 +32,7 @@ class Input:
         imgui.get_io().add_mouse_pos_event(x, y)
         pixel = viewer.layout.pixel(x, y, viewer.engine.feed.size)
         if self._drag == "split":
-            left, _, width, _ = viewer.layout.picture
+            left, _, width, _ = viewer.layout.image
             s.split = min(max((x - left) / max(width, 1), 0.0), 1.0)
         elif self._drag == "camera" and s.camera == "fly":
             viewer.engine.user.look(dx, dy)
@@ -45,20 +45,20 @@ class Input:
         """``button``: 0 left, 1 right, 2 middle."""
         imgui.get_io().add_mouse_button_event(button, pressed)
         self._drag = None
-        if pressed and self._on_picture():
+        if pressed and self._on_image():
             self._drag = "split" if self._on_split() else "camera"
 
     def scroll(self, dx: float, dy: float) -> None:
         imgui.get_io().add_mouse_wheel_event(dx, dy)
-        if self._on_picture() and self._viewer.state.camera == "orbit":
+        if self._on_image() and self._viewer.state.camera == "orbit":
             self._viewer.engine.user.zoom(dy)
 
     def char(self, code: int) -> None:
         imgui.get_io().add_input_character(code)
 
     def key(self, name: str, pressed: bool, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> None:
-        """``name`` as GLFW names keys, without KEY_.  A repeated press counts as another."""
-        self._tell_imgui(name, pressed, ctrl, shift)
+        """``name`` is the GLFW name without KEY_.  A key repeat counts as a press."""
+        self._forward_key(name, pressed, ctrl, shift)
         if not pressed:
             self.held.discard(name)
             return
@@ -71,28 +71,28 @@ class Input:
             self._viewer.act(action)
 
     def lose_focus(self) -> None:
-        """No key is held by a window that nobody types into."""
+        """Release all keys: a window without focus gets no release events."""
         self.held.clear()
         self._drag = None
 
-    def hold(self, seconds: float) -> None:
-        """Move the camera by the keys that are held."""
+    def move_camera(self, seconds: float) -> None:
+        """Move the camera by the held keys for ``seconds``."""
         s, keys = self._viewer.state, self.held & MOVEMENT
         if not keys or s.camera == "file" or imgui.get_io().want_text_input:
             return
         fast = {"SHIFT"} if self.held & {"LEFT_SHIFT", "RIGHT_SHIFT", "SHIFT"} else set()
-        self._viewer.engine.user.hold(keys | fast, min(seconds, 0.1), s.camera)
+        self._viewer.engine.user.move(keys | fast, min(seconds, 0.1), s.camera)
 
-    def _on_picture(self) -> bool:
+    def _on_image(self) -> bool:
         viewer = self._viewer
         return viewer.layout.pixel(*self.mouse, viewer.engine.feed.size) is not None and not viewer.state.help
 
     def _on_split(self) -> bool:
         s = self._viewer.state
-        left, _, width, _ = self._viewer.layout.picture
+        left, _, width, _ = self._viewer.layout.image
         return s.comparison == "split" and abs(self.mouse[0] - left - s.split * width) <= SPLIT_REACH
 
-    def _tell_imgui(self, name: str, pressed: bool, ctrl: bool, shift: bool) -> None:
+    def _forward_key(self, name: str, pressed: bool, ctrl: bool, shift: bool) -> None:
         io = imgui.get_io()
         io.add_key_event(imgui.Key.mod_ctrl, ctrl)
         io.add_key_event(imgui.Key.mod_shift, shift)

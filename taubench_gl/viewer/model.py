@@ -13,7 +13,7 @@ from taubench_gl.viewer import prefs
 from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.capture import Clip, free_name
 from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
-from taubench_gl.viewer.feeds import Asked, PathTracedComparison, PathTracedFeed, open_feed
+from taubench_gl.viewer.feeds import OpenRequest, PathTracedComparison, PathTracedFeed, open_feed
 from taubench_gl.viewer.layout import Layout, arrange
 from taubench_gl.viewer.probe import Probe, probe_pixel
 from taubench_gl.viewer.state import ViewerState, variables
@@ -26,40 +26,40 @@ class ViewerModel:
     """State, engine and everything that actions change.
 
     ``light``: start with the LIGHT effects enabled; None: only where OpenGL is hardware.  ``folder``: where
-    preferences are stored, None for nowhere.  Raises TaubenchError if ``asked`` cannot be opened.
+    preferences are stored, None for nowhere.  Raises TaubenchError if ``request`` cannot be opened.
     """
 
     hint = "?: keys"
 
-    def __init__(self, gpu: Gpu, asked: Asked, *, light: bool | None = None, folder: Path | None = None):
-        self.gpu, self._asked, self._light, self._folder = gpu, asked, light, folder
+    def __init__(self, gpu: Gpu, request: OpenRequest, *, light: bool | None = None, folder: Path | None = None):
+        self.gpu, self._request, self._light, self._folder = gpu, request, light, folder
         self.timer = LiveTimer(gpu)
         stored, note = prefs.load(folder) if folder is not None else (prefs.Prefs(), "")
         self.window_size = stored.window or (0, 0)  # screen points; (0, 0) while minimized
-        self.state, self.engine = self._open(asked)
+        self.state, self.engine = self._open(request)
         prefs.apply(stored, self.state)
         self.state.message = note or self.state.message
-        self.shots = Path(".")  # folder of screenshots and clips
+        self.screenshots = Path(".")  # folder of screenshots and clips
         self.clip: Clip | None = None
         self.done = False
         self.fps = 0.0
         self._last_image: tuple[int, object] = (0, None)  # the image that was drawn last, for clips
         self._probed: tuple[object, Probe] | None = None
 
-    def _open(self, asked: Asked) -> tuple[ViewerState, ViewerEngine]:
-        opened = open_feed(self.gpu, asked, self.timer)
+    def _open(self, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
+        opened = open_feed(self.gpu, request, self.timer)
         feed = opened.feed
         try:
             comparison = None
-            if asked.reference is not None:
+            if request.reference is not None:
                 settings = feed.settings.replace(frames=(None, None))
-                reference = PathTracedFeed(self.gpu, asked.reference, settings, asked.options)
+                reference = PathTracedFeed(self.gpu, request.reference, settings, request.options)
                 comparison = PathTracedComparison(reference, feed.size, feed.frames[0])
         except TaubenchError:
             feed.release()
             raise
         limits = {f: feed.settings.metrics.threshold(f) for f in FEATURES}
-        channel = "color" if "color" in feed.pictures() else "shape"
+        channel = "color" if "color" in feed.visualizations() else "headlight"
         state = ViewerState(
             first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.sequence.fps, size=feed.size,
             effects=feed.switchable,
@@ -72,7 +72,7 @@ class ViewerModel:
         dark = self._light is False or (self._light is None and self.gpu.software)
         if dark and set(LIGHT) & set(state.effects) and opened.frame is None:
             state.switched_off = frozenset(LIGHT) & set(state.effects)
-            state.channel = "shape"
+            state.channel = "headlight"
             state.message = "software OpenGL: light is disabled; enable it under effects, or start with --light"
         engine = ViewerEngine(self.gpu, feed, self.timer, comparison)
         try:
@@ -82,10 +82,10 @@ class ViewerModel:
             raise
         return state, engine
 
-    def reopen(self, asked: Asked) -> bool:
-        """Open ``asked``, or read the same source from disk again.  False, with nothing changed, if that fails."""
+    def reopen(self, request: OpenRequest) -> bool:
+        """Open ``request``, or read the same source from disk again.  False, with nothing changed, if that fails."""
         try:
-            state, engine = self._open(asked)
+            state, engine = self._open(request)
         except TaubenchError as error:
             self.state.message = str(error)
             return False
@@ -93,7 +93,7 @@ class ViewerModel:
             self._toggle_clip()
         prefs.apply(prefs.Prefs(values=variables(self.state)), state)
         self.engine.release()
-        self._asked, self.state, self.engine, self._probed = asked, state, engine, None
+        self._request, self.state, self.engine, self._probed = request, state, engine, None
         return True
 
     def drop(self, paths: list[str]) -> None:
@@ -101,7 +101,7 @@ class ViewerModel:
         if paths:
             path = Path(paths[0])
             exr = path.is_dir() and any(path.glob("[!.]*.exr"))
-            self.reopen(dataclasses.replace(self._asked, text=f"exr:{path}" if exr else str(path), reference=None))
+            self.reopen(dataclasses.replace(self._request, source=f"exr:{path}" if exr else str(path), reference=None))
 
     def act(self, name: str) -> None:
         """Run an action and serve its requests.  Raises KeyError for an unknown action."""
@@ -116,12 +116,12 @@ class ViewerModel:
         elif request == "reset camera":
             self.engine.reset_camera(self.state)
         elif request == "reload":
-            if self.reopen(self._asked):
+            if self.reopen(self._request):
                 self.state.message = "reloaded from disk"
         elif request == "clip":
             self._toggle_clip()
         elif request == "screenshot":
-            self.screenshot(free_name(self.shots, self.stem, ".png"))
+            self.screenshot(free_name(self.screenshots, self.stem, ".png"))
 
     @property
     def stem(self) -> str:
@@ -142,12 +142,12 @@ class ViewerModel:
     def _toggle_clip(self) -> None:
         try:
             if self.clip is None:
-                path = free_name(self.shots, self.stem, ".mp4")
+                path = free_name(self.screenshots, self.stem, ".mp4")
                 self.clip = Clip(path, self.state.size, self.state.fps)
                 self.state.message = f"recording {path.name}: F9 stops"
             else:
                 self.clip.close()
-                self.state.message, self.clip = f"saved {self.clip.path.name}, {self.clip.pictures} frames", None
+                self.state.message, self.clip = f"saved {self.clip.path.name}, {self.clip.frames} frames", None
         except (TaubenchError, OSError) as error:
             self.state.message, self.clip = str(error), None
 
@@ -159,8 +159,8 @@ class ViewerModel:
             self.engine.update(self.state)
         except TaubenchError as error:  # such as an EXR file that was deleted: report it, keep the last image
             self.state.message, self.state.playing = str(error), False
-        image = (self.engine.drawn.pictures, self.engine)
-        if self.clip is not None and (self.clip.pictures == 0 or image != self._last_image):
+        image = (self.engine.drawn.images, self.engine)
+        if self.clip is not None and (self.clip.frames == 0 or image != self._last_image):
             try:
                 self.clip.add(self.engine.image())
             except TaubenchError as error:

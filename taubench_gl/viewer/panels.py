@@ -1,15 +1,17 @@
-"""The panels: every control changes the state, every figure is read from the engine.  Nothing is kept here."""
+"""The panels.  Controls change the state, numbers come from the engine; tooltips are those of actions and glossary."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from taubench_gl.conventions import FEATURES
+from taubench_gl.glossary import COLUMNS, REASONS, label_of
 from taubench_gl.report.palette import color_of
 from taubench_gl.viewer.actions import ACTIONS, KEYS, help_lines, key_words
-from taubench_gl.viewer.display import PICTURES
+from taubench_gl.viewer.display import VISUALIZATIONS
 from taubench_gl.viewer.imgui_renderer import ACCENT, FAINT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
@@ -24,12 +26,12 @@ _FAINT = ImVec4(*FAINT, 1.0)
 
 
 class Panels:
-    """Draws everything but the picture.  ``widgets``: where each control is, so that scripts can find it."""
+    """Draws everything except the image.  ``widgets``: rectangle of each control, for scripts."""
 
     def __init__(self, viewer: ViewerModel):
         self._viewer = viewer
         self.widgets: dict[str, Rect] = {}
-        self.reveal: str | None = None  # a control to scroll to
+        self.reveal: str | None = None  # name of a control to scroll to
 
     def draw(self, layout: Layout) -> None:
         self.widgets.clear()
@@ -49,7 +51,7 @@ class Panels:
 
     def _place(self, name: str, slider: bool = False) -> None:
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        width = min(high.x - low.x, imgui.calc_item_width()) if slider else high.x - low.x  # without its label
+        width = min(high.x - low.x, imgui.calc_item_width()) if slider else high.x - low.x  # excludes the label
         self.widgets[name] = (low.x, low.y, width, high.y - low.y)
         if self.reveal == name:
             imgui.set_scroll_here_y(0.5)
@@ -60,20 +62,22 @@ class Panels:
         (imgui.text_wrapped if wrap else imgui.text)(text.replace("%", "%%") if wrap else text)
         imgui.pop_style_color()
 
-    def _tip(self, action: str) -> None:
+    def _tip(self, action: str, definition: str = "") -> None:
+        """Tooltip of the last item: the action with its keys, below the definition if there is one."""
         if imgui.is_item_hovered():
             keys = " or ".join(key_words(c) for c, name in KEYS.items() if name == action)
-            imgui.set_tooltip(f"{ACTIONS[action].doc}  [{keys}]")
+            text = f"{ACTIONS[action].doc}  [{keys}]"
+            imgui.set_tooltip(_wrapped(f"{definition}\n{text}" if definition else text))
 
-    def _check(self, label: str, on: bool, action: str, name: str) -> None:
+    def _check(self, label: str, on: bool, action: str, name: str, definition: str = "") -> None:
         changed, _ = imgui.checkbox(label, on)
         self._place(name)
-        self._tip(action)
+        self._tip(action, definition)
         if changed:
             self._viewer.act(action)
 
     def _slider(self, name: str, low: float, high: float, text: str, flags: int = 0) -> None:
-        """A number of the state.  It is set only where the person changed it: ImGui's floats have 32 bits."""
+        """A slider for a number of the state, which is set only when the user moves it: ImGui has float32 values."""
         s = self._viewer.state
         changed, value = imgui.slider_float(name, getattr(s, name), low, high, text, flags)
         self._place(name, slider=True)
@@ -82,7 +86,7 @@ class Panels:
 
     def _side(self) -> None:
         bodies = {
-            "camera": self._camera, "picture": self._picture, "masks": self._masks, "thresholds": self._thresholds,
+            "camera": self._camera, "image": self._image, "masks": self._masks, "thresholds": self._thresholds,
             "probe": self._probe, "effects": self._effects, "time": self._time,
         }  # fmt: skip
         state = self._viewer.state
@@ -127,15 +131,15 @@ class Panels:
             if imgui.radio_button(mode, s.camera == mode):
                 self._viewer.act("file camera" if mode == "file" else mode)
             self._place(f"camera.{mode}")
-        self._check("hold current", s.freeze_current, "freeze current", "freeze_current")
+        self._check("freeze current", s.freeze_current, "freeze current", "freeze_current")
         imgui.same_line()
-        self._check("hold previous", s.freeze_previous, "freeze previous", "freeze_previous")
+        self._check("freeze previous", s.freeze_previous, "freeze previous", "freeze_previous")
 
-    def _picture(self) -> None:
+    def _image(self) -> None:
         s = self._viewer.state
         if imgui.begin_combo("channel", s.channel.replace("_", " ")):
             for name in s.channels:
-                if imgui.selectable(f"{name.replace('_', ' ')}  ({PICTURES[name].doc})", name == s.channel)[0]:
+                if imgui.selectable(f"{name.replace('_', ' ')}  ({VISUALIZATIONS[name].doc})", name == s.channel)[0]:
                     s.channel = name
             imgui.end_combo()
         self._place("channel")
@@ -172,11 +176,12 @@ class Panels:
             color = ImVec4(*(c / 255.0 for c in color_of(OVERLAYS[name])), 1.0)
             imgui.color_button(f"##{name}", color, imgui.ColorEditFlags_.no_tooltip.value, ImVec2(12, 18))
             imgui.same_line()
-            self._check(name.replace("_", " "), s.shown[name], f"show {name}", f"show.{name}")
+            term = REASONS[OVERLAYS[name]]
+            self._check(term.label, s.shown[name], f"show {name}", f"show.{name}", term.tooltip)
             text = f"{percent:.2f} %"
             imgui.same_line(right - imgui.calc_text_size(text).x)
             imgui.text(text)
-        missing = [name for name in OVERLAYS if percentages.get(name) is None]
+        missing = [label_of(OVERLAYS[name]) for name in OVERLAYS if percentages.get(name) is None]
         if missing:
             self._faint(f"not measured: {', '.join(missing)}", wrap=True)
 
@@ -192,33 +197,35 @@ class Panels:
                 f"{feature}##threshold", s.thresholds[feature], 1e-4, high, shown, flags
             )
             self._place(f"threshold.{feature}", slider=True)
+            if imgui.is_item_hovered():
+                imgui.set_tooltip(_wrapped(COLUMNS[feature].tooltip))
             if changed:
                 s.feature = feature
                 s.set_threshold(feature, value)
 
     def _probe(self) -> None:
         s, found = self._viewer.state, self._viewer.probe()
-        self._check("hold", s.probe_pinned, "pin probe", "probe_pinned")
+        self._check("pin", s.probe_pinned, "pin probe", "probe_pinned")
         imgui.same_line()
         if found is None:
-            self._faint("point at the picture")
+            self._faint("move the mouse over the image")
             return
         imgui.text(f"pixel {found.pixel[0]}, {found.pixel[1]}")
-        where = "behind or none" if found.at is None else f"{found.at[0]:.2f}, {found.at[1]:.2f}"
-        imgui.text(f"was at {where}  ({found.motion_px[0]:+.2f}, {found.motion_px[1]:+.2f} px)")
+        where = "none" if found.at is None else f"{found.at[0]:.2f}, {found.at[1]:.2f}"
+        imgui.text(f"history at {where}  ({found.motion_px[0]:+.2f}, {found.motion_px[1]:+.2f} px)")
         imgui.text_wrapped(found.reason)
         for name, f in found.features.items():
             distance = "-" if f.distance is None else f"{f.distance:.4g}"
             sign, unit = ">" if f.discarded else "<=", s.unit(name)
             imgui.text(f"{name}: {distance}" + ("" if f.distance is None else f" {sign} {f.threshold:.4g}{unit}"))
-            self._faint(f"  now {_triple(f.current)}")
+            self._faint(f"  current {_triple(f.current)}")
             if f.history is not None:
-                self._faint(f"  was {_triple(f.history)}")
+                self._faint(f"  history {_triple(f.history)}")
 
     def _effects(self) -> None:
         viewer, s = self._viewer, self._viewer.state
         if not viewer.engine.feed.effects:
-            self._faint("files: nothing is simulated")
+            self._faint("path-traced files: nothing is simulated")
         for name, effect in viewer.engine.feed.effects.items():
             label = name.replace("_", " ")
             if name in s.effects:
@@ -226,15 +233,15 @@ class Panels:
                 self._place(f"effect.{name}")
                 if changed:
                     s.effect = name
-                    s.switch(name)
+                    s.toggle_effect(name)
             else:
-                self._faint(f"{'on ' if effect.enabled else 'off'}  {label}")
+                self._faint(f"{'enabled ' if effect.enabled else 'disabled'}  {label}")
             if imgui.is_item_hovered():
                 imgui.set_tooltip(effect.reason)
 
     def _time(self) -> None:
         viewer = self._viewer
-        imgui.text(f"{viewer.fps:.1f} frames a second")
+        imgui.text(f"{viewer.fps:.1f} frames/s")
         for name, ms in viewer.timer.ms.items():
             self._faint(name)
             imgui.same_line(150)
@@ -247,7 +254,7 @@ class Panels:
         imgui.set_next_window_size(ImVec2(*size))
         imgui.set_next_window_focus()
         imgui.begin("keys", None, _FIXED)
-        imgui.text(f"Keys   ({key_words('SHIFT+SLASH')} or Escape closes)")
+        imgui.text(f"Keys   (close: {key_words('SHIFT+SLASH')} or Escape)")
         imgui.separator()
         if imgui.begin_table("keys", 4, imgui.TableFlags_.sizing_fixed_fit.value):
             for column in range(4):
@@ -266,6 +273,10 @@ class Panels:
                     self._faint(doc, wrap=True)
             imgui.end_table()
         imgui.end()
+
+
+def _wrapped(text: str) -> str:
+    return "\n".join(textwrap.fill(line, 60) for line in text.splitlines())
 
 
 def _triple(values: object) -> str:

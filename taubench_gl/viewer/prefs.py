@@ -1,4 +1,4 @@
-"""What the viewer remembers between runs: window size and how things are shown.  Never the scene, never a result."""
+"""Preferences stored between sessions: window size and display options, never the scene or results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Prefs:
 
 
 def load(folder: Path) -> tuple[Prefs, str]:
-    """What was kept, and a note where the file could not be used (it is then as if there were none)."""
+    """The stored preferences, and a note if the file is unusable, which is then ignored."""
     path = folder / FILE
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
@@ -37,22 +37,22 @@ def load(folder: Path) -> tuple[Prefs, str]:
     except FileNotFoundError:
         return Prefs(), ""
     except (OSError, ValueError, TypeError, AttributeError, IndexError, KeyError):
-        return Prefs(), f"{FILE} could not be read and is ignored"
+        return Prefs(), f"{FILE} cannot be read and is ignored"
     return Prefs(window, values), ""
 
 
 def apply(prefs: Prefs, state: ViewerState) -> None:
-    """Set what was kept; names and values that are no more are passed over."""
+    """Set the stored values; unknown names and values are skipped."""
     for name, value in (prefs.values or {}).items():
         if name in _kept():
             try:
                 set_variable(state, name, str(value))
-            except TaubenchError:  # of another version
+            except TaubenchError:  # written by another version
                 continue
 
 
 def save(folder: Path, state: ViewerState, window: tuple[int, int] | None) -> str:
-    """Keep the state's way of showing; a note where that did not work."""
+    """Store window size and display options; returns a note if that fails, else an empty string."""
     now = variables(state)
     text = json.dumps({"window": window, "values": {n: now[n] for n in _kept()}}, indent=1) + "\n"
     try:

@@ -1,4 +1,4 @@
-"""One pixel in numbers and words: now, where it was, what history holds there, and which threshold decided."""
+"""One pixel: current values, history, distances against thresholds, and the reason in words."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
+from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.masks import SAMPLERS, compare
 from taubench_gl.viewer.engine import ViewerEngine
@@ -19,7 +20,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class FeatureProbe:
-    """One feature at one pixel; ``distance`` None: not compared here."""
+    """One feature at one pixel; ``distance`` is None if the pixel is not comparable."""
 
     current: Array
     history: Array | None
@@ -30,7 +31,7 @@ class FeatureProbe:
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """``pixel`` and ``at`` (x, row from the top); ``at`` None: behind the previous camera."""
+    """``pixel`` and its history position ``at`` as (x, row from the top), pixels; ``at`` is None without one."""
 
     pixel: tuple[int, int]
     word: int
@@ -41,7 +42,7 @@ class Probe:
 
 
 def probe_pixel(engine: ViewerEngine, state: ViewerState, x: int, row: int) -> Probe:
-    """Ask the pair that is judged now about pixel (x, row).  Distances are the float64 twin's (``metrics.masks``)."""
+    """Probe pixel (x, row) of the current pair.  Distances are those of the float64 reference (``metrics.masks``)."""
     source, evaluator, gpu = engine.feed.source, engine.evaluator, engine.gpu
     _, height = engine.feed.size
     up = height - 1 - row
@@ -80,7 +81,7 @@ def probe_pixel(engine: ViewerEngine, state: ViewerState, x: int, row: int) -> P
 
 
 def texel(gpu: Gpu, texture: moderngl.Texture, x: int, y: int) -> Array:
-    """One texel, y up.  -> (components,) in the texture's own type."""
+    """One texel, y up.  (components,) in the type of the texture."""
     framebuffer = gpu.ctx.framebuffer([texture])
     kind = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}[texture.dtype]
     data = framebuffer.read((x, y, 1, 1), components=texture.components, dtype=texture.dtype, alignment=1)
@@ -90,7 +91,7 @@ def texel(gpu: Gpu, texture: moderngl.Texture, x: int, y: int) -> Array:
 
 
 def _history(engine: ViewerEngine, names: list[str], at_up: tuple[float, float], surface: bool) -> dict[str, Array]:
-    """History at a place, as the masks sample it: from the four pixels around it.  -> {name: (1, n)}."""
+    """History at a position, y up, sampled as in the masks from the four pixels around it.  {name: (1, n)}."""
     width, height = engine.feed.size
     x0 = min(max(int(np.floor(at_up[0])), 0), max(width - 2, 0))
     y0 = min(max(int(np.floor(at_up[1])), 0), max(height - 2, 0))
@@ -105,38 +106,26 @@ def _history(engine: ViewerEngine, names: list[str], at_up: tuple[float, float],
 
 
 def in_words(word: int) -> str:
-    """What a reason word says, as a sentence."""
+    """A reason mask as a phrase with the labels of the glossary."""
     r = Reason(word)
-    if r & Reason.FIRST:
-        return "first frame: there is no history"
-    if r & Reason.CUT:
-        return "a cut: history has nothing to do with it"
-    if r & Reason.INVALID:
-        return "invalid: not a number in what is compared"
-    if r & Reason.BEHIND:
-        return "frustum: it was behind the previous camera"
-    if r & Reason.OUTSIDE:
-        return "frustum: it was outside the previous picture"
+    for reason in (Reason.FIRST, Reason.CUT, Reason.INVALID):
+        if r & reason:
+            return f"not classified: {label_of(reason)}"
+    for reason in (Reason.BEHIND, Reason.OUTSIDE):
+        if r & reason:
+            return f"frustum: {label_of(reason)} in the previous frame"
     parts = []
     if r & Reason.SKY and not r & Reason.HISTORY_SKY:
-        parts.append("sky now, a surface stood here before")
+        parts.append("sky, a surface in history")
     elif r & Reason.HISTORY_SKY and not r & Reason.SKY:
-        parts.append("a surface now, sky before")
-    elif r & Reason.DISOCCLUDED:
-        parts.append("position: something nearer hid it from the previous camera")
-    elif r & Reason.OCCLUDING:
-        parts.append("position: history shows something farther away")
+        parts.append("a surface, sky in history")
     elif r & Reason.POSITION:
-        parts.append("position: history is another place")
+        detail = [label_of(d) for d in (Reason.DISOCCLUDED, Reason.OCCLUDING) if r & d]
+        parts.append(f"position: {detail[0] if detail else 'above the threshold'}")
     if r & Reason.NORMAL and not r & (Reason.SKY | Reason.HISTORY_SKY):
-        parts.append("normal: it faces another way")
+        parts.append("normal: above the threshold")
     if r & Reason.DIRECT:
-        change = "brighter" if r & Reason.LIT else "darker" if r & Reason.SHADOWED else "changed"
-        parts.append(f"direct light: {change}")
-    if r & Reason.INDIRECT:
-        parts.append("indirect light: changed")
-    if r & Reason.COLOR:
-        parts.append("color: changed")
-    if parts:
-        return "; ".join(parts)
-    return "reusable: sky stays sky" if r & Reason.SKY else "reusable: history agrees"
+        detail = [label_of(d) for d in (Reason.LIT, Reason.SHADOWED) if r & d]
+        parts.append(f"direct: {detail[0] if detail else 'above the threshold'}")
+    parts += [f"{label_of(reason)}: above the threshold" for reason in (Reason.INDIRECT, Reason.COLOR) if r & reason]
+    return "; ".join(parts) or "reusable"

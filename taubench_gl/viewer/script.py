@@ -1,6 +1,6 @@
-"""Scripts that drive the viewer through the same handlers as a window's callbacks: for tests and for repeatable demos.
+"""Scripts that drive the viewer through the handlers of the window's callbacks, for tests and repeatable demos.
 
-One command a line, ``#`` starts a comment.  The whole script is checked before its first line runs.
+One command per line; ``#`` starts a comment.  The whole script is parsed before its first line runs.
 """
 
 from __future__ import annotations
@@ -12,34 +12,43 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.viewer.actions import ACTIONS, split_chord
+from taubench_gl.errors import OutputError, SettingsError, note_renamed
+from taubench_gl.viewer.actions import ACTIONS, FORMER_ACTIONS, split_chord
 from taubench_gl.viewer.app import Viewer
 from taubench_gl.viewer.state import set_variable, variables
 
 COMMANDS: dict[str, tuple[int, int, str]] = {
-    "frame": (1, 1, "frame N: go to a frame"),
-    "key": (1, 1, "key CHORD: press and release, as in key SPACE or key SHIFT+N"),
+    "frame": (1, 1, "frame N: go to frame N"),
+    "key": (1, 1, "key CHORD: press and release a key, such as SPACE or SHIFT+N"),
     "hold": (2, 2, "hold KEY N: hold a key for N frames"),
-    "action": (1, 9, "action NAME: do what a key would"),
+    "action": (1, 9, "action NAME: run an action"),
     "set": (2, 2, "set NAME VALUE"),
-    "mouse": (2, 2, "mouse X Y: move to a place of the window; mouse @WIDGET F: along a control, F from 0 to 1"),
-    "press": (0, 1, "press [BUTTON]: a mouse button down (0 left, 1 right)"),
+    "mouse": (2, 2, "mouse X Y: move to a window position; mouse @WIDGET F: along a control, F from 0 to 1"),
+    "press": (0, 1, "press [BUTTON]: press a mouse button (0 left, 1 right)"),
     "release": (0, 1, "release [BUTTON]"),
-    "click": (0, 2, "click [X Y]: press and release, also click @WIDGET F"),
-    "drag": (2, 2, "drag X Y: press here, move there, release"),
-    "scroll": (1, 1, "scroll N: the wheel"),
-    "resize": (2, 2, "resize W H: the window"),
-    "minimise": (0, 0, "minimise: the window has no area until it is resized"),
-    "drop": (1, 1, "drop PATH: a file onto the window"),
-    "wait": (1, 1, "wait N: N frames, 1/fps seconds each"),
-    "screenshot": (1, 2, "screenshot FILE [window]: PNG of the picture, or of the window"),
+    "click": (0, 2, "click [X Y]: press and release the left button; also click @WIDGET F"),
+    "drag": (2, 2, "drag X Y: press, move to X Y, release"),
+    "scroll": (1, 1, "scroll N: turn the wheel by N steps"),
+    "resize": (2, 2, "resize W H: resize the window"),
+    "minimize": (0, 0, "minimize: the window has no area until it is resized"),
+    "drop": (1, 1, "drop PATH: drop a file on the window"),
+    "wait": (1, 1, "wait N: run N frames of 1/fps seconds"),
+    "screenshot": (1, 2, "screenshot FILE [window]: save the image, or the window, as PNG"),
     "expect": (3, 4, "expect NAME OP VALUE [TOLERANCE]: OP is one of == != < <= > >="),
-    "print": (1, 1, "print NAME"),
-    "bench": (1, 1, "bench N: median frames a second over N frames played"),
+    "print": (1, 1, "print NAME: print a variable"),
+    "bench": (1, 1, "bench N: print the median frames per second over N played frames"),
     "quit": (0, 0, "quit"),
 }
-"""Name -> least and most arguments, and how it is written."""
+"""Name -> smallest and largest number of arguments, and usage."""
+
+FORMER_COMMANDS = {"minimise": "minimize"}
+FORMER_READINGS = {
+    "picture.width": "image.width",
+    "picture.height": "image.height",
+    "pictures.drawn": "images.drawn",
+    "section.picture": "section.image",
+}
+"""Names of the last release, accepted with a note."""
 
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
     "==": operator.eq, "!=": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
@@ -54,7 +63,7 @@ class Line:
 
 
 def parse(path: Path) -> list[Line]:
-    """The lines of a script.  Raises SettingsError ``file:line`` for what is no command."""
+    """The commands of a script.  Raises SettingsError at ``file:line`` for an invalid command."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -70,6 +79,9 @@ def parse(path: Path) -> list[Line]:
         if not words:
             continue
         command, arguments = words[0], tuple(words[1:])
+        if command in FORMER_COMMANDS:
+            note_renamed(command, FORMER_COMMANDS[command])
+            command = FORMER_COMMANDS[command]
         if command not in COMMANDS:
             raise SettingsError(
                 f"there is no command {command!r}", where=where, hint=f"choose from {', '.join(COMMANDS)}"
@@ -82,20 +94,20 @@ def parse(path: Path) -> list[Line]:
 
 
 class ScriptRunner:
-    """``present`` shows a frame in the window, ``resize`` asks for a size and gives the one there is."""
+    """``present`` shows a frame in the window; ``resize`` requests a size and returns the actual one."""
 
     def __init__(
         self,
         viewer: Viewer,
         present: Callable[[], None],
         resize: Callable[[int, int], tuple[int, int]],
-        say: Callable[[str], None] = print,
+        report: Callable[[str], None] = print,
     ):
-        self._viewer, self._present, self._resize, self._say = viewer, present, resize, say
+        self._viewer, self._present, self._resize, self._report = viewer, present, resize, report
         self._bench: float | None = None
 
     def run(self, lines: list[Line]) -> None:
-        """Until the end or ``quit``.  Raises SettingsError at ``file:line`` for what cannot be done or is not so."""
+        """Run to the end or to ``quit``.  Raises SettingsError at ``file:line`` for a failed command or expectation."""
         self._frame()
         for line in lines:
             if self._viewer.done:
@@ -130,6 +142,9 @@ class ScriptRunner:
 
     def do_action(self, *words: str) -> None:
         name = " ".join(words)
+        if name in FORMER_ACTIONS:
+            note_renamed(f"action {name}", f"action {FORMER_ACTIONS[name]}")
+            name = FORMER_ACTIONS[name]
         if name not in ACTIONS:
             raise SettingsError(f"there is no action {name!r}", hint=f"choose from {', '.join(ACTIONS)}")
         self._viewer.act(name)
@@ -170,7 +185,7 @@ class ScriptRunner:
     def do_resize(self, width: str, height: str) -> None:
         self._viewer.input.resize(*self._resize(_whole(width), _whole(height)))
 
-    def do_minimise(self) -> None:
+    def do_minimize(self) -> None:
         self._viewer.input.resize(0, 0)
 
     def do_drop(self, path: str) -> None:
@@ -180,9 +195,9 @@ class ScriptRunner:
         for _ in range(_whole(count)):
             self._frame(1.0 / self._viewer.state.fps)
 
-    def do_screenshot(self, path: str, what: str = "picture") -> None:
-        if what not in ("picture", "window"):
-            raise SettingsError(f"a screenshot of {what!r}", hint="choose from picture, window")
+    def do_screenshot(self, path: str, what: str = "image") -> None:
+        if what not in ("image", "window"):
+            raise SettingsError(f"screenshot of {what!r}", hint="choose from image, window")
         save = self._viewer.window_screenshot if what == "window" else self._viewer.screenshot
         if not save(Path(path)):
             raise OutputError(self._viewer.state.message)
@@ -199,14 +214,14 @@ class ScriptRunner:
         else:
             got, good = found, OPERATORS[sign](found, _number(text))
         if not good:
-            raise SettingsError(f"expected {name} {sign} {text}, it is {got}")
+            raise SettingsError(f"expected {name} {sign} {text}, got {got}")
 
     def do_print(self, name: str) -> None:
-        self._say(f"{name} {self._read(name)}")
+        self._report(f"{name} {self._read(name)}")
 
     def do_bench(self, count: str) -> None:
         self._bench = self._viewer.bench(max(_whole(count), 1), self._present)
-        self._say(f"{self._bench:.1f} frames/s, median of {count}")
+        self._report(f"{self._bench:.1f} frames/s, median of {count}")
 
     def do_quit(self) -> None:
         self._viewer.done = True
@@ -217,6 +232,9 @@ class ScriptRunner:
     # -- reading
 
     def _read(self, name: str) -> Any:
+        if name in FORMER_READINGS:
+            note_renamed(name, FORMER_READINGS[name])
+            name = FORMER_READINGS[name]
         viewer, group, member = self._viewer, *name.partition(".")[::2]
         known = variables(viewer.state)
         percentages = viewer.engine.percentages()
@@ -226,9 +244,9 @@ class ScriptRunner:
             return viewer.engine.counts[member]
         found = viewer.probe()
         known |= {"bench": self._bench, "window.width": viewer.window_size[0], "window.height": viewer.window_size[1],
-                  "picture.width": viewer.engine.feed.size[0], "picture.height": viewer.engine.feed.size[1],
+                  "image.width": viewer.engine.feed.size[0], "image.height": viewer.engine.feed.size[1],
                   "scene": viewer.engine.feed.name, "probe.reason": None if found is None else found.reason,
-                  "pairs.drawn": viewer.engine.drawn.pairs, "pictures.drawn": viewer.engine.drawn.pictures}  # fmt: skip
+                  "pairs.drawn": viewer.engine.drawn.pairs, "images.drawn": viewer.engine.drawn.images}  # fmt: skip
         if name not in known:
             more = ["overlay.NAME", "count.NAME"]
             raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")
@@ -239,10 +257,10 @@ class ScriptRunner:
             return _number(x), _number(y)
         if x[1:] not in self._viewer.panels.widgets:
             shown = ", ".join(self._viewer.panels.widgets) or "none"
-            raise SettingsError(f"no control {x[1:]!r} is in the window", hint=f"there are {shown}")
+            raise SettingsError(f"no control {x[1:]!r} is visible", hint=f"choose from {shown}")
         self._viewer.panels.reveal = x[1:]
         self._frame()
-        self._frame()  # scrolling shows a frame later
+        self._frame()  # scrolling takes effect one frame later
         left, top, width, height = self._viewer.panels.widgets[x[1:]]
         return left + _number(y) * width, top + height / 2
 

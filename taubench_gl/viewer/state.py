@@ -1,4 +1,7 @@
-"""What the viewer shows, as plain values: no window, no OpenGL.  Actions change it, the engine draws it."""
+"""State of the viewer as plain values, without window or OpenGL.  Actions change it, the engine draws it.
+
+``set_variable`` and ``variables`` give scripts and preferences access by name: ``threshold.normal``, ``show.position``.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SettingsError, note_renamed
 from taubench_gl.glossary import key_of
 
 CAMERAS = ("file", "fly", "orbit")
 COMPARISONS = ("off", "split", "difference")
-SECTIONS = ("playback", "camera", "picture", "masks", "thresholds", "probe", "effects", "time")
+SECTIONS = ("playback", "camera", "image", "masks", "thresholds", "probe", "effects", "time")
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 
@@ -25,12 +28,12 @@ OVERLAYS: dict[str, Reason] = {
         Reason.INVALID, Reason.FIRST, Reason.CUT,
     )
 }  # fmt: skip
-"""Mask overlays by name, in the order of the legend and of the keys."""
+"""Mask overlays by key, in the order of the legend and of the number keys."""
 
 
 @dataclass(slots=True)
 class ViewerState:
-    """Everything a person can set.  ``first`` and ``last``: the frames there are."""
+    """Everything the user can set.  ``first`` and ``last`` are the first and last frame of the sequence."""
 
     first: int = 0
     last: int = 0
@@ -38,49 +41,49 @@ class ViewerState:
     frame: int = 0
     playing: bool = False
     speed: float = 1.0
-    loop: tuple[int, int] | None = None  # first and last frame of the loop; None: all
+    loop: tuple[int, int] | None = None  # first and last frame of the loop; None: the whole sequence
     camera: str = "file"
     freeze_current: bool = False
     freeze_previous: bool = False
     frusta: bool = True  # outlines of frozen cameras
-    channels: tuple[str, ...] = ("shape",)  # names of ``pictures.PICTURES`` that can be shown
-    channel: str = "shape"
+    channels: tuple[str, ...] = ("headlight",)  # keys of ``display.VISUALIZATIONS`` that the source has
+    channel: str = "headlight"
     auto_range: bool = True
     low: float = 0.0
     high: float = 1.0
-    overlays: bool = True  # all of them together
+    overlays: bool = True  # all overlays together
     shown: dict[str, bool] = field(
         default_factory=lambda: {n: n in ("frustum", "position", "normal") for n in OVERLAYS}
     )
     opacity: float = 0.7
     thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
     default_thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
-    feature: str = "position"  # whose threshold the keys change
+    feature: str = "position"  # the feature whose threshold the keys change
     unit_scale: float = 1.0  # scene units per metre
     comparison: str = "off"
-    split: float = 0.5  # of the picture's width
-    gain: float = 4.0  # of the difference view
+    split: float = 0.5  # fraction of the image width
+    gain: float = 4.0  # factor of the difference image
     arrows: bool = False
-    effects: tuple[str, ...] = ()  # that can be switched
-    effect: str = ""  # the one the keys switch
+    effects: tuple[str, ...] = ()  # effects that can be toggled
+    effect: str = ""  # the effect that the keys toggle
     switched_off: frozenset[str] = frozenset()
     panels: bool = True
-    sections: dict[str, bool] = field(default_factory=lambda: {n: n != "time" for n in SECTIONS})  # timing costs time
+    sections: dict[str, bool] = field(default_factory=lambda: {n: n != "time" for n in SECTIONS})  # timing is slow
     help: bool = False
     probe: tuple[int, int] | None = None  # pixel (x, row from the top)
     probe_pinned: bool = False
-    size: tuple[int, int] = (1, 1)  # of the picture
+    size: tuple[int, int] = (1, 1)  # image width and height, pixels
     message: str = ""
-    requests: list[str] = field(default_factory=list)  # what only the application can do: screenshot, quit, ...
-    clock: float = 0.0  # seconds owed to the next frame while playing
+    requests: list[str] = field(default_factory=list)  # actions that the model serves: screenshot, quit, ...
+    clock: float = 0.0  # frames due while playing, fractional
 
     @property
     def range(self) -> tuple[int, int]:
-        """First and last frame that playing visits."""
+        """First and last frame of playback."""
         return self.loop if self.loop is not None else (self.first, self.last)
 
     def go_to(self, frame: int) -> None:
-        """Show ``frame``, or the nearest there is."""
+        """Show ``frame``, clamped to the sequence."""
         self.frame = min(max(int(frame), self.first), self.last)
 
     def step(self, frames: int) -> None:
@@ -88,7 +91,7 @@ class ViewerState:
         self.go_to(self.frame + frames)
 
     def advance(self, seconds: float) -> None:
-        """Let ``seconds`` pass.  At most one frame per call: every pair is shown, a slow machine plays slower."""
+        """Advance playback by ``seconds``, by at most one frame: no pair is skipped, a slow machine plays slower."""
         if not self.playing:
             self.clock = 0.0
             return
@@ -100,7 +103,7 @@ class ViewerState:
         self.frame = self.frame + 1 if low <= self.frame < high else low
 
     def set_loop(self, low: int | None = None, high: int | None = None) -> None:
-        """Move one end of the loop; the other gives way."""
+        """Move one end of the loop; the other end follows if they would cross."""
         a, b = self.range
         a, b = (min(max(v, self.first), self.last) for v in (a if low is None else low, b if high is None else high))
         if a > b:
@@ -111,22 +114,22 @@ class ViewerState:
         self.thresholds[feature] = min(max(float(value), 0.0), MAX_THRESHOLD)
 
     def unit(self, feature: str) -> str:
-        """What follows a threshold or a distance: positions are in scene units, which may be metres."""
+        """Unit of a threshold or distance as a suffix: positions are in scene units, which are often metres."""
         return "" if feature != "position" else " m" if self.unit_scale == 1.0 else " units"
 
     def scale_threshold(self, factor: float) -> None:
-        """Multiply the selected threshold; 0 starts again from the smallest."""
+        """Multiply the selected threshold; from 0 it restarts at the smallest value."""
         value = self.thresholds[self.feature]
         self.set_threshold(self.feature, max(value * factor, MIN_THRESHOLD if factor > 1 else 0.0))
         self.message = f"{self.feature} threshold {self.thresholds[self.feature]:.4g}"
 
     def set_range(self, low: float, high: float) -> None:
-        """A manual range; the two ends never meet."""
+        """Set a manual display range; the ends stay apart."""
         if math.isfinite(low) and math.isfinite(high):
             self.auto_range = False
             self.low, self.high = float(low), max(float(high), float(low) + 1e-6 * max(1.0, abs(low)))
 
-    def switch(self, effect: str) -> None:
+    def toggle_effect(self, effect: str) -> None:
         self.switched_off = self.switched_off ^ {effect}
 
     def active_overlays(self) -> tuple[str, ...]:
@@ -134,9 +137,11 @@ class ViewerState:
 
 
 def following(items: tuple[str, ...], item: str, step: int = 1) -> str:
-    """The item ``step`` places on, round the end; the first where ``item`` is not among them."""
+    """The item ``step`` places after ``item``, cyclic; the first if ``item`` is not in ``items``."""
     return items[(items.index(item) + step) % len(items)] if item in items else items[0]
 
+
+# Variables: everything that scripts can set or read
 
 _FLAGS = (
     "playing", "freeze_current", "freeze_previous", "frusta", "auto_range", "overlays", "arrows", "panels", "help",
@@ -150,6 +155,8 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,
 }
+_FORMER_NAMES = {"section.picture": "section.image"}
+_FORMER_VALUES = {("channel", "shape"): "headlight", ("channel", "motion_error"): "object_motion"}
 
 
 def variable_names(state: ViewerState) -> list[str]:
@@ -161,7 +168,13 @@ def variable_names(state: ViewerState) -> list[str]:
 
 
 def set_variable(state: ViewerState, name: str, text: str) -> None:
-    """Set ``name`` to the value that ``text`` spells.  Raises SettingsError naming what there is."""
+    """Set ``name`` to the value that ``text`` spells.  Raises SettingsError that lists the names or values."""
+    if name in _FORMER_NAMES:
+        note_renamed(name, _FORMER_NAMES[name])
+        name = _FORMER_NAMES[name]
+    if (name, text) in _FORMER_VALUES:
+        note_renamed(f"{name} {text}", f"{name} {_FORMER_VALUES[name, text]}")
+        text = _FORMER_VALUES[name, text]
     group, _, member = name.partition(".")
     if name == "frame":
         state.go_to(round(_number(name, text)))
@@ -193,7 +206,7 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
 
 
 def variables(state: ViewerState) -> dict[str, Any]:
-    """Every name of ``set_variable`` with its value: numbers, or text for choices."""
+    """Every name of ``set_variable`` with its value, a number or text, and some that can only be read."""
     low, high = state.range
     out: dict[str, Any] = {
         "frame": state.frame, "first": state.first, "last": state.last, "loop.first": low, "loop.last": high,

@@ -1,4 +1,4 @@
-"""The window: glfw callbacks become the viewer's events; its context becomes a Gpu."""
+"""The window of a viewer session: GLFW callbacks become events of the viewer, its context becomes a Gpu."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu, adopt_context
 from taubench_gl.viewer import prefs
 from taubench_gl.viewer.app import Viewer
-from taubench_gl.viewer.feeds import Asked
+from taubench_gl.viewer.feeds import OpenRequest
 from taubench_gl.viewer.layout import BAR, SIDE, start_size
 from taubench_gl.viewer.script import ScriptRunner, parse
 
-LEAST_SIZE = (320, 200)
-MARGIN = 40  # points of the screen that a new window leaves free
+MIN_SIZE = (320, 200)
+MARGIN = 40  # screen points left free beside a new window
 TITLE = "taubench-gl"
 
 
 class Window:
-    """Opens a window with an OpenGL 4.5 core context, current in this thread.  GraphicsError without a display."""
+    """A window with an OpenGL 4.5 core context, current in this thread.  Raises GraphicsError without a display."""
 
     def __init__(self, size: tuple[int, int], *, vsync: bool = True):
         self._errors: list[str] = []
@@ -44,11 +44,11 @@ class Window:
             raise GraphicsError(f"no window can be opened: {self._why('no OpenGL 4.5')}", hint=_NO_DISPLAY)
         glfw.make_context_current(self.handle)
         glfw.swap_interval(1 if vsync else 0)
-        glfw.set_window_size_limits(self.handle, *LEAST_SIZE, glfw.DONT_CARE, glfw.DONT_CARE)
+        glfw.set_window_size_limits(self.handle, *MIN_SIZE, glfw.DONT_CARE, glfw.DONT_CARE)
         try:
             keep = _WindowContext(self.handle)
             self.gpu: Gpu = adopt_context(moderngl.create_context(context=keep), "window", _address, keep)
-        except Exception as error:  # drivers and loaders raise anything; all of it means "not here"
+        except Exception as error:  # drivers and loaders raise errors of any type
             self.close()
             raise GraphicsError(
                 f"the window's OpenGL cannot be used: {error}", hint="see 'taubench-gl doctor'"
@@ -58,23 +58,23 @@ class Window:
         return self._errors[-1] if self._errors else otherwise
 
     def attach(self, viewer: Viewer) -> None:
-        """Send this window's events to ``viewer``."""
-        takes, handle = viewer.input, self.handle
-        takes.resize(*glfw.get_window_size(handle))
-        glfw.set_window_size_callback(handle, lambda _, w, h: takes.resize(w, h))
+        """Forward the events of this window to ``viewer``."""
+        events, handle = viewer.input, self.handle
+        events.resize(*glfw.get_window_size(handle))
+        glfw.set_window_size_callback(handle, lambda _, w, h: events.resize(w, h))
         glfw.set_window_iconify_callback(
-            handle, lambda _, gone: takes.resize(*((0, 0) if gone else glfw.get_window_size(handle)))
+            handle, lambda _, gone: events.resize(*((0, 0) if gone else glfw.get_window_size(handle)))
         )
-        glfw.set_window_focus_callback(handle, lambda _, has: None if has else takes.lose_focus())
-        glfw.set_cursor_pos_callback(handle, lambda _, x, y: takes.mouse_move(x, y))
-        glfw.set_mouse_button_callback(handle, lambda _, b, action, mods: takes.mouse_button(b, action == glfw.PRESS))
-        glfw.set_scroll_callback(handle, lambda _, dx, dy: takes.scroll(dx, dy))
-        glfw.set_char_callback(handle, lambda _, code: takes.char(code))
+        glfw.set_window_focus_callback(handle, lambda _, has: None if has else events.lose_focus())
+        glfw.set_cursor_pos_callback(handle, lambda _, x, y: events.mouse_move(x, y))
+        glfw.set_mouse_button_callback(handle, lambda _, b, action, mods: events.mouse_button(b, action == glfw.PRESS))
+        glfw.set_scroll_callback(handle, lambda _, dx, dy: events.scroll(dx, dy))
+        glfw.set_char_callback(handle, lambda _, code: events.char(code))
         glfw.set_drop_callback(handle, lambda _, paths: viewer.drop(list(paths)))
         glfw.set_key_callback(handle, lambda _, key, code, action, mods: _key(viewer, key, action, mods))
 
     def run(self, viewer: Viewer) -> None:
-        """Until the window is closed.  Sleeps while there is nothing to do."""
+        """Run until the window is closed; waits for events while nothing moves."""
         last = time.perf_counter()
         while not (viewer.done or glfw.window_should_close(self.handle)):
             busy = viewer.state.playing or viewer.input.held
@@ -85,12 +85,12 @@ class Window:
             self.present(viewer)
 
     def step(self, viewer: Viewer) -> None:
-        """Take in the events there are, then show a frame."""
+        """Process pending events, then show a frame."""
         glfw.poll_events()
         self.present(viewer)
 
     def resize(self, width: int, height: int) -> tuple[int, int]:
-        """Ask for another size, and wait for the window system to give it; the size there is.  An icon opens again."""
+        """Request a size, wait for the window system, return the actual size.  Restores a minimized window."""
         glfw.restore_window(self.handle)
         glfw.set_window_size(self.handle, width, height)
         for _ in range(50):
@@ -118,7 +118,7 @@ _NO_DISPLAY = "run it on a desktop, or under xvfb-run; 'evaluate' needs no displ
 
 
 class _Screen:
-    """The window's own framebuffer, whose size moderngl cannot know."""
+    """The default framebuffer with its size, which moderngl does not know."""
 
     def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int]):
         self._framebuffer, self.size = framebuffer, size
@@ -136,7 +136,7 @@ class _Screen:
 
 
 def _fitting(size: tuple[int, int]) -> tuple[int, int]:
-    """``size``, or less where the screen is smaller."""
+    """``size``, reduced to a smaller screen."""
     monitor = glfw.get_primary_monitor()
     if not monitor:
         return size
@@ -145,17 +145,17 @@ def _fitting(size: tuple[int, int]) -> tuple[int, int]:
         size[0] if width <= 0 else min(size[0], width - MARGIN),
         size[1] if height <= 0 else min(size[1], height - MARGIN),
     )
-    return max(fits[0], LEAST_SIZE[0]), max(fits[1], LEAST_SIZE[1])
+    return max(fits[0], MIN_SIZE[0]), max(fits[1], MIN_SIZE[1])
 
 
 class _WindowContext:
-    """The window's context as moderngl takes it, whichever window system made it."""
+    """The context of the window in the interface that moderngl expects, for any window system."""
 
     def __init__(self, handle: object):
         self._handle = handle
 
     def load_opengl_function(self, name: str) -> int:
-        """Address of a GL function, 0 if there is none (moderngl calls this)."""
+        """Address of a GL function, 0 if unknown; moderngl calls this."""
         return _address(name)
 
     load = load_opengl_function
@@ -195,42 +195,46 @@ def _key(viewer: Viewer, key: int, action: int, mods: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """``folder``: where prefs are kept, None for nowhere; ``window``: size in screen points, None for a fitting one."""
+    """Options of a viewer session, which a user, a script or a benchmark drives.
 
-    asked: Asked
+    ``window``: size in screen points, None for a fitting one; ``screenshots``: folder of screenshots and clips;
+    ``folder``: where preferences are stored, None for nowhere; ``report`` prints a line.
+    """
+
+    request: OpenRequest
     light: bool | None = None
     window: tuple[int, int] | None = None
-    shots: Path = Path(".")
+    screenshots: Path = Path(".")
     script: Path | None = None
     bench: int | None = None
     folder: Path | None = None
-    say: Callable[[str], None] = print
+    report: Callable[[str], None] = print
 
 
 def run_session(session: Session) -> None:
-    """Until the person, the script or the benchmark is done.  Raises TaubenchError."""
+    """Run until the user, the script or the benchmark ends.  Raises TaubenchError."""
     lines = parse(session.script) if session.script is not None else None
     automatic = lines is not None or session.bench is not None
-    kept = prefs.load(session.folder)[0].window if session.folder is not None else None
-    settings = session.asked.settings
-    picture = (settings.sequence.width, settings.sequence.height)
-    exact = (picture[0] + SIDE, picture[1] + BAR)  # scripts and benchmarks count on a window that fits the picture
-    size = session.window or kept or (exact if automatic else start_size(picture))
+    stored = prefs.load(session.folder)[0].window if session.folder is not None else None
+    sequence = session.request.settings.sequence
+    image = (sequence.width, sequence.height)
+    exact = (image[0] + SIDE, image[1] + BAR)  # scripts and benchmarks expect a window that fits the image
+    size = session.window or stored or (exact if automatic else start_size(image))
     window = Window(size, vsync=not automatic)
     viewer = None
     try:
         with window.gpu:
-            viewer = Viewer(window.gpu, session.asked, light=session.light, folder=session.folder)
-            viewer.shots = session.shots
+            viewer = Viewer(window.gpu, session.request, light=session.light, folder=session.folder)
+            viewer.screenshots = session.screenshots
             window.attach(viewer)
             if session.bench is not None:
                 rate = viewer.bench(session.bench, lambda: window.present(viewer))
                 width, height = viewer.engine.feed.size
-                session.say(
+                session.report(
                     f"{rate:.1f} frames/s at {width}x{height}, median of {session.bench}, {window.gpu.renderer}"
                 )
             elif lines is not None:
-                ScriptRunner(viewer, lambda: window.step(viewer), window.resize, session.say).run(lines)
+                ScriptRunner(viewer, lambda: window.step(viewer), window.resize, session.report).run(lines)
             else:
                 window.run(viewer)
             window.gpu.check("the viewer")

@@ -1,4 +1,4 @@
-"""The command line in this process, with an evaluation that draws nothing."""
+"""The command line in this process, with an evaluation that renders nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taubench_gl.run import Progress, Run, RunWriter
 
 
 class FakeEvaluate:
-    """Stands in for ``taubench_gl.api.evaluate``: same signature, files as RunWriter writes them.
+    """Replaces ``taubench_gl.api.evaluate``: same signature, files written by RunWriter.
 
     A scene called ``bad*`` raises SceneError, ``bug*`` a ZeroDivisionError, ``slow*`` is interrupted after two pairs.
     """
@@ -29,7 +29,7 @@ class FakeEvaluate:
         name = Path(scene).stem
         self.calls.append({"scene": scene, "settings": settings, "out": out, "save": tuple(save), **overrides})
         if name.startswith("bad"):
-            raise SceneError("no such thing", where=f"{scene}#/nodes/3", hint="mend it")
+            raise SceneError("no such thing", where=f"{scene}#/nodes/3", hint="repair it")
         if name.startswith("bug"):
             raise ZeroDivisionError("oops")
         rows = [{"frame": i, "pixels": 10, "frustum": i} for i in range(1, self.pairs + 1)]

@@ -10,7 +10,7 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 from taubench_gl.apps.aliases import Choice, Group, former_commands, former_option
-from taubench_gl.apps.option_types import Words
+from taubench_gl.apps.options import Words
 
 
 @pytest.fixture

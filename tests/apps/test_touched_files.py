@@ -1,4 +1,4 @@
-"""A texture that changes between two calls: ``batch`` and ``cost`` do not mix what was measured before and after."""
+"""A texture changes between two calls: ``batch`` and ``cost`` do not mix the results."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ DEMO = PACKAGE.parent / "assets" / "demo.glb"
 
 
 def paint(folder: Path, color: tuple[int, int, int]) -> None:
-    """The picture of ``demo_with_picture``; equally large in every colour."""
-    PIL.Image.new("RGB", (4, 4), color).save(folder / "picture.png")
+    """Write the texture of ``demo_with_texture``; the file size is the same for every color."""
+    PIL.Image.new("RGB", (4, 4), color).save(folder / "texture.png")
 
 
-def demo_with_picture(folder: Path, suffix: str) -> Path:
-    """The demo with a base colour texture in a file of its own; as .gltf its buffer is one too."""
+def demo_with_texture(folder: Path, suffix: str) -> Path:
+    """The demo scene with a base color texture in its own file; as .gltf also with its own buffer."""
     data = DEMO.read_bytes()
     (length,) = struct.unpack("<I", data[12:16])
     root, chunk = json.loads(data[20 : 20 + length]), data[20 + length :]
-    root["images"] = [*root.get("images", []), {"uri": "picture.png"}]
+    root["images"] = [*root.get("images", []), {"uri": "texture.png"}]
     root["textures"] = [*root.get("textures", []), {"source": len(root["images"]) - 1}]
     sampled = {"baseColorTexture": {"index": len(root["textures"]) - 1}}
     for material in root["materials"]:
@@ -47,30 +47,30 @@ def demo_with_picture(folder: Path, suffix: str) -> Path:
 
 
 @pytest.mark.parametrize("suffix", [".gltf", ".glb"])
-def test_batch_does_a_touched_scene_again(taubench, tmp_path, suffix):
-    scene = demo_with_picture(tmp_path, suffix)
+def test_batch_evaluates_a_changed_scene_again(taubench, tmp_path, suffix):
+    scene = demo_with_texture(tmp_path, suffix)
     study = tmp_path / "study.toml"
     study.write_text(
         f'scenes = ["{scene.name}"]\nframes = "0:3"\nsize = "32x18"\ncolumns = ["frustum", "position", "normal"]\n'
     )
 
-    def told(*arguments: object) -> dict:
+    def summary(*arguments: object) -> dict:
         code, _, err = taubench("batch", *arguments)
         assert code == 0, err
         (found,) = (tmp_path / "out" / "jobs").glob("*/summary.json")
         return json.loads(found.read_text())
 
-    first = told("run", study, "--out", tmp_path / "out")
+    first = summary("run", study, "--out", tmp_path / "out")
     assert first["scene"]["sha256"] == load_scene(scene).sha256
-    untouched = told("resume", tmp_path / "out")
-    assert untouched == first, "what is finished stays, to the byte"
+    untouched = summary("resume", tmp_path / "out")
+    assert untouched == first, "finished jobs stay unchanged"
     paint(tmp_path, (40, 40, 200))
-    again = told("resume", tmp_path / "out")
+    again = summary("resume", tmp_path / "out")
     assert again["scene"]["sha256"] == load_scene(scene).sha256 != first["scene"]["sha256"]
 
 
-def test_cost_refuses_to_go_on_with_a_touched_scene(taubench, tmp_path):
-    scene = demo_with_picture(tmp_path, ".glb")
+def test_cost_does_not_continue_with_a_changed_scene(taubench, tmp_path):
+    scene = demo_with_texture(tmp_path, ".glb")
     command = ["cost", scene, "--out", tmp_path / "study", "--size", "32x18", "--frames", "0:3", "--repeats", "1"]
     command += ["--knobs", "storage", "--columns", "frustum,position"]
     code, _, err = taubench(*command)

@@ -24,7 +24,7 @@ SWATCH = 700  # pixels of a legend's square, at most
 
 def test_numbers_are_what_theory_says(demo, runs, gpu):
     for finding in runs.of(demo, gpu).findings:
-        assert finding.as_expected, f"{finding.said} {finding.meaning}: expected {finding.expected.said}"
+        assert finding.as_expected, f"{finding.text} {finding.meaning}: expected {finding.expected.text}"
         assert finding.expected.source and finding.meaning
 
 
@@ -55,7 +55,7 @@ def test_pages_need_nothing_else(demo, runs, gpu):
     assert parser.loaded and all(link.startswith("data:") for link in parser.loaded)
     assert not re.search(r"https?:|url\(|<script|@import", re.sub(r"data:[^'\"]*", "", page))
     text = " ".join(parser.texts)
-    for said in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].said):
+    for said in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].text):
         assert " ".join(said.split()) in " ".join(text.split())
     assert parser.open == [], "tags left open"
 

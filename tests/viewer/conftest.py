@@ -18,15 +18,15 @@ from taubench_gl.settings import Settings
 def drive(gpu, tmp_path) -> Iterator[Callable[..., Driven]]:
     """drive(scene=DEMO, settings=QUIET, ...) -> Driven; closed at the end."""
     pytest.importorskip("imgui_bundle", reason="the viewer extra is not installed")
-    from taubench_gl.viewer.feeds import Asked
+    from taubench_gl.viewer.feeds import OpenRequest
 
     opened = []
 
     def start(
         scene: Path | str = DEMO, settings: Settings = QUIET, *, window=(700, 500), folder=None, light=None, **more
     ) -> Driven:
-        driven = Driven(gpu, Asked(str(scene), settings, **more), window, folder, light)
-        driven.viewer.shots = tmp_path
+        driven = Driven(gpu, OpenRequest(str(scene), settings, **more), window, folder, light)
+        driven.viewer.screenshots = tmp_path
         opened.append(driven)
         return driven
 

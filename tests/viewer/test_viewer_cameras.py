@@ -36,8 +36,8 @@ def test_roll_is_left_out():
 )
 def test_flying(key, direction):
     slow, fast = user(), user()
-    slow.hold({key}, 0.1, "fly")
-    fast.hold({key, "SHIFT"}, 0.1, "fly")
+    slow.move({key}, 0.1, "fly")
+    fast.move({key, "SHIFT"}, 0.1, "fly")
     moved = slow.position - (0, 1, 5)
     assert np.allclose(moved / np.linalg.norm(moved), direction)
     assert np.allclose(fast.position - (0, 1, 5), 5 * moved)
@@ -45,8 +45,8 @@ def test_flying(key, direction):
 
 def test_flying_goes_where_one_looks():
     camera = user()
-    camera.hold({"J"}, math.radians(90) / math.radians(75), "fly")  # a quarter turn to the left
-    camera.hold({"W"}, 0.1, "fly")
+    camera.move({"J"}, math.radians(90) / math.radians(75), "fly")  # a quarter turn to the left
+    camera.move({"W"}, 0.1, "fly")
     assert camera.position[0] < 0 and np.isclose(camera.position[2], 5.0)
 
 

