@@ -1,4 +1,4 @@
-"""``taubench-gl selftest``: the hard cases with known answers, on this machine's own GPU or CPU driver."""
+"""``taubench-gl selftest``: runs the hard cases with known answers on this machine's GPU or CPU driver."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from taubench_gl.selftest import CaseResult
 
 MAX_SIDE = 4096
-"""Pixels a side: beyond, a case would fail for want of memory and not because its answer is wrong."""
+"""Largest width or height, pixels: larger images could fail for lack of memory."""
 
 
 @click.command(
@@ -26,18 +26,19 @@ Examples:
 @gpu_options
 @click.option("--size", type=Size(), default="96x64", show_default=True, help="Pixels of most cases; at least 48x32.")
 @click.option("--only", multiple=True, metavar="NAME", help="A case, part of its name, or a group; may be repeated.")
-@click.option("--list", "listing", is_flag=True, help="Print the names and what they try, and run nothing.")
+@click.option("--list", "listing", is_flag=True, help="Print the names and descriptions, and run nothing.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
 def selftest(
     backend: str, device: int | None, size: tuple[int, int], only: tuple[str, ...], listing: bool, as_json: bool
 ) -> int:
-    """Run every hard case on this machine: the known answer, what was measured, and the error.
+    """Run the hard cases on this machine and print the known answer, the measured value and the error.
 
-    Ends with exit code 1 if a case failed.
+    The exit code is 1 if a case fails.
     """
     from taubench_gl.errors import SettingsError
     from taubench_gl.selftest import cases, run_selftest
 
+    only = tuple(_current_name(word) for word in only)
     chosen = cases(only)
     if not chosen:
         raise SettingsError(f"no case is named {', '.join(only)}", hint="see 'taubench-gl selftest --list'")
@@ -72,8 +73,18 @@ def selftest(
     return 1 if failed else 0
 
 
+def _current_name(word: str) -> str:
+    """The name of a case that was renamed, with a note on stderr; any other word unchanged."""
+    from taubench_gl.errors import note_renamed
+    from taubench_gl.selftest.runner import FORMER_NAMES
+
+    if word in FORMER_NAMES:
+        note_renamed(f"case {word}", FORMER_NAMES[word])
+    return FORMER_NAMES.get(word, word)
+
+
 def _show_row(result: CaseResult) -> None:
-    """One row as soon as it is there, then what was tried, indented."""
+    """Print the result of a case, then its description, indented."""
     word = "pass" if result.passed else "FAIL"
     head = f"{word}  {result.name:<25} error {result.error:<9.3g} of {result.case.tolerance:g}"
     click.secho(head, fg=None if result.passed else "red", nl=False)

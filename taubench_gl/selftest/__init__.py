@@ -1,7 +1,7 @@
-"""Hard cases with known answers, run through the real pipeline on the user's own GPU or CPU driver.
+"""Hard cases with known answers, run through the pipeline on the user's GPU or CPU driver.
 
-Each case states what is tried, the closed-form (or float64) answer, the largest accepted error and where that comes
-from.  Where an obvious formula fails, the case runs that too.  docs/hard-cases.md is the table of all of them.
+Each case states the test, the closed-form or float64 answer, the largest accepted error and its source.  Where a
+simpler formula fails, the case evaluates that too.  docs/hard-cases.md lists all cases.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Cases: blending of keys, and times that do not behave."""
+"""Cases: interpolation of keys, and degenerate or looping times."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _degrees(a: Array, b: Array) -> float:
 
 
 def plain_slerp(a: Array, b: Array, u: float) -> Array:
-    """The textbook formula: no hemisphere, acos, a division by sin(angle).  (4,), (4,) unit xyzw -> (4,)."""
+    """Slerp with acos and a division by sin(angle), without a choice of hemisphere.  (4,), (4,) unit xyzw -> (4,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         angle = np.arccos(np.dot(a, b))
         return (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
@@ -32,9 +32,9 @@ def plain_slerp(a: Array, b: Array, u: float) -> Array:
 
 @case(
     "opposite-hemispheres",
-    what="rotation keys 0 and 60 degrees, the second stored as -q: angle from the first key half-way",
-    elsewhere="slerp without a look at the sign goes the long way round, through 150 degrees",
-    here="the second key is taken on the first one's hemisphere",
+    what="rotation keys 0 and 60 degrees, the second stored as -q: angle from the first key at half time",
+    elsewhere="slerp without a test of the sign takes the long way, through 150 degrees",
+    here="the second key is taken on the hemisphere of the first",
     tolerance=1e-12,
     source=ULPS_OF_180,
 )
@@ -48,9 +48,9 @@ def opposite_hemispheres(bench: Bench) -> Outcome:
 def _same_key(name: str, sign: float, words: str) -> None:
     @case(
         name,
-        what=f"two rotation keys that are {words}: is every value between them the first key, bit for bit?",
-        elsewhere="sin(0) / sin(0): NaN in every matrix below; or rounding noise that makes a still camera move",
-        here="no difference between the keys returns the first; close keys use normalised lerp",
+        what=f"two rotation keys that are {words}: difference of every value between them from the first key",
+        elsewhere="sin(0) / sin(0) is NaN in all child matrices, or rounding noise moves a still camera",
+        here="equal keys return the first key; close keys use normalized lerp",
         source="exact: the stored bits",
     )
     def same_key(bench: Bench) -> Outcome:
@@ -68,9 +68,9 @@ _same_key("opposite-keys", -1.0, "q and -q")
 
 @case(
     "half-turn-keys",
-    what="keys 180 degrees apart whose dot product is +1e-17 or -1e-17: do both go the same way round?",
-    elsewhere="the sign of a rounding error decides, and an object turns left in one frame and right in the next",
-    here="within 1e-12 of a dot product of 0 the keys are taken as the file stores them",
+    what="keys 180 degrees apart whose dot product is +1e-17 or -1e-17: angle between the two results at half time",
+    elsewhere="the sign of a rounding error selects the direction, so an object turns left or right at random",
+    here="if the dot product is within 1e-12 of 0, the keys are used as the file stores them",
     tolerance=1e-12,
     source=ULPS_OF_180,
 )
@@ -89,9 +89,9 @@ def half_turn_keys(bench: Bench) -> Outcome:
 
 @case(
     "close-keys",
-    what="keys 1e-7 degrees apart, sampled a quarter of the way: relative error of the angle",
-    elsewhere="acos(1 - 1e-18) is 0 and the camera does not move at all",
-    here="the angle from both chords; below 1e-6 rad normalised lerp",
+    what="keys 1e-7 degrees apart, sampled at a quarter of the time: relative error of the angle",
+    elsewhere="acos(1 - 1e-18) is 0, so the camera does not move",
+    here="the angle is computed from both chords; below 1e-6 rad normalized lerp",
     tolerance=1e-6,
     source="relative; float64: unit quaternions of 1.1e-16 that differ by 1e-9",
 )
@@ -105,11 +105,11 @@ def close_keys(bench: Bench) -> Outcome:
 
 @case(
     "cubic-overshoot",
-    what="CUBICSPLINE from 0 to 1 with tangents 10 and -10: value half-way is 3, far outside its keys",
-    elsewhere="tangents forgotten, not scaled by the length of the segment, or the result clamped",
-    here="glTF's Hermite form, tangents times dt, no clamp",
+    what="CUBICSPLINE from 0 to 1 with tangents 10 and -10: the value at half time is 3, outside the keys",
+    elsewhere="tangents are ignored or not scaled by the segment's length, or the result is clamped",
+    here="the Hermite form of glTF: tangents times dt, no clamp",
     tolerance=1e-15,
-    source="exact in dyadic numbers; 4 ulps",
+    source="dyadic numbers; 4 ulps",
 )
 def cubic_overshoot(bench: Bench) -> Outcome:
     keys = [[[0.0] * 3, [0.0] * 3, [5.0] * 3], [[-5.0] * 3, [1.0] * 3, [0.0] * 3]]
@@ -119,8 +119,8 @@ def cubic_overshoot(bench: Bench) -> Outcome:
 
 @case(
     "cubic-still",
-    what="CUBICSPLINE between equal keys with zero tangents: exactly still?",
-    elsewhere="h00 v0 + h01 v1 with h00 + h01 = 1 - 1e-16 makes a still camera tremble",
+    what="CUBICSPLINE between equal keys with zero tangents: deviation from the key",
+    elsewhere="h00 v0 + h01 v1 with h00 + h01 = 1 - 1e-16 moves a still camera",
     here="v0 + h01 (v1 - v0)",
     source="exact: the stored bits",
 )
@@ -138,7 +138,7 @@ def cubic_still(bench: Bench) -> Outcome:
     "cubic-rotation",
     what="CUBICSPLINE rotation with tangents that pull the quaternion to length 0: is the result a rotation?",
     elsewhere="normalising a zero quaternion gives NaN",
-    here="normalised; the zero quaternion means no rotation",
+    here="normalized; the zero quaternion means no rotation",
     tolerance=1e-15,
     source="float64: 4 ulps of 1",
 )
@@ -153,10 +153,10 @@ def cubic_rotation(bench: Bench) -> Outcome:
 
 @case(
     "denormal-step",
-    what="two keys 5e-324 s apart, sampled on, between and after them: always one of the keys?",
-    elsewhere="float32 times are equal there, and (t - t0) / (t1 - t0) is 0/0",
-    here="times are float64, the fraction is taken only where the segment has a length",
-    source="exact: the values of keys",
+    what="two keys 5e-324 s apart, sampled at, between and after them: the values are those of the keys",
+    elsewhere="the times are equal in float32, and (t - t0) / (t1 - t0) is 0/0",
+    here="times are float64; the fraction is computed only for segments of positive length",
+    source="exact: the values of the keys",
 )
 def denormal_step(bench: Bench) -> Outcome:
     tiny = np.nextafter(0.0, 1.0)
@@ -170,10 +170,10 @@ def denormal_step(bench: Bench) -> Outcome:
 
 @case(
     "step-on-its-key",
-    what="STEP keys at 0, 1, 2 s, sampled exactly on each and one ulp before",
-    elsewhere="a search with the wrong side shows the previous value for one frame",
-    here="a key holds from its own time on",
-    source="exact: the values of keys",
+    what="STEP keys at 0, 1, 2 s, sampled at each key and one ulp before it",
+    elsewhere="a search on the wrong side returns the previous value at a key",
+    here="a key holds from its time on",
+    source="exact: the values of the keys",
 )
 def step_on_its_key(bench: Bench) -> Outcome:
     channel = _channel("translation", [0, 1, 2], [[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]], "STEP")
@@ -188,9 +188,9 @@ def step_on_its_key(bench: Bench) -> Outcome:
 
 @case(
     "loop-end",
-    what="last pair of a looping walk: motion of the last frame (16 m in 1 s, 8 frames a second)",
-    elsewhere="a previous time wrapped at the loop's end jumps back by the whole way",
-    here="previous time is never wrapped; beyond the last key the pose stays",
+    what="the last pair of a looping walk: motion of the last frame (16 m in 1 s, 8 frames per second)",
+    elsewhere="a wrapped previous time moves the object back by the whole distance",
+    here="the previous time is never wrapped; after the last key the pose is constant",
     tolerance=1e-3,
     source="px; float32 rounding of coordinates up to 100 px is 1e-5 px",
 )
@@ -206,8 +206,8 @@ def loop_end(bench: Bench) -> Outcome:
 
 @case(
     "order-of-sampling",
-    what="a pose sampled after many others, backwards in time: the same bits as sampled alone?",
-    elsewhere="a cursor or cache that remembers the last key gives other values when frames are skipped",
+    what="poses sampled in descending time and alone: matrices that differ",
+    elsewhere="a cursor or cache of the last key gives other values if frames are skipped",
     here="the pose is a pure function of (scene, time)",
     source="exact: the bits of every matrix",
 )

@@ -1,4 +1,4 @@
-"""Runs the real pipeline on the small scenes of the cases, and hands out every array a case may want to judge."""
+"""Runs the pipeline on the scenes of the cases and returns every array that a case may test."""
 
 from __future__ import annotations
 
@@ -44,16 +44,16 @@ class PairImages:
 
     @property
     def surface(self) -> Array:
-        """(h, w) bool: pixels that show a surface now."""
+        """(h, w) bool: pixels that show a surface in the current frame."""
         return self.current["position"][..., 3] > 0
 
     def has(self, bits: int) -> Array:
-        """(h, w) bool: pixels that carry any of ``bits``."""
+        """(h, w) bool: pixels with any of ``bits``."""
         return (self.mask & np.uint32(bits)) != 0
 
 
 class Bench:
-    """A GL context, a size and a shader cache shared by all cases: nothing is compiled twice."""
+    """A GL context, an image size and a shader cache, shared by all cases."""
 
     def __init__(self, gpu: Gpu, size: Size = (96, 64), device: int | None = None):
         self.gpu, self.size, self.device = gpu, size, device
@@ -73,10 +73,10 @@ class Bench:
         extra: Sequence[str] = (),
         size: Size | None = None,
     ) -> PairImages:
-        """Draw the frames at ``times`` (previous, current; seconds), compare them, read everything back.
+        """Render the frames at ``times`` (previous, current; seconds), compare them, and read all images back.
 
-        ``thresholds``: where they differ from 32/255, position in metres; ``extra``: channels to
-        draw besides; ``size``: (width, height), the bench's own if None.
+        ``thresholds``: those that differ from the default, position in metres; ``extra``: further channels to render;
+        ``size``: (width, height), None: that of the bench.
         """
         size = size or self.size
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
@@ -109,7 +109,7 @@ class Bench:
         culling: str = "gltf",
         size: Size | None = None,
     ) -> tuple[dict[str, Array], View]:
-        """Channels of one frame and its view."""
+        """Channels (h, w, n) of one frame by name, and its view."""
         size, camera = size or self.size, camera or choose_camera(scene)
         names = {"position", "normal", *extra}
         renderer = Renderer(self.gpu, scene, camera, size, names, culling=culling, shaders=self.shaders)
@@ -134,9 +134,9 @@ class Bench:
         return evaluate_scene(scene, self._settings(settings))
 
     def _settings(self, given: Mapping[str, Any]) -> Settings:
-        # Light that bounces costs seconds a frame on a CPU driver, and no case is about it.
-        mine = {"backend": self.gpu.backend, "device": self.device, "indirect": "none"}
-        return Settings.of(**({"width": self.size[0], "height": self.size[1]} | mine | dict(given)))
+        # Indirect light takes seconds per frame on a CPU driver, and no case tests it.
+        own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none"}
+        return Settings.of(**({"width": self.size[0], "height": self.size[1]} | own | dict(given)))
 
     def compare(
         self,
@@ -150,9 +150,9 @@ class Bench:
         declared: int = 0,
         dtype: str = "f4",
     ) -> PairImages:
-        """Feed arrays (h, w, n) straight to the mask pass, stored as ``dtype`` (f4 or f2).
+        """Compare arrays (h, w, n) with the mask pass, stored as ``dtype`` (f4 or f2).
 
-        What is missing of ``position`` and ``normal`` is a still wall 1 m away; radiance is compared where given.
+        ``position`` and ``normal`` default to a still wall 1 m away; radiance is compared if it is given.
         """
         radiance = tuple(n for n in ("direct", "indirect", "color") if n in current)
         given = next(iter(current.values()), None)
@@ -171,7 +171,7 @@ class Bench:
                 texture.release()
 
     def sky_counts(self, size: Size) -> dict[str, int]:
-        """Counts of a still pair that shows nothing but sky.  One 8-bit texture stands for every channel."""
+        """Counts of a still pair that shows only sky.  One 8-bit texture is used as every channel."""
         texture = self.gpu.ctx.texture(size, 4, dtype="f1")
         framebuffer = self.gpu.ctx.framebuffer([texture])
         channels = {"position": texture, "normal": texture}
@@ -184,7 +184,7 @@ class Bench:
                 item.release()
 
     def wall(self, size: Size) -> dict[str, Array]:
-        """Position and normal of a wall 1 m before the camera of ``still_pair``."""
+        """Position (h, w, 4) and normal (h, w, 3) of a wall 1 m in front of the camera of ``still_pair``."""
         position = np.ones((size[1], size[0], 4))
         position[..., :3] = rays(size, Camera())
         normal = np.zeros((size[1], size[0], 3))
@@ -209,7 +209,7 @@ class Bench:
     def _texture(self, values: Array, dtype: str):
         height, width = values.shape[:2]
         full = np.zeros((height, width, 4), dtype={"f4": np.float32, "f2": np.float16}[dtype])
-        with np.errstate(over="ignore"):  # 1e8 in half floats is Inf: that is what some cases are about
+        with np.errstate(over="ignore"):  # some cases test that 1e8 is Inf in half floats
             full[..., : values.shape[-1]] = values[::-1]
         texture = self.gpu.ctx.texture((width, height), 4, full.tobytes(), dtype=dtype)
         texture.filter = (0x2600, 0x2600)  # NEAREST
@@ -222,9 +222,9 @@ def limits(thresholds: Mapping[str, float] | None) -> dict[str, float]:
 
 
 def rays(size: Size, camera: Camera) -> Array:
-    """Points on the plane z = -1 seen by the pixel centres of a perspective camera.  (h, w, 3) float64, view space.
+    """Points on the plane z = -1 seen by the pixel centers of a perspective camera.  (h, w, 3) float64, view space.
 
-    Written from the definition of ``yfov``, not from the projection matrix: cases use it as an independent opinion.
+    Computed from the definition of ``yfov``, independently of the projection matrix.
     """
     width, height = size
     tangent = np.tan(0.5 * camera.yfov)
@@ -235,7 +235,7 @@ def rays(size: Size, camera: Camera) -> Array:
 
 
 def to_pixels(points: Array, size: Size, camera: Camera) -> Array:
-    """Pixel-index coordinates (x, row) of view-space points before a perspective camera.  (..., 3) -> (..., 2)."""
+    """Pixel-index coordinates (x, row) of view-space points of a perspective camera.  (..., 3) -> (..., 2)."""
     width, height = size
     tangent = np.tan(0.5 * camera.yfov)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -256,7 +256,7 @@ def still_pair(size: Size, camera: Camera | None = None) -> Reprojection:
 
 
 def shifted_pair(size: Size, pixels: float) -> Reprojection:
-    """A still camera whose previous picture lies ``pixels`` to the left: history is at x + ``pixels``."""
+    """A still camera whose previous image is shifted: history is at x + ``pixels``."""
     pair = still_pair(size)
     moved = pair.prev_clip_from_prev.copy()
     moved[0] += 2.0 * pixels / size[0] * moved[3]
@@ -264,7 +264,7 @@ def shifted_pair(size: Size, pixels: float) -> Reprojection:
 
 
 class MovingCamera:
-    """A camera whose view is any function of time: for views that no node hierarchy gives."""
+    """A camera whose view is a function of time, independent of nodes."""
 
     name = "moving camera"
 

@@ -1,4 +1,4 @@
-"""Cases: how far the camera turned and moved (Eqs. 1 and 2), cuts, and what the node of a camera may do to it."""
+"""Cases: rotation and translation of the camera (Eqs. 1 and 2), cuts, and scaled camera nodes."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def _activity(*quaternions: Array) -> act.Activity:
 @case(
     "angle-wrap",
     what="yaw from 359 to 1 degree in one frame, and from 179 to 181",
-    elsewhere="the difference of the angles is 358 degrees, at whichever end their range has",
-    here="differences are wrapped to (-180, 180] before their absolute value is taken",
+    elsewhere="the difference of the angles is 358 degrees at the end of their range",
+    here="differences are wrapped to (-180, 180] before the absolute value is taken",
     tolerance=1e-12,
     source="float64: 32 ulps of an angle near 360 degrees",
 )
@@ -40,9 +40,9 @@ def angle_wrap(bench: Bench) -> Outcome:
 
 @case(
     "pitch-through-90",
-    what="a camera that pitches from 85 to 95 degrees in steps of 1, through straight up: total yaw and roll",
+    what="a camera that pitches from 85 to 95 degrees in steps of 1: total yaw and roll",
     elsewhere="yaw and roll each jump by 180 degrees at the pole",
-    here="in the gimbal zone roll is held and the branch nearest the previous frame is taken; the pair is flagged",
+    here="near the pole roll is held, the branch nearest the previous frame is taken, and the pair is flagged",
     tolerance=1e-9,
     source="float64: atan2 of a cosine of 0.017 to 1e-16, ten times",
 )
@@ -60,8 +60,8 @@ def pitch_through_90(bench: Bench) -> Outcome:
 @case(
     "still-at-the-pole",
     what="a still camera that looks straight down",
-    elsewhere="atan2(0, 0) of rounding noise gives any yaw it likes",
-    here="equal rotations turn by exactly 0, in the gimbal zone too",
+    elsewhere="atan2(0, 0) of rounding noise gives an arbitrary yaw",
+    here="equal rotations have a change of exactly 0, near the pole too",
     source="exact: the same rotation twice",
 )
 def still_at_the_pole(bench: Bench) -> Outcome:
@@ -73,10 +73,10 @@ def still_at_the_pole(bench: Bench) -> Outcome:
 @case(
     "tiny-rotation",
     what="a camera that turns by 1e-5 degrees a frame: relative error of the geodesic angle",
-    elsewhere="2 acos(q1 . q2): the dot product is 1 to the last bit, so the angle is 0 or 10 % off",
+    elsewhere="2 acos(q1 . q2): the dot product rounds to 1, so the angle is 0 or wrong by 10 %",
     here="4 atan2(|q1 - q2|, |q1 + q2|) in float64",
     tolerance=1e-8,
-    source="float64: an angle of 1.7e-7 from unit numbers of 1.1e-16, and the matrix between them",
+    source="float64: an angle of 1.7e-7 rad from unit quaternions rounded to 1.1e-16",
 )
 def tiny_rotation(bench: Bench) -> Outcome:
     step = 1e-5
@@ -92,7 +92,7 @@ def tiny_rotation(bench: Bench) -> Outcome:
 @case(
     "half-turn-angle",
     what="a turn of exactly 180 degrees about a skew axis",
-    elsewhere="acos of a trace just below -1 is NaN; the quaternion's w is 0 and its sign is noise",
+    elsewhere="acos of a trace below -1 is NaN; the quaternion's w is 0 with a random sign",
     here="quaternions on one hemisphere, atan2 of chords",
     tolerance=1e-12,
     source="float64: 32 ulps of 180",
@@ -104,8 +104,8 @@ def half_turn_angle(bench: Bench) -> Outcome:
 @case(
     "tiny-step-far-away",
     what="a camera 1e6 m from the origin that moves by 2^-20 m a frame (Eq. 1)",
-    elsewhere="float32 positions have a step of 6 cm there: the camera stands still, then jumps",
-    here="camera positions are float64 up to the difference",
+    elsewhere="float32 positions have a step of 6 cm there: the camera is still, then jumps",
+    here="camera positions stay float64 until they are subtracted",
     source="exact: dyadic numbers within 53 bits",
 )
 def tiny_step(bench: Bench) -> Outcome:
@@ -121,7 +121,7 @@ def tiny_step(bench: Bench) -> Outcome:
     "underflowing-step",
     what="a step of (3, 4, 0) times 1e-170 m",
     elsewhere="the squares underflow and the step is 0",
-    here="scaled by its largest component before squaring",
+    here="the vector is scaled by its largest component before squaring",
     tolerance=1e-15,
     source="relative; float64: 4 ulps",
 )
@@ -134,9 +134,9 @@ def underflowing_step(bench: Bench) -> Outcome:
 
 @case(
     "teleport",
-    what="a head-worn camera of small steps that jumps by 7.163 m once (the paper's VR row): which pairs are cuts?",
-    elsewhere="a fixed limit takes a running camera for cuts, or the jump for motion; a mean is spoilt by it",
-    here="a documented rule against the medians around each pair; every figure is given with and without cuts",
+    what="a head-mounted camera with small steps and one jump of 7.163 m (the paper's VR row): pairs that are cuts",
+    elsewhere="a fixed limit detects cuts in a running camera, or misses the jump, which then dominates the mean",
+    here="a step is compared with the medians around it; every statistic is given with and without cuts",
     source="exact: the list of pairs",
 )
 def teleport(bench: Bench) -> Outcome:
@@ -152,9 +152,9 @@ def teleport(bench: Bench) -> Outcome:
 
 @case(
     "running-is-not-a-cut",
-    what="a game camera with the paper's fastest steps (mean 1.9 m, up to 5.5 m a frame): cuts found",
-    elsewhere="every step above a fixed limit of a metre or two is called a cut",
-    here="a step is compared with the quartile and the medians of the others",
+    what="a game camera with the paper's largest steps (mean 1.9 m, maximum 5.5 m per frame): cuts detected",
+    elsewhere="every step above a fixed limit of 1 or 2 m is a cut",
+    here="a step is compared with the quartile and the medians of the other steps",
     source="exact: the number of pairs",
 )
 def running(bench: Bench) -> Outcome:
@@ -170,9 +170,9 @@ def running(bench: Bench) -> Outcome:
 
 @case(
     "scaled-camera-node",
-    what="a camera below nodes with scale (3, 0.5, -2): is its view still a rotation?",
-    elsewhere="the inverse of the node's matrix stretches or mirrors the picture and its angles",
-    here="-Z is kept, +Y as nearly as it can be; scale, shear and mirror are left out of the view",
+    what="a camera below nodes with scale (3, 0.5, -2): deviation of its view from a rotation",
+    elsewhere="the inverse of the node's matrix stretches or mirrors the image",
+    here="the view keeps the direction of -Z and is orthonormal; scale, shear and mirroring are removed",
     tolerance=1e-14,
     source="float64: 64 ulps of 1 in R R^T and det R",
 )
@@ -185,18 +185,18 @@ def scaled_camera_node(bench: Bench) -> Outcome:
     state = Poser(scene).sample(0.0)
     rotation = choose_camera(scene).view_at(state).world_from_view
 
-    def faults(r: Array) -> Array:
+    def deviation(r: Array) -> Array:
         return np.append((r @ r.T - np.eye(3)).ravel(), np.linalg.det(r) - 1.0)
 
-    raw = worst(faults(state.world[-1][:3, :3]))
-    return field("a proper rotation", faults(rotation), Naive("the node's own matrix", f"off by {raw:.3g}", raw))
+    raw = worst(deviation(state.world[-1][:3, :3]))
+    return field("a proper rotation", deviation(rotation), Naive("the node's own matrix", f"off by {raw:.3g}", raw))
 
 
 @case(
     "gimbal-flag",
     what="a pair within 1 degree of straight up is flagged, one at 80 degrees is not",
-    elsewhere="yaw and roll near the pole are printed like any other number",
-    here="flagged pairs are listed; the geodesic angle stands beside them",
+    elsewhere="yaw and roll near the pole are reported although they are ill-defined",
+    here="flagged pairs are listed, with the geodesic angle",
     source="exact: the flags",
 )
 def gimbal_flag(bench: Bench) -> Outcome:

@@ -1,10 +1,10 @@
-"""A hard case, how it is registered, and what running it gives."""
+"""Hard cases: their description, registration and results."""
 
 from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +18,12 @@ GROUPS = (
     "projection", "depth", "camera", "offsets", "animation", "geometry",
     "skinning", "lighting", "radiance", "statistics", "storage", "files",
 )  # fmt: skip
-"""Themes in the order in which they are run and printed; each has a module of cases of the same name."""
+"""Groups in the order in which they run; each is a module of the same name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Naive:
-    """The obvious formula on the same input: what it gives.  ``error`` is in the unit of the case's own error."""
+    """Result of a simpler formula on the same input.  ``error``: in the unit of the case's error."""
 
     formula: str
     measured: Value
@@ -32,7 +32,7 @@ class Naive:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a case's function returns.  ``error`` is compared with the case's tolerance; NaN never passes."""
+    """Result of a case's function.  ``error`` is compared with the case's tolerance; NaN never passes."""
 
     expected: Value
     measured: Value
@@ -44,8 +44,8 @@ class Outcome:
 class Case:
     """One hard case with a known answer.
 
-    ``what``: what is tried.  ``elsewhere``: what goes wrong in other renderers or with the obvious formula.  ``here``:
-    what this package does.  ``tolerance`` is the largest accepted error and ``source`` says where it comes from.
+    ``what``: the test.  ``elsewhere``: the common failure.  ``here``: the approach of this package.  ``tolerance``: the
+    largest accepted error; ``source``: where the tolerance comes from.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """One row of the self-test.  ``failure``: the exception's text where the case could not be run, else None."""
+    """One row of the self-test.  ``failure``: the text of an exception, or None."""
 
     case: Case
     expected: Value | None
@@ -75,7 +75,7 @@ class CaseResult:
         return self.case.name
 
     def as_json(self) -> dict[str, Any]:
-        """The row as plain JSON values; an error that is not a finite number is null."""
+        """The row as JSON values; numbers that are not finite are null."""
         row: dict[str, Any] = {
             "name": self.case.name,
             "group": self.case.group,
@@ -110,7 +110,7 @@ def case(
     def register(function: Callable[[Bench], Outcome]) -> Callable[[Bench], Outcome]:
         group = function.__module__.rpartition(".")[2]
         if group not in GROUPS:
-            raise ValueError(f"{group} is no group of cases")
+            raise ValueError(f"{group} is not a group of cases")
         if name in REGISTRY:
             raise ValueError(f"two cases are named {name}")
         REGISTRY[name] = Case(name, group, what, elsewhere, here, tolerance, source, function)
@@ -119,29 +119,18 @@ def case(
     return register
 
 
-def judge(one: Case, bench: Bench) -> CaseResult:
-    """Run one case.  Whatever it raises is a failed row: one case never stops the others."""
-    try:
-        outcome = one.run(bench)
-        bench.gpu.check(f"case {one.name}")
-    except Exception as error:  # a driver may fail in any way; the row says how
-        return CaseResult(one, None, None, math.nan, False, failure=f"{type(error).__name__}: {error}")
-    passed = bool(outcome.error <= one.tolerance)  # False for NaN
-    return CaseResult(one, outcome.expected, outcome.measured, float(outcome.error), passed, outcome.naive)
-
-
 def count(expected: int, measured: int, naive: Naive | None = None) -> Outcome:
-    """An exact count; the error is the difference."""
+    """The outcome of an exact count; the error is the difference."""
     return Outcome(int(expected), int(measured), float(abs(int(measured) - int(expected))), naive)
 
 
 def scalar(expected: float, measured: float, naive: Naive | None = None, *, relative: bool = False) -> Outcome:
-    """A number; the error is absolute, or ``relative`` to the expected value."""
+    """The outcome of a number; the error is absolute, or ``relative`` to the expected value."""
     return Outcome(float(expected), float(measured), difference(expected, measured, relative=relative), naive)
 
 
 def difference(expected: float, measured: float, *, relative: bool = False) -> float:
-    """|measured - expected|, divided by |expected| where ``relative``; equal infinities differ by 0."""
+    """|measured - expected|, divided by |expected| if ``relative``; equal infinities differ by 0."""
     expected, measured = float(expected), float(measured)
     if expected == measured:
         return 0.0
@@ -150,23 +139,15 @@ def difference(expected: float, measured: float, *, relative: bool = False) -> f
 
 
 def worst(errors: Any) -> float:
-    """Largest absolute error of an array of any shape; NaN if any is NaN, 0 for an empty array."""
+    """Largest absolute value of an array of any shape; NaN if any is NaN, 0 for an empty array."""
     errors = np.abs(np.asarray(errors, dtype=np.float64))
     return float(errors.max()) if errors.size else 0.0
 
 
 def field(expected: str, errors: Any, naive: Naive | None = None, measured: str | None = None) -> Outcome:
-    """A whole array against its closed form, summed up by its largest error.  ``expected`` names the closed form."""
+    """The outcome of an array of errors: the largest one.  ``expected`` names the closed form."""
     error = worst(errors)
-    return Outcome(expected, measured or f"off by {error:.3g} at most", error, naive)
-
-
-def select(only: Sequence[str] | None) -> list[Case]:
-    """Cases in order.  ``only``: names, groups or parts of names; None: all.  Unknown words select nothing."""
-    ordered = sorted(REGISTRY.values(), key=lambda c: GROUPS.index(c.group))
-    if not only:
-        return ordered
-    return [c for c in ordered if any(word == c.group or word in c.name for word in only)]
+    return Outcome(expected, measured or f"largest error {error:.3g}", error, naive)
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Cases: depth at the ends of its range, and planes seen at grazing angles."""
+"""Cases: depth precision over the whole range, and planes seen at grazing angles."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ EXACT = "exact: an unsigned count on the GPU"
 def _depth_case(name: str, distance: float, znear: float, zfar: float) -> None:
     @case(
         name,
-        what=f"near {znear:g}, far {zfar:g}: two walls {distance:g} m away, 2e-6 of that apart, the nearer drawn last",
-        elsewhere="24-bit fixed-point depth puts both on one value and whoever is drawn first wins",
-        here="reversed Z in [0, 1] in a 32-bit float depth texture: the same relative step at every distance",
+        what=f"near {znear:g}, far {zfar:g}: two walls at {distance:g} m, 2e-6 of that apart, the nearer one drawn last",
+        elsewhere="both walls have the same 24-bit fixed-point depth, and the one drawn first stays visible",
+        here="reversed Z in [0, 1] in a 32-bit float depth texture: constant relative precision",
         source="2e-6 is 17 float ulps of depth = near / z; " + EXACT,
     )
     def depth(bench: Bench) -> Outcome:
@@ -34,9 +34,9 @@ def _depth_case(name: str, distance: float, znear: float, zfar: float) -> None:
             np.round((zfar / (zfar - znear) if np.isfinite(zfar) else 1.0) * (1 - znear / z) * (2**24 - 1))
             for z in (distance, distance * (1 + 2e-6))
         ]
-        won = right if standard[0] < standard[1] else 0
+        drawn = right if standard[0] < standard[1] else 0
         pixels = frame["ids"][..., 0].size
-        return count(pixels, right, Naive("24-bit standard Z", won, pixels - won))
+        return count(pixels, right, Naive("24-bit standard Z", drawn, pixels - drawn))
 
 
 _depth_case("depth-1m", 1.0, 1e-4, 1e6)
@@ -47,9 +47,9 @@ _depth_case("depth-infinite-far", 1e7, 1e-4, np.inf)
 
 @case(
     "far-plane",
-    what="near 1e-4, far 1e6: a wall 0.9999 far away is seen, one at 1.0001 far is not",
-    elsewhere="far / (far - near) rounds to 1 and nothing is ever clipped, or everything is",
-    here="both terms of the reversed matrix are formed in float64",
+    what="near 1e-4, far 1e6: a wall at 0.9999 far is visible, a wall at 1.0001 far is not",
+    elsewhere="far / (far - near) rounds to 1, so nothing or everything is clipped",
+    here="both terms of the reversed-Z matrix are computed in float64",
     source=EXACT,
 )
 def far_plane(bench: Bench) -> Outcome:
@@ -64,7 +64,7 @@ def far_plane(bench: Bench) -> Outcome:
 
 
 def _grazing(bench: Bench, degrees: float):
-    """A plane 10 m ahead whose normal is ``degrees`` away from the view; (normal, point on it, frame, ray depth)."""
+    """A plane 10 m ahead, its normal ``degrees`` from the view axis: (normal, point on it, positions, frame)."""
     b = SceneBuilder()
     tilt = turn((1.0, 0.0, 0.0), -degrees)
     b.node(translation=(0.0, 0.0, -10.0), rotation=tilt, mesh=b.mesh(quad(200.0, 200.0)))
@@ -78,11 +78,11 @@ def _grazing(bench: Bench, degrees: float):
 def _grazing_case(name: str, degrees: float) -> None:
     @case(
         name,
-        what=f"a plane seen at {degrees:g} degrees from its normal: do the stored points lie on it?",
-        elsewhere="a point kept in half floats or rebuilt from 24-bit depth lies off the plane",
-        here="the interpolated position is stored, float32, relative to the camera",
+        what=f"a plane seen at {degrees:g} degrees from its normal: distance of the stored points from the plane",
+        elsewhere="points stored as half floats or reconstructed from 24-bit depth do not lie on the plane",
+        here="the interpolated position is stored as float32 relative to the camera",
         tolerance=1e-6,
-        source="distance to the plane over distance to the camera: 16 float ulps (transform, clipping, interpolation)",
+        source="relative to the distance from the camera: 16 float ulps (transform, clipping, interpolation)",
     )
     def grazing(bench: Bench) -> Outcome:
         normal, anchor, position, _ = _grazing(bench, degrees)
@@ -103,15 +103,15 @@ _grazing_case("grazing-89.9", 89.9)
 
 @case(
     "grazing-own-pixel",
-    what="points of a plane seen at 89.9 degrees, projected by the camera that drew them: each on its own pixel centre",
-    elsewhere="centroid or half-pixel conventions mixed up: everything is off by half a pixel",
-    here="one convention: the centre of pixel i is i",
+    what="points of a plane seen at 89.9 degrees, projected again: distance from their pixel centers",
+    elsewhere="mixed pixel-center conventions: every point is off by half a pixel",
+    here="one convention: the center of pixel i is at i",
     tolerance=1.0 / 64.0,
-    source="raster rule: corners snapped to 1/256 px, and again after clipping; the other half for float rounding",
+    source="raster rule: corners snapped to 1/256 px, and again after clipping; the other half is float rounding",
 )
 def grazing_own_pixel(bench: Bench) -> Outcome:
     _, _, position, _ = _grazing(bench, 89.9)
     surface = position[..., 3] > 0
     at = to_pixels(position[..., :3], bench.size, Camera(yfov=RIGHT_ANGLE))
-    half = Naive("centre of pixel i at i + 0.5", "off by 0.5 px", 0.5)
-    return field("own pixel centre, px", (at - pixel_grid(bench.size))[surface], half)
+    half = Naive("center of pixel i at i + 0.5", "off by 0.5 px", 0.5)
+    return field("own pixel center, px", (at - pixel_grid(bench.size))[surface], half)

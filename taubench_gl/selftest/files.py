@@ -1,4 +1,4 @@
-"""Cases: glTF files that break a rule, read by the real reader."""
+"""Cases: invalid or unusual glTF files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32)
 
 
 class _File:
-    """The least of a glTF writer: a triangle on node 0, and accessors."""
+    """A minimal glTF writer: a triangle on node 0, and accessors."""
 
     def __init__(self, **attributes: Array):
         self._blob = b""
@@ -76,9 +76,9 @@ class _File:
 
 @case(
     "duplicate-key-times",
-    what="two keys at the same time (a teleport as many exporters write it): place just before, at and after it",
-    elsewhere="(t - t0) / (t1 - t0) is 0/0 at the key, and the object is gone for a frame",
-    here="of equal times the last key holds, said in a note",
+    what="two keys at the same time (a teleport, as many exporters write it): positions at and after it",
+    elsewhere="(t - t0) / (t1 - t0) is 0/0 at the key, and the object disappears for a frame",
+    here="of keys with equal times the last one holds; a note reports it",
     tolerance=1e-6,
     source="metres; float64 of float32 keys, sampled 1e-7 s before the key",
 )
@@ -99,9 +99,9 @@ def duplicate_key_times(bench: Bench) -> Outcome:
 
 @case(
     "decreasing-key-times",
-    what="key times 0, 2, 1: a file that cannot be meant",
-    elsewhere="binary search in unsorted times gives any key, and another one tomorrow",
-    here="refused with file, JSON pointer and the time that is wrong",
+    what="decreasing key times 0, 2, 1: the file is refused",
+    elsewhere="binary search in unsorted times returns an arbitrary key",
+    here="an error names the file, the JSON pointer and the wrong time",
     source="exact: refused or not",
 )
 def decreasing_key_times(bench: Bench) -> Outcome:
@@ -111,7 +111,7 @@ def decreasing_key_times(bench: Bench) -> Outcome:
         file.load()
     except SceneError as refused:
         pointed = "#/" in str(refused)
-        return Outcome("refused", "refused" if pointed else "refused, place not named", 0.0 if pointed else 1.0)
+        return Outcome("refused", "refused" if pointed else "refused without a JSON pointer", 0.0 if pointed else 1.0)
     return Outcome("refused", "read", 1.0)
 
 
@@ -127,9 +127,9 @@ def _weighted(weights: list[list[float]]) -> tuple[Scene, Array]:
 
 @case(
     "weights-not-one",
-    what="skin weights that sum to 1.5, joints 10 m away: where the vertices end up",
-    elsewhere="the blend is scaled by 1.5: the character grows and drifts 5 m off",
-    here="normalised when read, and said in a note",
+    what="skin weights that sum to 1.5, joints 10 m away: positions of the vertices",
+    elsewhere="the blend is scaled by 1.5: the mesh grows and moves by 5 m",
+    here="weights are normalized on load; a note reports it",
     tolerance=1e-5,
     source="metres; float32 weights: 2 ulps of 10 m",
 )
@@ -143,9 +143,9 @@ def weights_not_one(bench: Bench) -> Outcome:
 
 @case(
     "weights-all-zero",
-    what="a vertex whose skin weights are all 0: where it ends up",
-    elsewhere="0 / 0 in the normalisation, or the vertex collapses into the origin",
-    here="it follows the first joint it names, and a note says so",
+    what="a vertex whose skin weights are all 0: its position",
+    elsewhere="the normalization is 0 / 0, or the vertex collapses to the origin",
+    here="the vertex follows its first joint; a note reports it",
     tolerance=1e-5,
     source="metres; float32 weights: 2 ulps of 10 m",
 )
@@ -158,7 +158,7 @@ def weights_all_zero(bench: Bench) -> Outcome:
 
 @case(
     "duration-from-float-keys",
-    what="last keys at float32(n / fps) s: frames of 50, 100 and 2000 at 24 and of 7 and 23 at 10 a second",
+    what="last keys at float32(n / fps) s, n = 50, 100, 2000 at 24 fps and 7, 23 at 10 fps: number of frames",
     elsewhere="float32(50 / 24) * 24 is 49.999998, float32(0.7) * 10 is 6.9999999: the last frame is lost",
     here="floor(duration * fps * (1 + 2^-23) + 1e-6)",
     source="exact: integers",

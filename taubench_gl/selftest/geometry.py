@@ -1,4 +1,4 @@
-"""Cases: node scales and triangles that are degenerate in one way or another, and silhouettes counted exactly."""
+"""Cases: degenerate node scales and triangles, normals, and silhouettes counted exactly."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn, turn_x, turn_y
 
 Array = np.ndarray
-RASTER = "exact raster rule: a pixel is covered when its centre is inside; edges lie on pixel borders"
+RASTER = "exact raster rule: a pixel is covered if its center is inside; edges lie on pixel borders"
 FLOAT_NORMAL = "float32: 16 ulps of 1"
 
 
 def one_metre_per_pixel(b: SceneBuilder, bench: Bench, **node) -> int:
-    """An orthographic camera that sees 1 m as 1 px; pixel borders lie at whole metres."""
+    """An orthographic camera with 1 m per pixel; pixel borders lie at integer metres."""
     return b.camera(kind="orthographic", xmag=bench.size[0] / 2, ymag=bench.size[1] / 2, zfar=1000.0, **node)
 
 
@@ -30,9 +30,9 @@ def _show(bench: Bench, primitive: Primitive, **node) -> Scene:
 
 @case(
     "zero-scale",
-    what="a box with scale 0 in front of the sky: pixels drawn, and pixels that are not plain sky",
-    elsewhere="a singular matrix is inverted and NaN spreads, or the object stays as a dot",
-    here="nothing is inverted; triangles of area 0 cover no pixel centre",
+    what="a box with scale 0 in front of the sky: pixels that are not sky in both frames",
+    elsewhere="the inverse of a singular matrix is NaN, or the object is drawn as a dot",
+    here="no matrix is inverted; triangles of area 0 cover no pixel center",
     source=RASTER,
 )
 def zero_scale(bench: Bench) -> Outcome:
@@ -43,8 +43,8 @@ def zero_scale(bench: Bench) -> Outcome:
 @case(
     "zero-scale-to-visible",
     what="a 20 x 20 m wall that jumps from scale 0 to 1: pixels that now cover sky (reason OCCLUDING)",
-    elsewhere="previous positions all fall on one point, and history is read from there",
-    here="the sky it covers has no surface: POSITION, NORMAL, OCCLUDING; camera reprojection looks straight back",
+    elsewhere="all previous positions coincide, and history is read at that point",
+    here="history is sky: POSITION, NORMAL, OCCLUDING, as camera reprojection reads the same pixel",
     source=RASTER,
 )
 def zero_scale_to_visible(bench: Bench) -> Outcome:
@@ -61,9 +61,9 @@ def zero_scale_to_visible(bench: Bench) -> Outcome:
 @case(
     "negative-scale",
     what="a box with scale (-1, 1, 1): pixels whose position or normal differ from those of the plain box",
-    elsewhere="the mirror turns fronts into backs: back-face culling shows the inside of the box",
-    here="the sign of the determinant chooses the front face; normals keep pointing out",
-    source="exact count; the box is its own mirror image, values within 1e-5 (16 float ulps of 5 m) count as equal",
+    elsewhere="mirroring swaps front and back faces: culling shows the inside of the box",
+    here="the sign of the determinant selects the front face; normals still point outwards",
+    source="exact count; the box is its own mirror image, values within 1e-5 (16 float ulps of 5 m) are equal",
 )
 def negative_scale(bench: Bench) -> Outcome:
     frames = []
@@ -82,7 +82,7 @@ def negative_scale(bench: Bench) -> Outcome:
 
 
 def _normal_error(bench: Bench, world: Array, primitive: Primitive, normal: Array) -> tuple[float, int]:
-    """Largest distance between the normals drawn and ``normal`` (or its opposite, turned to the viewer)."""
+    """Largest distance of the rendered normals from ``normal``, turned towards the viewer; and number of pixels."""
     b = SceneBuilder()
     b.node(matrix=world, mesh=b.mesh(primitive))
     b.camera(zfar=1e4)
@@ -99,9 +99,9 @@ def _placed(mat3: Array) -> Array:
 
 @case(
     "sheared-normal",
-    what="a wall below a turned node with scale (1, 4, 1): its normal against the plane it lies in",
-    elsewhere="normals are turned by the matrix of the points and lean out of their surface",
-    here="the cofactor matrix, normalised afterwards",
+    what="a wall below a rotated node with scale (1, 4, 1): its normal against that of its plane",
+    elsewhere="normals are transformed as points and are not perpendicular to the surface",
+    here="normals are transformed by the cofactor matrix and normalized",
     tolerance=2e-6,
     source=FLOAT_NORMAL,
 )
@@ -116,9 +116,9 @@ def sheared_normal(bench: Bench) -> Outcome:
 
 @case(
     "flattened-normal",
-    what="a sphere with scale (1, 1, 0): normals of the plate it becomes, away from its rim",
-    elsewhere="the inverse of a singular matrix: Inf, then NaN",
-    here="cofactors need no inverse and give the plate's normal",
+    what="a sphere with scale (1, 1, 0): normals of the resulting disk",
+    elsewhere="the inverse of a singular matrix is Inf, and products with it NaN",
+    here="cofactors need no inverse and give the normal of the disk",
     tolerance=2e-6,
     source=FLOAT_NORMAL,
 )
@@ -137,8 +137,8 @@ def flattened_normal(bench: Bench) -> Outcome:
 @case(
     "tiny-scale-normal",
     what="a wall of 1e25 units at scale 1e-25: its normal",
-    elsewhere="products of two scales underflow to 0 in float32, and the normal with them",
-    here="rows are divided by their largest element before they are multiplied",
+    elsewhere="products of two scales underflow to 0 in float32, and so does the normal",
+    here="matrix rows are divided by their largest element before multiplication",
     tolerance=2e-6,
     source=FLOAT_NORMAL,
 )
@@ -156,8 +156,8 @@ def tiny_scale_normal(bench: Bench) -> Outcome:
 @case(
     "zero-normals",
     what="a wall whose vertex normals have length 0: invalid pixels",
-    elsewhere="0 / 0 is NaN, and NaN spreads through every blend",
-    here="a vector of length 0 stays 0",
+    elsewhere="0 / 0 is NaN, which spreads through every blend",
+    here="normalizing a vector of length 0 gives 0",
     source="exact: an unsigned count on the GPU",
 )
 def zero_normals(bench: Bench) -> Outcome:
@@ -174,7 +174,7 @@ def zero_normals(bench: Bench) -> Outcome:
     "degenerate-triangles",
     what="a 20 x 20 m wall among triangles of area 0 (points, lines, repeated corners), flat-shaded: pixels drawn",
     elsewhere="the face normal of a degenerate triangle is NaN",
-    here="its normal is 0, and it covers no pixel centre",
+    here="its normal is 0, and it covers no pixel center",
     source=RASTER,
 )
 def degenerate_triangles(bench: Bench) -> Outcome:
@@ -189,10 +189,10 @@ def degenerate_triangles(bench: Bench) -> Outcome:
 def _cut(name: str, cells: tuple[int, int], words: str) -> None:
     @case(
         name,
-        what=f"a 40 x 20 m wall cut into {cells[0]} x {cells[1]} cells, {words}: pixels drawn once and on the wall",
-        elsewhere="cracks and double hits along shared edges; normals from derivatives of slivers are NaN",
-        here="one vertex arithmetic for all draws; a derivative that vanishes falls back on the vertex normal",
-        source=RASTER + "; depth exact, as the wall is parallel to the picture",
+        what=f"a 40 x 20 m wall cut into {cells[0]} x {cells[1]} cells, {words}: pixels that show the wall",
+        elsewhere="cracks or double coverage along shared edges; normals from derivatives are NaN",
+        here="the same vertex arithmetic in all draws; a zero derivative falls back to the vertex normal",
+        source=RASTER + "; depth is exact, as the wall is parallel to the image plane",
     )
     def cut(bench: Bench) -> Outcome:
         frame, _ = bench.frame(_show(bench, quad(20, 10, cells=cells)), extra=("geometric_normal",))
@@ -208,10 +208,10 @@ _cut("sub-pixel-triangles", (160, 80), "triangles of a quarter pixel")
 
 @case(
     "many-vertices",
-    what="one wall of 90,601 vertices that fills the picture: pixels that show their own place on it",
-    elsewhere="16-bit indices wrap at 65,536 and triangles stretch across the picture",
+    what="a wall of 90,601 vertices that fills the image: pixels that show the right point of it",
+    elsewhere="16-bit indices wrap at 65,536 and triangles stretch across the image",
     here="32-bit indices throughout",
-    source="exact count; own place: within 1/16 px",
+    source="exact count of pixels within 1/16 px",
 )
 def many_vertices(bench: Bench) -> Outcome:
     b = SceneBuilder()
@@ -236,9 +236,9 @@ def _moved_wall(bench: Bench, reprojection: str):
 
 @case(
     "silhouette-camera",
-    what="a wall moves by 4 px before the sky, camera reprojection: sky uncovered plus sky covered",
-    elsewhere="sky pixels are left out of the masks, so the outline of everything that moves is 'reusable'",
-    here="sky against surface is always a discard: DISOCCLUDED behind, OCCLUDING in front",
+    what="a wall moves by 4 px in front of the sky, camera reprojection: sky uncovered plus sky covered",
+    elsewhere="sky pixels are excluded from the masks, so the outline of every moving object is reusable",
+    here="sky against surface is always a discard: uncovered sky is DISOCCLUDED, covered sky OCCLUDING",
     source=RASTER,
 )
 def silhouette_camera(bench: Bench) -> Outcome:
@@ -249,9 +249,9 @@ def silhouette_camera(bench: Bench) -> Outcome:
 
 @case(
     "silhouette-motion",
-    what="the same with motion reprojection: only the sky that was uncovered is discarded",
-    elsewhere="motion of what is now at the pixel is taken for the sky as well",
-    here="the wall finds itself 4 px to the left; uncovered sky finds the wall",
+    what="the same with motion reprojection: only uncovered sky is discarded",
+    elsewhere="sky pixels use the motion of the wall",
+    here="history of the wall is the wall, 4 px to the left; history of uncovered sky is the wall",
     source=RASTER,
 )
 def silhouette_motion(bench: Bench) -> Outcome:
@@ -263,8 +263,8 @@ def silhouette_motion(bench: Bench) -> Outcome:
 @case(
     "back-of-a-wall",
     what="a two-sided wall seen from behind: normals that point away from the viewer",
-    elsewhere="the normal of the front is shown, and everything seen from behind is lit from the wrong side",
-    here="normals are turned over where the triangle faces away",
+    elsewhere="the normal of the front face is used, so back faces are lit from the wrong side",
+    here="normals of back faces are negated",
     source="exact: a count",
 )
 def back_of_a_wall(bench: Bench) -> Outcome:

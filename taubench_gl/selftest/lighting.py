@@ -1,4 +1,4 @@
-"""Cases: lights that touch surfaces, are far away, or come out of nothing; shaded by the real light stage."""
+"""Cases: lights on surfaces, far from the origin, very bright, or switched on by scale; shaded by the light stage."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WALL_Z = -2.0
 
 
 def _wall(bench: Bench, height: float, intensity: float = 1.0, offset: float = 0.0) -> SceneBuilder:
-    """A 20 x 20 m wall, 1 m to a pixel, and a point light ``height`` before the centre of one pixel."""
+    """A 20 x 20 m wall, 1 m per pixel, and a point light ``height`` in front of the center of a pixel."""
     b = SceneBuilder()
     root = b.node(translation=(offset, -offset, offset))
     b.node(root, mesh=b.mesh(quad(10, 10, material=b.material(metallic=0.0))), translation=(0.0, 0.0, WALL_Z))
@@ -23,15 +23,15 @@ def _wall(bench: Bench, height: float, intensity: float = 1.0, offset: float = 0
 
 
 def _foot(bench: Bench) -> tuple[int, int]:
-    """Row and column of the pixel whose centre is (0.5, 0.5) m."""
+    """Row and column of the pixel whose center is (0.5, 0.5) m."""
     return bench.size[1] // 2 - 1, bench.size[0] // 2
 
 
 @case(
     "light-on-the-surface",
-    what="a point light exactly in a wall: pixels of direct radiance that are NaN or Inf",
-    elsewhere="1 / d^2 is Inf and the direction 0 / 0; their product is NaN",
-    here="nearer than 1 mm counts as 1 mm, and a direction of length 0 stays 0",
+    what="a point light exactly on a wall: pixels of direct radiance that are NaN or Inf",
+    elsewhere="1 / d^2 is Inf and the direction is 0 / 0: the product is NaN",
+    here="distances below 1 mm are clamped to 1 mm, and a direction of length 0 stays 0",
     source="exact: a count",
 )
 def light_on_the_surface(bench: Bench) -> Outcome:
@@ -43,9 +43,9 @@ def light_on_the_surface(bench: Bench) -> Outcome:
 
 @case(
     "inverse-square-near",
-    what="a light 1 m, 1/8 m and 1/64 m from a wall: radiance below it against 1 / d^2, relative",
-    elsewhere="1 / (d^2 + 1) or a clamp at a few centimetres, so that near lights are 100 times too dark",
-    here="1 / d^2 down to 1 mm",
+    what="a light 1 m, 1/8 m and 1/64 m from a wall: radiance at the nearest point against 1 / d^2, relative",
+    elsewhere="1 / (d^2 + 1) or a clamp at a few centimetres makes near lights up to 100 times too dark",
+    here="1 / d^2 for distances down to 1 mm",
     tolerance=1e-4,
     source="relative; float32: 2 ulps of 2 m (the camera's distance) in 1/64 m, twice",
 )
@@ -59,30 +59,30 @@ def inverse_square_near(bench: Bench) -> Outcome:
     off = max(difference(1 / d**2, r, relative=True) for d, r in zip(distances, ratios, strict=True))
     naive = [2.0 / (d * d + 1.0) for d in distances]
     worst_naive = max(difference(1 / d**2, r, relative=True) for d, r in zip(distances, naive, strict=True))
-    told = ", ".join(f"{r:.6g}" for r in ratios)
-    return Outcome("1, 64, 4096", told, off, Naive("2 / (d^2 + 1)", f"{naive[-1]:.3g}", worst_naive))
+    text = ", ".join(f"{r:.6g}" for r in ratios)
+    return Outcome("1, 64, 4096", text, off, Naive("2 / (d^2 + 1)", f"{naive[-1]:.3g}", worst_naive))
 
 
 @case(
     "light-far-from-origin",
-    what="the lit wall at 1e6 m: largest difference of direct radiance from that at the origin, relative",
-    elsewhere="a light whose world position is float32 sits up to 6 cm beside its place",
-    here="lights go to the GPU relative to the camera",
+    what="the lit wall at 1e6 m: largest relative difference of direct radiance from that at the origin",
+    elsewhere="a float32 world position of a light is off by up to 6 cm",
+    here="light positions are relative to the camera",
     source="exact: dyadic numbers, so float64 holds every difference",
 )
 def light_far_from_origin(bench: Bench) -> Outcome:
     near, far = (bench.lit(_wall(bench, 0.125, offset=o).build())["direct"] for o in (0.0, 1e6))
-    place = float(np.float32(1e6 + WALL_Z + 0.01) - np.float32(1e6)) - (WALL_Z + 0.01)
-    naive = Naive("float32 world position", f"{place:.3g} m beside", abs(place))
+    error = float(np.float32(1e6 + WALL_Z + 0.01) - np.float32(1e6)) - (WALL_Z + 0.01)
+    naive = Naive("float32 world position", f"off by {abs(error):.3g} m", abs(error))
     return field("no difference", (far - near)[..., :3] / near[..., :3].max(), naive)
 
 
 @case(
     "light-from-scale-zero",
-    what="a light whose node jumps from scale 0 to 1 before a wall: pixels that are LIT",
-    elsewhere="a light's scale is ignored, so lights that games switch on by scaling always shine",
-    here="a light scaled to 0 is off",
-    source="exact: every pixel of the wall rises past the threshold",
+    what="a light whose node jumps from scale 0 to 1: pixels of a wall that are LIT",
+    elsewhere="the scale of a light's node is ignored, so lights switched by scale are always on",
+    here="a light with scale 0 is off",
+    source="exact: every pixel of the wall exceeds the threshold",
 )
 def light_from_scale_zero(bench: Bench) -> Outcome:
     b = _wall(bench, 5.0, 1e5)
@@ -94,7 +94,7 @@ def light_from_scale_zero(bench: Bench) -> Outcome:
 
 @case(
     "color-of-1e8",
-    what="direct radiance of about 1e8 as tone-mapped colour: values outside [0, 1] or not finite",
+    what="direct radiance of about 1e8 as tone-mapped color: values outside [0, 1] or not finite",
     elsewhere="x / (1 + x) of Inf is NaN; 1e8 in half floats is Inf",
     here="float32 radiance, clamped before the sRGB curve",
     source="exact: a count",
@@ -112,10 +112,10 @@ def color_of_1e8(bench: Bench) -> Outcome:
 
 @case(
     "still-light",
-    what="a still camera, a still room and four still lights with shadows: pixels with any reason bit",
-    elsewhere="shadow maps that follow the camera, or random light sampling, flicker in a still picture",
-    here="what does not move is not redrawn; nothing is random",
-    source="exact: the same arithmetic twice",
+    what="a still camera and room with four still shadowed lights: pixels with a reason bit",
+    elsewhere="shadow maps that follow the camera, or random sampling, flicker in a still image",
+    here="shadow maps do not depend on the camera; nothing is random",
+    source="exact: the same arithmetic is done twice",
 )
 def still_light(bench: Bench) -> Outcome:
     columns = ("direct", "color", "position", "normal")

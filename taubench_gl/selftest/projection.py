@@ -1,4 +1,4 @@
-"""Cases: what the previous camera cannot have seen, sky, jitter, and the screen's edge."""
+"""Cases: points behind the previous camera, sky, jitter, and the edge of the screen."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def _nothing_in_view(b: SceneBuilder) -> None:
     b.node(translation=(0.0, -500.0, 0.0), mesh=b.mesh(quad()))
 
 
-def _untested(bench: Bench, images) -> Array:
-    """Eq. (3) with a division by whatever w is: outside the screen?  (h, w) bool."""
+def _outside_without_w_test(bench: Bench, images) -> Array:
+    """Pixels outside the screen by Eq. (3) without a test of w.  (h, w) bool."""
     q = images.current["position"][..., :3] + images.pair.camera_delta
     clip = q @ images.pair.prev_clip_from_prev[:3, :3].T + images.pair.prev_clip_from_prev[:3, 3]
     w = q @ images.pair.prev_clip_from_prev[3, :3]
@@ -42,16 +42,16 @@ def _untested(bench: Bench, images) -> Array:
 
 @case(
     "turn-180",
-    what="camera in a closed room turns by 180 degrees: every point was behind the previous camera",
-    elsewhere="dividing by a negative w mirrors the point back onto the screen, and it counts as reusable",
-    here="previous planar depth <= near is decided before any division: reason BEHIND, counted in frustum",
+    what="a camera in a closed room turns by 180 degrees: every point was behind the previous camera",
+    elsewhere="division by a negative w mirrors the point onto the screen, and it counts as reusable",
+    here="previous planar depth <= near is tested before the division: reason BEHIND, counted in frustum",
     source=EXACT,
 )
 def turn_180(bench: Bench) -> Outcome:
     b, camera = _room(yfov=np.radians(60.0))
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(180.0)])
     images = bench.pair(b.build())
-    naive = int(_untested(bench, images).sum())
+    naive = int(_outside_without_w_test(bench, images).sum())
     bad = int((~np.isfinite(images.motion)).any(axis=-1).sum())
     pixels = images.mask.size
     outcome = count(pixels, images.counts["behind"], Naive("w not tested", naive, pixels - naive))
@@ -60,9 +60,9 @@ def turn_180(bench: Bench) -> Outcome:
 
 @case(
     "turn-180-sky",
-    what="the same turn with nothing but sky in view",
-    elsewhere="sky at a large finite distance passes a w test and projects to the opposite side",
-    here="sky is reprojected as a direction (w = 0) and its depth along the previous view is tested",
+    what="the same turn with only sky in view",
+    elsewhere="sky at a large finite distance passes the w test and projects to the opposite side",
+    here="sky is reprojected as a direction (w = 0), and its depth along the previous view is tested",
     source=EXACT,
 )
 def turn_180_sky(bench: Bench) -> Outcome:
@@ -93,10 +93,10 @@ def _floor(bench: Bench, backwards: float):
 
 @case(
     "near-plane-crossing",
-    what="a floor under a camera that moves backwards by 4 m: part of it was behind the previous camera",
-    elsewhere="points behind the camera come back upside down above the horizon",
-    here="previous planar depth against near, per pixel",
-    source="closed form per pixel in float64; pixels within 0.01 px of an edge of the screen are left out",
+    what="a floor below a camera that moves backwards by 4 m: part of it was behind the previous camera",
+    elsewhere="points behind the camera appear upside down above the horizon",
+    here="previous planar depth is compared with near per pixel",
+    source="closed form per pixel in float64; pixels within 0.01 px of the edge of the screen are excluded",
 )
 def near_plane_crossing(bench: Bench) -> Outcome:
     images, _, point, floor = _floor(bench, 4.0)
@@ -105,39 +105,39 @@ def near_plane_crossing(bench: Bench) -> Outcome:
     last = np.array(bench.size) - 1
     margin = np.abs(np.stack([at, at - last])).min(axis=(0, -1))
     outside = np.any((at < 0) | (at > last), axis=-1)
-    judged = floor & (behind | (margin > 0.01))
+    tested = floor & (behind | (margin > 0.01))
     right = (images.has(Reason.BEHIND) == behind) & (images.has(FRUSTUM) == (behind | outside))
-    naive = int((judged & (_untested(bench, images) != (behind | outside))).sum())
-    return count(0, int((judged & ~right).sum()), Naive("w not tested: pixels misjudged", naive, naive))
+    naive = int((tested & (_outside_without_w_test(bench, images) != (behind | outside))).sum())
+    return count(0, int((tested & ~right).sum()), Naive("w not tested: wrong pixels", naive, naive))
 
 
 @case(
     "near-crossing-motion",
-    what="motion on that floor, one triangle with two corners behind the previous camera",
-    elsewhere="a vertex shader that divides hands on a previous position whose interpolation is meaningless",
+    what="motion on the same floor, one triangle with two corners behind the previous camera",
+    elsewhere="a vertex shader divides by w, and the interpolation of the quotient is meaningless",
     here="the position is interpolated; projection and division happen per pixel",
     tolerance=0.01,
-    source="raster rule: corners are snapped to 1/256 px, half a step each, magnified by the motion",
+    source="raster rule: corners are snapped to 1/256 px (error of half a step), magnified by the motion",
 )
 def near_crossing_motion(bench: Bench) -> Outcome:
     images, corners, point, floor = _floor(bench, 4.0)
     camera = Camera(yfov=RIGHT_ANGLE)
     shown = floor & (-point[..., 2] > 2.0) & ~images.has(Reason.BEHIND)
     own = pixel_grid(bench.size)
-    truth = to_pixels(point, bench.size, camera) - own
-    # The plane's affine map from (x, z) to the divided previous position, as interpolation between corners gives it.
+    expected = to_pixels(point, bench.size, camera) - own
+    # Interpolation of divided corner positions: an affine map from (x, z) to the previous position.
     weights = np.linalg.solve(np.c_[corners[:, [0, 2]], np.ones(3)], to_pixels(corners, bench.size, camera))
     naive = np.concatenate([point[..., [0, 2]], np.ones((*floor.shape, 1))], axis=-1)[shown] @ weights - own[shown]
-    error = worst(naive - truth[shown])
+    error = worst(naive - expected[shown])
     divided = Naive("divided at the vertices", f"off by {error:.3g} px", error)
-    return field("closed form, px", (images.motion - truth)[shown], divided)
+    return field("closed form, px", (images.motion - expected)[shown], divided)
 
 
 @case(
     "w-exactly-zero",
     what="points exactly in the plane of the previous camera, w = 0",
-    elsewhere="0/0 and x/0 become NaN and Inf; a NaN compares false with every threshold and is 'reused'",
-    here="BEHIND, with motion 0 and nothing divided",
+    elsewhere="0/0 and x/0 are NaN and Inf; comparisons with NaN are false, so the pixel counts as reusable",
+    here="reason BEHIND, motion 0, no division",
     source=EXACT,
 )
 def w_exactly_zero(bench: Bench) -> Outcome:
@@ -154,11 +154,11 @@ def w_exactly_zero(bench: Bench) -> Outcome:
 
 @case(
     "sky-rotation",
-    what="sky while the camera turns by 7 degrees about a skew axis: motion against the closed form",
-    elsewhere="sky gets no motion at all, so every turn smears it",
-    here="each pixel's view direction, rotated, with w = 0",
+    what="motion of the sky while the camera turns by 7 degrees about a skew axis",
+    elsewhere="sky has no motion vectors, so camera rotation smears it",
+    here="the view direction of each pixel is rotated, with w = 0",
     tolerance=1e-3,
-    source="a thousandth of a pixel; float32 rounding of coordinates up to 100 px is 1e-5 px",
+    source="px; float32 rounding of coordinates up to 100 px is 1e-5 px",
 )
 def sky_rotation(bench: Bench) -> Outcome:
     b = SceneBuilder()
@@ -169,17 +169,19 @@ def sky_rotation(bench: Bench) -> Outcome:
     images = bench.pair(b.build())
     lens = Camera(yfov=np.radians(60.0))
     then = rays(bench.size, lens) @ math3d.mat3_from_quat(rotation).T
-    truth = to_pixels(then, bench.size, lens) - pixel_grid(bench.size)
-    still = worst(truth)
-    return field("closed form, px", images.motion - truth, Naive("sky does not move", f"off by {still:.3g} px", still))
+    expected = to_pixels(then, bench.size, lens) - pixel_grid(bench.size)
+    still = worst(expected)
+    return field(
+        "closed form, px", images.motion - expected, Naive("sky does not move", f"off by {still:.3g} px", still)
+    )
 
 
 @case(
     "sky-translation",
-    what="sky while the camera moves by 40 m: it must not move, and nothing of it leaves the screen",
-    elsewhere="sky drawn on a sphere or at the far plane slides along",
-    here="a direction has no position: w = 0 takes the camera's movement out",
-    source="exact: the same direction through the same matrix twice",
+    what="sky while the camera moves by 40 m: no motion and no discard",
+    elsewhere="sky at a finite distance moves against the camera",
+    here="sky is a direction: with w = 0 the translation of the camera has no effect",
+    source="exact: the same direction is transformed by the same matrix twice",
 )
 def sky_translation(bench: Bench) -> Outcome:
     b = SceneBuilder()
@@ -189,19 +191,19 @@ def sky_translation(bench: Bench) -> Outcome:
     images = bench.pair(b.build())
     lens = Camera(yfov=np.radians(60.0))
     sphere = rays(bench.size, lens) * 1000.0 + [40.0, 3.0, -10.0]
-    slides = worst(to_pixels(sphere, bench.size, lens) - pixel_grid(bench.size))
-    naive = Naive("sky at 1000 m", f"moves by {slides:.3g} px", slides)
+    moved = worst(to_pixels(sphere, bench.size, lens) - pixel_grid(bench.size))
+    naive = Naive("sky at 1000 m", f"moves by {moved:.3g} px", moved)
     discarded = int(images.has(FRUSTUM | Reason.POSITION | Reason.NORMAL).sum())
     return field("0 px, no discard", np.append(images.motion.ravel(), discarded), naive)
 
 
 @case(
     "still-jitter",
-    what="a still camera with sub-pixel jitter: motion after the jitter is taken out again",
-    elsewhere="the jitter stays in the motion vectors, and a still picture is resampled for ever",
-    here="motion is the difference of two projections; their jitters differ by a known amount",
+    what="a still camera with sub-pixel jitter: motion after subtraction of the jitter",
+    elsewhere="the jitter stays in the motion vectors, so a still image is resampled every frame",
+    here="motion is the difference of two projections, whose jitters are known",
     tolerance=1e-3,
-    source="the bound the project promises; float32 rounding of coordinates up to 100 px is 1e-5 px",
+    source="px; float32 rounding of coordinates up to 100 px is 1e-5 px",
 )
 def still_jitter(bench: Bench) -> Outcome:
     b, _ = _room()
@@ -210,8 +212,8 @@ def still_jitter(bench: Bench) -> Outcome:
     camera = MovingCamera(lambda t: View(np.array([0.1, 0.2, 1.0]), np.eye(3), lens, np.array(jitters[t])))
     images = bench.pair(b.build(), camera=camera)
     between = (np.array(jitters[1.0]) - np.array(jitters[0.0])) * [1.0, -1.0]
-    left_in = Naive("jitter left in", f"{worst(between):.3g} px", worst(between))
-    return field("0 px", images.motion - between, left_in)
+    with_jitter = Naive("jitter not subtracted", f"{worst(between):.3g} px", worst(between))
+    return field("0 px", images.motion - between, with_jitter)
 
 
 def _cockpit(bench: Bench):
@@ -226,23 +228,23 @@ def _cockpit(bench: Bench):
 
 @case(
     "screen-edge",
-    what="camera inside a turning ship: all stands still on screen, edge pixels exactly on Eq. (3)'s limit",
-    elsewhere="rounding of 1e-6 px pushes part of the border outside, 0.1 % to 3 % of a picture",
-    here="the outside test has a guard of 1/256 px",
-    source=EXACT + "; rounding is 1000 times smaller than the guard",
+    what="a camera inside a turning ship: the image is still, and edge pixels lie exactly on the limit of Eq. (3)",
+    elsewhere="rounding by 1e-6 px moves part of the border outside: 0.1 % to 3 % of the image",
+    here="the test for off-screen points has a tolerance of 1/256 px",
+    source=EXACT + "; rounding is 1000 times smaller than the tolerance",
 )
 def screen_edge(bench: Bench) -> Outcome:
     images = _cockpit(bench)
     at = (pixel_grid(bench.size) + images.motion.astype(np.float64)).astype(np.float32)
     naive = int(np.any((at < 0) | (at > np.array(bench.size) - 1), axis=-1).sum())
-    return count(0, images.counts["frustum"], Naive("no guard", naive, naive))
+    return count(0, images.counts["frustum"], Naive("no tolerance", naive, naive))
 
 
 @case(
     "screen-edge-motion",
-    what="motion in that ship",
-    elsewhere="positions in world space leave rounding noise of many thousandths of a pixel in a still picture",
-    here="both positions are relative to their own camera, composed in float64",
+    what="motion inside the same ship",
+    elsewhere="rounding of world-space positions leaves motion of several 1e-3 px in a still image",
+    here="each position is relative to the camera of its frame, composed in float64",
     tolerance=1e-3,
     source="float32: 32 ulps of 60 px",
 )
@@ -253,9 +255,9 @@ def screen_edge_motion(bench: Bench) -> Outcome:
 @case(
     "on-the-near-plane",
     what="a still wall exactly on the near plane of a turned camera",
-    elsewhere="half of its pixels have depth near - 1 ulp and count as 'behind', although nothing moves",
-    here="the near test has a relative guard of 1e-5",
-    source=EXACT + "; the guard is 80 float ulps",
+    elsewhere="half of its pixels have depth near - 1 ulp and count as behind the camera",
+    here="the near test has a relative tolerance of 1e-5",
+    source=EXACT + "; the tolerance is 80 float ulps",
 )
 def on_the_near_plane(bench: Bench) -> Outcome:
     b = SceneBuilder()
@@ -265,14 +267,14 @@ def on_the_near_plane(bench: Bench) -> Outcome:
     images = bench.pair(b.build())
     naive = int((images.surface & (images.current["position"][..., 3] <= np.float32(0.1))).sum())
     none = 0 if images.surface.any() else images.mask.size
-    return count(0, images.counts["frustum"] + none, Naive("no guard", naive, naive))
+    return count(0, images.counts["frustum"] + none, Naive("no tolerance", naive, naive))
 
 
 @case(
     "declared-first-frame",
-    what="a first frame: there is no history at all",
-    elsewhere="history textures hold whatever was in memory, and the first pair is garbage or 'all reused'",
-    here="every pixel is FIRST, a class of its own that takes no part in any feature",
+    what="the first frame, which has no history",
+    elsewhere="history textures are uninitialized, so the first pair is undefined or all reusable",
+    here="every pixel is FIRST, a separate class that is not part of any feature",
     source=EXACT,
 )
 def first_frame(bench: Bench) -> Outcome:

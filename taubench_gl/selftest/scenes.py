@@ -1,4 +1,4 @@
-"""Small scenes made in code, whose right answers are known.  Space: world, +Y up, metres."""
+"""Small scenes built in code for cases with known answers.  Space: world, +Y up, metres."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 class SceneBuilder:
-    """Collects nodes, meshes and channels; every method returns the index of what it added."""
+    """Collects nodes, meshes and channels; every method returns the index of the added element."""
 
     def __init__(self) -> None:
         self._nodes = NodeList()
@@ -38,7 +38,7 @@ class SceneBuilder:
         self._channels: list[Channel] = []
 
     def node(self, parent: int = -1, *, name: str | None = None, **fields: object) -> int:
-        """A node with glTF's defaults; ``fields`` as ``NodeList.add`` takes them."""
+        """A node with the defaults of glTF; ``fields`` as in ``NodeList.add``."""
         return self._nodes.add(name or f"node {len(self._nodes)}", parent, **fields)
 
     def mesh(self, *primitives: Primitive, weights: Sequence[float] = ()) -> int:
@@ -52,13 +52,13 @@ class SceneBuilder:
     def camera(
         self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, scale=(1.0, 1.0, 1.0), **lens
     ) -> int:
-        """A camera on a node of its own; ``lens`` are fields of ``Camera``.  Returns the node."""
+        """A camera on a new node; ``lens`` are fields of ``Camera``.  Returns the node."""
         self._cameras.append(Camera(**lens))
         index = len(self._cameras) - 1
         return self.node(parent, translation=translation, rotation=rotation, scale=scale, camera=index)
 
     def light(self, parent: int = -1, *, translation=(0.0, 0.0, 0.0), rotation=IDENTITY, **fields) -> int:
-        """A light on a node of its own, shining along its -Z; ``fields`` are those of ``Light``.  Returns the node."""
+        """A light on a new node, shining along -Z; ``fields`` are those of ``Light``.  Returns the node."""
         self._lights.append(Light(**fields))
         return self.node(parent, translation=translation, rotation=rotation, light=len(self._lights) - 1)
 
@@ -82,7 +82,7 @@ class SceneBuilder:
 
 
 class _StillBuilder(SceneBuilder):
-    """Keeps every channel's duration and its first value only."""
+    """Keeps the duration and the first value of every channel."""
 
     def animate(
         self, node: int, path: str, times: Sequence[float], values: object, interpolation: str = "LINEAR"
@@ -98,7 +98,7 @@ def quad(
     material: int = -1,
     normals: bool = True,
 ) -> Primitive:
-    """A rectangle in the plane z = 0, facing +Z, cut into ``cells`` times two triangles."""
+    """A rectangle in the plane z = 0, facing +Z, divided into ``cells`` of two triangles."""
     columns, rows = cells
     x = np.linspace(-half_width, half_width, columns + 1)
     y = np.linspace(-half_height, half_height, rows + 1)
@@ -113,7 +113,7 @@ def quad(
 def box(
     half: Sequence[float] = (1.0, 1.0, 1.0), *, inside: bool = False, cells: int = 1, material: int = -1
 ) -> Primitive:
-    """A box about the origin with flat faces; ``inside``: faces look inwards, a closed room."""
+    """A box around the origin with flat normals; ``inside``: faces point inwards, as in a closed room."""
     positions, normals, triangles = [], [], []
     face = quad(cells=(cells, cells))
     for axis in range(3):
@@ -136,7 +136,7 @@ def box(
 
 
 def sphere(radius: float = 1.0, rings: int = 24) -> Primitive:
-    """A sphere about the origin with exact normals at its vertices."""
+    """A sphere around the origin with exact vertex normals."""
     theta = np.linspace(0.0, np.pi, rings + 1)
     phi = np.linspace(0.0, 2.0 * np.pi, 2 * rings + 1)
     t, p = np.meshgrid(theta, phi, indexing="ij")
@@ -165,7 +165,7 @@ def morphed(primitive: Primitive, *displacements: Array) -> Primitive:
 
 
 def turn(axis: Sequence[float], degrees: float) -> Array:
-    """Quaternion xyzw of a turn about ``axis``.  (4,) float64."""
+    """Quaternion xyzw of a rotation about ``axis``.  (4,) float64."""
     return math3d.quat_from_axis_angle(np.asarray(axis, dtype=np.float64), np.radians(degrees))
 
 
@@ -182,9 +182,9 @@ def busy_room(
 ) -> Scene:
     """A closed room with a moving box, a skinned strip and a camera that walks and turns; one second long.
 
-    Everything hangs below one node at ``offset``, metres, with uniform ``scale``; every key is a small dyadic number,
-    so that float64 composes the world without rounding at any offset up to 1e9 m.  ``still``: nothing moves, yet it
-    lasts a second.  ``lamps``: point lights below the ceiling.
+    All nodes are children of a node at ``offset`` (metres) with uniform ``scale``.  Every key is a small dyadic number,
+    so that float64 world matrices are exact at any offset up to 1e9 m.  ``still``: nothing moves, for one second.
+    ``lamps``: number of point lights below the ceiling.
     """
     b = _StillBuilder() if still else SceneBuilder()
     root = b.node(translation=offset, scale=(scale, scale, scale))
@@ -211,11 +211,11 @@ def busy_room(
 def lamp_field(
     static: int = 73, moving: int = 617, *, reach: float = np.inf, intensity: float = 0.5, cells: int = 48
 ) -> Scene:
-    """Rolling ground of 40 x 40 m under point lights, a camera walking over it; one second long, the same every time.
+    """A hilly ground of 40 x 40 m below point lights, and a moving camera; one second long, deterministic.
 
-    The defaults are the numbers of static and dynamic point lights of the paper's most lit scene.  ``reach``: range of
-    every light, metres; ``intensity``: candela.  Lights hang 0.3 to 1.5 m above the ground; the moving ones drift by
-    half a metre.
+    The defaults are the numbers of point lights of the paper's scene with most lights.  ``reach``: range of
+    every light, metres; ``intensity``: candela.  Lights are 0.3 to 1.5 m above the ground; the moving ones move by up
+    to half a metre per axis.
     """
     b = SceneBuilder()
     ground = quad(20.0, 20.0, cells=(cells, cells), material=b.material(metallic=0.0, roughness=0.8))
@@ -233,12 +233,12 @@ def lamp_field(
     rng = np.random.default_rng(690)
     for i in range(static + moving):
         at = rng.uniform(-19.0, 19.0, 2)
-        place = np.array([at[0], height(*at) + rng.uniform(0.3, 1.5), at[1]])
+        position = np.array([at[0], height(*at) + rng.uniform(0.3, 1.5), at[1]])
         color = 0.3 + 0.7 * rng.random(3)
-        node = b.light(translation=place, color=tuple(color), intensity=intensity, range=reach)
+        node = b.light(translation=position, color=tuple(color), intensity=intensity, range=reach)
         drift = rng.uniform(-0.5, 0.5, 3)
         if i >= static:
-            b.animate(node, "translation", [0.0, 1.0], [place, place + drift])
+            b.animate(node, "translation", [0.0, 1.0], [position, position + drift])
     camera = b.camera(rotation=turn_x(-12.0), yfov=np.radians(60.0), znear=0.05)
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 2.5, 16.0), (0.5, 2.5, 14.5)])
     return b.build()

@@ -1,4 +1,4 @@
-"""Cases: surfaces that deform: where they were one frame ago, and blending far from the origin."""
+"""Cases: motion of skinned and morphed surfaces, and skinning far from the origin."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def _one_joint(primitive, joint_path: str, keys, bench: Bench, camera_keys=None)
 @case(
     "skinned-motion",
     what="a skinned wall whose joint moves by 5 px, camera still: motion of its pixels",
-    elsewhere="the current skinned pose projected with the previous camera: motion 0 on everything that walks",
+    elsewhere="the current pose is projected with the previous camera: motion 0 on every character",
     here="the previous pose is skinned at the previous time, in the same dispatch",
     tolerance=1e-3,
     source=PIXELS,
@@ -46,9 +46,9 @@ def skinned_motion(bench: Bench) -> Outcome:
 
 @case(
     "skinned-with-camera",
-    what="a joint and the camera that both move by 6 px: motion of the pixels on the skinned wall",
-    elsewhere="with the current pose the camera's whole movement appears as motion",
-    here="each frame's pose is relative to its own camera",
+    what="a joint and the camera both move by 6 px: motion of the pixels on the skinned wall",
+    elsewhere="with the current pose, the whole camera motion appears as motion of the wall",
+    here="the pose of each frame is relative to the camera of that frame",
     tolerance=1e-3,
     source=PIXELS,
 )
@@ -63,9 +63,9 @@ def skinned_with_camera(bench: Bench) -> Outcome:
 
 @case(
     "skinned-rotation",
-    what="a joint that turns by 60 degrees: the stored previous positions, turned back, against the current ones",
-    elsewhere="previous positions interpolated in time, or taken from the bind pose",
-    here="the same vertices through the previous palette",
+    what="a joint that turns by 60 degrees: previous positions, rotated, against the current positions",
+    elsewhere="previous positions are interpolated in time, or taken from the bind pose",
+    here="the same vertices are skinned with the previous palette",
     tolerance=2e-5,
     source="metres; float32: 4 ulps of 50 m, the distance to the camera",
 )
@@ -83,8 +83,8 @@ def skinned_rotation(bench: Bench) -> Outcome:
 @case(
     "morph-motion",
     what="a morph target that moves a wall by 3 px as its weight goes from 0 to 1: motion of its pixels",
-    elsewhere="morph weights have no history; motion 0 on every face that speaks",
-    here="weights now and one frame ago go to the GPU together; a target at 0 now still counts for then",
+    elsewhere="morph weights have no history: motion 0 on animated faces",
+    here="the GPU gets current and previous weights; a target with current weight 0 still moves previous positions",
     tolerance=1e-3,
     source=PIXELS,
 )
@@ -99,13 +99,13 @@ def morph_motion(bench: Bench) -> Outcome:
         one_metre_per_pixel(b, bench)
         images = bench.pair(b.build(), reprojection="motion")
         off.append(worst((images.motion - [expected, 0.0])[images.surface]) if images.surface.any() else np.nan)
-    return field("3 px back and forth", off, Naive("no weights of the previous frame", "0 px", 3.0))
+    return field("3 px back and forth", off, Naive("no previous weights", "0 px", 3.0))
 
 
 @case(
     "weights-of-thirds",
     what="three equal joints at 1e6 m with float32 weights of 1/3, which sum to 1 + 3e-8: shift against the origin",
-    elsewhere="blending world matrices multiplies the world offset by that sum: 3 cm, and it trembles with the weights",
+    elsewhere="blending world matrices scales the world offset by that sum: an error of 3 cm",
     here="palettes are relative to the camera before they are blended",
     tolerance=1e-5,
     source="metres; float32: 2 ulps of 50 m, the distance to the camera",
@@ -128,14 +128,14 @@ def weights_of_thirds(bench: Bench) -> Outcome:
 
 
 @case(
-    "skinned-twin",
-    what="a strip of two joints half-way between keys: the GPU's points against the float64 pose",
-    elsewhere="dual quaternions, normalised blends or half-float palettes give another surface",
-    here="linear blend skinning, float32 on the GPU, with a float64 twin",
+    "skinned-reference",
+    what="a strip of two joints at half time between keys: GPU points against the float64 pose",
+    elsewhere="dual quaternions, normalized blends or half-float palettes give a different surface",
+    here="linear blend skinning in float32 on the GPU, with a float64 reference",
     tolerance=2e-5,
     source="metres; float32: 32 ulps of 5 m through two matrices",
 )
-def skinned_twin(bench: Bench) -> Outcome:
+def skinned_reference(bench: Bench) -> Outcome:
     strip = quad(1.0, 2.0, cells=(1, 1))
     height = (strip.positions[:, 1:2] + 2.0) / 4.0
     b = SceneBuilder()
@@ -150,7 +150,7 @@ def skinned_twin(bench: Bench) -> Outcome:
     corners = pose_vertices(scene, Poser(scene).sample(0.5), node, influence)
     frame, _ = bench.frame(scene, 0.5)
     points = frame["position"][frame["position"][..., 3] > 0][:, :3].astype(float)
-    # Every drawn point must lie inside one of the two triangles of the posed corners (all in the plane z = -5).
+    # Every rendered point must lie inside one of the two posed triangles, in the plane z = -5.
     outside = np.full(len(points), np.inf)
     for triangle in strip.triangles:
         a, b_, c = corners[triangle][:, :2]

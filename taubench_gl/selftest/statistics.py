@@ -1,4 +1,4 @@
-"""Cases: sums of very many, very large or nearly equal numbers, and the bookkeeping of whole sequences."""
+"""Cases: sums of many, large or nearly equal numbers, and the counts of whole sequences."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CONDITION = "relative; float64: 1e-11 for inputs of 1000 rounded to 1.1e-13 arou
 
 
 def _nearly_equal(count: int) -> tuple[Array, float]:
-    """1000 +- 0.01 alternating, and the exact population variance of those very floats."""
+    """1000 +- 0.01 alternating, and the exact population variance of these floats."""
     values = np.where(np.arange(count) % 2 == 0, 1000.01, 999.99)
     high, low = 1000.01, 999.99
     half = (high - low) / 2  # Sterbenz: exact
@@ -25,7 +25,7 @@ def _nearly_equal(count: int) -> tuple[Array, float]:
 
 
 def one_pass_variance(values: Array) -> float:
-    """E[x^2] - E[x]^2, the formula of every pocket calculator."""
+    """E[x^2] - E[x]^2, the one-pass formula."""
     total = float(np.cumsum(values)[-1])
     squares = float(np.cumsum(values * values)[-1])
     return squares / len(values) - (total / len(values)) ** 2
@@ -39,7 +39,7 @@ def _against_one_pass(values: Array, exact: float, variance: float) -> Outcome:
 
 @case(
     "variance-stream",
-    what="population variance of 1e5 values 1000 +- 0.01, one at a time",
+    what="population variance of 1e5 values 1000 +- 0.01, added one by one",
     elsewhere="E[x^2] - E[x]^2 subtracts two numbers near 1e6 that agree in ten digits; in float32 it is negative",
     here="Welford (1962) in float64",
     tolerance=1e-9,
@@ -55,9 +55,9 @@ def variance_stream(bench: Bench) -> Outcome:
 
 @case(
     "variance-blocks",
-    what="1e6 such values in 1000 blocks of unequal size, merged",
-    elsewhere="variances of blocks are averaged",
-    here="Chan, Golub and LeVeque's update (1979) of two-pass blocks",
+    what="1e6 of these values in 1000 blocks of unequal size, merged",
+    elsewhere="the variances of blocks are averaged",
+    here="the update of Chan, Golub and LeVeque (1979) with two-pass blocks",
     tolerance=1e-9,
     source=CONDITION,
 )
@@ -72,10 +72,10 @@ def variance_blocks(bench: Bench) -> Outcome:
 @case(
     "mean-far-from-zero",
     what="mean of the 2^20 values 1e9 + i / 2^20",
-    elsewhere="a float32 sum stops at 1.7e7 times the smallest addend",
+    elsewhere="a float32 sum stops growing at 1.7e7 times the addend",
     here="running mean of differences in float64",
     tolerance=3e-7,
-    source="float64: 2.5 ulps of 1e9; the values themselves have steps of one",
+    source="float64: 2.5 ulps of 1e9; the values are rounded to 1 ulp",
 )
 def mean_far(bench: Bench) -> Outcome:
     values = 1e9 + np.arange(2**20) / 2**20
@@ -90,8 +90,8 @@ def mean_far(bench: Bench) -> Outcome:
 @case(
     "more-than-2^24-pixels",
     what="4096 x 4097 pixels of sky counted on the GPU: 16,781,312",
-    elsewhere="a float32 counter stops at 2^24 = 16,777,216: adding 1 no longer changes it",
-    here="unsigned integers on the GPU, finished in 64 bits",
+    elsewhere="a float32 counter stops at 2^24 = 16,777,216, where adding 1 has no effect",
+    here="unsigned integers on the GPU, summed in 64 bits",
     source="exact: an unsigned count on the GPU",
 )
 def many_pixels(bench: Bench) -> Outcome:
@@ -106,9 +106,9 @@ def many_pixels(bench: Bench) -> Outcome:
 
 @case(
     "counts-past-32-bits",
-    what="2^32 - 1 pixels of each of two reason words (a long sequence) added up",
-    elsewhere="32-bit sums wrap to a small number",
-    here="counts are widened to 64 bits before they are added",
+    what="the sum of 2^32 - 1 pixels of each of two reason words (a long sequence)",
+    elsewhere="32-bit sums wrap around",
+    here="counts are converted to 64 bits before they are added",
     source="exact: integers",
 )
 def past_32_bits(bench: Bench) -> Outcome:
@@ -121,8 +121,8 @@ def past_32_bits(bench: Bench) -> Outcome:
 
 @case(
     "classes-add-up",
-    what="busy room, both reprojections, three pairs: pixels in no class or in two",
-    elsewhere="invalid pixels are silently replaced by 0 and the total still reads 100 %",
+    what="the busy room, both reprojections, three pairs: pixels in no class or in two",
+    elsewhere="invalid pixels are silently replaced by 0, and the total is still 100 %",
     here="first, cut, invalid, frustum and comparable are exclusive and add up to w h",
     source="exact: integers",
 )
@@ -137,21 +137,21 @@ def classes_add_up(bench: Bench) -> Outcome:
 
 @case(
     "discards-are-surfaces",
-    what="busy room: pixels that are DISOCCLUDED or OCCLUDING without being position discards",
-    elsewhere="disocclusion is a second test with its own epsilon, and contradicts the first",
-    here="both are said of position discards only",
+    what="the busy room: pixels that are DISOCCLUDED or OCCLUDING but not POSITION",
+    elsewhere="disocclusion is a separate test with another tolerance, which contradicts the first",
+    here="both are set for position discards only",
     source="exact: integers",
 )
 def discards_are_surfaces(bench: Bench) -> Outcome:
     images = bench.pair(busy_room(), (0.0, 1.0), reprojection="motion")
-    said = images.has(Reason.DISOCCLUDED | Reason.OCCLUDING)
-    return count(0, int((said & ~images.has(Reason.POSITION)).sum()) if said.any() else -1)
+    occlusion = images.has(Reason.DISOCCLUDED | Reason.OCCLUDING)
+    return count(0, int((occlusion & ~images.has(Reason.POSITION)).sum()) if occlusion.any() else -1)
 
 
 @case(
     "frames-and-pairs",
-    what="a scene of exactly 1 s at 24 frames a second: pairs of the whole evaluation",
-    elsewhere="frame 0 is paired with itself, and every mean is diluted",
+    what="a scene of exactly 1 s at 24 frames per second: number of pairs",
+    elsewhere="frame 0 is paired with itself, which lowers every mean",
     here="frames i = 0 .. floor(duration * fps * (1 + 2^-23) + 1e-6); N frames give N - 1 pairs; means are over pairs",
     source="exact: integers",
 )
@@ -162,9 +162,9 @@ def frames_and_pairs(bench: Bench) -> Outcome:
 
 @case(
     "still-scene",
-    what="a still camera over a still room, every mask, both reprojections and both ways of sampling history",
-    elsewhere="0.1 % of a still picture is discarded at its border, more in bilinear history",
-    here="zero motion comes out as exactly zero",
+    what="a still camera in a still room, both reprojections, both history filters: pixels with a reason bit or motion",
+    elsewhere="0.1 % of a still image is discarded at its border, more with bilinear history",
+    here="zero motion is exactly zero",
     source="exact: integers",
 )
 def still_scene(bench: Bench) -> Outcome:

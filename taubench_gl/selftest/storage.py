@@ -1,4 +1,4 @@
-"""Cases: what half, float and double storage do to positions and motion."""
+"""Cases: precision of stored positions and motion, and GPU results against float64 references."""
 
 from __future__ import annotations
 
@@ -28,35 +28,35 @@ def _fast_turn(bench: Bench):
 
 @case(
     "motion-storage",
-    what="motion of 1200 to 8000 px (a fast turn, 10-degree lens): stored motion against float64, relative",
-    elsewhere="half floats have steps of 1 px above 1024 and 2 px above 2048: up to half a pixel off and more",
+    what="motion of 1200 to 8000 px (a fast turn, 10-degree lens): relative error of the stored motion",
+    elsewhere="half floats have steps of 1 px above 1024 and 2 px above 2048",
     here="float32 motion in pixels",
     tolerance=1e-5,
-    source="relative; float32: matrices, a quotient near its pole (turn of 80 degrees magnifies rounding by 6)",
+    source="relative; float32: matrices, and a quotient near its pole, which magnifies rounding by 6",
 )
 def motion_storage(bench: Bench) -> Outcome:
-    images, truth = _fast_turn(bench)
-    size = np.abs(truth[..., 0])
-    naive = worst((truth[..., 0].astype(np.float16).astype(float) - truth[..., 0]) / size)
+    images, expected = _fast_turn(bench)
+    size = np.abs(expected[..., 0])
+    naive = worst((expected[..., 0].astype(np.float16).astype(float) - expected[..., 0]) / size)
     return field(
         f"{size.min():.0f} to {size.max():.0f} px",
-        (images.motion - truth)[..., 0] / size,
+        (images.motion - expected)[..., 0] / size,
         Naive("half-float motion", f"off by {naive:.3g}, {naive * size.max():.2g} px", naive),
     )
 
 
 @case(
     "position-storage",
-    what="positions of the busy room: stored against projected back to their own pixel, relative to distance",
-    elsewhere="half-float positions are off by 1/2048: 2 mm at 4 m, 5 cm at 100 m, as much as many thresholds",
+    what="stored positions on the back wall of the busy room: distance from the wall, relative to the camera distance",
+    elsewhere="half-float positions are off by 1/2048: 2 mm at 4 m, 5 cm at 100 m, as large as many thresholds",
     here="float32 relative to the camera: 4e-7 m at 4 m",
     tolerance=1e-5,
-    source="relative; raster rule: corners snapped to 1/256 px move a point along its ray by far less than this",
+    source="relative; raster rule: corners snapped to 1/256 px move a point along its ray by less than this",
 )
 def position_storage(bench: Bench) -> Outcome:
     frame, view = bench.frame(busy_room(), 0.3)
     position = frame["position"].astype(float)
-    # Points of the room's back wall z = -4: their planar distance to it is known exactly.
+    # Points of the back wall z = -4, whose distance from it is known.
     world = position[..., :3] + view.position
     wall = (np.abs(world[..., 2] + 4.0) < 0.01) & (np.abs(frame["normal"][..., 2]) > 0.99)
     points, distance = world[wall], np.linalg.norm(position[wall][:, :3], axis=-1)
@@ -65,40 +65,40 @@ def position_storage(bench: Bench) -> Outcome:
     return field("the wall z = -4", (points[:, 2] + 4.0) / distance if wall.any() else np.nan, naive)
 
 
-def _twin_case(name: str, mode: str, sampling: str) -> None:
+def _reference_case(name: str, mode: str, sampling: str) -> None:
     @case(
         name,
-        what=f"busy room, {mode} reprojection, {sampling} history: pixels whose mask differs from the float64 twin's",
-        elsewhere="GPU and paper differ and nobody can say by how much",
-        here="every formula has a float64 twin in NumPy",
+        what=f"the busy room, {mode} reprojection, {sampling} history: pixels that differ from the float64 reference",
+        elsewhere="the difference between the GPU and the paper's equations is unknown",
+        here="every formula has a float64 reference in NumPy",
         tolerance=12.0,
-        source="0.2 % of 6144 pixels: a distance within a few float ulps of its threshold may fall on either side",
+        source="0.2 % of 6144 pixels: a distance within a few float ulps of its threshold may be on either side",
     )
-    def twin(bench: Bench) -> Outcome:
+    def reference(bench: Bench) -> Outcome:
         images = bench.pair(busy_room(), (0.5, 0.75), reprojection=mode, sampling=sampling)
-        truth = pair_masks(
+        exact = pair_masks(
             images.current, images.history, images.pair, limits(None), reprojection=mode, sampling=sampling
         )
-        return count(0, int((truth.mask != images.mask).sum()))
+        return count(0, int((exact.mask != images.mask).sum()))
 
 
-_twin_case("twin-camera", "camera", "nearest")
-_twin_case("twin-motion", "motion", "nearest")
-_twin_case("twin-bilinear", "motion", "bilinear")
+_reference_case("reference-camera", "camera", "nearest")
+_reference_case("reference-motion", "motion", "nearest")
+_reference_case("reference-bilinear", "motion", "bilinear")
 
 
 @case(
     "masks-in-half-floats",
-    what="a still wall 100 m away, moved by 1 mm sideways a frame, threshold 1 cm: position discards",
-    elsewhere="half-float positions have steps of 6 cm at 100 m, so a still wall is discarded",
-    here="float32: steps of 8 micrometres",
+    what="a wall 100 m away that moves sideways by 1 mm per frame, threshold 1 cm: position discards",
+    elsewhere="half-float positions have steps of 6 cm at 100 m, so the wall is discarded",
+    here="float32 positions: steps of 8 micrometres",
     source="exact: an unsigned count on the GPU",
 )
 def masks_in_half_floats(bench: Bench) -> Outcome:
     wall = bench.wall(bench.size)
     position = wall["position"] * [100.0, 100.0, 100.0, 100.0]
     moved = position + [0.001, 0.0, 0.0, 0.0]
-    # Not a multiple of half's step, and the same for both: only rounding differs.
+    # The motion is no multiple of the half-float step, so only rounding differs.
     now, then = {**wall, "position": moved}, {**wall, "position": position}
     few = {"position": 0.01}
     naive = bench.compare(now, then, thresholds=few, dtype="f2").counts["position"]
@@ -107,18 +107,18 @@ def masks_in_half_floats(bench: Bench) -> Outcome:
 
 
 @case(
-    "motion-twin",
-    what="busy room: motion on the GPU against float64",
-    elsewhere="differences of divided positions in world space lose three digits",
-    here="clip positions relative to each frame's own camera",
+    "motion-reference",
+    what="the busy room: motion on the GPU against float64",
+    elsewhere="differences of projected world-space positions lose three digits",
+    here="clip positions are relative to the camera of each frame",
     tolerance=1e-3,
     source="px; float32: 64 ulps of coordinates up to 100 px, near the screen's edge",
 )
-def motion_twin(bench: Bench) -> Outcome:
+def motion_reference(bench: Bench) -> Outcome:
     images = bench.pair(busy_room(), (0.5, 0.75), reprojection="motion")
     position, before = (images.current[n].astype(np.float64) for n in ("position", "prev_position"))
-    truth = reproject(images.pair, position, before)
-    seen = ~truth.behind & ~truth.outside
-    half = worst(images.motion.astype(np.float16).astype(np.float64)[seen] - truth.motion_px[seen])
+    exact = reproject(images.pair, position, before)
+    seen = ~exact.behind & ~exact.outside
+    half = worst(images.motion.astype(np.float16).astype(np.float64)[seen] - exact.motion_px[seen])
     naive = Naive("half floats", f"off by {half:.3g} px", half)
-    return field("float64 twin", (images.motion - truth.motion_px)[seen], naive)
+    return field("float64 reference", (images.motion - exact.motion_px)[seen], naive)

@@ -420,7 +420,7 @@ GUARDS: tuple[Guard, ...] = (
         "unit-scale", "the position threshold scales with unit_scale", _absolute_threshold, ("scale-2^-20", "scale-1e6")
     ),
     Guard(
-        "normalised-weights",
+        "normalized-weights",
         "skin weights are normalized to a sum of 1",
         _python((meshes, "skin_weights", _weights_as_stored)),
         ("weights-not-one", "weights-all-zero"),

@@ -1,4 +1,4 @@
-"""The hard cases: every one on EGL here, all of them on OSMesa in a process of its own."""
+"""Every hard case on EGL, and all cases on OSMesa in another process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.loaders import OSMESA_LIBRARIES, open_library
 from taubench_gl.selftest import cases
 from taubench_gl.selftest.bench import Bench
-from taubench_gl.selftest.case import judge
+from taubench_gl.selftest.runner import run_case
 
 CASES = cases()
 
@@ -29,33 +29,32 @@ def bench():
 
 @pytest.mark.parametrize("name", [c.name for c in CASES])
 def test_case(bench, name):
-    result = judge(next(c for c in CASES if c.name == name), bench)
+    result = run_case(next(c for c in CASES if c.name == name), bench)
     assert result.failure is None, result.failure
     assert result.passed, f"error {result.error} of {result.case.tolerance}: {result.expected} / {result.measured}"
-    if result.naive is not None:  # the case is hard: the obvious formula does not pass it
+    if result.naive is not None:  # the simpler formula does not pass
         assert not result.naive.error <= result.case.tolerance, f"{result.naive} passes"
 
 
 @pytest.mark.parametrize("size", [(48, 32), (160, 90), (97, 61)])
-def test_other_sizes(size):
-    """Closed forms hold at any size, odd ones included."""
+def test_cases_pass_at_other_sizes(size):
     gpu = open_gpu("egl")
     with gpu:
         made = Bench(gpu, size)
-        results = [judge(c, made) for c in CASES if c.name != "more-than-2^24-pixels"]
+        results = [run_case(c, made) for c in CASES if c.name != "more-than-2^24-pixels"]
         made.release()
     failed = [f"{r.name}: {r.error} {r.measured} {r.failure}" for r in results if not r.passed]
     assert not failed, "\n".join(failed)
 
 
-def test_there_are_enough():
+def test_number_and_uniqueness_of_cases():
     assert len(CASES) >= 100
     assert len({c.name for c in CASES}) == len(CASES)
 
 
 @pytest.mark.skipif(open_library(OSMESA_LIBRARIES) is None, reason="libOSMesa is not installed")
 def test_all_cases_on_osmesa():
-    """One backend per process: two drivers in one do not get along."""
+    """In another process: a process can use only one backend."""
     command = [sys.executable, "-m", "taubench_gl", "selftest", "--backend", "osmesa", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode in (0, 1), done.stderr
