@@ -16,7 +16,7 @@ EXACT = "exact: an unsigned count on the GPU"
 def _depth_case(name: str, distance: float, znear: float, zfar: float) -> None:
     @case(
         name,
-        what=f"near {znear:g}, far {zfar:g}: two walls at {distance:g} m, 2e-6 of that apart, the nearer one drawn last",
+        what=f"near {znear:g}, far {zfar:g}: two walls at {distance:g} m, 2e-6 of that apart, nearer one drawn last",
         elsewhere="both walls have the same 24-bit fixed-point depth, and the one drawn first stays visible",
         here="reversed Z in [0, 1] in a 32-bit float depth texture: constant relative precision",
         source="2e-6 is 17 float ulps of depth = near / z; " + EXACT,
