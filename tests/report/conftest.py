@@ -1,4 +1,4 @@
-"""A made-up run with known numbers, for everything that only looks at results."""
+"""A synthetic run with known numbers."""
 
 from __future__ import annotations
 
@@ -84,5 +84,5 @@ def run(summary: dict[str, Any], frames: list[dict[str, Any]]) -> Run:
 
 @pytest.fixture(scope="session")
 def make_run() -> Callable[[], Run]:
-    """The same run for fixtures that outlive a test: a new copy at every call."""
+    """The synthetic run for session and module fixtures: every call returns a new copy."""
     return lambda: Run(copy.deepcopy(_SUMMARY), _frames())

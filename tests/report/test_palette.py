@@ -1,4 +1,4 @@
-"""Colours of masks stay apart, for people who see all of them and for those who do not.
+"""Mask colors are distinguishable for normal vision and for simulated color vision deficiencies.
 
 Source: OKLab, B. Ottosson 2020; simulated deficiencies: G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, "A
 Physiologically-based Model for Simulation of Color Vision Deficiency", IEEE TVCG 15(6), 2009, matrices of severity 1.
@@ -39,13 +39,13 @@ LAB = np.array([
 ])  # fmt: skip
 
 MINIMUM = 0.05
-"""Between any two.  What is nearest is kin: sky and the sky of history; direct, and direct that rose."""
+"""Smallest OKLab distance of any two.  The nearest pairs are related: sky and history sky; direct and brightened."""
 SHADOWED = 0.09
-"""Between shadowed and any other, which it lies beside in every picture of a moving light."""
+"""Smallest distance of darkened to any other, to which it is adjacent in every image of a moving light."""
 
 
 def oklab(rgb, sight="normal"):
-    """8-bit sRGB as ``sight`` has it -> (3,) L, a, b."""
+    """8-bit sRGB as seen with ``sight`` -> (3,) L, a, b."""
     encoded = np.asarray(rgb) / 255.0
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return LAB @ np.cbrt(LMS @ np.clip(np.asarray(SIGHTS[sight]) @ linear, 0.0, 1.0))
@@ -56,20 +56,22 @@ def test_oklab_of_white_and_red():
     np.testing.assert_allclose(oklab((255, 0, 0)), (0.62796, 0.22486, 0.12585), atol=1e-3)
 
 
-def test_who_lacks_a_cone_confuses_what_only_it_tells_apart():
-    """Red against green falls together without red or green cones and not without blue ones; greys stay."""
+def test_deficiencies_reduce_red_green_contrast_only():
+    """Red and green converge without red or green cones but not without blue ones; grays do not change."""
     red, green = (0xC0, 0x50, 0x40), (0x70, 0x80, 0x38)
-    apart = {sight: np.linalg.norm(oklab(red, sight) - oklab(green, sight)) for sight in SIGHTS}
-    assert max(apart["protanopia"], apart["deuteranopia"]) < 0.75 * min(apart["normal"], apart["tritanopia"])
+    distance = {sight: np.linalg.norm(oklab(red, sight) - oklab(green, sight)) for sight in SIGHTS}
+    assert max(distance["protanopia"], distance["deuteranopia"]) < 0.75 * min(
+        distance["normal"], distance["tritanopia"]
+    )
     for sight in SIGHTS:
         np.testing.assert_allclose(oklab((128, 128, 128), sight), oklab((128, 128, 128)), atol=2e-3)
 
 
 @pytest.mark.parametrize("sight", SIGHTS)
-def test_any_two_colours_are_apart(sight):
-    shown = [reason for reason in REASON_COLORS if reason != Reason.OUTSIDE]  # outside is frustum's, one column
+def test_any_two_colors_differ(sight):
+    shown = [reason for reason in REASON_COLORS if reason != Reason.OUTSIDE]  # OUTSIDE has the color of frustum
     assert REASON_COLORS[Reason.OUTSIDE] == REASON_COLORS[FRUSTUM]
     for a, b in itertools.combinations(shown, 2):
-        apart = np.linalg.norm(oklab(REASON_COLORS[a], sight) - oklab(REASON_COLORS[b], sight))
+        distance = np.linalg.norm(oklab(REASON_COLORS[a], sight) - oklab(REASON_COLORS[b], sight))
         least = SHADOWED if Reason.SHADOWED in (a, b) else MINIMUM
-        assert apart >= least, f"{key_of(a)} and {key_of(b)}: {apart:.3f}"
+        assert distance >= least, f"{key_of(a)} and {key_of(b)}: {distance:.3f}"

@@ -1,4 +1,4 @@
-"""Plots: the numbers behind the lines, and files that open."""
+"""Plots: values of the curves, and readable files."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def test_curve_is_the_share_of_distances_at_or_above_each_edge():
     assert np.all(np.diff(percent) <= 0)
 
 
-def test_curve_refuses_lengths_that_do_not_fit():
-    with pytest.raises(ValueError, match="3 counts and 3 edges"):
+def test_curve_raises_for_lengths_that_do_not_fit():
+    with pytest.raises(ValueError):
         discard_curve({"edges": [1, 2, 3], "counts": [1, 2, 3]}, 1)
 
 
@@ -37,20 +37,20 @@ def test_plots_are_written_as_png_and_svg_without_pyplot(summary, frames, tmp_pa
     assert [file.name for file in files] == ["thresholds.png", "thresholds.svg", "frames.png", "frames.svg"]
     for file in files:
         if file.suffix == ".png":
-            picture = iio.imread(file)[..., :3]
-            assert picture.shape[0] > 500 and np.std(picture) > 5
+            image = iio.imread(file)[..., :3]
+            assert image.shape[0] > 500 and np.std(image) > 5
         else:
             assert "<svg" in file.read_text(encoding="utf-8")
     assert "matplotlib.pyplot" not in sys.modules
 
 
-def test_same_run_same_svg(summary, tmp_path):
+def test_svg_is_reproducible(summary, tmp_path):
     first = plot_thresholds(summary, tmp_path / "a")[1].read_bytes()
     assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
 
 
-def test_samples_of_a_pixel_are_shares_of_their_own_number(summary, tmp_path):
-    """Twice the counts of twice the samples draw the same curve."""
+def test_curve_is_relative_to_the_number_of_samples(summary, tmp_path):
+    """Twice the counts of twice the samples give the same plot."""
     first = plot_thresholds(summary, tmp_path / "a")[1].read_bytes()
     summary["settings"]["samples_per_pixel"] = 2
     for curve in filter(None, summary["curves"].values()):
@@ -58,24 +58,24 @@ def test_samples_of_a_pixel_are_shares_of_their_own_number(summary, tmp_path):
     assert plot_thresholds(summary, tmp_path / "b")[1].read_bytes() == first
 
 
-def test_names_that_look_like_formulas(summary, frames, tmp_path):
+def test_scene_names_are_not_parsed_as_formulas(summary, frames, tmp_path):
     summary["scene"]["name"] = r"$\frac{ 100 % $x_1$ <b>"
     assert len(plot_frames(summary, frames, tmp_path / "frames")) == 2
 
 
-def test_nothing_to_plot_writes_nothing(summary, tmp_path):
+def test_no_file_without_values(summary, tmp_path):
     summary["curves"] = {}
     assert plot_thresholds(summary, tmp_path / "x") == []
     assert plot_frames(summary, [], tmp_path / "x") == []
     assert list(tmp_path.iterdir()) == []
 
 
-def test_unmeasured_columns_and_one_pair(summary, frames, tmp_path):
+def test_frames_plot_with_unmeasured_columns_and_one_pair(summary, frames, tmp_path):
     row = frames[0] | dict.fromkeys(("color", "direct", "position", "translation_m", "angle_deg"))
     assert len(plot_frames(summary, [row], tmp_path / "frames")) == 2
 
 
-def test_the_papers_names_lie_beside_a_sweep_not_on_its_curves(tmp_path, monkeypatch):
+def test_legend_of_a_sweep_is_outside_the_axes(tmp_path, monkeypatch):
     from taubench_gl.report import plots
 
     drawn = []
@@ -91,7 +91,7 @@ def test_the_papers_names_lie_beside_a_sweep_not_on_its_curves(tmp_path, monkeyp
     assert axes.get_legend().get_window_extent().x0 >= axes.get_window_extent().x1
 
 
-def test_report_folder(summary, frames, tmp_path):
+def test_write_report_writes_tables_and_plots(summary, frames, tmp_path):
     files = {file.name for file in write_report(summary, frames, tmp_path / "out")}
     assert files == {file.name for file in (tmp_path / "out").iterdir()}
     assert {"tables.txt", "tables.md", "tables.csv", "tables.tex", "thresholds.svg", "frames.png"} <= files

@@ -1,4 +1,4 @@
-"""``taubench-gl report`` as people type it."""
+"""The command ``taubench-gl report``."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ def report(*arguments: object) -> int:
     return done.value.code
 
 
-def test_one_run_gets_its_report_beside_its_summary(run, tmp_path, capsys):
+def test_one_run_gets_its_report_next_to_its_summary(run, tmp_path, capsys):
     run.save(tmp_path / "run")
     assert report(tmp_path / "run") == 0
     assert (tmp_path / "run" / "report.html").read_text().startswith("<!DOCTYPE html>")
-    assert "report.html (0." in capsys.readouterr().out
+    assert "report.html" in capsys.readouterr().out
 
 
-def test_several_runs_in_a_named_file(run, tmp_path):
+def test_several_runs_with_out(run, tmp_path):
     for name in ("a", "b"):
         run.save(tmp_path / name)
     assert report(tmp_path / "a", tmp_path / "b", "--out", tmp_path / "both.html") == 0
@@ -31,7 +31,7 @@ def test_several_runs_in_a_named_file(run, tmp_path):
     assert not (tmp_path / "a" / "report.html").exists()
 
 
-def test_several_runs_without_a_name_go_to_the_working_folder(run, tmp_path, monkeypatch):
+def test_several_runs_without_out_go_to_the_current_folder(run, tmp_path, monkeypatch):
     run.save(tmp_path / "a")
     monkeypatch.chdir(tmp_path)
     assert report("a", "a") == 0
@@ -39,26 +39,33 @@ def test_several_runs_without_a_name_go_to_the_working_folder(run, tmp_path, mon
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "named"),
     [
-        (("missing",), "missing: does not exist"),
-        (("run", "--out", "none/report.html"), "none/report.html: cannot be written"),
-        (("run", "--out", ""), "the name is empty"),
-        (("run", "--pictures", "0"), "--pictures"),
+        (("missing",), "missing"),
+        (("run", "--out", "none/report.html"), "none/report.html"),
+        (("run", "--out", ""), "--out"),
+        (("run", "--images", "0"), "--images"),
         ((), "RUN..."),
     ],
 )
-def test_one_line_for_what_cannot_be(run, tmp_path, monkeypatch, capsys, arguments, told):
+def test_errors_are_one_line_with_exit_code_2(run, tmp_path, monkeypatch, capsys, arguments, named):
     run.save(tmp_path / "run")
     monkeypatch.chdir(tmp_path)
     assert report(*arguments) == 2
-    told_lines = capsys.readouterr().err
-    assert told in told_lines and "Traceback" not in told_lines
+    printed = capsys.readouterr().err
+    assert named in printed and "Traceback" not in printed
     assert not list(tmp_path.rglob("*.html"))
+
+
+def test_former_name_of_the_images_option(run, tmp_path, capsys):
+    run.save(tmp_path / "run")
+    assert report(tmp_path / "run", "--pictures", "3") == 0
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_evaluate_report_needs_a_folder(capsys):
     with pytest.raises(SystemExit) as done:
         main(["evaluate", "scene.glb", "--report"])
     assert done.value.code == 2
-    assert "--report needs --out DIR" in capsys.readouterr().err
+    printed = capsys.readouterr().err
+    assert "--report" in printed and "--out" in printed

@@ -1,4 +1,4 @@
-"""Tables: the paper's numbers as printed there, ours beside them, reasons for what is missing, five renderings."""
+"""Tables: the numbers of the paper and of runs, reasons of missing values, five formats."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from taubench_gl.report.labels import run_labels
 from taubench_gl.report.render import MIN_WIDTH, format_value
 from taubench_gl.report.tables import paper_numbers
 
-# Typed off the paper's Tables 1 to 4 by hand, one row of each: a slip in paper.json must not pass.
+# One row of each of the paper's Tables 1 to 4, copied by hand to verify paper.json.
 PAPER_ROWS = {
     1: ("Eternal Valley VR", (491, 34, None, 63, 626, None, None)),
     2: ("Emerald Square", (0.154, 0.004, 0.248, None, None, None, None)),
@@ -34,7 +34,7 @@ def value(table: Table, row: Row, column: str):
     return row.values[[c.name for c in table.columns].index(column)]
 
 
-def test_paper_rows_are_the_papers(summary):
+def test_paper_rows_equal_the_printed_ones(summary):
     for table in paper_tables([summary]):
         label, expected = PAPER_ROWS[table.number]
         assert find(table, label).values == expected
@@ -42,13 +42,13 @@ def test_paper_rows_are_the_papers(summary):
         assert sum(row.paper for row in table.rows) == 6
 
 
-def test_paper_is_left_out_on_request(summary):
+def test_tables_without_the_paper(summary):
     tables = paper_tables([summary], paper=False)
     assert not any(row.paper for table in tables for row in table.rows)
     assert not any("Paper" in note for table in tables for note in table.notes)
 
 
-def test_path_traced_columns_stand_with_their_noise_floor(summary):
+def test_path_traced_runs_have_a_noise_floor_row(summary):
     summary["path_traced"] = {"mapping": "blender"}
     discard = paper_tables([summary])[3]
     assert any("noise floor is unknown" in note for note in discard.notes)
@@ -61,13 +61,13 @@ def test_path_traced_columns_stand_with_their_noise_floor(summary):
     assert row.reasons[5] == "the files lack the pass X" and value(discard, row, "N") == summary["pairs"] + 1
 
 
-def test_fps_and_pairs_stand_in_every_table(summary):
+def test_every_table_has_fps_and_pairs(summary):
     for table in paper_tables([summary]):
         row = table.rows[0]
         assert (value(table, row, "fps"), value(table, row, "N")) == (24.0, 12)
 
 
-def test_own_numbers_land_in_their_columns(summary):
+def test_numbers_of_a_run_are_in_their_columns(summary):
     census, position, rotation, discard = paper_tables([summary])
     assert value(census, census.rows[0], "dynamic point lights") == 7
     assert value(position, position.rows[0], "max") == 2
@@ -82,7 +82,7 @@ def test_own_numbers_land_in_their_columns(summary):
     assert discard.rows[1].values[1:5] == (2.5, 5.0, 7.5, 10.0)
 
 
-def test_missing_values_carry_their_reason_never_zero(summary):
+def test_missing_values_are_none_with_a_reason(summary):
     discard = paper_tables([summary])[3]
     index = COLUMNS.index("indirect")
     assert discard.rows[0].values[index] is None
@@ -100,7 +100,7 @@ def test_still_image_has_no_camera_statistics(summary):
     assert table.rows[0].reasons[0] == "no frame pair"
 
 
-def test_cuts_add_a_row_without_them(summary):
+def test_cuts_add_a_row_without_cuts(summary):
     assert not any("without cuts" in row.label for row in paper_tables([summary])[1].rows)
     summary["camera"]["cuts"] = [4, 9]
     summary["discard"]["normal"]["without_cuts_mean_percent"] = 3.25
@@ -113,14 +113,14 @@ def test_cuts_add_a_row_without_them(summary):
     assert value(discard, row, "N") == 10
 
 
-def test_captions_name_the_camera_and_the_settings(summary):
+def test_notes_name_the_camera_and_the_settings(summary):
     tables = paper_tables([summary])
     assert all(any("framing orbit" in note for note in table.notes) for table in tables)
     parts = ("40x20", "normal 0.1255", "camera reprojection")
     assert any(all(part in note for part in parts) for note in tables[3].notes)
 
 
-def test_runs_side_by_side_are_told_apart(summary):
+def test_labels_of_several_runs_are_unique(summary):
     other = copy.deepcopy(summary)
     other["settings"]["width"] = 99
     table = paper_tables([summary, other], paper=False)[3]
@@ -150,7 +150,7 @@ def test_runs_of_one_scene_are_named_by_the_settings_that_differ(summary):
     ("number", "digits", "expected"),
     [(0.0, 2, "0.00"), (0.004, 2, "<0.01"), (0.006, 2, "0.01"), (12.345, 2, "12.35"), (3, None, "3"), (None, 2, "–")],
 )
-def test_small_is_not_zero(number, digits, expected):
+def test_small_values_are_not_shown_as_zero(number, digits, expected):
     assert format_value(number, Column("x", "%", digits)) == expected
 
 

@@ -1,4 +1,4 @@
-"""The report in headless Chromium, by clicking it: keys, toggles, dragging, themes, phone, paper, silence."""
+"""The HTML report in headless Chromium: keys, switches, dragging, themes, narrow screens, print, no console output."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from taubench_gl.report.frame_store import FrameRecorder
 from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.run import Run
 
-WIDTH, HEIGHT, PAIRS = 40, 20, 12  # of the made-up run
+WIDTH, HEIGHT, PAIRS = 40, 20, 12  # of the synthetic run
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -43,11 +43,11 @@ def runs(tmp_path_factory, make_run) -> list[Run]:
         run.summary["camera"]["cuts"] = [5]
         out = tmp_path_factory.mktemp("run")
         run.save(out)
-        keeper = FrameRecorder(out)
+        recorder = FrameRecorder(out)
         for i in range(1, PAIRS + 1):
-            picture = np.full((HEIGHT, WIDTH, 3), i / 20 + 0.3 * which)
-            keeper.add(i, 9 if i == 7 else 0, picture, 1 - picture, _mask(i), np.zeros((HEIGHT, WIDTH, 2)))
-        keeper.finish(out / "frames.csv")
+            image = np.full((HEIGHT, WIDTH, 3), i / 20 + 0.3 * which)
+            recorder.add(i, 9 if i == 7 else 0, image, 1 - image, _mask(i), np.zeros((HEIGHT, WIDTH, 2)))
+        recorder.finish(out / "frames.csv")
         made.append(Run(run.summary, run.frames, out))
     return made
 
@@ -72,7 +72,7 @@ def page(browser, page_file) -> Iterator[Any]:
 
 
 def opened(browser, file: Path, **options: Any) -> Iterator[Any]:
-    """A page that must stay silent: no console error, no exception, no request but its own file."""
+    """Opens a page and checks that it causes no console error, no exception and no request but its own file."""
     context = browser.new_context(**{"viewport": {"width": 1100, "height": 900}, "color_scheme": "light", **options})
     page, faults = context.new_page(), []
     page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
@@ -98,8 +98,8 @@ def mask_pixels(page: Any) -> np.ndarray:
     return np.array(values, np.uint8).reshape(height, width, 4)
 
 
-def test_keys_on_the_frame_slider(page):
-    shown_frame(page, 7)  # the most discarded first
+def test_keys_move_the_frame_slider(page):
+    shown_frame(page, 7)  # the worst frame is shown first
     slider = page.locator("#frame")
     slider.focus()
     page.keyboard.press("ArrowRight")
@@ -110,12 +110,12 @@ def test_keys_on_the_frame_slider(page):
     shown_frame(page, PAIRS)
     assert "frame 12" in slider.get_attribute("aria-valuetext")
     assert "120" not in page.locator(".bar output").inner_text()
-    # The percentage beside a reason is the frame's own, from the exact counts: frustum is 10 i of 800 pixels.
+    # The percentage next to a reason is that of the frame: frustum is 10 i of 800 pixels.
     row = page.locator("label.reason", has=page.locator("[data-reason=frustum]"))
     assert row.locator(".pc").inner_text() == f"{100 * 10 * PAIRS / (WIDTH * HEIGHT):.2f} %"
 
 
-def test_toggles_change_exactly_the_pixels_of_their_reason(page):
+def test_switch_changes_the_pixels_of_its_reason_only(page):
     mask = _mask(7)
     drawn = mask_pixels(page)[..., 3] > 0
     every = int(FRUSTUM | Reason.POSITION | Reason.NORMAL | Reason.DIRECT)
@@ -126,18 +126,18 @@ def test_toggles_change_exactly_the_pixels_of_their_reason(page):
     page.locator("[data-reason=direct]").focus()
     page.keyboard.press("Space")
     assert (mask_pixels(page)[..., 3] > 0).all()
-    # Two reasons on one pixel are striped: both colours are there.
+    # Two reasons on one pixel are striped: both colors are present.
     both = mask_pixels(page)[(mask & int(Reason.NORMAL)) != 0][:, :3]
     assert {tuple(c) for c in both.tolist()} == {(0x00, 0x72, 0xB2), (0x00, 0x9E, 0x73)}
 
 
-def test_opacity(page):
+def test_opacity_slider_sets_the_alpha_of_the_mask(page):
     opacity = page.locator(".opacity input")
     opacity.fill("25")
     assert set(np.unique(mask_pixels(page)[..., 3])) == {round(255 * 0.25)}
 
 
-def test_before_and_after(page):
+def test_divider_splits_reprojected_history_and_current_frame(page):
     script = """() => { const c = document.querySelector('.base');
         return Array.from(c.getContext('2d').getImageData(0, 0, c.width, 1).data) }"""
     page.locator("[data-mode=history]").click()
@@ -147,7 +147,7 @@ def test_before_and_after(page):
         page.keyboard.press(key)
     row = np.array(page.evaluate(script)).reshape(-1, 4)[:, 0]
     before, after = 255 * (1 - 7 / 20), 255 * 7 / 20
-    at = round(0.32 * WIDTH)  # left of it the last frame, but where there is none (columns 0 to 2): checkerboard
+    at = round(0.32 * WIDTH)  # left of it the history; columns 0 to 2 have none and show a checkerboard
     assert np.abs(row[5 : at - 1] - before).max() < 8 and np.abs(row[at + 1 :] - after).max() < 8
     assert np.abs(row[:2] - before).min() > 8
     box = page.locator(".stage").bounding_box()
@@ -158,7 +158,7 @@ def test_before_and_after(page):
     assert page.locator(".divider").get_attribute("aria-valuenow") == "75"
 
 
-def test_two_runs_against_each_other(page):
+def test_mode_with_the_frame_of_another_run(page):
     page.locator("[data-mode=runs]").click()
     page.wait_for_selector(".tag.left:not([hidden])")
     assert page.locator(".tag.left").inner_text() == "</script><b>'\"walk #2, frame 7"
@@ -167,7 +167,7 @@ def test_two_runs_against_each_other(page):
 
 
 @pytest.mark.parametrize("feature", ["color", "normal"])
-def test_dragged_threshold_gives_the_recorded_number(page, runs, feature):
+def test_dragged_threshold_shows_the_recorded_number(page, runs, feature):
     summary = runs[0].summary
     curve, cell = summary["curves"][feature], page.locator(f"[data-live={feature}]")
     assert cell.inner_text() == f"{summary['discard'][feature]['mean_percent']:.2f} %"
@@ -175,7 +175,7 @@ def test_dragged_threshold_gives_the_recorded_number(page, runs, feature):
     handle.scroll_into_view_if_needed()
     area = page.locator("#curves svg.plot").bounding_box()
     box = handle.locator(".dot").bounding_box()
-    # Other dots may lie on top of the dot itself: the handle is lifted before it is taken.
+    # Other dots may cover this one: bring it to the front.
     handle.evaluate("node => node.parentNode.append(node)")
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.down()
@@ -192,7 +192,7 @@ def test_dragged_threshold_gives_the_recorded_number(page, runs, feature):
 
 
 def expected_at(cell: Any, curve: dict, summary: dict) -> tuple[float, float]:
-    """Threshold and percentage on the page, held against the histogram in the summary."""
+    """Threshold and percentage on the page, checked against the histogram in the summary."""
     threshold, shown = float(cell.get_attribute("data-threshold")), float(cell.get_attribute("data-percent"))
     (index,) = np.flatnonzero(np.array(curve["edges"]) == threshold)
     expected = 100.0 * sum(curve["counts"][index + 1 :]) / (PAIRS * WIDTH * HEIGHT)
@@ -201,14 +201,14 @@ def expected_at(cell: Any, curve: dict, summary: dict) -> tuple[float, float]:
     return threshold, shown
 
 
-def test_one_triangle_moves_all_thresholds(page):
+def test_triangle_moves_all_thresholds(page):
     page.locator(".handle[data-feature=all]").focus()
     page.keyboard.press("PageDown")
     values = {page.locator(f"[data-live={f}]").get_attribute("data-threshold") for f in ("color", "position", "direct")}
     assert len(values) == 1 and float(values.pop()) < 32 / 255
 
 
-def test_pointing_at_the_plot_reads_a_pair_and_clicking_shows_it(page, runs):
+def test_hover_reads_a_pair_and_click_shows_it(page, runs):
     plot = page.locator("#plots svg.plot")
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
@@ -238,7 +238,7 @@ def test_theme_follows_the_system_and_the_button(browser, page_file, scheme):
 
 
 @pytest.mark.parametrize("width", [320, 375, 768])
-def test_narrow_screens_scroll_down_only(browser, page_file, width):
+def test_narrow_screens_scroll_vertically_only(browser, page_file, width):
     size = {"width": width, "height": 700}
     for page in opened(browser, page_file, viewport=size, has_touch=True, is_mobile=True):
         wide = "[...document.querySelectorAll('body *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1"
@@ -249,7 +249,7 @@ def test_narrow_screens_scroll_down_only(browser, page_file, width):
         assert not page.locator("label.reason input").first.is_checked()
 
 
-def test_paper_gets_everything_and_no_controls(browser, page_file):
+def test_print_shows_all_details_and_no_controls(browser, page_file):
     for page in opened(browser, page_file, viewport={"width": 720, "height": 1000}):
         closed = page.locator("details:not([open])")
         before = closed.count()
@@ -264,8 +264,8 @@ def test_paper_gets_everything_and_no_controls(browser, page_file):
         playwright.expect(closed).to_have_count(before)
 
 
-def test_the_picture_is_there_when_the_page_has_loaded(browser, page_file):
-    """A page that is printed as soon as it has loaded, as ``chromium --print-to-pdf`` does, has its picture."""
+def test_first_image_is_drawn_before_the_load_event_ends(browser, page_file):
+    """A page that is printed as soon as it has loaded, as ``chromium --print-to-pdf`` does, has its image."""
     context = browser.new_context()
     page = context.new_page()
     page.add_init_script("addEventListener('load', () => { atLoad = document.querySelector('.stage').dataset.frame; })")
@@ -274,17 +274,17 @@ def test_the_picture_is_there_when_the_page_has_loaded(browser, page_file):
     context.close()
 
 
-def test_table_titles_are_read_whole_on_a_phone(browser, page_file):
+def test_table_captions_and_row_names_stay_visible_on_a_phone(browser, page_file):
     for page in opened(browser, page_file, viewport={"width": 375, "height": 700}, is_mobile=True):
         rights = page.evaluate("[...document.querySelectorAll('caption')].map(e => e.getBoundingClientRect().right)")
         assert len(rights) == 4 and max(rights) <= 375
         names = "[...document.querySelectorAll('.wide tbody th')].map(e => e.getBoundingClientRect().left)"
         before = page.evaluate(names)
         page.evaluate("document.querySelectorAll('.wide').forEach(e => e.scrollTo(150, 0))")
-        assert page.evaluate(names) == before  # names stay beside the numbers
+        assert page.evaluate(names) == before
 
 
-def test_tab_reaches_every_control_and_focus_shows(page):
+def test_tab_reaches_every_control_with_visible_focus(page):
     names = set()
     for _ in range(60):
         page.keyboard.press("Tab")
@@ -301,7 +301,7 @@ def test_tab_reaches_every_control_and_focus_shows(page):
     assert unnamed == 0
 
 
-def test_a_run_without_pictures_or_pairs_opens_too(browser, tmp_path, make_run):
+def test_run_without_images_or_pairs(browser, tmp_path, make_run):
     run = make_run()
     run.summary |= {"pairs": 0, "curves": {}, "discard": {}}
     file = write_html_report([ReportRun(run.summary, [])], tmp_path / "report.html")
@@ -310,7 +310,7 @@ def test_a_run_without_pictures_or_pairs_opens_too(browser, tmp_path, make_run):
             assert page.locator(f"{part} .missing").count() == 1
 
 
-def test_evaluate_makes_the_report(browser, gpu, tmp_path):
+def test_report_of_evaluate(browser, gpu, tmp_path):
     from taubench_gl.api import evaluate
     from taubench_gl.selftest.scenes import busy_room
 
@@ -327,7 +327,7 @@ def test_evaluate_makes_the_report(browser, gpu, tmp_path):
             below = float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
             page.keyboard.press("ArrowRight")
             page.keyboard.press("ArrowRight")
-            # The run's own mean lies between the exact counts at the bin edges on both sides of its threshold.
+            # The mean of the run lies between the counts at the bin edges on both sides of its threshold.
             assert below >= used >= float(page.locator(f"[data-live={name}]").get_attribute("data-percent"))
         worst = max(
             run.frames, key=lambda r: sum(r[c] or 0 for c in ("frustum", "color", "position", "normal", "direct"))

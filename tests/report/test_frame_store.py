@@ -1,0 +1,114 @@
+"""Images of frame pairs: recording during a run, and reading back."""
+
+from __future__ import annotations
+
+import base64
+import io
+
+import numpy as np
+from PIL import Image
+
+from taubench_gl.conventions import Reason
+from taubench_gl.report import frame_store
+from taubench_gl.report.frame_store import FrameRecorder, reproject_image, spread, stored_frames
+
+RNG = np.random.default_rng(3)
+MASK = RNG.integers(0, 1 << 16, (12, 20)).astype(np.uint32)
+IMAGE = RNG.random((12, 20, 3))
+STILL = np.zeros((12, 20, 2), np.float32)
+
+
+def record(folder, count: int, discarded=lambda i: 0, mask=MASK, image=IMAGE):
+    folder.mkdir(exist_ok=True)
+    (folder / "frames.csv").write_text("frame\n1\n")
+    recorder = FrameRecorder(folder)
+    for i in range(count):
+        motion = np.zeros((*mask.shape, 2), np.float32)
+        recorder.add(i + 1, discarded(i), image, image, mask, motion)
+    recorder.finish(folder / "frames.csv")
+    return stored_frames(folder)
+
+
+def unpacked(uri: str) -> np.ndarray:
+    image = np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.split(",")[1]))))
+    return image[..., 0].astype(np.uint32) | image[..., 1].astype(np.uint32) << 8
+
+
+def test_reason_words_survive_the_image_format(tmp_path):
+    stored, why = record(tmp_path / "run", 3)
+    assert why == "" and stored.frames == (1, 2, 3)
+    assert (unpacked(stored.uri("mask", 2)) == MASK).all()
+
+
+def test_evenly_spaced_pairs_and_the_worst_frame_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(frame_store, "MAX_KEPT", 8)
+    stored, _ = record(tmp_path / "run", 61, discarded=lambda i: 100 if i == 37 else i)
+    grid = [f for f in stored.frames if (f - 1) % 8 == 0]
+    assert grid == list(range(1, 62, 8))
+    assert set(stored.frames) - set(grid) == {38} and stored.worst == 38
+    files = {p.name for p in stored.folder.iterdir()}
+    assert files == {"index.json"} | {
+        frame_store.file_name(p, f) for f in stored.frames for p in ("frame", "previous", "mask")
+    }
+
+
+def test_large_frames_are_downscaled(tmp_path, monkeypatch):
+    monkeypatch.setattr(frame_store, "MAX_WIDTH", 8)
+    flat = np.full((12, 20, 3), 0.5)
+    stored, _ = record(tmp_path / "run", 1, image=flat)
+    assert (stored.width, stored.height, stored.step) == (7, 4, 3)
+    assert (unpacked(stored.uri("mask", 1)) == MASK[1::3, 1::3]).all()
+    with Image.open(stored.folder / "frame_00001.webp") as image:
+        assert image.size == (7, 4) and abs(int(np.asarray(image).mean()) - 128) < 3
+
+
+def test_images_of_an_earlier_run_are_rehistory_and_other_files_kept(tmp_path):
+    record(tmp_path / "run", 5)
+    (tmp_path / "run" / frame_store.FOLDER / "mine.png").write_bytes(b"kept")
+    FrameRecorder(tmp_path / "run")
+    assert stored_frames(tmp_path / "run")[0].frames == (1, 2, 3, 4, 5)  # unchanged before the first pair
+    stored, _ = record(tmp_path / "run", 2)
+    assert stored.frames == (1, 2)
+    assert len(list(stored.folder.iterdir())) == 1 + 2 * 3 + 1
+
+
+def test_images_of_another_run_are_rejected(tmp_path):
+    record(tmp_path / "run", 2)
+    (tmp_path / "run" / "frames.csv").write_text("frame\n1\n2\n")
+    assert stored_frames(tmp_path / "run")[0] is None
+
+
+def test_missing_image_or_broken_index_is_the_reason(tmp_path):
+    stored, _ = record(tmp_path / "run", 2)
+    (stored.folder / "mask_00002.png").unlink()
+    found, why = stored_frames(tmp_path / "run")
+    assert found is None and "mask_00002.png" in why
+    (stored.folder / "index.json").write_text("{")
+    found, why = stored_frames(tmp_path / "run")
+    assert found is None and "index.json" in why
+
+
+def test_reprojected_image_follows_motion_with_a_checkerboard_elsewhere():
+    mask = np.zeros((12, 20), np.uint32)
+    mask[:, -3:] = int(Reason.OUTSIDE)
+    motion = STILL.copy()
+    motion[..., 0] = 3.0
+    history = reproject_image(IMAGE, mask, motion)
+    assert (history[:, :-3] == IMAGE[:, 3:]).all()
+    assert set(np.unique(history[:, -3:])) == {0.58, 0.82}
+
+
+def test_spread_keeps_both_ends_and_always():
+    assert spread(tuple(range(100)), 5, None) == [0, 25, 50, 74, 99]
+    assert spread(tuple(range(100)), 4, 37) == [0, 37, 50, 99]
+    assert spread((1, 2), 5, 2) == [1, 2]
+
+
+def test_images_of_earlier_versions_are_read(tmp_path):
+    record(tmp_path / "run", 2)
+    former, (name, schema) = tmp_path / "run" / frame_store.FOLDER, *frame_store._FORMER.items()
+    index = former / frame_store.INDEX
+    index.write_text(index.read_text().replace(frame_store.SCHEMA, schema))
+    former.rename(tmp_path / "run" / name)
+    stored, why = stored_frames(tmp_path / "run")
+    assert why == "" and stored.frames == (1, 2)

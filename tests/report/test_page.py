@@ -1,0 +1,104 @@
+"""The report kit: the shell of pages, escaping, and the functions of the plot module."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+
+import pytest
+from jinja2 import UndefinedError
+
+from taubench_gl.report.page import asset, data_uri, render, render_page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+EVIL = """</script><script>alert("x")</script>'"&<!--{{ 7 * 7 }}"""
+COMPARISON = {"title": EVIL, "notes": [EVIL], "worst": EVIL, "image": data_uri(b"png"), "provenance": [(EVIL, EVIL)],
+              "tables": [{"title": EVIL, "heads": [EVIL, EVIL], "rows": [[EVIL, EVIL]], "notes": [EVIL]}]}  # fmt: skip
+
+
+class Tags(HTMLParser):
+    def __init__(self, page: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.text = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data):
+        self.text += data
+
+    def policy(self) -> str:
+        return next(a["content"] for t, a in self.tags if a.get("http-equiv") == "Content-Security-Policy")
+
+
+def test_page_without_scripts_forbids_them_and_escapes_every_value():
+    tags = Tags(render_page("comparison.html", **COMPARISON))
+    assert "script" not in {tag for tag, _ in tags.tags} and "script-src" not in tags.policy()
+    assert "default-src 'none'" in tags.policy()
+    assert tags.text.count(EVIL) >= 7 and "49" not in tags.text
+
+
+def test_page_with_scripts_holds_its_data_and_the_plot_module():
+    data = {"text": EVIL, "numbers": [1.5, None]}
+    page = render_page("comparison.html", scripts=("cost.js",), data=data, **COMPARISON)
+    tags = Tags(page)
+    assert [tag for tag, _ in tags.tags].count("script") == 2 and "script-src" in tags.policy()
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1]
+    assert json.loads(found) == data
+    assert asset("plot.js") in page and asset("page.css") in page
+
+
+def test_values_that_json_lacks_and_missing_names_raise():
+    with pytest.raises(ValueError):
+        render_page("comparison.html", scripts=("cost.js",), data={"x": float("nan")}, **COMPARISON)
+    with pytest.raises(UndefinedError):
+        render("comparison.html", style="", script="")
+
+
+@pytest.fixture(scope="module")
+def plot_module():
+    """Evaluates an expression with the functions of plot.js."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine")
+    with playwright.sync_playwright() as p:
+        browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page()
+        yield lambda expression: page.evaluate(f"(() => {{ {asset('plot.js')}; return {expression}; }})()")
+        browser.close()
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("evenTicks(0, 10, 5)", [0, 2, 4, 6, 8, 10]),
+        ("evenTicks(0.8, 2.6, 6)", [1, 1.5, 2, 2.5]),
+        ("evenTicks(3, 3, 5)", [3]),
+        ("logTicks(0.01, 10, 3)", [0.01, 0.1, 1, 10]),
+        ("logTicks(1, 10, 8)", [1, 2, 5, 10]),
+        ("[0, 5, 10].map(linearScale(0, 10, 100, 0))", [100, 50, 0]),
+        ("[0.001, 0.1, 1, 10, 99].map(logScale(0.1, 10, 0, 100))", [0, 0, 50, 100, 100]),
+        ("logScale(0.1, 10, 0, 100).invert(50)", 1),
+        ("short(0.00012345)", "0.000123"),
+        ("[percent(null), percent(0.001), percent(12.345)]", ["–", "<0.01 %", "12.35 %"]),
+        ("linePath([0, 1, 2, 3], [0, null, 1, 2])", "M0.00 0.00M2.00 1.00L3.00 2.00"),
+        ("stepPath([0, 2, 3], [9, 5, 4])", "M0,9H2V5H3V4"),
+    ],
+)
+def test_scales_ticks_numbers_and_paths(plot_module, expression, expected):
+    found = plot_module(expression)
+    numeric = not isinstance(expected, str) and not (isinstance(expected, list) and isinstance(expected[0], str))
+    assert found == (pytest.approx(expected) if numeric else expected)
+
+
+def test_symlog_scale_places_zero_and_rises(plot_module):
+    values = plot_module("[0, 0.001, 0.01, 0.1, 1].map(symlogScale(0.001, 1, 100, 0))")
+    assert values[0] < 100 and all(a > b for a, b in itertools.pairwise(values))
+    steps = [a - b for a, b in itertools.pairwise(values[1:])]
+    assert steps == pytest.approx([steps[0]] * len(steps))

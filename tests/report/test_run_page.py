@@ -1,0 +1,124 @@
+"""The HTML report as text: complete, escaped, self-contained."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from taubench_gl.errors import OutputError
+from taubench_gl.report.frame_store import FrameRecorder
+from taubench_gl.report.plots import discard_curve
+from taubench_gl.report.run_page import ReportRun, report_html, write_html_report
+
+EVIL = """</script><script>alert("x")</script>'"&<!--${title}$"""
+
+
+def data_of(page: str) -> dict:
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.S)[1])
+
+
+class _Tags(HTMLParser):
+    def __init__(self, page: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+
+def test_page_is_self_contained(run):
+    page = report_html([ReportRun(run.summary, run.frames)])
+    tags = _Tags(page).tags
+    assert [t for t, _ in tags].count("script") == 2
+    assert "link" not in {t for t, _ in tags}
+    addresses = [v for _, a in tags for k, v in a.items() if k in ("src", "href") and v]
+    assert all(v.startswith(("#", "data:")) for v in addresses)
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", page)
+    assert any(t == "meta" and "default-src 'none'" in a.get("content", "") for t, a in tags)
+
+
+def test_names_are_escaped_in_html_and_in_the_data_of_the_scripts(summary, frames):
+    summary["scene"]["name"] = EVIL
+    summary["notes"] = [EVIL]
+    summary["discard"]["indirect"]["reason"] = EVIL
+    summary["effects"] = {EVIL: {"on": True, "reason": EVIL}}
+    summary["provenance"] = {"command": EVIL}
+    page = report_html([ReportRun(summary, frames)])
+    tags = _Tags(page).tags
+    assert [t for t, _ in tags].count("script") == 2
+    assert data_of(page)["runs"][0]["label"] == EVIL
+    assert data_of(page)["runs"][0]["discard"]["indirect"]["reason"] == EVIL
+
+
+def test_unmeasured_column_is_a_dash_with_its_reason(summary, frames):
+    page = report_html([ReportRun(summary, frames)])
+    tile = re.search(r'<dl class="figure none".*?</dl>', page, re.S)[0]
+    assert "indirect" in tile and "–" in tile and "no indirect light here" in tile
+    data = data_of(page)["runs"][0]
+    assert "indirect" not in data["measured"] and data["curves"]["indirect"] is None
+    assert data["rows"]["indirect"] == [None] * len(frames)
+
+
+def test_curves_equal_those_of_the_plots(summary, frames):
+    data = data_of(report_html([ReportRun(summary, frames)]))["runs"][0]
+    pixels = data["pixels"]
+    assert pixels == data["pairs"] * data["width"] * data["height"]
+    for name in ("color", "position", "normal", "direct"):
+        edges, percents = discard_curve(summary["curves"][name], pixels)
+        assert data["curves"][name]["edges"] == edges.tolist()
+        assert 100.0 * np.array(data["curves"][name]["above"]) / pixels == pytest.approx(percents)
+
+
+def test_percentages_count_all_samples_of_a_pixel(summary, frames):
+    for row in frames:
+        row["pixels"] *= 4
+    data = data_of(report_html([ReportRun(summary, frames)]))["runs"][0]
+    assert data["pixels"] == 4 * data["pairs"] * data["width"] * data["height"]
+
+
+def test_each_of_several_runs_has_figures_and_details(summary, frames):
+    page = report_html([ReportRun(summary, frames), ReportRun(summary, frames)])
+    labels = [r["label"] for r in data_of(page)["runs"]]
+    assert len(set(labels)) == 2
+    assert page.count('class="figures"') == 2
+    assert page.count('<section class="run">') == 2
+
+
+def test_run_without_images_has_a_reason(run, tmp_path):
+    run.save(tmp_path)
+    data = data_of(report_html([ReportRun(run.summary, run.frames, tmp_path)]))["runs"][0]
+    assert data["images"] is None
+    assert data["no_images"]
+
+
+def test_failed_write_leaves_no_file(run, tmp_path):
+    with pytest.raises(OutputError):
+        write_html_report([ReportRun(run.summary, run.frames)], tmp_path / "none" / "report.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+RNG = np.random.default_rng(3)
+MASK = RNG.integers(0, 1 << 16, (12, 20)).astype(np.uint32)
+IMAGE = RNG.random((12, 20, 3))
+MOTION = np.zeros((12, 20, 2), np.float32)
+
+
+def test_number_of_images_is_limited_by_their_bytes(tmp_path, run, monkeypatch):
+    from taubench_gl.report import run_page
+
+    run.save(tmp_path)
+    recorder = FrameRecorder(tmp_path)
+    for i in range(12):
+        recorder.add(i + 1, 1 if i == 4 else 0, IMAGE, IMAGE, MASK, MOTION)
+    recorder.finish(tmp_path / "frames.csv")
+    monkeypatch.setattr(run_page, "MAX_IMAGE_BYTES", 12_000)
+    page = report_html([ReportRun(run.summary, run.frames, tmp_path)])
+    shown = data_of(page)["runs"][0]["images"]
+    assert 2 <= len(shown["items"]) < 12
+    assert sum(len(v) for i in shown["items"] for v in i.values() if isinstance(v, str)) <= 12_000
+    assert 5 in [i["n"] for i in shown["items"]]
