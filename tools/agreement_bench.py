@@ -1,7 +1,7 @@
-"""tools/bench agreement: what accuracy costs.  Seconds per frame of ours and of Cycles at several sample counts, each
-with the difference of its columns to a converged render of the same frames.
+"""tools/bench agreement: the cost of accuracy.  Seconds per frame of the rasterizer and of Cycles at several sample
+counts, and the difference of their columns to a converged render of the same frames.
 
-Renders stay in a folder and are taken up again, with the times they took.  Needs Blender as a Python module.
+Renders are kept in a folder with their times and used again.  Needs Blender as a Python module.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.pathtraced.blender.job import Quality
 from taubench_gl.pathtraced.blender.render import CAMERA_FILE, render_reference
-from taubench_gl.pathtraced.compare import compare_runs, seconds_per_frame
+from taubench_gl.pathtraced.compare import compare_runs, noise_floor_percent, seconds_per_frame
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
@@ -29,18 +29,18 @@ SAMPLES = (1, 16, 64)
 SIZE = (192, 108)
 FRAMES = (24, 28)
 BOUNCES = 12
-OURS = {"ours": {}, "ours, no indirect light": {"indirect": "none"}}
+RASTERIZED = {"rasterizer": {}, "rasterizer, no indirect light": {"indirect": "none"}}
 
 
 @dataclass(frozen=True)
 class CostRow:
-    """One way to make a frame.  ``points``: column -> difference to the converged render, None where not measured."""
+    """One renderer with its settings."""
 
-    what: str
+    name: str
     seconds: float
     ratio: float  # to the first row
     clock: str
-    points: dict[str, float | None]
+    difference_pp: dict[str, float | None]  # column -> less the converged render; None: not measured
 
 
 @dataclass(frozen=True)
@@ -55,12 +55,12 @@ class Costs:
 def measure(
     out: Path, scene_name: str = "room", size: tuple[int, int] = SIZE, converged: int = 256, backend: str = "auto"
 ) -> Costs:
-    """Render what is missing, evaluate, compare."""
+    """Render missing references, evaluate, compare."""
     path = make(out / "scenes")[scene_name]
     scene = load_scene(path)
     shared = {"width": size[0], "height": size[1], "frames": FRAMES, "backend": backend}
     runs: list[tuple[str, Run]] = []
-    for name, changes in OURS.items():
+    for name, changes in RASTERIZED.items():
         settings = Settings.of(**shared, textures="finest", shadow_size=2048, **changes)
         runs.append((name, evaluate_scene(scene, settings)))
     for samples in SAMPLES:
@@ -69,19 +69,19 @@ def measure(
     reference = _path_traced(scene, out, scene_name, size, converged, 0, second=1)
     rows = []
     for name, run in (*runs, (f"Cycles, {converged} samples", reference)):
-        told = seconds_per_frame(run.summary)
-        points = {c: e["difference_points"] for c, e in compare_runs(run, reference)["columns"].items()}
-        first = rows[0].seconds if rows else told["seconds"]
-        rows.append(CostRow(name, told["seconds"], told["seconds"] / first, told["clock"], points))
-    floor = reference.summary["noise_floor"]
+        time = seconds_per_frame(run.summary)
+        differences = {c: e["difference_pp"] for c, e in compare_runs(run, reference)["columns"].items()}
+        first = rows[0].seconds if rows else time["seconds"]
+        rows.append(CostRow(name, time["seconds"], time["seconds"] / first, time["clock"], differences))
+    floor = noise_floor_percent(reference.summary)
     return Costs(
-        f"What accuracy costs: {scene_name}, {size[0]}x{size[1]}, {reference.summary['pairs']} pairs at 24 fps",
+        f"Cost of accuracy: {scene_name}, {size[0]}x{size[1]}, {reference.summary['pairs']} pairs at 24 fps",
         rows,
         {c: reference.summary["discard"][c]["mean_percent"] for c in COLUMNS},
-        {c: (floor.get(c) or {}).get("mean_percent") for c in COLUMNS},
+        {c: floor.get(c) for c in COLUMNS},
         [
-            f"points: percent of w·h less the {converged}-sample render's; renders: {BOUNCES} bounces, pixel centres",
-            "not interleaved: one after another on the same machine; cached renders keep the time they took when made",
+            f"columns: percentage points less the {converged}-sample render; renders: {BOUNCES} bounces, pixel centers",
+            "timed one after another on the same machine; cached renders keep their recorded times",
         ],
     )
 
@@ -107,13 +107,15 @@ def show(console: Console, costs: Costs) -> None:
     for head in ("s / frame", "ratio", *COLUMNS):
         table.add_column(head, justify="right", no_wrap=True)
     for row in costs.rows:
-        points = ["–" if row.points[c] is None else f"{round(row.points[c], 2) + 0.0:+.2f}" for c in COLUMNS]
-        table.add_row(row.what, f"{row.seconds:.3f}", f"{row.ratio:.2f}", *points)
+        cells = [
+            "–" if row.difference_pp[c] is None else f"{round(row.difference_pp[c], 2) + 0.0:+.2f}" for c in COLUMNS
+        ]
+        table.add_row(row.name, f"{row.seconds:.3f}", f"{row.ratio:.2f}", *cells)
     table.add_section()
     for what, values in (("converged, percent", costs.converged), ("its noise floor, percent", costs.floor)):
         table.add_row(what, "", "", *("–" if values[c] is None else f"{values[c]:.2f}" for c in COLUMNS))
     console.print(table)
-    clocks = {row.clock: [r.what for r in costs.rows if r.clock == row.clock] for row in costs.rows}
+    clocks = {row.clock: [r.name for r in costs.rows if r.clock == row.clock] for row in costs.rows}
     for clock, names in clocks.items():
         console.print(f"  clock of {'; '.join(names)}: {clock}", markup=False, highlight=False)
     for note in costs.notes:

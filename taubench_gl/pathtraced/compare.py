@@ -1,12 +1,12 @@
-"""How far two runs of the same frames agree: columns, masks pixel by pixel, features, and what each cost.
+"""Compares a run with a reference run of the same frames: columns, masks per pixel, features, seconds per frame.
 
-NumPy only.  ``compare_runs`` compares, ``save_comparison`` writes the result as text, JSON, HTML and a picture.
+Works without OpenGL.  ``compare_runs`` compares, ``save_comparison`` writes text, JSON, HTML and an image.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,28 +16,30 @@ from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FRUSTUM
 from taubench_gl.errors import OutputError
 from taubench_gl.metrics.feature_errors import FeatureErrors
 from taubench_gl.outputs import output_folder, write_atomically
-from taubench_gl.pathtraced.compare_report import comparison_html, comparison_text, save_worst_picture
+from taubench_gl.pathtraced.compare_report import comparison_html, comparison_text, save_worst_image
 from taubench_gl.run import Run, load_run
 
 Array = np.ndarray
+Summary = Mapping[str, Any]
 BITS = {"frustum": FRUSTUM} | FEATURE_BIT
-AGREEMENT_SCHEMA = "taubench-gl/agreement/1"
+SCHEMA = "taubench-gl/reference-comparison/1"
 NO_MASKS = "masks were not saved by both runs (evaluate them with --save masks,channels)"
 NO_CHANNELS = "channels were not saved by both runs (evaluate them with --save masks,channels)"
 _MASKS, _CHANNELS = "masks/mask_{:05d}.npz", "channels/channels_{:05d}.npz"
+_COMPARED_SETTINGS = ("fps", "reprojection", "sampling", "thresholds", "unit_scale", "exposure", "tone_map")
 
 
-def compare_runs(first: str | Path | Run, second: str | Path | Run) -> dict[str, Any]:
-    """Compare two runs; the second is the reference.
+def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str, Any]:
+    """Compare ``run`` with ``reference`` over their common pairs.
 
-    ``columns``: both means, their difference in points, and the noise floors where known.  ``masks`` (where both runs
-    saved masks): intersection over union of each mask over all common pairs, and the share of pixels that agree
-    outside a band of one pixel on either side of the second mask's edges, where a sub-pixel difference flips pixels.
-    ``features`` (where both saved channels): the distribution of each error, see ``metrics.feature_errors``.  ``time``:
-    seconds per frame of both.  ``worst``: the pair whose masks differ on most pixels.  A block that cannot be had is
+    ``columns``: both means in percent of all pixels, their difference in percentage points, known noise floors.
+    ``masks`` (if both saved masks): intersection over union of each mask over all pairs, and the share of equal pixels
+    outside a band of one pixel on either side of the reference mask's edges, where sub-pixel differences flip pixels.
+    ``features`` (if both saved channels): distribution of each error, see ``metrics.feature_errors``.  ``time``:
+    seconds per frame.  ``worst``: the pair whose masks differ in most pixels.  A block without data is
     ``{"reason": why}``.  Raises OutputError for runs of different sizes or without a common pair.
     """
-    a, b = (run if isinstance(run, Run) else load_run(run) for run in (first, second))
+    a, b = (one if isinstance(one, Run) else load_run(one) for one in (run, reference))
     _require_keys(a)
     _require_keys(b)
     sizes = [(r.summary["settings"]["width"], r.summary["settings"]["height"]) for r in (a, b)]
@@ -46,12 +48,11 @@ def compare_runs(first: str | Path | Run, second: str | Path | Run) -> dict[str,
         raise OutputError(f"the runs have different sizes, {x} and {y}", hint="evaluate one of them again with --size")
     frames = sorted({row["frame"] for row in a.frames} & {row["frame"] for row in b.frames})
     if not frames:
-        raise OutputError(
-            "the runs have no pair of frames in common", hint="evaluate the same --frames at the same --fps"
-        )
+        hint = "evaluate the same --frames at the same --fps"
+        raise OutputError("the runs have no pair of frames in common", hint=hint)
     masks, worst = _masks(a, b, frames)
     return {
-        "schema": AGREEMENT_SCHEMA,
+        "schema": SCHEMA,
         "runs": [str(r.out or r.summary["scene"]["name"]) for r in (a, b)],
         "size": list(sizes[0]),
         "fps": [r.summary["settings"].get("fps") for r in (a, b)],
@@ -67,20 +68,20 @@ def compare_runs(first: str | Path | Run, second: str | Path | Run) -> dict[str,
 
 
 def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
-    """agreement.txt, agreement.json, agreement.html (one file, its picture within) and, with masks, worst.png.
+    """Write comparison.txt, comparison.json, comparison.html (one file) and, with masks, worst.png to ``out``.
 
-    ``result`` is ``compare_runs``'s of two runs on disk.  -> the files written.  Raises OutputError.
+    ``result``: from ``compare_runs``, of two runs on disk.  Returns the files written.  Raises OutputError.
     """
     out = output_folder(out)
     written = []
-    picture = None
+    image = None
     if "frame" in result["worst"]:
-        picture = save_worst_picture(out / "worst.png", result, *_worst_arrays(result))
-        written.append(picture)
+        written.append(save_worst_image(out / "worst.png", result, *_worst_arrays(result)))
+        image = written[0].read_bytes()
     texts = {
-        "agreement.txt": "\n".join(comparison_text(result)) + "\n",
-        "agreement.json": json.dumps(result, indent=2, allow_nan=False) + "\n",
-        "agreement.html": comparison_html(result, None if picture is None else picture.read_bytes()),
+        "comparison.txt": "\n".join(comparison_text(result)) + "\n",
+        "comparison.json": json.dumps(result, indent=2, allow_nan=False) + "\n",
+        "comparison.html": comparison_html(result, image),
     }
     for name, text in texts.items():
         write_atomically(out / name, text)
@@ -89,7 +90,10 @@ def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
 
 
 def mask_agreement(first: Array, second: Array) -> tuple[int, int, int, int]:
-    """(intersection, union, equal pixels outside the band, pixels outside the band) of two boolean masks (h, w)."""
+    """Pixel counts of two masks, (h, w) bool: intersection, union, equal outside the band, all outside the band.
+
+    The band is ``edge_band`` of the second mask.
+    """
     outside = ~edge_band(second)
     equal = first == second
     counts = (first & second).sum(), (first | second).sum(), (equal & outside).sum(), outside.sum()
@@ -97,21 +101,51 @@ def mask_agreement(first: Array, second: Array) -> tuple[int, int, int, int]:
 
 
 def edge_band(mask: Array) -> Array:
-    """Pixels with a neighbour (of eight) on the other side of an edge of ``mask``.  (h, w) bool -> (h, w) bool."""
+    """Pixels whose 3x3 neighborhood has both values of ``mask``.  (h, w) bool -> (h, w) bool."""
     padded = np.pad(mask, 1, mode="edge")
     h, w = mask.shape
     shifted = [padded[y : y + h, x : x + w] for y in range(3) for x in range(3)]
     return np.logical_or.reduce(shifted) & ~np.logical_and.reduce(shifted)
 
 
+def noise_floor_percent(summary: Summary) -> dict[str, float | None]:
+    """Column -> mean percentage of pixels that noise alone discards; empty if the run has no second seed."""
+    return {column: (entry or {}).get("mean_percent") for column, entry in (summary.get("noise_floor") or {}).items()}
+
+
+def seconds_per_frame(summary: Summary) -> dict[str, Any]:
+    """Time to render one frame, without masks and files: ``seconds``, ``clock`` and ``of``, or ``reason``."""
+    path_traced = summary.get("path_traced")
+    if path_traced is not None:
+        render = path_traced.get("render") or {}
+        if render.get("seconds_per_frame") is None:
+            return {"reason": "the render times of these files are not recorded ('reference render' records them)"}
+        samples = f"{render['samples']} sample{'s' * (render['samples'] != 1)}"
+        renderer = f"Cycles, {samples}, {render['bounces']} bounces"
+        return {"seconds": render["seconds_per_frame"], "clock": render["clock"], "of": renderer}
+    timing = summary.get("timing") or {}
+    passes = {name: ms for name, ms in (timing.get("passes") or {}).items() if name != "masks" and ms is not None}
+    if not passes:
+        return {"reason": "the run has no recorded times"}
+    renderer = (summary.get("provenance") or {}).get("renderer") or "rasterizer"
+    clock = f"medians of passes, {timing.get('clock')}"
+    return {"seconds": 1e-3 * sum(passes.values()), "clock": clock, "of": renderer}
+
+
 def _require_keys(run: Run) -> None:
-    """Raises OutputError where the summary, of another program perhaps, lacks what runs are compared by."""
+    """Raises OutputError if the summary, perhaps of another program, lacks a value that the comparison needs."""
     for keys in ("scene", "discard", "settings.width", "settings.height"):
         value: Any = run.summary
         for key in keys.split("."):
             value = (value or {}).get(key)
         if not value:
             raise OutputError(f"summary.json has no {keys}", where=str(run.out or "run"), hint="evaluate it again")
+
+
+def _different_settings(a: Run, b: Run) -> dict[str, list[Any]]:
+    """Settings that change columns and differ between the runs -> both values."""
+    values = {name: [run.summary["settings"].get(name) for run in (a, b)] for name in _COMPARED_SETTINGS}
+    return {name: pair for name, pair in values.items() if pair[0] != pair[1]}
 
 
 def _column(a: Run, b: Run, column: str, frames: list[int]) -> dict[str, Any]:
@@ -121,57 +155,52 @@ def _column(a: Run, b: Run, column: str, frames: list[int]) -> dict[str, Any]:
         counts = [(rows[f][column], rows[f]["pixels"]) for f in frames]
         if any(count is None for count, _ in counts):
             reason = run.summary["discard"][column].get("reason", "not measured")
-            return {"difference_points": None, "reason": f"{run.summary['scene']['name']}: {reason}"}
+            return {"difference_pp": None, "reason": f"{run.summary['scene']['name']}: {reason}"}
         shares.append(float(np.mean([100.0 * count / pixels for count, pixels in counts])))
     floors = [noise_floor_percent(run.summary).get(column) for run in (a, b)]
-    return {"percent": shares, "difference_points": shares[0] - shares[1], "noise_floor_percent": floors}
-
-
-def noise_floor_percent(summary: Mapping[str, Any]) -> dict[str, float | None]:
-    """Column -> mean percentage of pixels that noise alone discards; empty if the run has no second seed."""
-    return {column: (entry or {}).get("mean_percent") for column, entry in (summary.get("noise_floor") or {}).items()}
+    return {"percent": shares, "difference_pp": shares[0] - shares[1], "noise_floor_percent": floors}
 
 
 def _masks(a: Run, b: Run, frames: list[int]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The block ``masks``, and the block ``worst``."""
-    pairs = saved_pairs(a.out, b.out, frames, _MASKS)
+    """The blocks ``masks`` and ``worst``."""
+    pairs = _saved_pairs(a.out, b.out, frames, _MASKS)
     if not pairs:
         return {"reason": NO_MASKS}, {"reason": NO_MASKS}
-    measured = {n: all(r.frames[0].get(n) is not None for r in (a, b)) for n in BITS}
-    judged = sum(int(bit) for name, bit in BITS.items() if measured[name])
-    sums = {name: np.zeros(4, dtype=np.int64) for name in BITS if measured[name]}
-    worst = (-1, 0)
-    for frame, first, second in pairs:
-        words = [lazy["mask"].astype(np.uint32) for lazy in (first, second)]
-        for name in sums:
-            sums[name] += mask_agreement(*((word & int(BITS[name])) != 0 for word in words))
-        differ = int(np.count_nonzero((words[0] ^ words[1]) & np.uint32(judged)))
+    bits = {name: int(bit) for name, bit in BITS.items() if all(r.frames[0].get(name) is not None for r in (a, b))}
+    compared = sum(bits.values())
+    sums = {name: np.zeros(4, dtype=np.int64) for name in bits}
+    worst = (-1, 0)  # differing pixels, -frame: the first of equally bad pairs
+    for frame, *saved in pairs:
+        words = [one["mask"].astype(np.uint32) for one in saved]
+        for name, bit in bits.items():
+            sums[name] += mask_agreement(*((word & bit) != 0 for word in words))
+        differ = int(np.count_nonzero((words[0] ^ words[1]) & np.uint32(compared)))
         worst = max(worst, (differ, -frame))
     out = {}
-    for name, (both, either, equal, outside) in sums.items():
+    for name, (intersection, union, equal, outside) in sums.items():
         out[name] = {
-            "iou": float(both / either) if either else 1.0,
-            "agree_outside_band_percent": float(100.0 * equal / outside) if outside else None,
-            "pixels": int(either),
+            "iou": float(intersection / union) if union else 1.0,
+            "equal_outside_band_percent": float(100.0 * equal / outside) if outside else None,
+            "pixels": int(union),
         }
     pixels = a.summary["settings"]["width"] * a.summary["settings"]["height"]
-    return out, {"frame": -worst[1], "differing_percent": 100.0 * worst[0] / pixels, "judged_bits": judged}
+    return out, {"frame": -worst[1], "differing_percent": 100.0 * worst[0] / pixels, "compared_bits": compared}
 
 
 def _features(a: Run, b: Run, frames: list[int]) -> dict[str, Any]:
-    pairs = saved_pairs(a.out, b.out, frames, _CHANNELS)
+    pairs = _saved_pairs(a.out, b.out, frames, _CHANNELS)
     if not pairs:
         return {"reason": NO_CHANNELS}
-    told = b.summary["settings"]
-    scale = told.get("unit_scale") or 1.0
-    errors = FeatureErrors(same_place_m=told["thresholds"]["position"], unit_scale=scale)
+    settings = b.summary["settings"]
+    scale = settings.get("unit_scale") or 1.0
+    errors = FeatureErrors(same_place_m=settings["thresholds"]["position"], unit_scale=scale)
     for _, first, second in pairs:
         errors.add(first, second)
     return errors.summary()
 
 
 def _time(a: Run, b: Run) -> dict[str, Any]:
-    """Seconds per frame of both and their ratio (second / first)."""
+    """Seconds per frame of both runs, and the ratio reference / run."""
     entries = [seconds_per_frame(run.summary) for run in (a, b)]
     out: dict[str, Any] = {"runs": entries}
     if all("seconds" in entry for entry in entries) and entries[0]["seconds"] > 0:
@@ -179,44 +208,8 @@ def _time(a: Run, b: Run) -> dict[str, Any]:
     return out
 
 
-def seconds_per_frame(summary: dict[str, Any]) -> dict[str, Any]:
-    """What making one frame took, without masks and files: ``seconds`` and ``clock``, or ``reason``."""
-    path_traced = summary.get("path_traced")
-    if path_traced is not None:
-        render = path_traced.get("render") or {}
-        if render.get("seconds_per_frame") is None:
-            return {"reason": "nobody recorded how long these files took to render ('reference render' does)"}
-        samples = f"{render['samples']} sample{'s' * (render['samples'] != 1)}"
-        made = f"Cycles, {samples}, {render['bounces']} bounces"
-        return {"seconds": render["seconds_per_frame"], "clock": render["clock"], "of": made}
-    timing = summary.get("timing") or {}
-    passes = {name: ms for name, ms in (timing.get("passes") or {}).items() if name != "masks" and ms is not None}
-    if not passes:
-        return {"reason": "the run recorded no times"}
-    made = (summary.get("provenance") or {}).get("renderer") or "rasterizer"
-    return {"seconds": 1e-3 * sum(passes.values()), "clock": f"medians of passes, {timing.get('clock')}", "of": made}
-
-
-def _different_settings(a: Run, b: Run) -> dict[str, list[Any]]:
-    """Settings on which a column depends and that the runs do not share."""
-    both = ("fps", "reprojection", "sampling", "thresholds", "unit_scale", "exposure", "tone_map")
-    values = {name: [run.summary["settings"].get(name) for run in (a, b)] for name in both}
-    return {name: pair for name, pair in values.items() if pair[0] != pair[1]}
-
-
-def saved_pairs(first: Path | None, second: Path | None, frames: list[int], name: str) -> list[tuple[int, Any, Any]]:
-    """(frame, first's, second's ``Saved``) of every frame that both folders hold; none where a folder is None.
-
-    ``name``: of a frame's file, a format with its number as argument 0.
-    """
-    if first is None or second is None:
-        return []
-    paths = [(f, first / name.format(f), second / name.format(f)) for f in frames]
-    return [(f, Saved(x), Saved(y)) for f, x, y in paths if x.is_file() and y.is_file()]
-
-
-class Saved:
-    """Arrays of one .npz, read when asked for, so that a long run never lies in memory whole."""
+class _Saved:
+    """Arrays of one .npz file, each read on access: the frames of a long run do not fit in memory together."""
 
     def __init__(self, path: Path):
         self._path = path
@@ -227,7 +220,7 @@ class Saved:
     def __getitem__(self, name: str) -> Array:
         return self._read(lambda arrays: arrays[name])
 
-    def _read(self, take: Any) -> Any:
+    def _read(self, take: Callable[[Any], Any]) -> Any:
         try:
             with np.load(self._path) as arrays:
                 return take(arrays)
@@ -235,13 +228,26 @@ class Saved:
             raise OutputError(f"cannot be read: {error}", where=str(self._path)) from None
 
 
+def _saved_pairs(
+    first: Path | None, second: Path | None, frames: list[int], name: str
+) -> list[tuple[int, _Saved, _Saved]]:
+    """Frame, arrays of the first and of the second run, for frames whose file both folders have.
+
+    ``name``: format of the file name, with the frame number as its argument.  A folder may be None: no frames.
+    """
+    if first is None or second is None:
+        return []
+    paths = [(f, first / name.format(f), second / name.format(f)) for f in frames]
+    return [(f, _Saved(x), _Saved(y)) for f, x, y in paths if x.is_file() and y.is_file()]
+
+
 def _worst_arrays(result: dict[str, Any]) -> tuple[list[Array], list[Array] | None]:
-    """Mask words of the worst pair, and its colours where both runs saved them."""
+    """Mask words of the worst pair, and its colors if both runs saved them."""
     frame = result["worst"]["frame"]
     folders = [Path(name) for name in result["runs"]]
-    masks = [Saved(folder / _MASKS.format(frame))["mask"].astype(np.uint32) for folder in folders]
-    kept = saved_pairs(*folders, [frame], _CHANNELS)
+    masks = [_Saved(folder / _MASKS.format(frame))["mask"].astype(np.uint32) for folder in folders]
+    saved = _saved_pairs(*folders, [frame], _CHANNELS)
     colors = None
-    if kept and all("color" in arrays for arrays in kept[0][1:]):
-        colors = [arrays["color"][..., :3] for arrays in kept[0][1:]]
+    if saved and all("color" in arrays for arrays in saved[0][1:]):
+        colors = [arrays["color"][..., :3] for arrays in saved[0][1:]]
     return masks, colors
