@@ -1,8 +1,8 @@
 """Atomic writing of files, with system errors as one-line OutputErrors.
 
-A file is written under a hidden name beside its target and renamed with ``os.replace``.  The hidden name holds the
-process number of its writer, so that files left by killed writers can be found and removed.  This is why ``tempfile``
-does not choose the name; its files would also be unreadable for other users.
+A file is written under a hidden name in the folder of its target and renamed with ``os.replace``.  The hidden name
+holds the process number of its writer, so that files left by killed writers can be found and removed.  This is why
+``tempfile`` does not choose the name; its files would also be unreadable for other users.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from taubench_gl.errors import OutputError
 
 DAY = 86400.0
-"""Seconds without a change after which a partial file counts as abandoned, whatever its process number says."""
+"""Seconds without a change after which a partial file counts as abandoned, regardless of its process number."""
 
 _PARTIAL = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+(-(?P<space>[0-9a-f]{8}))?\.partial(\.\w+)?", re.DOTALL)
 _writes = itertools.count()  # distinguishes the partial files of the threads of one process
@@ -164,7 +164,7 @@ def _abandoned(partial: Path) -> bool:
     """Whether the writer of a partial file is gone.  Raises OSError.
 
     A process number of this machine decides.  One of another machine or container that shares the folder, and one that
-    another process has since received, say nothing: then DAY decides.
+    another process has since received, are inconclusive: then DAY decides.
     """
     found = _PARTIAL.fullmatch(partial.name)
     if found["space"] and f"-{found['space']}" == _process_space() and not _runs(int(found["pid"])):

@@ -1,6 +1,6 @@
 """Images of frame pairs for a report: few, small and evenly spaced; recorded during a run, read back afterwards.
 
-The folder ``images`` beside summary.json holds, per recorded pair, the frame and the reprojected previous frame (WebP)
+The folder ``images`` next to summary.json holds, per recorded pair, the frame and the reprojected previous frame (WebP)
 and the reason words (PNG: low byte in red, high byte in green), and ``index.json`` once the run is complete.
 """
 

@@ -90,14 +90,14 @@ def plot_frames(summary: Summary, frames: Sequence[Mapping[str, Any]], path: str
     upper.set(ylabel="discarded, % of all pixels", title=_title(summary, "Discard rate and camera motion per frame"))
     upper.set_ylim(bottom=0)
     turned, moved = _column(frames, "angle_deg"), _column(frames, "translation_m")
-    look = {"linewidth": 1.4, "marker": marker}
-    lower.plot(number, turned, color="black", label="rotation (left)", **look)
+    style = {"linewidth": 1.4, "marker": marker}
+    lower.plot(number, turned, color="black", label="rotation (left)", **style)
     lower.set(ylabel="rotation, degrees", xlabel="frame")
     lower.set_ylim(bottom=0)
     right = lower.twinx()
     right.spines["right"].set_visible(True)
     right.grid(False)
-    right.plot(number, moved, color="#0072B2", linestyle="--", label="translation (right)", **look)
+    right.plot(number, moved, color="#0072B2", linestyle="--", label="translation (right)", **style)
     right.set_ylabel("translation, m", color="#0072B2")
     right.set_ylim(bottom=0)
     cuts = (summary.get("camera") or {}).get("cuts") or []
@@ -131,8 +131,8 @@ def plot_sweep(
     sign = "°" if unit == "deg" else " m"
     within = [point for point in paper if point[1] <= 1.05 * np.nanmax(speed)]
     for (scene, at, percent), marker in zip(within, itertools.cycle("Ds^vPX")):
-        look = {"color": "none", "markeredgecolor": hex_of("frustum"), "markersize": 7}
-        axes.plot([at], [percent], marker, label=f"{scene}, {at:.3g}{sign}", **look)
+        style = {"color": "none", "markeredgecolor": hex_of("frustum"), "markersize": 7}
+        axes.plot([at], [percent], marker, label=f"{scene}, {at:.3g}{sign}", **style)
     axes.set(xlabel=f"{axis} per frame, {sign.strip()}", ylabel="discarded, % of all pixels, mean")
     axes.set_title("Discard rate by camera speed: " + as_title(name))
     axes.set_ylim(bottom=0)

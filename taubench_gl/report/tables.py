@@ -53,7 +53,7 @@ class Table:
 
 @cache
 def paper_numbers() -> dict[str, Any]:
-    """The paper's Tables 1 to 4 (``paper.json`` beside this file)."""
+    """The paper's Tables 1 to 4 (``paper.json`` in this folder)."""
     return json.loads(resources.files(__package__).joinpath("paper.json").read_text(encoding="utf-8"))
 
 
@@ -178,8 +178,8 @@ def _camera_rows(
         values = [(camera.get(name) or {}).get(key) for name, key in statistics]
         rows.append(_row(label, values, summary, reason))
         if cuts := camera.get("cuts"):
-            kept = [((camera.get(name) or {}).get("without_cuts") or {}).get(key) for name, key in statistics]
-            rows.append(_row(f"{label}, {WITHOUT_CUTS}", kept, summary, "every pair is a cut", left_out=len(cuts)))
+            values = [((camera.get(name) or {}).get("without_cuts") or {}).get(key) for name, key in statistics]
+            rows.append(_row(f"{label}, {WITHOUT_CUTS}", values, summary, "every pair is a cut", left_out=len(cuts)))
     return rows
 
 

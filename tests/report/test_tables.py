@@ -130,7 +130,7 @@ def test_labels_of_several_runs_are_unique(summary):
 
 
 def test_runs_of_one_scene_are_named_by_the_settings_that_differ(summary):
-    """Thresholds in metres: another unit scale alone is no other position threshold.  Nothing differs: numbers."""
+    """Runs without different settings are numbered."""
     runs = [copy.deepcopy(summary) for _ in range(3)]
     for run in runs:
         run["settings"]["unit_scale"] = 1.0
