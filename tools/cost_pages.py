@@ -1,115 +1,114 @@
-"""docs/cost-measured.md and its figures out of the studies that tools/cost_study made: ``cost_pages.py OUT DOCS``."""
+"""Writes docs/cost-measured.md and its figure from the studies of tools/cost_study: ``cost_pages.py OUT DOCS``."""
 
 from __future__ import annotations
 
 import json
-import shutil
 import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost.result import ALL
-from taubench_gl.cost.rounds import SWEEPS
-from taubench_gl.report.study_grid import Grid, ms_text, ratio_text
-from taubench_gl.report.study_tables import front_errors, grids, heading, spoken, worst_of
+from taubench_gl.report.cost_tables import Table, markdown_table, three
 
-STUDIES = ("cesiumman", "fox", "truck", "lamp", "sponza", "demo", "ladder")
-INTRODUCTION = """# What accuracy costs: measured
+FIGURE = "pictures/cost-fronts.png"
 
-Made by `DOCS=1 tools/cost_study`; what the words mean is in [cost.md](cost.md). Every study names its machine, its
-clock and the load it was measured under. With a load above 1 the milliseconds are those of a busy machine; comparisons
-between settings, which are taken round by round, bear that better than the milliseconds themselves.
-"""
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One study.  ``front``: (time over the baseline's, error in pp), fastest first."""
+
+    name: str
+    subject: str  # size, pairs, columns
+    configurations: int
+    chosen: str
+    error: str
+    ms: str
+    ratio: str
+    validation: str
+    front: Sequence[tuple[float, float]]
 
 
 def main() -> int:
     out, docs = Path(sys.argv[1]), Path(sys.argv[2])
-    files = {name: out / name / "study.json" for name in STUDIES}
-    studies = {n: json.loads(f.read_text(encoding="utf-8")) for n, f in files.items() if f.is_file()}
-    parts = [INTRODUCTION, fullness(studies)]
-    for name, study in studies.items():
-        parts.append(section(name, study, bool(study["quality"])))
-        copy(out / name / "fronts.png", docs / "pictures" / f"cost-{name}.png")
-        if study["quality"]:
-            copy(out / name / "methods_flip.png", docs / "pictures" / f"cost-{name}-methods.png")
-    (docs / "cost-measured.md").write_text("\n".join(parts), encoding="utf-8")
+    files = sorted(out.glob("*/study.json"))
+    studies = {f.parent.name: json.loads(f.read_text(encoding="utf-8")) for f in files}
+    found = [measured(name, study) for name, study in studies.items()]
+    about = sorted({about_line(study) for study in studies.values()})
+    write_page(found, about, docs)
     return 0
 
 
-def fullness(studies: dict[str, Any]) -> str:
-    """How many settings stand on every front."""
-    rows = []
-    for name, study in studies.items():
-        counts = {front: len(found) for front, found in study["fronts"].items()}
-        cells = [str(counts.get(column, "")) for column in (*COLUMNS, ALL)]
-        rows.append((name, str(settings_of(study)), *cells))
-    heads = ("settings on the front", "measured", *COLUMNS, "worst of them")
-    words = "So many of the settings that were measured stand on each front."
-    return "\n".join([words, "", *table(Grid("fronts", heads, tuple(rows)))])
-
-
-def settings_of(study: dict[str, Any]) -> int:
-    """How many settings were measured and timed, questions aside."""
-    return sum(p["role"] != "question" and p["ms"] is not None for p in study["points"])
-
-
-def section(name: str, study: dict[str, Any], methods: bool) -> str:
-    """Provenance, figure, fronts and words.  Of a path-traced reference the folder's own name alone is told."""
-    if study["reference"].get("path"):
-        study["reference"]["path"] = "exr:" + Path(study["reference"]["path"]).name
-    title, *about = heading(study)
-    commit, visits = study["provenance"]["git"] or "unknown", study["points"][0]["ms"]["samples"]
-    lines = [f"## {title.partition(': ')[2]}", "", f"![fronts of {name}](pictures/cost-{name}.png)", ""]
-    lines += [f"- {cell(line)}" for line in about]
-    lines += [
-        f"- {settings_of(study)} settings, {visits} rounds of {SWEEPS} visits each; commit {commit}",
-        "",
-    ]
-    for grid in fronts(study):
-        lines += table(grid)
-    if methods:
-        lines += [f"![reuse methods of {name}](pictures/cost-{name}-methods.png)", ""]
-        for grid in grids(study):
-            if grid.title.startswith("Reuse methods"):
-                lines += table(grid)
-    lines += [f"- {cell(line.strip())}" for line in spoken(study) if not line.endswith(":")]
-    return "\n".join([*lines, ""])
-
-
-def fronts(study: dict[str, Any]) -> list[Grid]:
-    """All settings that are on some front, in one table per front."""
+def measured(name: str, study: Mapping[str, Any]) -> Measured:
+    width, height = study["size"]
     points = {p["name"]: p for p in study["points"]}
-    out = []
-    for name in study["front_columns"]:
-        rows = [
-            (p["label"], front_errors(study, name, p), ms_text(p), ratio_text(p))
-            for p in (points[n] for n in study["fronts"][name])
-        ]
-        title = name if name in study["columns"] else worst_of(study, name)
-        out.append(Grid(name, (f"front of {title}", "error, points", "ms/frame", "against the base"), tuple(rows)))
-    return out
+    front = ALL if ALL in study["fronts"] else study["columns"][0]
+    columns = study["front_columns"][front]
+    steps = [points[n] for n in study["fronts"][front] if points[n]["role"] != "path_traced"]
+    errors = {p["name"]: max(p["columns"][c]["error"] for c in columns) for p in steps}
+    chosen = points.get((study["chosen"] or {}).get("configuration"))
+    cells = ("–", "–", "–", "–", "–")
+    if chosen is not None:
+        error = max(chosen["columns"][c]["error"] for c in study["chosen"]["columns"])
+        found = study["validation"] or {}
+        passed = found.get("errors_pass") and found.get("time_pass") is not False
+        ratio = f"{chosen['against_baseline']['ratio']:.3g}"
+        cells = (chosen["label"], three(error), three(chosen["ms"]["median"]), ratio, "PASS" if passed else "FAIL")
+    return Measured(
+        name,
+        f"{width}x{height}, {study['pairs']} pairs, {', '.join(columns)}",
+        sum(p["role"] != "definition" and p["ms"] is not None for p in points.values()),
+        *cells,
+        front=[(p["against_baseline"]["ratio"], errors[p["name"]]) for p in steps],
+    )
 
 
-def table(grid: Grid) -> list[str]:
-    rule = ("---", *["---:"] * (len(grid.heads) - 1))
-    rows = (tuple(map(cell, grid.heads)), rule, *(tuple(map(cell, row)) for row in grid.rows))
-    return ["| " + " | ".join(row) + " |" for row in rows] + ["", *(f"{cell(note)}\n" for note in grid.notes)]
+def about_line(study: Mapping[str, Any]) -> str:
+    machine, commit = study["machine"], study["provenance"]["git"] or "unknown"
+    load = "unknown" if study["load"] is None else f"{study['load']:.1f}"
+    return f"{machine['renderer']}, {machine['processor']}, {machine['cores']} cores; load {load}; commit {commit}"
 
 
-def cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("<", "&lt;")
+def write_page(found: Sequence[Measured], about: Iterable[str], docs: Path) -> None:
+    """docs/cost-measured.md and its figure."""
+    heads = ("scene", "measured", "configurations", "chosen", "error, pp", "ms/frame", "x baseline", "validation")
+    rows = [(m.name, m.subject, str(m.configurations), m.chosen, m.error, m.ms, m.ratio, m.validation) for m in found]
+    lines = [
+        "# Cost studies: measurements",
+        "",
+        "Words: [cost.md](cost.md). `DOCS=1 tools/cost_study` measures the studies and writes this page.",
+        "",
+        markdown_table(Table("chosen", heads, tuple(rows))),
+        "",
+        f"![Error against time of the Pareto fronts]({FIGURE})",
+        "",
+        "Pareto fronts of the worst error over the columns. Time is relative to the baseline of each scene.",
+        "",
+        *(f"- {line}" for line in about),
+    ]
+    (docs / "cost-measured.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    plot_fronts(found, docs / FIGURE)
 
 
-def copy(source: Path, target: Path) -> None:
-    """A picture for the docs, in a palette of 64 colours: lines and letters need no more."""
-    from PIL import Image
+def plot_fronts(found: Sequence[Measured], path: Path) -> None:
+    """Fronts of all studies in one figure: time over the baseline's, error in pp."""
+    from matplotlib.figure import Figure
 
-    target.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        Image.open(source).convert("RGB").quantize(64).save(target, optimize=True)
-    except OSError:
-        shutil.copyfile(source, target)
+    figure = Figure(figsize=(8.6, 5.0), dpi=110, layout="constrained")
+    axes = figure.subplots()
+    for m, marker in zip(found, "osD^vP*X"):
+        axes.step(*zip(*m.front), where="post", marker=marker, markersize=5, linewidth=1.3, label=m.name)
+    axes.axvline(1.0, color="#888888", linewidth=0.9, linestyle="--")
+    axes.set(xscale="log", xlabel="time of a frame / baseline (log)", ylabel="error, pp (linear near 0)")
+    axes.set_yscale("symlog", linthresh=1e-2)
+    axes.set_ylim(bottom=0.0)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.grid(True, alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=9)
+    figure.savefig(path, metadata={"Software": None})
 
 
 if __name__ == "__main__":

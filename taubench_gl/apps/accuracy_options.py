@@ -1,4 +1,4 @@
-"""Options that trade accuracy for time, and presets of them that ``cost`` writes and ``evaluate`` takes up."""
+"""Options that trade accuracy for time, and ``--preset``, which reads the settings that ``cost`` recommends."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ def accuracy_options(command: Any) -> Any:
     """``--storage``, ``--samples-per-pixel`` and ``--pairs``."""
     return with_options(
         command,
-        of_settings("--storage", "Of channels between passes: 32 or 16 bits a component.", type=click.Choice(STORAGES)),
+        of_settings("--storage", "Component type of channels between passes.", type=click.Choice(STORAGES)),
         of_settings(
             "--samples-per-pixel",
-            "Places within a pixel at which both frames of a pair are drawn and judged.",
+            "Sub-pixel positions at which both frames of a pair are rendered and classified.",
             metavar="N",
         ),
         of_settings(
             "--pairs",
-            "Pairs looked at: every K-th, or two from each of H stretches; with confidence intervals.",
+            "Pairs to evaluate: every K-th, or two from each of H strata; with confidence intervals.",
             metavar="all|every:K|strata:H",
         ),
         removed_option("--summation", "pixel counts are added as exact integers"),
@@ -47,26 +47,23 @@ def preset_option(command: Any) -> Any:
         "--preset",
         type=click.Path(path_type=Path, dir_okay=False),
         metavar="FILE",
-        help="Settings that 'taubench-gl cost --within' chose; options given beside it win.",
+        help="Settings recommended by 'taubench-gl cost --within'; options given beside it take precedence.",
     )(command)
 
 
 def with_preset(options: dict[str, Any], preset: Path | None) -> dict[str, Any]:
-    """``options`` of the running command with those of ``preset`` where the user gave none.  Raises SettingsError."""
+    """``options`` of the running command, those that the user did not give from ``preset``.  Raises SettingsError."""
     if preset is None:
         return options
     from taubench_gl.cost.preset import load_preset
 
     values = load_preset(preset)
-    asked = given_options(("size", *values))
-    size = (values.pop("width", Settings().sequence.width), values.pop("height", Settings().sequence.height))
+    given = given_options(("size", *values))
+    default = Settings().sequence
+    size = (values.pop("width", default.width), values.pop("height", default.height))
     thresholds = values.pop("thresholds", {})
-    out = dict(options)
-    if "size" not in asked:
+    out = options | {name: value for name, value in values.items() if name not in given}
+    if "size" not in given:
         out["size"] = size
-    given = dict(options["thresholds"])
-    out["thresholds"] = tuple((dict(thresholds) | given).items())
-    for name, value in values.items():
-        if name not in asked:
-            out[name] = value
+    out["thresholds"] = tuple((dict(thresholds) | dict(options["thresholds"])).items())
     return out

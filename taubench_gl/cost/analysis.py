@@ -1,47 +1,116 @@
-"""From measured points to an answer: fronts, monotone sanity, recommendations.  Plain data, no OpenGL."""
+"""Times, Pareto fronts, recommendations and their validation, from measured configurations.  No OpenGL."""
 
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.cost.clock import Time, slower_by
 
 DIGITS = 9
-"""Decimals of a point to which two errors are compared: below it lies the rounding of float64 means."""
+"""Decimals to which two errors are compared.  Smaller differences are rounding errors of float64 means."""
+
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+RULE = (
+    "configurations are timed in interleaved rounds and compared round by round: they differ if the median of the "
+    "rounds' log ratios is further from 0 than their spread (1.4826 times the median absolute deviation) and 0 lies "
+    "outside the 95 % interval of their mean (Student's t); times without common rounds differ if their medians differ "
+    "by more than sqrt(s1^2 + s2^2); otherwise, or with fewer than three rounds, they are statistically "
+    "indistinguishable"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Time:
+    """Milliseconds: median over rounds, spread (1.4826 MAD; None below three rounds), number of rounds, and the rounds
+    themselves where they were interleaved with other configurations."""
+
+    median: float
+    spread: float | None
+    samples: int
+    rounds: tuple[float, ...] = ()
+
+
+def time_of(samples: Sequence[float], *, interleaved: bool = True) -> Time:
+    """Median and spread.  ``samples``: milliseconds > 0, one per round, at least one."""
+    median, spread = _median_and_spread(samples)
+    return Time(median, spread, len(samples), tuple(samples) if interleaved else ())
+
+
+def compare_times(a: Time, b: Time) -> int:
+    """1 where ``a`` is slower than ``b``, -1 where it is faster, 0 where they are indistinguishable (``RULE``)."""
+    if a.rounds and len(a.rounds) == len(b.rounds):
+        ratios = [math.log(x / y) for x, y in zip(a.rounds, b.rounds)]
+        difference, spread = _median_and_spread(ratios)
+        significant = abs(statistics.fmean(ratios)) > _half_width(ratios)
+    else:
+        difference, significant = a.median - b.median, True
+        spread = None if a.spread is None or b.spread is None else math.hypot(a.spread, b.spread)
+    if spread is None or not significant or abs(difference) <= spread:
+        return 0
+    return 1 if difference > 0 else -1
+
+
+def no_slower(a: Time, b: Time) -> bool:
+    """Whether ``a`` can replace ``b`` at no cost: not slower by ``RULE``, and its median within the spread of ``b``.
+
+    The second condition keeps a configuration with very noisy times from replacing a faster one.
+    """
+    if compare_times(a, b) > 0:
+        return False
+    return a.spread is None or b.spread is None or a.median <= b.median + b.spread
+
+
+def _half_width(samples: Sequence[float]) -> float:
+    """Of the 95 % interval of the mean."""
+    n = len(samples)
+    if n < 3:
+        return math.inf
+    from scipy.special import stdtrit  # imported late: 0.3 s
+
+    return float(stdtrit(n - 1, 0.975)) * statistics.stdev(samples) / math.sqrt(n)
+
+
+def _median_and_spread(samples: Sequence[float]) -> tuple[float, float | None]:
+    median = statistics.median(samples)
+    if len(samples) < 3:
+        return median, None
+    return median, MAD_TO_SIGMA * statistics.median(abs(s - median) for s in samples)
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnError:
-    """One column of one setting.  All in points (percent of w * h), None where not measured, with ``reason``."""
+    """One column of one configuration, percent or percentage points of w * h; None where not measured (``reason``)."""
 
     percent: float | None
-    points: float | None = None  # this mean - the reference's mean
-    half_width: float | None = None  # of the 95 % confidence interval of a sampled run
-    pair_points: float | None = None  # mean over pairs of |this - reference|: what cancels in the mean is in it
+    points: float | None = None  # mean minus the mean of the reference
+    half_width: float | None = None  # of the 95 % confidence interval of sampled pairs
+    pair_points: float | None = None  # mean over pairs of |difference|: includes what cancels in the mean
     reason: str | None = None
 
     @property
     def error(self) -> float | None:
-        """What a reader of the table must reckon with: |points|, and never less than the half width of a sample."""
+        """|points|, and at least the half width of sampled pairs."""
         return None if self.points is None else max(abs(self.points), self.half_width or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One setting: what it gets wrong and what a frame costs."""
+    """One measured configuration: its errors and the time of a frame."""
 
     name: str
     label: str
-    role: str  # base | one | combined | best | question | rung
-    choice: Mapping[str, Any]
+    role: str  # baseline | highest_quality | single | combined | definition | path_traced
+    values: Mapping[str, Any]
     columns: Mapping[str, ColumnError]
     time: Time | None
     clock: str
-    usable: bool = True  # whether ``evaluate`` can be given it as a preset
+    usable: bool = True  # whether ``evaluate`` can run it from a preset
     features: Mapping[str, Any] = field(default_factory=dict)
     passes: Mapping[str, float] = field(default_factory=dict)
     bytes: int | None = None
@@ -50,172 +119,158 @@ class Point:
         return self.columns[column].error if column in self.columns else None
 
 
-def compared(points: Sequence[Point], column: str | Sequence[str]) -> list[Point]:
-    """Points that stand on the plot of ``column``: they answer the same question, and were measured and timed."""
-    columns = _listed(column)
-    return [p for p in points if p.role != "question" and worst_error(p, columns) is not None and p.time is not None]
-
-
-def pareto_front(points: Sequence[Point], column: str | Sequence[str]) -> list[Point]:
-    """Points of ``column`` that no other dominates, fastest first.  Several columns: by the worst of their errors.
-
-    Of points with the same error the fastest stays, or, of those that are no slower (``clock.RULE``), the first in
-    ``points`` (the base, then single changes).  Of these a point leaves the front if one with a smaller error is no
-    slower.  So noise in the times alone puts nothing on the front.
-    """
-    columns = _listed(column)
-    groups: dict[float, list[Point]] = {}
-    for p in compared(points, columns):
-        groups.setdefault(round(worst_error(p, columns), DIGITS), []).append(p)
-    best = [_first_of_the_fastest(group) for _, group in sorted(groups.items())]
-    front = [p for i, p in enumerate(best) if all(slower_by(q.time, p.time) > 0 for q in best[:i])]
-    return sorted(front, key=lambda p: p.time.median)
-
-
-def _listed(column: str | Sequence[str]) -> tuple[str, ...]:
-    return (column,) if isinstance(column, str) else tuple(column)
-
-
-def _first_of_the_fastest(group: Sequence[Point]) -> Point:
-    fastest = min(group, key=lambda p: p.time.median)
-    return next(p for p in group if p is fastest or slower_by(p.time, fastest.time) == 0)
-
-
-def _one_per_error(rated: Sequence[tuple[Point, float]]) -> list[tuple[Point, float]]:
-    """Of points with the same error the first that is no slower than the fastest: a dial that does nothing for the
-    columns asked for (a histogram's bins) is not recommended because of a lucky round."""
-    groups: dict[float, list[tuple[Point, float]]] = {}
-    for point, error in rated:
-        groups.setdefault(round(error, DIGITS), []).append((point, error))
-    firsts = [_first_of_the_fastest([p for p, _ in group]) for group in groups.values()]
-    return [(p, e) for p, e in rated if any(p is first for first in firsts)]
-
-
 def worst_error(point: Point, columns: Sequence[str]) -> float | None:
-    """Largest error over ``columns``; None if one of them was not measured."""
+    """Largest error over ``columns``, percentage points; None if one of them was not measured."""
     errors = [point.error(column) for column in columns]
     return None if not errors or any(e is None for e in errors) else max(errors)
 
 
 def measured_columns(points: Sequence[Point]) -> list[str]:
-    """Columns that the base has an error for."""
-    base = next((p for p in points if p.role == "base"), None)
-    return [] if base is None else [c for c in COLUMNS if base.error(c) is not None]
+    """Columns for which the baseline has an error."""
+    baseline = next((p for p in points if p.role == "baseline"), None)
+    return [] if baseline is None else [c for c in COLUMNS if baseline.error(c) is not None]
+
+
+def pareto_front(points: Sequence[Point], column: str | Sequence[str]) -> list[Point]:
+    """Points that no other point dominates, fastest first.  Several columns: by the worst of their errors.
+
+    Of points with the same error one stays: the first in ``points`` that is no slower than all others.  Of these a
+    point leaves the front if one with a smaller error is no slower, so timing noise alone puts nothing on it.
+    """
+    columns = (column,) if isinstance(column, str) else tuple(column)
+    groups: dict[float, list[Point]] = {}
+    for p in points:
+        error = worst_error(p, columns)
+        if p.role != "definition" and p.time is not None and error is not None:
+            groups.setdefault(round(error, DIGITS), []).append(p)
+    ordered = [group for _, group in sorted(groups.items())]
+    front = []
+    for i, group in enumerate(ordered):
+        best = _first_no_slower(group)
+        if not any(no_slower(q.time, best.time) for finer in ordered[:i] for q in finer):
+            front.append(best)
+    return sorted(front, key=lambda p: p.time.median)
+
+
+def _first_no_slower(group: Sequence[Point]) -> Point:
+    """The first that no other clearly beats; the fastest by median where times are not transitive."""
+    fastest = min(group, key=lambda p: p.time.median)
+    return next((p for p in group if all(no_slower(p.time, q.time) for q in group if q is not p)), fastest)
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What to use, and what a step further costs.  ``point`` None: nothing meets the wish, ``words`` says so."""
+    """A recommendation.  ``point`` None: nothing meets the limits; ``words`` says so."""
 
     columns: tuple[str, ...]
-    within: float | None
+    within: float | None  # percentage points
     budget_ms: float | None
     point: Point | None
-    next: Point | None
+    next: Point | None  # the next slower point of the front
     words: str
 
 
 def choose(
     points: Sequence[Point], columns: Sequence[str], *, within: float | None = None, budget_ms: float | None = None
 ) -> Choice:
-    """The cheapest usable point whose error is at most ``within`` points in all ``columns`` (and at most ``budget_ms``
-    a frame, if given); without ``within`` the most exact one in the budget.
-
-    A time counts with its spread: median + spread must be in the budget.
+    """Of the Pareto front of usable points: the fastest with an error of at most ``within`` percentage points in all
+    ``columns``; without ``within`` the most exact one.  Median + spread must be within ``budget_ms``, if given.
     """
     columns = tuple(columns)
-    subject = f"for the {columns[0]} column" if len(columns) == 1 else f"for {', '.join(columns)}"
-    usable = [p for p in points if p.usable and p.role != "question" and p.time is not None]
-    rated = [(p, e) for p in usable if (e := worst_error(p, columns)) is not None]
-    fit = _one_per_error([(p, e) for p, e in rated if (within is None or e <= within) and _affordable(p, budget_ms)])
-    wish = subject
-    wish += "" if within is None else f" within {within:g} points"
-    wish += "" if budget_ms is None else f" in {budget_ms:g} ms/frame"
-    if not fit:
-        return Choice(columns, within, budget_ms, None, None, _why_none(wish, rated, within, budget_ms))
-    if within is not None:
-        best, error = min(fit, key=lambda pe: (pe[0].time.median, pe[1]))
-        # What is no slower, also by its median, but more exact, costs nothing.
-        reach = best.time.median + (best.time.spread or 0.0)
-        ties = [(p, e) for p, e in fit if p.time.median <= reach and slower_by(p.time, best.time) == 0]
-        best, error = min(ties, key=lambda pe: round(pe[1], DIGITS), default=(best, error))
+    limits = f"for the {columns[0]} column" if len(columns) == 1 else f"for {', '.join(columns)}"
+    limits += "" if within is None else f" within {within:g} pp"
+    limits += "" if budget_ms is None else f" in {budget_ms:g} ms/frame"
+    usable = [p for p in points if p.usable and p.time is not None and worst_error(p, columns) is not None]
+    usable = [p for p in usable if p.role != "definition"]
+
+    def error(p: Point) -> float:
+        return worst_error(p, columns)
+
+    possible = [p for p in usable if (within is None or error(p) <= within) and _affordable(p, budget_ms)]
+    front = pareto_front(possible, columns)
+    if not front:
+        words = _why_none(limits, [(p, error(p)) for p in usable], budget_ms)
+        return Choice(columns, within, budget_ms, None, None, words)
+    best = front[0] if within is not None else min(front, key=error)
+    finer = [p for p in pareto_front(usable, columns) if round(error(best) - error(p), DIGITS) > 0]
+    further = next((p for p in finer if p.time.median > best.time.median), None)
+    words = f"{limits}: {best.label}, {ms_text(best.time)}, error {_pp(error(best))}"
+    if further is None:
+        words += "; no measured configuration is more exact"
     else:
-        best, error = min(fit, key=lambda pe: pe[1])
-    further = [
-        (p, e)
-        for p, e in _one_per_error(rated)
-        if round(error - e, DIGITS) > 0 and slower_by(p.time, best.time) > 0 and p.time.median > best.time.median
-    ]
-    nxt = min(further, key=lambda pe: pe[0].time.median, default=None)
-    words = f"{wish}: {best.label}, {_ms(best.time)}, error {_points(error)}"
-    finer = min(
-        (pe for pe in rated if round(error - pe[1], DIGITS) > 0), key=lambda pe: pe[0].time.median, default=None
-    )
-    if nxt is None and finer is not None:
-        ratio = finer[0].time.median / best.time.median
-        words += f"; {finer[0].label} (error {_points(finer[1])}) takes {ratio:.2g}x by the median, within the spread"
-    elif nxt is None:
-        words += "; nothing measured is more exact"
-    else:
-        ratio, gain = nxt[0].time.median / best.time.median, error - nxt[1]
-        words += f"; the next step ({nxt[0].label}) costs {ratio:.2g}x for {_points(gain)}"
-    return Choice(columns, within, budget_ms, best, None if nxt is None else nxt[0], words)
+        ratio = further.time.median / best.time.median
+        same = " (statistically indistinguishable)" if compare_times(further.time, best.time) == 0 else ""
+        words += f"; next: {further.label}, {ratio:.2g}x{same}, error {_pp(error(further))}"
+    return Choice(columns, within, budget_ms, best, further, words)
 
 
 def _affordable(point: Point, budget_ms: float | None) -> bool:
     return budget_ms is None or point.time.median + (point.time.spread or 0.0) <= budget_ms
 
 
-def _why_none(wish: str, rated: Sequence[tuple[Point, float]], within: float | None, budget: float | None) -> str:
+def _why_none(limits: str, rated: Sequence[tuple[Point, float]], budget_ms: float | None) -> str:
     if not rated:
-        return f"{wish}: nothing was measured"
-    near = [pe for pe in rated if _affordable(pe[0], budget)] if budget is not None else list(rated)
-    if not near:
+        return f"{limits}: nothing was measured"
+    affordable = [(p, e) for p, e in rated if _affordable(p, budget_ms)]
+    if not affordable:
         fastest = min((p for p, _ in rated), key=lambda p: p.time.median)
-        return f"{wish}: nothing measured is that fast; the fastest is {fastest.label}, {_ms(fastest.time)}"
-    best, error = min(near, key=lambda pe: pe[1])
-    return f"{wish}: nothing measured is that exact; nearest is {best.label}, error {_points(error)}, {_ms(best.time)}"
+        return f"{limits}: no configuration is that fast; the fastest is {fastest.label}, {ms_text(fastest.time)}"
+    best, error = min(affordable, key=lambda pe: pe[1])
+    nearest = f"the most exact is {best.label}, error {_pp(error)}, {ms_text(best.time)}"
+    return f"{limits}: no configuration is that exact; {nearest}"
 
 
-def _ms(time: Time) -> str:
-    spread = "" if time.spread is None else f" ± {_digits(time.spread)}"
-    return f"{_digits(time.median)}{spread} ms/frame"
+def ms_text(time: Time) -> str:
+    """``18.2 ± 0.41 ms/frame``."""
+    spread = "" if time.spread is None else f" ± {time.spread:.2g}"
+    return f"{f'{time.median:.3g}' if time.median < 1000 else f'{time.median:.0f}'}{spread} ms/frame"
 
 
-def _digits(value: float) -> str:
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+def _pp(value: float) -> str:
+    return f"{value:.2f} pp" if value >= 0.1 else f"{value:.2g} pp"
 
 
-def _points(value: float) -> str:
-    if value == 0:
-        return "0 points"
-    return f"{value:.2g} points" if value < 0.1 else f"{value:.2f} points"
+def validate(
+    choice: Choice, baseline: Time, reference: Mapping[str, float], repeated: Mapping[str, Any]
+) -> dict[str, Any]:
+    """PASS or FAIL of a chosen configuration that was run again: the block ``validation`` of study.json.
+
+    ``baseline``: its time in the study; ``reference``: percent by column; ``repeated``: ``percent`` by column, and
+    ``frame_ms`` and ``baseline_ms``, milliseconds per interleaved round.  Errors must be within ``choice.within``, or
+    else within the errors that the study measured.  The budget is compared as a ratio to the baseline, round by round,
+    less its spread: milliseconds of another time do not compare.
+    """
+    limit = choice.within
+    if limit is None:
+        limit = max(choice.point.error(c) for c in choice.columns)
+    errors = {c: abs(repeated["percent"][c] - reference[c]) for c in choice.columns}
+    ratio = time_of([t / b for t, b in zip(repeated["frame_ms"], repeated["baseline_ms"], strict=True)])
+    allowed = None if choice.budget_ms is None else choice.budget_ms / baseline.median
+    return {
+        "configuration": choice.point.name,
+        "errors": errors,
+        "limit_points": limit,
+        "errors_pass": all(round(e - limit, DIGITS) <= 0 for e in errors.values()),
+        "ms": asdict(time_of(repeated["frame_ms"])),
+        "baseline_drift": time_of(repeated["baseline_ms"]).median / baseline.median,
+        "budget_ms": choice.budget_ms,
+        "ratio": ratio.median,
+        "ratio_spread": ratio.spread,
+        "allowed_ratio": allowed,
+        "time_pass": None if allowed is None else ratio.median - (ratio.spread or 0.0) <= allowed,
+    }
 
 
-@dataclass(frozen=True, slots=True)
-class Sanity:
-    """Whether the error of ``column`` falls along ``knob``.  ``holds``: no rise beyond the noise of the pairs."""
-
-    knob: str
-    column: str
-    errors: tuple[tuple[Any, float], ...]  # value -> error, coarse to exact
-    holds: bool
-    words: str
-    faults: tuple[tuple[Any, Any], ...] = ()  # (coarse, fine) where it rises
-
-
-def rises(
+def error_increase(
     coarse: Mapping[str, float], fine: Mapping[str, float], reference: Mapping[str, float]
 ) -> tuple[float, float]:
-    """By how much ``fine`` is further from the reference than ``coarse``, per pair: mean and its standard error.
+    """Mean over frames of |fine - reference| - |coarse - reference|, and its standard error.
 
-    Percentages by frame.  A mean above twice its standard error is a rise that the choice of pairs does not explain.
+    Values by frame.  A mean above twice its standard error is an increase that the choice of pairs does not explain.
     """
     frames = sorted(coarse.keys() & fine.keys() & reference.keys())
-    rise = [abs(fine[f] - reference[f]) - abs(coarse[f] - reference[f]) for f in frames]
-    n = len(rise)
+    increase = [abs(fine[f] - reference[f]) - abs(coarse[f] - reference[f]) for f in frames]
+    n = len(increase)
     if n < 2:
-        return (rise[0] if rise else 0.0), math.inf
-    mean = math.fsum(rise) / n
-    variance = math.fsum((r - mean) ** 2 for r in rise) / (n - 1)
-    return mean, math.sqrt(variance / n)
+        return (increase[0] if increase else 0.0), math.inf
+    return math.fsum(increase) / n, statistics.stdev(increase) / math.sqrt(n)

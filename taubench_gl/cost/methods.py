@@ -1,19 +1,20 @@
-"""Reuse methods as experiments: what their settings cost, and how far the picture they make is from the reference.
+"""Reuse methods as configurations: the error of their images, and the time of shading and reuse.
 
-Nothing here approximates the discard columns: the errors are those of pictures, and a time is that of shading the input
-and of the method's own passes.  So the points have a front and words of their own, and never get into a preset.
+Their errors are errors of images, not of discard columns, so they have their own Pareto fronts and recommendations and
+are in no preset.  A time is that of shading the input plus that of the method's passes.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from taubench_gl.cost.analysis import pareto_front, rises
-from taubench_gl.cost.clock import Time, slower_by, time_of
+from taubench_gl.animation import CameraTrack
+from taubench_gl.cost.analysis import Time, compare_times, error_increase, pareto_front, time_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.reuse.contract import Method
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
@@ -21,24 +22,25 @@ from taubench_gl.reuse.fit import parse_range
 from taubench_gl.reuse.inputs_kind import parse_input
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 PREFIX = "method:"
 INPUTS = ("noisy+jittered",)
 MEASURED = ("flip", "relmse")
-"""Of ``reuse.quality.MEASURES``; in both less is better."""
+"""Of ``reuse.quality.MEASURES``; lower is better in both."""
 
-NO_REUSE, PLAIN = "none", "no reuse"
-MOST = 48
-"""Candidates of a study: all of one input are held ready side by side."""
+NO_REUSE = "none"
+MAX_METHODS = 48
+"""Methods of one input are all held open at once."""
 
 TIMED = 6
-"""Frames of a timing run; the first has no history and does not count."""
+"""Frames of a timing run; the first has no history and is not counted."""
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
-    """A method with settings, on one input."""
+class MethodConfiguration:
+    """A reuse method with settings, on one input."""
 
     spec: MethodSpec
     input: str
@@ -49,36 +51,39 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        return f"{PLAIN if self.spec.label == NO_REUSE else self.spec.label} on {self.input}"
+        return f"{'no reuse' if self.spec.label == NO_REUSE else self.spec.label} on {self.input}"
 
 
-def split_knobs(names: Sequence[str] | None) -> tuple[list[str] | None, list[str]]:
-    """``--knobs`` apart: dials of the renderer (None: all, if no name is given at all), and methods."""
+def split_parameters(names: Sequence[str] | None) -> tuple[list[str] | None, list[str]]:
+    """``--parameters`` split into parameters of the renderer (None: all) and methods without their prefix."""
     if names is None:
         return None, []
     methods = [name.removeprefix(PREFIX) for name in names if name.startswith(PREFIX)]
     return [name for name in names if not name.startswith(PREFIX)], methods
 
 
-def candidates(methods: Sequence[str], inputs: Sequence[str] = INPUTS) -> tuple[Candidate, ...]:
+def method_configurations(methods: Sequence[str], inputs: Sequence[str] = INPUTS) -> tuple[MethodConfiguration, ...]:
     """``NAME@setting=V``, V a value, ``lo:hi:n`` or ``a/b/c``; several settings make a grid.  On each of ``inputs``.
 
-    ``none``, which reuses nothing, is always among them, first.  Raises MethodError, SettingsError.
+    The method ``none``, which reuses nothing, is always the first.  Raises MethodError, SettingsError.
     """
     if not methods:
         return ()
     kinds = [parse_input(text) for text in inputs]
     if any(kind.files is not None for kind in kinds):
-        raise SettingsError("files take no time to shade", hint="choose inputs that are drawn; see 'reuse evaluate'")
+        hint = "choose rendered inputs; see 'reuse evaluate'"
+        raise SettingsError("files have no shading time", hint=hint)
     if len({kind.noisy for kind in kinds}) > 1:
-        hint = "their references differ; choose noisy ones, or others, and study them apart"
-        raise SettingsError("noisy inputs cannot stand beside exact ones", hint=hint)
+        hint = "their references differ: study them separately"
+        raise SettingsError("noisy and exact inputs are not comparable", hint=hint)
     specs = {NO_REUSE: MethodSpec(NO_REUSE, NO_REUSE)}
     for text in methods:
         specs |= {spec.label: spec for spec in _expand(text)}
-    found = tuple(Candidate(spec, text) for text in dict.fromkeys(k.text for k in kinds) for spec in specs.values())
-    if len(found) > MOST:
-        raise SettingsError(f"{len(found)} method settings are more than {MOST}", hint="give fewer values or inputs")
+    texts = dict.fromkeys(kind.text for kind in kinds)
+    found = tuple(MethodConfiguration(spec, text) for text in texts for spec in specs.values())
+    if len(found) > MAX_METHODS:
+        hint = "give fewer values or inputs"
+        raise SettingsError(f"{len(found)} method configurations are more than {MAX_METHODS}", hint=hint)
     return found
 
 
@@ -89,7 +94,7 @@ def _expand(text: str) -> list[MethodSpec]:
     out = []
     for values in itertools.product(*lists.values()):
         given = dict(zip(lists, values))
-        method_settings(method, given)  # wrong ones are told of before anything is measured
+        method_settings(method, given)  # raises for invalid values before anything is measured
         label = "@".join([str(spec.method), *(f"{n}={v}" for n, v in given.items())])
         out.append(MethodSpec(label, method, given))
     return out
@@ -101,70 +106,53 @@ def _values(method: Method, name: str, text: str) -> list[str]:
     return [part for part in text.split("/") if part] or [text]
 
 
-def measure_pictures(
-    scene: Any, camera: Any, base: Settings, chosen: Sequence[Candidate], reference: str = "max"
+def measure_images(
+    scene: Scene, camera: CameraTrack, baseline: Settings, chosen: Sequence[MethodConfiguration], reference: str
 ) -> dict[str, Any]:
-    """Errors of one input's candidates over all frames, per frame: label -> measure -> frame -> error, and bytes."""
+    """Image errors of all methods on one input: label -> measure -> frame -> error; bytes; settings."""
+    specs, kind = [c.spec for c in chosen], chosen[0].input
     run = evaluate_methods(
-        scene,
-        [c.spec for c in chosen],
-        _settings(base),
-        input=chosen[0].input,
-        reference=reference,
-        metrics=("flip",),
-        camera=camera,
+        scene, specs, _settings(baseline), input=kind, reference=reference, metrics=("flip",), camera=camera
     )
-    rows = {label: [r for r in run.rows if r["method"] == label][1:] for label in run.summary["methods"]}
-    told = run.summary["methods"]
-    errors = {
-        label: {m: {str(r["frame"]): r[m] for r in rows[label]} for m in MEASURED}
-        for label in told
-        if not told[label]["failed"]
-    }
+    described, samples = run.summary["methods"], run.summary["reference"]["samples"]
+    errors = {}
+    for label, method in described.items():
+        rows = [r for r in run.rows if r["method"] == label][1:]  # the first frame has no history
+        if not method["failed"]:
+            errors[label] = {m: {str(r["frame"]): r[m] for r in rows} for m in MEASURED}
     return {
         "errors": errors,
         "failed": run.failed,
-        "bytes": {label: m["memory_bytes"] for label, m in told.items()},
-        "settings": {label: m["settings"] for label, m in told.items()},
-        "reference": _reference(run.summary["reference"]),
+        "bytes": {label: m["memory_bytes"] for label, m in described.items()},
+        "settings": {label: m["settings"] for label, m in described.items()},
+        "reference": "path-traced" if samples is None else f"exact light, {samples} samples per pixel",
     }
 
 
-def _reference(told: Mapping[str, Any]) -> str:
-    return "path-traced" if told["samples"] is None else f"exact light, {told['samples']} samples per pixel"
-
-
-def time_pictures(
-    scene: Any, camera: Any, base: Settings, frames: range, chosen: Sequence[Candidate]
+def time_methods(
+    scene: Scene, camera: CameraTrack, baseline: Settings, frames: range, chosen: Sequence[MethodConfiguration]
 ) -> dict[str, Any]:
-    """One visit: milliseconds of shading, and of every method, medians over the same few frames.
+    """One round: milliseconds of shading, and of every method, medians over the same frames from the middle.
 
-    The methods take turns in every frame, and whose turn is first changes from frame to frame.
+    The methods are interleaved within each frame, and their order changes from frame to frame.
     """
     count = min(TIMED, len(frames))
     start = frames.start + (len(frames) - count) // 2
-    settings = _settings(base).replace(frames=(start, start + count))
-    run = evaluate_methods(
-        scene,
-        [c.spec for c in chosen],
-        settings,
-        input=chosen[0].input,
-        reference_samples=1,
-        metrics=(),
-        camera=camera,
-    )
-    told = {label: m["time_ms"] for label, m in run.summary["methods"].items() if not m["failed"]}
-    return {"shading_ms": run.summary["input"]["shading_ms"], "method_ms": told, "clock": run.summary["clock"]}
+    settings = _settings(baseline).replace(frames=(start, start + count))
+    specs, kind = [c.spec for c in chosen], chosen[0].input
+    run = evaluate_methods(scene, specs, settings, input=kind, reference_samples=1, metrics=(), camera=camera)
+    times = {label: m["time_ms"] for label, m in run.summary["methods"].items() if not m["failed"]}
+    return {"shading_ms": run.summary["input"]["shading_ms"], "method_ms": times, "clock": run.summary["clock"]}
 
 
-def _settings(base: Settings) -> Settings:
-    """The base, with surfaces followed, as 'reuse evaluate' has it, and without what belongs to discard counts."""
-    return base.replace(pairs="all", samples_per_pixel=1, reprojection="motion")
+def _settings(baseline: Settings) -> Settings:
+    """As 'reuse evaluate' runs: with motion reprojection, without settings of discard counts."""
+    return baseline.replace(pairs="all", samples_per_pixel=1, reprojection="motion")
 
 
 @dataclass(frozen=True, slots=True)
 class MethodPoint:
-    """A measured candidate.  ``errors``: measure -> frame -> error; ``failed``: one line, and then nothing else."""
+    """A measured method.  ``errors``: measure -> frame -> error.  ``failed``: one line; then nothing else is known."""
 
     name: str
     label: str
@@ -182,24 +170,26 @@ class MethodPoint:
 
     def error(self, measure: str) -> float | None:
         """Mean over frames; None where the method failed."""
-        values = self.errors.get(measure) or {}
+        values = self.errors.get(measure)
         return math.fsum(values.values()) / len(values) if values else None
 
 
-def method_points(chosen: Sequence[Candidate], records: Iterable[Mapping[str, Any]], repeats: int) -> list[MethodPoint]:
-    """Points out of records of the kinds ``quality`` and ``quality_time``."""
+def method_points(
+    chosen: Sequence[MethodConfiguration], records: Iterable[Mapping[str, Any]], repeats: int
+) -> list[MethodPoint]:
+    """Points from records of the kinds ``images`` and ``image_time``."""
     records = list(records)
-    pictures = {r["input"]: r for r in records if r["kind"] == "quality"}
+    images = {r["input"]: r for r in records if r["kind"] == "images"}
     out = []
     for c in chosen:
-        label, found = c.spec.label, pictures[c.input]
-        visits = [r for r in records if r["kind"] == "quality_time" and r["input"] == c.input][:repeats]
-        pairs = [(v["shading_ms"], v["method_ms"][label]) for v in visits if label in v["method_ms"]]
+        label, found = c.spec.label, images[c.input]
+        rounds = [r for r in records if r["kind"] == "image_time" and r["input"] == c.input][:repeats]
+        pairs = [(r["shading_ms"], r["method_ms"][label]) for r in rounds if label in r["method_ms"]]
         failed = found["failed"].get(label)
         if failed or not pairs:
             out.append(MethodPoint(c.name, c.label, c.input, {}, None, None, None, None, failed=failed or "no time"))
             continue
-        shading, method = (time_of(side, in_turn=False).median for side in zip(*pairs))
+        shading, method = map(statistics.median, zip(*pairs))
         out.append(
             MethodPoint(
                 c.name,
@@ -211,7 +201,7 @@ def method_points(chosen: Sequence[Candidate], records: Iterable[Mapping[str, An
                 method,
                 found["bytes"].get(label),
                 found["settings"].get(label),
-                visits[0]["clock"],
+                rounds[0]["clock"],
                 found["reference"],
             )
         )
@@ -219,45 +209,52 @@ def method_points(chosen: Sequence[Candidate], records: Iterable[Mapping[str, An
 
 
 def recommend(points: Sequence[MethodPoint], measure: str) -> str:
-    """In words: the least error, what is as good within the noise of the frames and faster, and no reuse beside it."""
-    there = [p for p in points if p.error(measure) is not None and p.time is not None]
-    if not there:
+    """In words: the smallest error, the fastest method that is as good within the noise of the frames, and no reuse."""
+    measured = [p for p in points if p.error(measure) is not None and p.time is not None]
+    if not measured:
         return f"{measure}: nothing was measured"
-    best = min(there, key=lambda p: p.error(measure))
-    words = f"{measure}: least error by {_told(best, measure)}"
-    equal = [p for p in there if p is not best and slower_by(best.time, p.time) > 0 and _as_good(p, best, measure)]
-    if equal:
-        cheap = min(equal, key=lambda p: p.time.median)
+    best = min(measured, key=lambda p: p.error(measure))
+    words = f"{measure}: smallest error: {_describe(best, measure)}"
+    faster = [p for p in measured if compare_times(best.time, p.time) > 0 and _as_good(p, best, measure)]
+    if faster:
+        cheap = min(faster, key=lambda p: p.time.median)
         ratio = best.time.median / cheap.time.median
-        words += f"; no worse within the noise of the frames and {ratio:.3g}x as fast: {_told(cheap, measure)}"
-    plain = next((p for p in there if p.label == f"{PLAIN} on {best.input}"), None)
+        words += f"; as good within the noise of the frames, {ratio:.3g}x as fast: {_describe(cheap, measure)}"
+    plain = _no_reuse(best, points)
     if plain is best:
-        return f"{words}; no method measured is better than none"
+        return f"{words}; no measured method is better"
     return words if plain is None else f"{words}; without reuse {plain.error(measure):.3g}, {plain.time.median:.3g} ms"
 
 
 def _as_good(point: MethodPoint, best: MethodPoint, measure: str) -> bool:
-    """No frame-by-frame rise above twice its standard error."""
+    """The error is not larger by more than twice the standard error over frames."""
     here, there = (p.errors[measure] for p in (point, best))
-    mean, error = rises(there, here, dict.fromkeys(here, 0.0))
+    mean, error = error_increase(there, here, dict.fromkeys(here, 0.0))
     return math.isfinite(error) and mean <= 2.0 * error
 
 
-def _told(p: MethodPoint, measure: str) -> str:
+def _no_reuse(point: MethodPoint, points: Sequence[MethodPoint]) -> MethodPoint | None:
+    """The method that reuses nothing, on the same input."""
+    return next((p for p in points if p.label == f"no reuse on {point.input}"), None)
+
+
+def _describe(p: MethodPoint, measure: str) -> str:
     spread = "" if p.time.spread is None else f" ± {p.time.spread:.2g}"
     parts = f"shading {p.shading_ms:.3g}, method {p.method_ms:.3g}"
     return f"{p.label} ({p.error(measure):.3g}, {p.time.median:.3g}{spread} ms: {parts})"
 
 
-def quality_json(points: Sequence[MethodPoint]) -> dict[str, Any] | None:
-    """The block ``quality`` of study.json; None where no method was asked for."""
+def methods_json(points: Sequence[MethodPoint]) -> dict[str, Any] | None:
+    """The block ``methods`` of study.json; None without methods."""
     if not points:
         return None
     rows = []
     for p in points:
         row = {k: v for k, v in asdict(p).items() if k not in ("time", "errors")}
-        ms = None if p.time is None else asdict(p.time)
-        rows.append(row | {"ms": ms, "against_base": _against(p, points), "errors": {m: p.error(m) for m in MEASURED}})
+        plain = _no_reuse(p, points)
+        row["against_baseline"] = None if plain is None else against(p.time, plain.time)
+        row["ms"] = None if p.time is None else asdict(p.time)
+        rows.append(row | {"errors": {m: p.error(m) for m in MEASURED}})
     return {
         "measures": {m: MEASURES[m].doc for m in MEASURED},
         "points": rows,
@@ -266,12 +263,8 @@ def quality_json(points: Sequence[MethodPoint]) -> dict[str, Any] | None:
     }
 
 
-def _against(point: MethodPoint, points: Sequence[MethodPoint]) -> dict[str, Any] | None:
-    """Time over that of no reuse on the same input."""
-    plain = next((p for p in points if p.label == f"{PLAIN} on {point.input}"), None)
-    if plain is None or plain.time is None or point.time is None:
+def against(time: Time | None, baseline: Time | None) -> dict[str, Any] | None:
+    """Ratio of two times, and whether they differ by ``analysis.RULE``; None where one is not known."""
+    if time is None or baseline is None:
         return None
-    return {"ratio": point.time.median / plain.time.median, "different": slower_by(point.time, plain.time) != 0}
-
-
-__all__ = ["Candidate", "MethodPoint", "candidates", "measure_pictures", "quality_json", "recommend", "time_pictures"]
+    return {"ratio": time.median / baseline.median, "different": compare_times(time, baseline) != 0}

@@ -1,4 +1,4 @@
-"""Presets: the settings a study recommends, as a TOML file that ``evaluate --preset`` takes up."""
+"""Presets: recommended settings as a TOML file for ``evaluate --preset``."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.settings import FIELDS, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
+_HINT = "'taubench-gl cost --within' writes presets"
 
 
-def save_preset(path: Path, settings: Settings, promise: Mapping[str, Any]) -> None:
-    """Write every field that differs from the defaults, the size always, and what was measured.  Raises OutputError."""
+def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> None:
+    """Write the size, every field that differs from its default, and ``measured``.  Raises OutputError."""
     default = Settings().to_dict()
     lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]"]
     for name, value in settings.to_dict().items():
@@ -24,12 +25,12 @@ def save_preset(path: Path, settings: Settings, promise: Mapping[str, Any]) -> N
             continue
         if name in ("width", "height") or value != default[name]:
             lines.append(f"{name} = {_toml(value)}")
-    lines += ["", "[promise]  # measured, not read back", *(f"{k} = {_toml(v)}" for k, v in promise.items())]
+    lines += ["", "[measured]  # for the reader, not read back", *(f"{k} = {_toml(v)}" for k, v in measured.items())]
     write_atomically(path, "\n".join(lines) + "\n")
 
 
 def load_preset(path: str | Path) -> dict[str, Any]:
-    """Fields of ``Settings`` by name, checked.  Raises SettingsError for a file that is none, or a value it refuses."""
+    """Fields of ``Settings`` by name, checked.  Raises SettingsError for any other file and for invalid values."""
     path = Path(path)
     try:
         values = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -38,20 +39,17 @@ def load_preset(path: str | Path) -> dict[str, Any]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SettingsError(f"is not TOML: {error}", where=str(path)) from None
     if values.get("schema") != PRESET_SCHEMA:
-        hint = "'taubench-gl cost --within' writes presets"
-        raise SettingsError(
-            f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}", where=str(path), hint=hint
-        )
+        what = f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}"
+        raise SettingsError(what, where=str(path), hint=_HINT)
     settings = values.get("settings")
     if not isinstance(settings, dict):
-        what = "has no table [settings]" if settings is None else "settings is no table"
-        raise SettingsError(what, where=str(path), hint="'taubench-gl cost --within' writes presets")
+        what = "has no table [settings]" if settings is None else "settings is not a table"
+        raise SettingsError(what, where=str(path), hint=_HINT)
     known = set(FIELDS) - set(SELECTING)
     for name in settings:
         if name not in known:
-            raise SettingsError(
-                f"no setting is named {name!r}", where=str(path), hint=f"choose from {', '.join(sorted(known))}"
-            )
+            hint = f"choose from {', '.join(sorted(known))}"
+            raise SettingsError(f"no setting is named {name!r}", where=str(path), hint=hint)
     try:
         checked = Settings.from_dict(settings)
     except SettingsError as error:
@@ -64,7 +62,7 @@ def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        # JSON strings are TOML basic strings, but for lone surrogates (a path that is no UTF-8).
+        # A JSON string is a TOML basic string, except for lone surrogates (paths that are not UTF-8).
         return json.dumps(plain_text(value), ensure_ascii=False)
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{json.dumps(str(k))} = {_toml(v)}" for k, v in value.items()) + " }"

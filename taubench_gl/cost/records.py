@@ -1,4 +1,4 @@
-"""Records of a study as JSON lines, one per finished measurement: killed at any moment, a study goes on from them."""
+"""Records of a cost study as JSON lines, one per finished measurement.  A killed study resumes from them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write
 
 RECORDS_FILE = "records.jsonl"
-RECORDS_SCHEMA = "taubench-gl/cost-records/2"
+RECORDS_SCHEMA = "taubench-gl/cost-records/3"
 
 
 class Records:
-    """The file, and what it holds.  Each line is handed to the disk before the next measurement starts."""
+    """The file and its records.  Each line is on the disk before the next measurement starts."""
 
     def __init__(self, folder: Path, header: Mapping[str, Any]):
-        """Take up ``folder``'s records if they are of the same study, else start them.
+        """Continue the records in ``folder`` if there are any, else start them.
 
-        ``header`` has ``identity`` (part -> hash) and ``machine`` (what times depend on).  Raises OutputError for the
-        records of another study.
+        ``header`` has ``identity`` (part -> hash) and ``machine`` (what times depend on).  Raises OutputError if the
+        records belong to another study or machine.
         """
         self.path = folder / RECORDS_FILE
         self.lines: list[dict[str, Any]] = []
@@ -41,17 +41,16 @@ class Records:
             self.lines = found[1:]
         try:
             self._file = os.open(self.path, os.O_WRONLY | os.O_CREAT, 0o644)
-            # The line that was being written when the process died is no record.
+            # An incomplete last line was cut off when the process was killed.
             os.ftruncate(self._file, len(whole))
             os.lseek(self._file, 0, os.SEEK_END)
         except OSError as error:
             raise cannot_write(self.path, error) from None
-        self.taken_up = len(self.lines)
         if not found:
             self._write(header)
 
     def add(self, record: Mapping[str, Any]) -> None:
-        """Append one finished measurement.  Raises OutputError when the disk refuses."""
+        """Append one finished measurement.  Raises OutputError if it cannot be written."""
         self._write(record)
         self.lines.append(dict(record))
 
@@ -77,15 +76,15 @@ def _parse(line: bytes, path: Path, number: int) -> dict[str, Any]:
     except ValueError:
         record = None
     if not isinstance(record, dict) or "kind" not in record:
-        hint = "delete the file to start afresh"
+        hint = "delete the file to start from scratch"
         raise OutputError("is not a record of a study", where=f"{path}:{number}", hint=hint)
     return record
 
 
 def _require_same(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: Path) -> None:
-    hint = "give --out another folder, or --fresh to measure anew"
+    hint = "give --out another folder, or --fresh to measure from scratch"
     if there.get("kind") != "study" or there.get("schema") != RECORDS_SCHEMA:
-        raise OutputError("its records are of another version", where=str(folder), hint=hint)
+        raise OutputError("its records have another format version", where=str(folder), hint=hint)
     known = there.get("identity") or {}
     other = [part for part, value in wanted["identity"].items() if known.get(part) != value]
     if other:
@@ -98,4 +97,4 @@ def _require_same(there: Mapping[str, Any], wanted: Mapping[str, Any], folder: P
 def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} has no place in a record")
+    raise TypeError(f"{type(value).__name__} cannot be stored in a record")

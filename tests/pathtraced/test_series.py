@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from taubench_gl.cost import cost
-from taubench_gl.cost.errors import KEPT, feature_frames, from_run
+from taubench_gl.cost.errors import COMPARED_CHANNELS, feature_frames, from_run
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.compare import noise_floor_percent
 from taubench_gl.pathtraced.series import find_series
@@ -56,7 +56,7 @@ def test_a_render_is_evaluated_with_its_noise_floor_and_channels(renders_folder)
     assert all(value in (0.0, None) for value in noise_floor_percent(run.summary).values()), (
         "the two seeds are the same files here"
     )
-    channels = series.renders[0].channels(settings, feature_frames(series.frames), KEPT)
+    channels = series.renders[0].channels(settings, feature_frames(series.frames), COMPARED_CHANNELS)
     assert list(channels) == [21] and {"position", "normal", "motion"} <= channels[21].keys()
 
 
@@ -80,16 +80,16 @@ def test_renders_are_points_of_a_cost_study(renders_folder, data, tmp_path):
     scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
     study = cost(
         scene, out=tmp_path / "study", reference=f"exr:{renders_folder}", columns=("position", "normal"), repeats=3,
-        knobs=("samples_per_pixel",),
+        parameters=("samples_per_pixel",),
     )  # fmt: skip
     study.save()
-    rungs = [p for p in study.points if p.role == "rung"]
-    assert [p.choice["spp"] for p in rungs] == [1, 4, 16]
-    for p in rungs:
-        assert p.error("position") == 0.0 and p.time.median == pytest.approx(525.0 * p.choice["spp"])
+    renders = [p for p in study.points if p.role == "path_traced"]
+    assert [p.values["spp"] for p in renders] == [1, 4, 16]
+    for p in renders:
+        assert p.error("position") == 0.0 and p.time.median == pytest.approx(525.0 * p.values["spp"])
     front = study.front("all")
-    assert front[-1] is rungs[0], "two frames have no spread: of equally exact renders the first"
+    assert front[-1] is renders[0], "two frames have no spread: of equally exact renders the first"
     values = json.loads((tmp_path / "study" / "study.json").read_text())
     assert values["fronts"]["all"] == [p.name for p in front]
     assert (tmp_path / "study" / "front_all.png").stat().st_size > 5000
-    assert rungs[0].label in (tmp_path / "study" / "study.html").read_text()
+    assert renders[0].label in (tmp_path / "study" / "study.html").read_text()

@@ -23,7 +23,7 @@ Array = np.ndarray
 Size = tuple[int, int]
 FPS, REPEATS = 4.0, 3
 SCALES = (0.25, 0.5, 1.0)
-KNOBS = ("scale", "samples_per_pixel")
+PARAMETERS = ("scale", "samples_per_pixel")
 DOT_PT = 17.0
 FINER = 6  # rays per pixel and axis for the exact share
 FACETS = 0.003  # points: the ball that is drawn has 64 x 128 facets, and lies within the sphere
@@ -100,8 +100,8 @@ def run(stage: Stage, out: Path) -> Result:
     small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
     for name, what, bound in (
         ("scale=0.25", "at a quarter of the width and height", slack(small)),
-        ("base", "as asked for, one sample per pixel", slack(size)),
-        ("best", "with 16 samples per pixel, the dearest setting", slack(size, 16)),
+        ("baseline", "as asked for, one sample per pixel", slack(size)),
+        ("highest_quality", "with 16 samples per pixel, the dearest setting", slack(size, 16)),
     ):
         source = "each sample on an edge is off by ± half of itself: 6 deviations; the mask's area by rays, float64"
         off = abs(percent(points, name) - exact)
@@ -112,10 +112,10 @@ def run(stage: Stage, out: Path) -> Result:
 
 
 def measured(stage: Stage) -> list[Point]:
-    """The study itself: every setting of KNOBS, its mean percentage and its time."""
+    """The study itself: every configuration of PARAMETERS, its mean percentage and its time."""
     settings = stage.settings(fps=FPS, columns=("frustum", "position"))
     with tempfile.TemporaryDirectory() as folder:
-        return cost(scene(), settings, out=folder, knobs=KNOBS, repeats=REPEATS, check=False).points
+        return cost(scene(), settings, out=folder, parameters=PARAMETERS, repeats=REPEATS, check=False).points
 
 
 def percent(points: list[Point], name: str) -> float:
@@ -123,7 +123,7 @@ def percent(points: list[Point], name: str) -> float:
 
 
 def points_off(points: list[Point], scale: float, exact: float) -> float:
-    return abs(percent(points, "base" if scale == 1.0 else f"scale={scale}") - exact)
+    return abs(percent(points, "baseline" if scale == 1.0 else f"scale={scale}") - exact)
 
 
 def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -189,5 +189,5 @@ def beside(places: Array, diameter: float) -> list[tuple[float, float]]:
 
 def _name(point: Point) -> str:
     """``50 %, 4 samples``: resolution, samples per pixel."""
-    samples = point.choice.get("samples_per_pixel", 1)
-    return f"{100 * point.choice.get('scale', 1.0):g} %, {samples} sample{'s' if samples > 1 else ''}"
+    samples = point.values.get("samples_per_pixel", 1)
+    return f"{100 * point.values.get('scale', 1.0):g} %, {samples} sample{'s' if samples > 1 else ''}"

@@ -1,7 +1,7 @@
 // The cost page: error against time of one column or measure, one mark per configuration, the Pareto front as steps.
 
-const SHAPES = { base: "square", best: "star", one: "circle", combined: "triangle", rung: "diamond", method: "circle" };
-const NAMES = { base: "baseline", best: "highest quality", one: "one parameter changed", combined: "several parameters", rung: "path-traced", method: "reuse method" };
+const SHAPES = { baseline: "square", highest_quality: "star", single: "circle", combined: "triangle", path_traced: "diamond", method: "circle" };
+const NAMES = { baseline: "baseline", highest_quality: "highest quality", single: "one parameter changed", combined: "several parameters changed", path_traced: "path-traced", method: "reuse method" };
 const box = document.getElementById("plot"), status = document.getElementById("status");
 const chooser = document.getElementById("column"), roles = document.getElementById("roles");
 
@@ -16,8 +16,8 @@ function describe(p, column) {
   const half = e.half_width === null ? "" : ` (± ${short(e.half_width)} pp, 95 % interval)`;
   const spread = p.ms.spread === null ? "" : ` ± ${short(p.ms.spread)}`;
   const base = p.role === "method" ? "no reuse" : "the baseline";
-  const against = p.against_base === null || p.against_base.ratio === 1 ? ""
-    : p.against_base.different ? `, ${short(p.against_base.ratio)}x ${base}` : `, statistically indistinguishable from ${base}`;
+  const against = p.against_baseline === null || p.against_baseline.ratio === 1 ? ""
+    : p.against_baseline.different ? `, ${short(p.against_baseline.ratio)}x ${base}` : `, statistically indistinguishable from ${base}`;
   const error = p.role === "method" ? `${column}: ${short(e.error)}`
     : e.worst !== undefined ? `worst of ${data.front_columns[column].join(", ")}: ${e.worst}, ${short(e.error)} pp from the reference`
     : `${column}: ${short(e.percent)} %, ${e.points >= 0 ? "+" : ""}${short(e.points)} pp from the reference${half}`;

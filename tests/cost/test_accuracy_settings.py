@@ -1,4 +1,4 @@
-"""The knobs the engine got for the study: each against a law or a second way to the same number."""
+"""Settings that trade accuracy for time: each against a law, or against another way to the same number."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def full(demo):
 
 
 @pytest.mark.parametrize("pairs", ["every:3", "strata:2"])
-def test_sampled_pairs_are_the_full_runs_pairs(demo, full, pairs):
+def test_sampled_pairs_equal_those_of_the_full_run(demo, full, pairs):
     run = evaluate_scene(demo, GEOMETRY.replace(pairs=pairs))
     whole = {row["frame"]: row for row in full.frames}
     assert 0 < len(run.frames) < len(full.frames)
@@ -38,26 +38,26 @@ def test_sampled_pairs_are_the_full_runs_pairs(demo, full, pairs):
         assert {c: row[c] for c in COUNT_COLUMNS} == {c: whole[row["frame"]][c] for c in COUNT_COLUMNS}
         assert row["angle_deg"] == whole[row["frame"]]["angle_deg"]
     assert run.summary["camera"]["angle"] == full.summary["camera"]["angle"]  # that of all frames
-    told = run.summary["sampling"]
-    assert (told["drawn"], told["total"]) == (len(run.frames), len(full.frames))
+    sampling = run.summary["sampling"]
+    assert (sampling["drawn"], sampling["total"]) == (len(run.frames), len(full.frames))
     for column in ("position", "normal"):
-        apart = run.summary["discard"][column]["mean_percent"] - full.summary["discard"][column]["mean_percent"]
-        assert abs(apart) <= told["columns"][column]["half_width_points"]
+        difference = run.summary["discard"][column]["mean_percent"] - full.summary["discard"][column]["mean_percent"]
+        assert abs(difference) <= sampling["columns"][column]["half_width_points"]
 
 
-def test_every_sampled_pair_has_its_history_drawn():
+def test_schedule_draws_the_history_of_every_sampled_pair():
     frames = range(100, 150)
     for pairs in ("all", "every:7", "strata:5"):
         sample = sampled_pairs(frames, Settings.of(pairs=pairs))
         schedule = frame_schedule(frames, sample)
-        assert [f for f, judged in schedule if judged] == [frames[p + 1] for p in sample.positions]
-        for i, (frame, judged) in enumerate(schedule):
-            assert not judged or schedule[i - 1][0] == frame - 1
+        assert [f for f, evaluated in schedule if evaluated] == [frames[p + 1] for p in sample.positions]
+        for i, (frame, evaluated) in enumerate(schedule):
+            assert not evaluated or schedule[i - 1][0] == frame - 1
         assert len({f for f, _ in schedule}) == len(schedule)
 
 
-def test_samples_per_pixel_add_up_to_jittered_runs(demo):
-    """Four samples are four runs whose camera is shifted by a fixed part of a pixel."""
+def test_samples_per_pixel_are_sums_of_jittered_runs(demo):
+    """Four samples are four runs with the camera shifted by fixed sub-pixel offsets."""
 
     class Shifted:
         def __init__(self, track, offset):
@@ -78,10 +78,10 @@ def test_samples_per_pixel_add_up_to_jittered_runs(demo):
             if row[column] is not None:
                 assert row[column] == sum(run.frames[i][column] for run in single), column
     assert many.frames[0]["pixels"] == 4 * 48 * 28
-    assert len({run.frames[0]["position"] for run in single}) > 1, "the four places must not all say the same"
+    assert len({run.frames[0]["position"] for run in single}) > 1, "the four offsets must not all give the same count"
 
 
-def test_half_storage_rounds_what_float_storage_holds(demo, gpu):
+def test_half_storage_rounds_float_storage(demo, gpu):
     scene = load_scene(demo)
     held = {}
     for storage in ("float", "half"):
@@ -97,7 +97,7 @@ def test_half_storage_rounds_what_float_storage_holds(demo, gpu):
     for name in ("position", "normal"):
         full, half = held["float"][name], held["half"][name]
         assert half.dtype == np.float16
-        # One step of a half float: rounded or cut off, as the driver likes.
+        # One step of a half float: drivers round or truncate.
         step = np.spacing(np.abs(full).astype(np.float16)).astype(np.float64)
         assert np.all(np.abs(full - half.astype(np.float64)) <= step)
         assert np.any(full != half)
@@ -120,13 +120,13 @@ def test_bins_and_edges_agree(bits):
         {"samples_per_pixel": 0}, {"samples_per_pixel": 65},
     ],
 )  # fmt: skip
-def test_values_that_cannot_be_meant_are_refused(wrong):
+def test_invalid_values_are_refused(wrong):
     with pytest.raises(SettingsError):
         Settings.of(**wrong)
 
 
-def test_path_traced_files_have_no_such_knobs(tmp_path):
+def test_path_traced_files_take_no_render_settings(tmp_path):
     for wrong in ({"pairs": "every:2"}, {"samples_per_pixel": 4}):
-        with pytest.raises(SettingsError, match="rendered scenes"):
+        with pytest.raises(SettingsError):
             evaluate_path_traced(f"exr:{tmp_path}", Settings.of(**wrong))
     assert tb.Settings().metrics.pairs == "all"

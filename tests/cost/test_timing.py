@@ -1,0 +1,168 @@
+"""Visits and rounds: which frames are drawn, what counts as their time, and where a study resumes."""
+
+from __future__ import annotations
+
+import pytest
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.cost.configurations import Configuration, configuration
+from taubench_gl.cost.timing import (
+    SWEEPS,
+    TIMED,
+    TURNS,
+    WARM,
+    OpenConfiguration,
+    Pool,
+    StudyTimer,
+    due_visits,
+    median_passes,
+    round_medians,
+)
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.gpu.timing import probe_timer
+from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
+
+SMALL = Settings.of(width=16, height=9, frames=(0, 10), columns=("frustum", "position"))
+
+
+class Turns:
+    """A clock that is read before and after the timed frames of a turn: a frame of turn i takes ``ms[i]``."""
+
+    def __init__(self, *ms: float):
+        self.seconds, self.readings, self._ms = 0.0, 0, ms
+
+    @property
+    def drawn(self) -> int:
+        return self.readings // 2
+
+    def __call__(self) -> float:
+        self.seconds += 1e-3 * TIMED * self._ms[min(self.drawn, len(self._ms) - 1)] * (self.readings % 2)
+        self.readings += 1
+        return self.seconds
+
+
+@pytest.fixture(scope="module")
+def scene(demo):
+    return load_scene(demo)
+
+
+@pytest.fixture
+def visit(scene):
+    """Visits one configuration with a clock of ``Turns``: the result, and the number of timed turns."""
+    gpu = open_gpu("auto", None)
+
+    def visit(*ms, passes=False, **values):
+        clock = Turns(0.5, *ms)  # the first turn compiles shaders
+        with gpu:
+            camera, timer = choose_camera(scene, None), StudyTimer(gpu, probe_timer(gpu))
+            opened = OpenConfiguration(gpu, scene, camera, configuration("single", values, SMALL), timer, clock)
+            found = opened.visit(passes)
+            opened.release()
+        return found, clock.drawn - 1
+
+    return visit
+
+
+def test_fastest_turn_counts(visit):
+    found, turns = visit(5.0, 9.0, 2.0, 3.0, 100.0)
+    assert found["frame_ms"] == pytest.approx(2.0)
+    assert turns == 5
+
+
+def test_number_of_turns_depends_on_their_time(visit):
+    assert visit(80.0)[1] == 1, "four frames of 80 ms are long enough"
+    assert visit(0.01)[1] == TURNS
+
+
+def test_sampled_pairs_cost_the_frames_that_are_drawn(visit):
+    # Of 10 frames every third pair draws six: pairs 1, 4 and 7.
+    assert visit(20.0, pairs="every:3")[0]["frame_ms"] == pytest.approx(20.0 * 6 / 10)
+
+
+def test_passes_are_timed_on_request(visit):
+    assert "passes" not in visit(80.0)[0]
+    found, turns = visit(80.0, passes=True)
+    assert found["passes"]["masks"] > 0.0 and turns == 2
+
+
+def test_timed_loop_reads_counts_one_pair_late(scene, monkeypatch):
+    lags: list[int] = []  # runs of the mask pass submitted after the one that is read
+    read = MaskPass.read
+
+    def spy(self, run=None):
+        lags.append(self._runs - (self._runs if run is None else run))
+        return read(self, run)
+
+    monkeypatch.setattr(MaskPass, "read", spy)
+    settings = SMALL.replace(frames=(0, WARM + TIMED))
+    evaluate_scene(scene, settings)
+    assert lags == [1] * (WARM + TIMED - 2) + [0], "the last pair has no next one"
+    lags.clear()
+    gpu = open_gpu("auto", None)
+    with gpu:
+        camera, timer = choose_camera(scene, None), StudyTimer(gpu, probe_timer(gpu))
+        opened = OpenConfiguration(gpu, scene, camera, configuration("single", {}, settings), timer)
+        opened.visit()
+        opened.release()
+    assert len(lags) >= 2 * (WARM + TIMED - 2) and set(lags) == {1}
+
+
+class Opened:
+    bytes = 1 << 60
+
+    def __init__(self):
+        self.released = False
+
+    def visit(self, passes):
+        return {"frame_ms": 1.0}
+
+    def release(self):
+        self.released = True
+
+
+def test_pool_closes_configurations_when_memory_is_short():
+    opened = []
+    with Pool(lambda c: opened.append(Opened()) or opened[-1], software=True) as pool:
+        for name in "aba":
+            pool.visit(Configuration(name, "single", {}, SMALL))
+        assert [o.released for o in opened] == [True, True, False]
+    assert all(o.released for o in opened)
+
+
+def due(done=(), names="abc"):
+    configurations = [Configuration(n, "single", {}, SMALL, on_cpu=n == "x") for n in names]
+    return [(r, k, c.name) for r, k, c in due_visits(configurations, 2, done)]
+
+
+def test_visits_are_interleaved_and_resume():
+    whole = due()
+    assert whole == [(r, k, n) for r in range(2) for k in range(SWEEPS) for n in "abc"]
+    for cut in (2, 7, 11, len(whole)):
+        assert due([{"configuration": n} for _, _, n in whole[:cut]]) == whole[cut:]
+
+
+def test_masks_on_the_cpu_are_not_timed():
+    assert due(names="axbc") == due()
+
+
+def record(name, number, ms, **more):
+    return {"configuration": name, "round": number, "frame_ms": ms} | more
+
+
+def test_median_of_the_visits_of_a_round():
+    assert SWEEPS == 3
+    visits = [record(n, r, ms) for r, k in enumerate([(4.0, 90.0, 5.0), (1.0, 3.0, 2.0)]) for ms in k for n in "ab"]
+    assert round_medians(visits) == {n: [{"frame_ms": ms, "passes": {}} for ms in (5.0, 2.0)] for n in "ab"}
+
+
+def test_incomplete_round_does_not_count():
+    visits = [record("a", 0, 1.0), record("b", 0, 1.0), record("a", 0, 2.0), record("b", 0, 2.0), record("a", 0, 3.0)]
+    assert list(round_medians(visits)) == ["a"]
+
+
+def test_median_of_passes():
+    rounds = [{"passes": p} for p in ({"masks": 1.0}, {"masks": 3.0, "color": 6.0}, {"masks": 2.0})]
+    assert median_passes(rounds) == {"color": 0.0, "masks": 2.0}
