@@ -1,4 +1,4 @@
-"""A demo as a Jupyter notebook, made from the same record.  Needs nbformat: pip install taubench-gl[notebook]."""
+"""A demo as a Jupyter notebook.  Needs nbformat: pip install taubench-gl[notebook]."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = SIZE) -> Pa
     cells = [
         new_markdown_cell(f"# {demo.number}. {demo.title}\n\n{demo.idea}\n\n**What to look for**\n\n{look}"),
         new_code_cell(_RUN.format(name=demo.name, width=size[0], height=size[1])),
-        new_markdown_cell("## The numbers, and what theory says of them"),
+        new_markdown_cell("## Measured numbers and theory"),
         new_code_cell(_NUMBERS),
     ]
     if demo.scene is not None:
         cells += [
             new_markdown_cell(
-                "## Go on from here\n\nThe scene of this demo, evaluated as any other. Change a setting and run "
-                'the cell again: `reprojection="motion"`, `thresholds={"position": 0.01}`, another `fps`.'
+                "## Experiments\n\nEvaluate the scene of this demo. Change a setting and run the cell "
+                'again: `reprojection="motion"`, `thresholds={"position": 0.01}`, another `fps`.'
             ),
             new_code_cell(_EVALUATE.format(width=size[0], height=size[1])),
         ]
     for i, cell in enumerate(cells):
-        cell["id"] = f"{demo.name}-{i}"  # the same file every time
+        cell["id"] = f"{demo.name}-{i}"  # reproducible file
     notebook = new_notebook(cells=cells)
     notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     nbformat.validate(notebook)
@@ -57,7 +57,7 @@ for figure in result.figures:
     display(Image(figure.path, width=1000), Markdown(figure.caption))"""
 
 _NUMBERS = """\
-rows = ["| measured | what | expected | because |", "| --- | --- | --- | --- |"]
+rows = ["| measured | meaning | expected | reason |", "| --- | --- | --- | --- |"]
 rows += [f"| {f.text} | {f.meaning} | {f.expected.text} | {f.expected.source} |" for f in result.findings]
 display(Markdown("\\n".join(rows)))
 assert result.as_expected"""

@@ -1,4 +1,4 @@
-"""Things that demo scenes are made of.  Space: world, +Y up, metres."""
+"""Objects of the demo scenes.  World space, +Y up, metres."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ SAND, BRICK, SEA, LEAF, CHALK = (
 
 
 class Props(SceneBuilder):
-    """A SceneBuilder that knows matt paints and a few shapes."""
+    """A SceneBuilder with diffuse materials and a few shapes."""
 
     def paint(self, color: tuple[float, float, float], **more: object) -> int:
-        """A matt material (Lambert: no specular lobe)."""
+        """A Lambertian material without specular lobe."""
         return self.material(base_color=(*color, 1.0), metallic=0.0, roughness=1.0, specular=0.0, **more)
 
     def thing(self, *primitives: Primitive, **node: object) -> int:
@@ -39,12 +39,12 @@ class Props(SceneBuilder):
     def checkered(
         self, half_width: float, half_height: float, cells: tuple[int, int], colors: tuple, **node: object
     ) -> int:
-        """A rectangle of ``cells`` squares in two colours, facing +Z of its node."""
+        """A rectangle of ``cells`` squares in two colors, facing +Z of its node."""
         return self.thing(*checkered(half_width, half_height, cells, [self.paint(c) for c in colors]), **node)
 
 
 def checkered(half_width: float, half_height: float, cells: tuple[int, int], materials: list[int]) -> list[Primitive]:
-    """Two primitives, the black and the white squares of a board."""
+    """Two primitives: the even and the odd squares of a checkerboard."""
     whole = quad(half_width, half_height, cells=cells)
     column, row = np.arange(cells[0] * cells[1]) % cells[0], np.arange(cells[0] * cells[1]) // cells[0]
     odd = np.repeat((column + row) % 2 == 1, 2)
@@ -55,7 +55,7 @@ def checkered(half_width: float, half_height: float, cells: tuple[int, int], mat
 
 
 def hall(b: Props) -> None:
-    """A columned hall, 8 m wide, 4 m high, 16 m long, seen along -Z from the origin: something to turn a camera in."""
+    """Add a hall with columns, 8 m wide, 4 m high, 16 m long; a camera at its origin looks along -Z."""
     b.checkered(4.0, 8.0, (8, 16), (SAND, CHALK), translation=(0, -1.5, 0), rotation=turn_x(-90))
     b.wall(4.0, 8.0, CHALK, translation=(0, 2.5, 0), rotation=turn_x(90))
     b.checkered(8.0, 2.0, (16, 4), (CHALK, SAND), translation=(-4, 0.5, 0), rotation=turn_y(90))

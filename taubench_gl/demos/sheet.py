@@ -1,4 +1,4 @@
-"""Pictures of demos: panels, plots, letters and a legend on one sheet, the same look for all of them."""
+"""Figures of the demos: panels, plots, letters and a legend on one sheet in a common style."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ WIDTH = 1280
 _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
 _PAD, _TITLE, _LEGEND = 24, 34, 44
 BLUE, ORANGE, GREEN, PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
-"""Of Okabe and Ito (2008), as the masks' colours."""
+"""From the palette of Okabe and Ito (2008), as the mask colors."""
 
 
 class Sheet:
-    """``columns`` x ``rows`` panels of one aspect ratio, and room below for plots.  All lengths in layout units."""
+    """``columns`` x ``rows`` panels of one aspect ratio above ``below`` units for plots.  Lengths in layout units."""
 
     def __init__(self, columns: int, rows: int, aspect: float, *, below: float = 0, legend: bool = True):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -42,12 +42,12 @@ class Sheet:
         FigureCanvasAgg(self._figure)
 
     def axes(self, left: float, top: float, width: float, height: float) -> Any:
-        """Axes at a place on the sheet, measured from its top left."""
+        """Axes at a position from the top left of the sheet."""
         place = (left / WIDTH, 1 - (top + height) / self.height, width / WIDTH, height / self.height)
         return self._figure.add_axes(place)
 
     def plot(self, left: float, top: float, width: float, height: float, **labels: Any) -> Any:
-        """Axes for a plot below the panels, in the sheet's look.  ``labels``: as ``Axes.set``."""
+        """Axes of a plot below the panels in the common style.  ``labels``: arguments of ``Axes.set``."""
         axes = self.axes(left, top, width, height)
         axes.set_facecolor(PAPER)
         for side in ("top", "right"):
@@ -61,13 +61,13 @@ class Sheet:
         return axes
 
     def panel(self, column: int, row: int, image: Array, title: str = "") -> Any:
-        """A picture (h, w, 3) uint8 or float in [0, 1], with its title above.  Returns its axes, in pixels."""
+        """Add an image (h, w, 3), uint8 or float in [0, 1], below its title.  Returns its axes, in pixels."""
         left = _PAD + column * (self._width + _PAD)
         top = _TITLE + row * (self._height + _TITLE + 0.5 * _PAD)
         axes = self.axes(left, top, self._width, self._height)
         image = np.asarray(image)
         image = image if image.dtype == np.uint8 else np.clip(np.nan_to_num(image), 0.0, 1.0)
-        # "auto": much enlarged pixels stay square and crisp, a picture at about its own size is resampled smoothly.
+        # "auto" keeps strongly enlarged pixels sharp and resamples images near their own size smoothly.
         axes.imshow(image, interpolation="auto", aspect="auto")
         axes.set(xticks=[], yticks=[])
         for spine in axes.spines.values():
@@ -77,7 +77,7 @@ class Sheet:
         return axes
 
     def legend(self, entries: Sequence[tuple[str, RGB]]) -> None:
-        """Colours and what they mean, in one line at the bottom."""
+        """Add a line of colors with their meaning at the bottom."""
         from matplotlib.patches import Rectangle
 
         axes = self.axes(0, self.legend_top, WIDTH, _LEGEND)
@@ -104,14 +104,14 @@ class Sheet:
 
 
 def text_width(text: str, size: float) -> float:
-    """Layout units that ``text`` takes at ``size`` points."""
+    """Width of ``text`` at ``size`` points, layout units."""
     from matplotlib.textpath import TextPath
 
     return TextPath((0, 0), text, size=size).get_extents().width * 100 / 72
 
 
 def letter(axes: Any, at: tuple[float, float], text: str) -> None:
-    """A round label, such as (a.), at a pixel (x, row) of a panel."""
+    """Add a letter in a circle at a pixel (x, row) of a panel."""
     axes.text(
         *at, text, fontsize=14, fontweight="bold", color="white", ha="center", va="center",
         bbox={"boxstyle": "circle,pad=0.25", "facecolor": INK, "edgecolor": "white", "linewidth": 1.4},
@@ -119,7 +119,7 @@ def letter(axes: Any, at: tuple[float, float], text: str) -> None:
 
 
 def arrow(axes: Any, start: tuple[float, float], end: tuple[float, float], color: str = "white") -> None:
-    """An arrow between two pixels (x, row) of a panel, dark-rimmed to be seen on anything."""
+    """Add an arrow between two pixels (x, row) of a panel, with a dark outline for any background."""
     from matplotlib.patches import FancyArrow
 
     length = float(np.hypot(end[0] - start[0], end[1] - start[1]))
@@ -130,7 +130,7 @@ def arrow(axes: Any, start: tuple[float, float], end: tuple[float, float], color
 
 
 def note(axes: Any, text: str, *, at: tuple[float, float] = (0.02, 0.03), va: str = "bottom", ha: str = "left") -> None:
-    """A line of text on a panel, at fractions of its size from the bottom left."""
+    """Add a line of text to a panel, at fractions of its size from the bottom left."""
     axes.text(
         *at, text, transform=axes.transAxes, fontsize=12, color="white", ha=ha, va=va,
         bbox={"boxstyle": "round,pad=0.35", "facecolor": INK, "edgecolor": "none", "alpha": 0.82},
@@ -138,29 +138,29 @@ def note(axes: Any, text: str, *, at: tuple[float, float] = (0.02, 0.03), va: st
 
 
 def overlay(mask: Array, base: Array | None, *reasons: Reason) -> Array:
-    """The masks' own colours over a grey picture, as ``evaluate`` draws them.  (h, w, 3) uint8."""
+    """Mask colors over a gray image, as in the mask images of ``evaluate``.  (h, w, 3) uint8."""
     return mask_overlay(mask, base, reasons)
 
 
 def painted(base: Array, *layers: tuple[Array, RGB], strength: float = 0.8) -> Array:
-    """Colours over a grey picture: ``layers`` of (h, w) bool and colour, later ones on top.  (h, w, 3) uint8."""
-    grey = mask_overlay(np.zeros(base.shape[:2], np.uint32), base, ()).astype(np.float64)
+    """Colors over a gray image: ``layers`` of (h, w) bool and color, later ones on top.  (h, w, 3) uint8."""
+    gray = mask_overlay(np.zeros(base.shape[:2], np.uint32), base, ()).astype(np.float64)
     for where, color in layers:
-        grey[where] = (1 - strength) * grey[where] + strength * np.array(color, dtype=np.float64)
-    return np.round(grey).astype(np.uint8)
+        gray[where] = (1 - strength) * gray[where] + strength * np.array(color, dtype=np.float64)
+    return np.round(gray).astype(np.uint8)
 
 
-def checkerboard(picture: Array, where: Array, cell: int) -> Array:
-    """``picture`` with a checkerboard of ``cell`` pixels where there is no history, as in the paper's figure 1."""
+def checkerboard(image: Array, where: Array, cell: int) -> Array:
+    """``image`` with a checkerboard of ``cell`` pixels in the region ``where``, as in the paper's figure 1."""
     rows, columns = np.indices(where.shape)
     light = ((rows // cell + columns // cell) % 2).astype(bool)
-    out = np.array(picture, dtype=np.float64)
+    out = np.array(image, dtype=np.float64)
     out[where] = np.where(light[where][:, None], 0.93, 0.62)
     return out
 
 
 def reason_entries(*reasons: Reason) -> list[tuple[str, RGB]]:
-    """Legend entries of mask colours."""
+    """Legend entries of mask colors."""
     return [(label_of(reason), color_of(reason)) for reason in reasons]
 
 
@@ -169,7 +169,7 @@ def rgb(reason: Reason) -> RGB:
 
 
 def heat(values: Array, top: float, colors: str = "viridis") -> Array:
-    """(h, w) in [0, top] as a colour map, NaN as light grey.  (h, w, 3) float."""
+    """(h, w) in [0, top] through a color map, NaN as light gray.  (h, w, 3) float."""
     import matplotlib
 
     shown = matplotlib.colormaps[colors](np.clip(np.nan_to_num(values) / top, 0, 1))[..., :3]
@@ -177,5 +177,5 @@ def heat(values: Array, top: float, colors: str = "viridis") -> Array:
 
 
 def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Array:
-    """A part of a picture, to be shown larger."""
+    """A part of an image, for an enlarged panel."""
     return image[top : top + height, left : left + width]

@@ -1,4 +1,4 @@
-"""What every demo is given: a GL context, a picture size, and the engine's own passes."""
+"""The stage of the demos: a GL context, an image size, and the passes of the engine."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from taubench_gl.settings import Settings
 Array = np.ndarray
 SIZE = (480, 270)
 SMALLEST, LARGEST = (160, 90), (1920, 1080)
-"""Below, edges have too few pixels for the laws that the numbers are held against."""
+"""Smaller images have too few edge pixels for the theoretical values."""
 
 
 @dataclass(frozen=True, slots=True)
 class LitPair:
-    """One evaluated pair as arrays, row 0 at the top.  ``now`` and ``before`` hold channels (h, w, n) by name."""
+    """One evaluated pair as arrays, row 0 at the top.  ``now`` and ``before``: channels (h, w, n) of both frames."""
 
-    mask: Array  # (h, w) uint32 reason words
-    motion: Array  # (h, w, 2) previous - current, pixels, +x right, +y down; 0 where behind
+    mask: Array  # (h, w) uint32 reason masks
+    motion: Array  # (h, w, 2) previous - current, pixels, +x right, +y down; 0 behind the camera
     now: Mapping[str, Array]
     before: Mapping[str, Array]
-    row: Mapping[str, Any]  # of frames.csv
+    row: Mapping[str, Any]  # row of frames.csv
 
     def has(self, bits: int) -> Array:
-        """(h, w) bool: pixels that carry any of ``bits``."""
+        """Pixels with any of ``bits``.  (h, w) bool."""
         return (self.mask & np.uint32(bits)) != 0
 
     def percent(self, bits: int) -> float:
@@ -42,13 +42,13 @@ class LitPair:
 
 
 class Stage:
-    """A GL context and a picture size, shared by the demos of one run.  ``with gpu:`` is up to the caller."""
+    """A GL context and an image size for the demos of one run.  The caller enters ``gpu``."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int] = SIZE, device: int | None = None):
         for side, least, most in zip(size, SMALLEST, LARGEST):
             if not least <= side <= most:
-                said = f"{SMALLEST[0]}x{SMALLEST[1]} to {LARGEST[0]}x{LARGEST[1]} pixels"
-                raise SettingsError(f"size is {size[0]}x{size[1]}", hint=f"demos are drawn with {said}")
+                allowed = f"{SMALLEST[0]}x{SMALLEST[1]} to {LARGEST[0]}x{LARGEST[1]}"
+                raise SettingsError(f"size is {size[0]}x{size[1]}", hint=f"give a size from {allowed} pixels")
         self.gpu, self.size, self.device = gpu, size, device
         self.bench = Bench(gpu, size, device)
 
@@ -57,16 +57,16 @@ class Stage:
         return self.size[0] * self.size[1]
 
     def settings(self, **given: Any) -> Settings:
-        """Settings of this stage: its size and backend, one frame a second, no bounced light unless asked for."""
-        mine = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none"}
-        return Settings.of(**(mine | given | {"backend": self.gpu.backend, "device": self.device}))
+        """Settings with the size and backend of the stage; defaults: one frame per second, no indirect light."""
+        defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none"}
+        return Settings.of(**(defaults | given | {"backend": self.gpu.backend, "device": self.device}))
 
     def evaluate(
         self, scene: Scene, *, camera: CameraTrack | None = None, extra: Sequence[str] = (), **settings: Any
     ) -> tuple[Run, list[LitPair]]:
-        """The whole evaluation of ``scene``, and every pair of it with its channels.  ``settings``: of Settings.
+        """Evaluate ``scene``: the run, and each pair with its channels.  ``settings``: fields of Settings.
 
-        ``extra``: channels besides those that the columns need.
+        ``extra``: further channels beyond those that the columns need.
         """
         pairs: list[LitPair] = []
         chosen = self.settings(**settings)

@@ -1,6 +1,6 @@
-"""What the demos' numbers should be: closed forms in float64, none of which looks at the engine.
+"""Theoretical values of the demos' numbers: closed forms in float64, independent of the engine.
 
-View space unless said otherwise: the camera at the origin looks along -Z; pictures have row 0 at the top.
+View space unless stated otherwise: the camera is at the origin and looks along -Z; images have row 0 at the top.
 """
 
 from __future__ import annotations
@@ -16,37 +16,37 @@ Array = np.ndarray
 Size = tuple[int, int]
 
 
-def screen(yfov: float, size: Size, *, centres: bool = False) -> Array:
-    """Corners of the picture on the plane z = -1, counter-clockwise.  (4, 2).
+def screen(yfov: float, size: Size, *, centers: bool = False) -> Array:
+    """Corners of the image on the plane z = -1, counterclockwise.  (4, 2).
 
-    ``centres``: of the rectangle through the outermost pixel centres, Eq. (3)'s valid range.
+    ``centers``: corners of the rectangle through the outermost pixel centers, the valid range of Eq. (3).
     """
     width, height = size
     x, y = math.tan(0.5 * yfov) * width / height, math.tan(0.5 * yfov)
-    if centres:
+    if centers:
         x, y = x * (1 - 1 / width), y * (1 - 1 / height)
     return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
 
 
 def frustum_share(prev_from_now: Array, yfov: float, size: Size) -> tuple[float, float]:
-    """Share of the picture without history after a turn of the camera, percent, and how far pixels may be from it.
+    """Percent of the image without history after a camera rotation, and the tolerance of a pixel count, percent.
 
-    ``prev_from_now`` (3, 3): rotation of view directions.  What both cameras see is a convex polygon: the new
-    picture cut by the four planes of the old one.  Pixels are counted by their centres, so the count differs from the
-    area by the pixels on the polygon's edge at most, half of them by chance.
+    ``prev_from_now`` (3, 3): rotation of view directions.  Both cameras see a convex polygon: the current image
+    clipped by the four frustum planes of the previous one.  A count of pixel centers differs from its area by about
+    half of the pixels on the edges of the polygon.
     """
     polygon = screen(yfov, size)
-    old = screen(yfov, size, centres=True)
+    old = screen(yfov, size, centers=True)
     for i in range(4):
         a, b = np.append(old[i], -1.0), np.append(old[(i + 1) % 4], -1.0)
-        inward = np.cross(a, b)  # plane through the old eye and an edge of the old picture
+        inward = np.cross(a, b)  # plane through the previous eye and an edge of its image
         inward = prev_from_now.T @ (inward * np.sign(inward @ [0.0, 0.0, -1.0]))
         polygon = clip(polygon, lambda p, n=inward: p @ n[:2] - n[2])
     whole = screen(yfov, size)
     pixel = (whole[1, 0] - whole[0, 0]) / size[0]
     edge = np.linalg.norm(np.diff(polygon, axis=0, append=polygon[:1]), axis=1).sum() / pixel if len(polygon) else 0.0
-    kept = area(polygon) / area(whole)
-    return 100.0 * (1.0 - kept), 100.0 * 0.5 * edge / (size[0] * size[1])
+    common = area(polygon) / area(whole)
+    return 100.0 * (1.0 - common), 100.0 * 0.5 * edge / (size[0] * size[1])
 
 
 def clip(polygon: Array, inside: object) -> Array:
@@ -63,7 +63,7 @@ def clip(polygon: Array, inside: object) -> Array:
 
 
 def area(polygon: Array) -> float:
-    """Of a simple polygon (N, 2), by the shoelace formula."""
+    """Area of a simple polygon (N, 2) by the shoelace formula."""
     if len(polygon) < 3:
         return 0.0
     x, y = polygon.T
@@ -71,12 +71,12 @@ def area(polygon: Array) -> float:
 
 
 def pixel_rays(size: Size, yfov: float) -> Array:
-    """Directions of the pixel centres, z = -1.  (h, w, 3)."""
+    """Directions of the pixel centers, z = -1.  (h, w, 3)."""
     return rays(size, Camera(yfov=yfov))
 
 
 def hit_sphere(origin: Array, direction: Array, center: Array, radius: float) -> Array:
-    """Distance along rays to a sphere, in lengths of ``direction``; inf where it is missed.  (..., 3) -> (...)."""
+    """Distance along rays to a sphere in lengths of ``direction``, inf for a miss.  (..., 3) -> (...)."""
     away = np.asarray(origin) - center
     a = np.sum(direction * direction, axis=-1)
     b = np.sum(direction * away, axis=-1)
@@ -87,8 +87,8 @@ def hit_sphere(origin: Array, direction: Array, center: Array, radius: float) ->
     return np.where((root > 0) & (near > 1e-9), near, np.inf)
 
 
-def rim(region: Array) -> int:
-    """Pixels of a region with a neighbour outside it, both sides counted: where rounding may decide otherwise."""
+def edge_pixels(region: Array) -> int:
+    """Number of pixels on both sides of the edge of a region (h, w) bool, where rounding may change the result."""
     padded = np.pad(region, 1, mode="edge")
     changes = np.zeros_like(region)
     for rows, columns in ((slice(2, None), slice(1, -1)), (slice(None, -2), slice(1, -1)),
@@ -98,15 +98,15 @@ def rim(region: Array) -> int:
 
 
 def maxwell_tail(threshold: float, sigma: float) -> float:
-    """P(|v| > threshold) of a vector of three independent normal numbers of standard deviation ``sigma``."""
+    """P(|v| > threshold) of a vector of three independent normal variables with standard deviation ``sigma``."""
     x = threshold / (math.sqrt(2.0) * sigma)
     return math.erfc(x) + 2.0 * x / math.sqrt(math.pi) * math.exp(-x * x)
 
 
 def form_factor(points: Array, normal: Array, polygon: Array) -> Array:
-    """Share of a point's cosine-weighted hemisphere that a polygon fills (Lambert's contour formula).
+    """Form factor from points to a polygon (Lambert's contour integral).
 
-    ``points`` (..., 3) on a plane with unit ``normal`` (3,); ``polygon`` (N, 3), wholly on its side.  -> (...).
+    ``points`` (..., 3) on a plane with unit ``normal`` (3,); ``polygon`` (N, 3), entirely above the plane.  -> (...).
     """
     to = polygon - points[..., None, :]
     to = to / np.linalg.norm(to, axis=-1, keepdims=True)
@@ -119,16 +119,18 @@ def form_factor(points: Array, normal: Array, polygon: Array) -> Array:
     return np.abs(sides.sum(axis=-1)) / (2.0 * np.pi)
 
 
-def inmost(region: Array) -> tuple[float, float]:
-    """The pixel (x, row) of a region farthest from its edge.  Raises ValueError for an empty region."""
+def innermost_pixel(region: Array) -> tuple[float, float]:
+    """The pixel (x, row) of a region that is farthest from its edge.  Raises ValueError for an empty region."""
     if not region.any():
-        raise ValueError("an empty region has no inmost pixel")
-    left = np.pad(region, 1)
+        raise ValueError("an empty region has no innermost pixel")
+    remaining = np.pad(region, 1)
     while True:
-        core = left[1:-1, 1:-1]
-        smaller = np.pad(core & left[:-2, 1:-1] & left[2:, 1:-1] & left[1:-1, :-2] & left[1:-1, 2:], 1)
+        core = remaining[1:-1, 1:-1]
+        smaller = np.pad(
+            core & remaining[:-2, 1:-1] & remaining[2:, 1:-1] & remaining[1:-1, :-2] & remaining[1:-1, 2:], 1
+        )
         if not smaller.any():
             rows, columns = np.nonzero(core)
             nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
             return float(columns[nearest]), float(rows[nearest])
-        left = smaller
+        remaining = smaller

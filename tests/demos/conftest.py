@@ -1,4 +1,4 @@
-"""Every demo run once at a small size, shared by the tests that look at numbers, pictures and pages."""
+"""Every demo runs once at a small size, shared by the tests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SIZE = (160, 90)
 
 
 class Runs:
-    """Results by name, made on first use."""
+    """Results by name, computed on first use."""
 
     def __init__(self, folder: Path):
         self.folder = folder

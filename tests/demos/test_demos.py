@@ -1,4 +1,4 @@
-"""Each demo at a small size: its numbers against theory, its pictures, its page."""
+"""Each demo at a small size: numbers against theory, figures, page."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from PIL import Image
 from taubench_gl.demos.lessons import demos, find_demo
 from taubench_gl.demos.page import demo_page, index_page
 from taubench_gl.demos.stage import Stage
-from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.bench import limits
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-SWATCH = 700  # pixels of a legend's square, at most
+SWATCH = 700  # largest number of pixels of a legend square
 
 
-def test_numbers_are_what_theory_says(demo, runs, gpu):
+def test_numbers_agree_with_theory(demo, runs, gpu):
     for finding in runs.of(demo, gpu).findings:
         assert finding.as_expected, f"{finding.text} {finding.meaning}: expected {finding.expected.text}"
         assert finding.expected.source and finding.meaning
 
 
 def test_every_demo_could_fail(demo, runs, gpu):
-    """Expectations are narrow enough to rule something out: 0, 100 % or twice the number, at least one of them."""
+    """The theoretical range excludes at least one of 0, 100 % and twice the number."""
     for finding in runs.of(demo, gpu).findings:
         others = (0.0, 100.0, 2.0 * finding.number + 1.0)
         assert not all(finding.expected.met_by(value) for value in others), finding.meaning
 
 
-def test_pictures_hold_the_colours_they_claim(demo, runs, gpu):
-    """In the legend exactly, and in the picture itself beyond the legend's square (blended with what is below)."""
+def test_figures_contain_their_legend_colors(demo, runs, gpu):
+    """Exactly in the legend, and blended with the background in the figure itself."""
     for figure in runs.of(demo, gpu).figures:
         with Image.open(figure.path) as opened:
             pixels = np.asarray(opened.convert("RGB")).astype(int)
@@ -48,19 +48,19 @@ def test_pictures_hold_the_colours_they_claim(demo, runs, gpu):
             assert close.sum() > 1.15 * SWATCH or exact.sum() > 1.15 * SWATCH, name
 
 
-def test_pages_need_nothing_else(demo, runs, gpu):
+def test_pages_are_self_contained(demo, runs, gpu):
     page = demo_page(demo, runs.of(demo, gpu))
     parser = Texts()
     parser.feed(page)
     assert parser.loaded and all(link.startswith("data:") for link in parser.loaded)
     assert not re.search(r"https?:|url\(|<script|@import", re.sub(r"data:[^'\"]*", "", page))
     text = " ".join(parser.texts)
-    for said in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].text):
-        assert " ".join(said.split()) in " ".join(text.split())
+    for expected in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].text):
+        assert " ".join(expected.split()) in " ".join(text.split())
     assert parser.open == [], "tags left open"
 
 
-def test_index_leads_to_every_page(runs, gpu):
+def test_index_links_every_page(runs, gpu):
     shown = [(d, runs.of(d, gpu)) for d in demos()]
     page = index_page(shown)
     assert re.findall(r'<a href="([^"]+)"', page) == [f"{d.stem}.html" for d, _ in shown]
@@ -71,7 +71,7 @@ def test_index_leads_to_every_page(runs, gpu):
 
 
 class Texts(HTMLParser):
-    """Texts of a page, and its tags that are still open."""
+    """Collects the texts of a page, its links, and open tags."""
 
     VOID = ("meta", "link", "img", "br", "line", "rect", "circle")
 
@@ -108,24 +108,24 @@ def test_numbers_and_names_are_in_order():
 
 
 @pytest.mark.parametrize("text", ["nonsense", "", "0", "12", "o-", "r"])
-def test_unknown_names_are_one_line(text):
-    with pytest.raises(SettingsError, match=r"(no demo is|several demos begin with) ") as caught:
+def test_unknown_names_are_errors(text):
+    with pytest.raises(SettingsError) as caught:
         find_demo(text)
-    assert "\n" not in str(caught.value) and "choose from 1 rotations" in str(caught.value)
+    assert "1 rotations" in caught.value.hint
 
 
-def test_the_beginning_of_a_name_is_enough():
+def test_a_unique_prefix_of_a_name_is_accepted():
     assert find_demo("occ").name == "occlusion"
 
 
 @pytest.mark.parametrize("size", [(16, 9), (160, 89), (4000, 2000)])
 def test_sizes_are_checked(gpu, size):
-    with pytest.raises(TaubenchError, match="160x90"):
+    with pytest.raises(SettingsError):
         Stage(gpu, size)
 
 
 def test_scenes_can_be_written_and_read_again(demo, tmp_path):
-    """What ``--scene`` writes plays as the scene itself."""
+    """The file of ``--scene`` plays like the scene itself."""
     from taubench_gl.animation import Poser, choose_camera
     from taubench_gl.datasets.gltf_from_scene import write_scene
 
@@ -135,18 +135,18 @@ def test_scenes_can_be_written_and_read_again(demo, tmp_path):
     assert read.duration == pytest.approx(made.duration)
     for time in (0.0, 0.5 * made.duration, made.duration):
         views = [choose_camera(s).view_at(Poser(s).sample(time)) for s in (made, read)]
-        # Beside the origin only: glTF keeps float32, and demo 4 is about what that does a million metres away.
+        # glTF stores float32; demo 4 shows its error a million metres from the origin.
         near = demo.name != "relative"
         assert np.abs(views[0].position - views[1].position).max() < (1e-5 if near else 0.07)
 
 
-def test_the_twin_agrees_with_the_pass_of_demo_6(gpu):
-    """Demo 6 colours its pictures with the float64 twin: the same discards as the GPU's."""
+def test_the_float64_reference_agrees_with_the_pass_of_demo_6(gpu):
+    """Demo 6 colors its figures by the float64 reference: the same discards as on the GPU."""
     from taubench_gl.demos.lessons import sampling
 
     stage = Stage(gpu, (160, 90))
     for how in ("nearest", "bilinear"):
         pair = stage.bench.pair(sampling.scene(), camera=sampling.camera(), sampling=how)
-        twin = pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=how)
-        assert np.count_nonzero(twin.mask != pair.mask) <= 2
+        reference = pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=how)
+        assert np.count_nonzero(reference.mask != pair.mask) <= 2
     stage.release()

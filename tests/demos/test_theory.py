@@ -1,4 +1,4 @@
-"""The closed forms the demos are held against, against older ones."""
+"""The closed forms of the demos against independent ones."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.demos import theory
 from taubench_gl.demos.lessons.cost import beside
 from taubench_gl.demos.lessons.half import half_step
-from taubench_gl.demos.lessons.noise import law_of_many_draws, law_of_one_draw
+from taubench_gl.demos.lessons.noise import expected_many_samples, expected_one_sample
 from taubench_gl.selftest.scenes import turn
 
 SIZE = (480, 270)
 YFOV = math.radians(55.0)
 
 
-def test_a_still_camera_loses_nothing():
+def test_a_static_camera_discards_only_the_outermost_half_pixel():
     share, _ = theory.frustum_share(np.eye(3), YFOV, SIZE)
-    # What lies beyond the outermost pixel centres is not in Eq. (3)'s range: half a pixel on every side.
+    # The range of Eq. (3) ends at the outermost pixel centers, half a pixel inside the image.
     assert share == pytest.approx(100 * (1 - (1 - 1 / SIZE[0]) * (1 - 1 / SIZE[1])))
 
 
-def test_a_quarter_turn_loses_everything_and_a_roll_of_180_degrees_nothing():
+def test_a_yaw_of_100_degrees_discards_everything_and_a_roll_of_180_degrees_nothing():
     across, round_ = (math3d.mat3_from_quat(turn(a, d)) for a, d in (((0, 1, 0), 100.0), ((0, 0, 1), 180.0)))
     assert theory.frustum_share(across, YFOV, SIZE)[0] == 100.0
     assert theory.frustum_share(round_, YFOV, SIZE)[0] < 0.7
@@ -36,7 +36,7 @@ TURNS = [((1, 0, 0), 25.0), ((0, 1, 0), -25.0), ((0, 0, 1), 25.0), ((1, 2, 3), 1
 
 
 @pytest.mark.parametrize(("axis", "degrees"), TURNS)
-def test_frustum_share_is_that_of_counted_rays(axis, degrees):
+def test_frustum_share_equals_counted_rays(axis, degrees):
     rotation = math3d.mat3_from_quat(turn(axis, degrees))
     then = theory.pixel_rays(SIZE, YFOV) @ rotation.T
     x, y = (math.tan(0.5 * YFOV) * s for s in ((1 - 1 / SIZE[0]) * SIZE[0] / SIZE[1], 1 - 1 / SIZE[1]))
@@ -56,50 +56,50 @@ def test_form_factor_of_parallel_squares():
     assert found.mean() == pytest.approx(0.1998, abs=2e-4)
 
 
-def test_form_factor_of_everything_is_half_for_a_half_sky():
+def test_form_factor_of_half_the_sky_is_one_half():
     far = np.array([[0, -1e6, 0], [0, 1e6, 0], [0, 1e6, 1e6], [0, -1e6, 1e6]], dtype=float)
     found = theory.form_factor(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), far)
     assert found == pytest.approx(0.5, abs=1e-5)
 
 
-def test_spheres_are_hit_where_they_are():
+def test_hit_sphere():
     rays = np.array([[0, 0, -1.0], [0, 2, -1.0], [0, 0, 1.0]])
     assert theory.hit_sphere(np.zeros(3), rays, np.array([0, 0, -5.0]), 2.0).tolist() == [3.0, np.inf, np.inf]
 
 
-def test_maxwell_tail_is_that_of_drawn_vectors():
-    drawn = np.linalg.norm(np.random.default_rng(1).normal(0.0, 0.3, (400_000, 3)), axis=1)
+def test_maxwell_tail_equals_sampled_vectors():
+    lengths = np.linalg.norm(np.random.default_rng(1).normal(0.0, 0.3, (400_000, 3)), axis=1)
     for threshold in (0.1, 0.4, 0.9):
-        assert theory.maxwell_tail(threshold, 0.3) == pytest.approx((drawn > threshold).mean(), abs=0.004)
+        assert theory.maxwell_tail(threshold, 0.3) == pytest.approx((lengths > threshold).mean(), abs=0.004)
     assert theory.maxwell_tail(0.0, 1.0) == 1.0
 
 
 @pytest.mark.parametrize("value", [0.3, 1.0, 63.99, 64.0, 255.9, 256.1, 1000.0])
-def test_steps_of_half_floats(value):
+def test_spacing_of_16_bit_floats(value):
     assert half_step(value) == np.spacing(np.float16(np.floor(value) if value > 1 else value))
 
 
-def test_laws_of_random_lamps():
-    """One pixel, two lamps of 0 and 1: one draw gives 0 or 2, so two frames differ with an even chance."""
+def test_discard_rate_of_random_light_samples():
+    """One pixel, two lamps of 0 and 1: one sample gives 0 or 2, so two frames differ with probability 1/2."""
     per_lamp = np.zeros((2, 1, 1, 3))
     per_lamp[1] = 1.0 / math.sqrt(3.0)
-    assert law_of_one_draw(per_lamp) == 50.0
-    assert law_of_many_draws(per_lamp, 10_000) == pytest.approx(0.0, abs=1e-3)
-    change = NormalDist(0.0, math.sqrt(2.0 / 4.0))  # of two means of four draws, each of deviation 1
-    assert law_of_many_draws(per_lamp, 4) == pytest.approx(200.0 * change.cdf(-DEFAULT_THRESHOLD))
+    assert expected_one_sample(per_lamp) == 50.0
+    assert expected_many_samples(per_lamp, 10_000) == pytest.approx(0.0, abs=1e-3)
+    change = NormalDist(0.0, math.sqrt(2.0 / 4.0))  # difference of two means of four samples with sigma 1
+    assert expected_many_samples(per_lamp, 4) == pytest.approx(200.0 * change.cdf(-DEFAULT_THRESHOLD))
 
 
-def test_the_inmost_pixel_of_a_region():
+def test_innermost_pixel_of_a_region():
     region = np.zeros((20, 30), dtype=bool)
     region[2:9, 3:20] = True
     region[12:14, 3:5] = True
-    x, row = theory.inmost(region)
+    x, row = theory.innermost_pixel(region)
     assert row == 5 and 6 <= x <= 16
-    with pytest.raises(ValueError, match="no inmost"):
-        theory.inmost(np.zeros((3, 3), dtype=bool))
+    with pytest.raises(ValueError):
+        theory.innermost_pixel(np.zeros((3, 3), dtype=bool))
 
 
-def test_labels_of_dots_that_overlap_stand_apart():
+def test_labels_of_overlapping_dots_are_moved_apart():
     alone, pair, same = (0.0, 0.0), [(100.0, 0.0), (106.0, 8.0)], [(50.0, 50.0)] * 2
     where = beside(np.array([alone, *pair, *same]), 17.0)
     assert where[0] == (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Demo 3: a point behind the camera divides by a negative w and comes back as a ghost."""
+"""Demo 3: division by a negative w projects points behind the camera into the image."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CHECKER = (237, 237, 237)
 
 
 def scene() -> Scene:
-    """The hall; the camera turns round by 180 degrees in one second.  A still life before it, another behind it."""
+    """The hall with objects in front of and behind the camera, which turns by 180 degrees in one second."""
     b = Props()
     hall(b)
     for z, colors in ((-3.4, (LEAF, SEA)), (4.4, (BRICK, SEA))):
@@ -34,15 +34,15 @@ def scene() -> Scene:
     return b.build()
 
 
-def fetched(picture: Array, motion: Array, kept: Array) -> Array:
-    """What reuse would show: the last picture read where ``motion`` says, nearest pixel.  NaN where not ``kept``.
+def reprojected(image: Array, motion: Array, reused: Array) -> Array:
+    """The previous ``image`` (h, w, 3) sampled along ``motion``, nearest pixel; NaN outside ``reused``.
 
-    (h, w, 3), (h, w, 2) pixels, previous - current, +y down, and (h, w) bool -> (h, w, 3).
+    ``motion`` (h, w, 2): previous - current, pixels, +y down; ``reused`` (h, w) bool -> (h, w, 3).
     """
-    height, width = kept.shape
+    height, width = reused.shape
     at = np.floor(pixel_grid((width, height)) + motion + 0.5).astype(int)
     column, row = np.clip(at[..., 0], 0, width - 1), np.clip(at[..., 1], 0, height - 1)
-    return np.where(kept[..., None], picture[row, column], np.nan)
+    return np.where(reused[..., None], image[row, column], np.nan)
 
 
 def without_the_test(stage: Stage) -> Reprojected:
@@ -56,46 +56,44 @@ def without_the_test(stage: Stage) -> Reprojected:
     3,
     "behind",
     "Why w <= 0 must be tested before dividing",
-    idea="Reprojection ends with a division by w, the distance along the camera's view. A point behind the last "
-    "camera has a negative w, and the division turns it into a point in front: upside down and mirrored, and "
-    "well inside the screen. Nothing afterwards can tell it from a real one, so w has to be tested first.",
+    idea="Reprojection ends with a division by w, the depth along the view axis. A point behind the previous camera "
+    "has a negative w, and the division mirrors it through the image center, well inside the image. After the "
+    "division it looks like any visible point, so w must be tested first.",
     look_for=(
-        "Bottom left: the untested formula finds history for every pixel, although the camera turned right round.",
-        "The ghost hangs upside down: the last picture, turned by half a turn.",
-        "Bottom right: tested, not one pixel is kept.",
+        "Bottom left: without the test every pixel has history, although the camera turned by 180 degrees.",
+        "The false history is the previous image upside down.",
+        "Bottom right: with the test no pixel is reused.",
     ),
     scene=scene,
-    see_also=(("the self-test's cases turn-180 and w-exactly-zero", "hard-cases.md"),),
+    see_also=(("the self-test cases turn-180 and w-exactly-zero", "hard-cases.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
     lit = stage.pair(scene(), columns=("frustum", "color"))
     naive = without_the_test(stage)
-    kept_naive, kept = ~(naive.behind | naive.outside), ~lit.has(Reason.BEHIND | Reason.OUTSIDE)
+    reused_naive, reused = ~(naive.behind | naive.outside), ~lit.has(Reason.BEHIND | Reason.OUTSIDE)
     cell = max(stage.size[0] // 60, 1)
     last = lit.before["color"][..., :3]
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    sheet.panel(0, 0, last, "the last frame")
-    sheet.panel(1, 0, lit.now["color"][..., :3], "this frame: the camera has turned round")
-    ghost = fetched(last, naive.motion_px, kept_naive)
-    axes = sheet.panel(0, 1, checkerboard(np.nan_to_num(ghost), ~kept_naive, cell), "history, w not tested: a ghost")
-    note(axes, f"{100 * kept_naive.mean():.1f} % wrongly kept")
-    real = fetched(last, lit.motion, kept)
-    axes = sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~kept, cell), "history, w tested: there is none")
-    note(axes, f"{100 * kept.mean():.1f} % kept, {lit.percent(Reason.BEHIND):.1f} % behind")
+    sheet.panel(0, 0, last, "previous frame")
+    sheet.panel(1, 0, lit.now["color"][..., :3], "current frame: the camera turned by 180°")
+    false = reprojected(last, naive.motion_px, reused_naive)
+    axes = sheet.panel(0, 1, checkerboard(np.nan_to_num(false), ~reused_naive, cell), "history without the test of w")
+    note(axes, f"{100 * reused_naive.mean():.1f} % reused, all wrong")
+    real = reprojected(last, lit.motion, reused)
+    axes = sheet.panel(1, 1, checkerboard(np.nan_to_num(real), ~reused, cell), "history with the test of w: none")
+    note(axes, f"{100 * reused.mean():.1f} % reused, {lit.percent(Reason.BEHIND):.1f} % behind camera")
     sheet.legend([("checkerboard: no history", CHECKER)])
     path = sheet.save(out / "03-behind.png")
     mirror = pixel_grid(stage.size)[::-1]  # row r reads row h - 1 - r of its own column
-    error = np.abs(pixel_grid(stage.size) + naive.motion_px - mirror)[kept_naive].max()
-    turn = "(x, y, -1) turned by 180° is (-x, y, 1); divided by w = -1 it is (x, -y): always on screen"
+    error = np.abs(pixel_grid(stage.size) + naive.motion_px - mirror)[reused_naive].max()
+    turn = "(x, y, -1) rotated by 180° is (-x, y, 1); divided by w = -1 it is (x, -y): always in the image"
     findings = (
-        Finding(100.0 * float(kept_naive.mean()), "%", "of the picture is reused by mistake where w is not tested",
+        Finding(100.0 * float(reused_naive.mean()), "%", "of the pixels are wrongly reused without the test of w",
                 Expected.near(100.0, 0.0, turn)),
-        Finding(100.0 * float(kept.mean()), "%", "is reused where w is tested",
-                Expected.near(0.0, 0.0, "no point in view was in front of the last camera")),
-        Finding(float(error), "px", "the ghost is from the last picture upside down, at most",
+        Finding(100.0 * float(reused.mean()), "%", "of the pixels are reused with the test of w",
+                Expected.near(0.0, 0.0, "no visible point was in front of the previous camera")),
+        Finding(float(error), "px", "is the largest distance of the false history from the mirrored position",
                 Expected.between(0.0, 0.01, "(x, -y) again, in float32 at coordinates of some hundreds", 3), 4),
     )  # fmt: skip
-    caption = (
-        "Top: two frames, half a turn apart. Bottom: what the last frame gives each pixel, without and with the test."
-    )
+    caption = "Top: two frames, rotated by 180°. Bottom: reprojected history without and with the test of w."
     return Result(findings, (Figure(path, caption, {"checkerboard": CHECKER}),))

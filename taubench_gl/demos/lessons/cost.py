@@ -14,7 +14,7 @@ from taubench_gl.cost.analysis import Point
 from taubench_gl.cost.study import cost
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.lessons.feature_scenes import BALL, BALL_AT, YFOV, moving_ball, walls
+from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Stage
 from taubench_gl.scene.model import Scene
@@ -58,7 +58,7 @@ def slack(size: Size, samples: int = 1) -> float:
     Each of the E samples on the edges of a mask is off by ± half a sample, evenly: a variance of E / 12 for its area.
     """
     finer = math.sqrt(samples)
-    edges = [0.5 * finer * theory.rim(discarded(size, pair)) for pair in range(int(FPS))]
+    edges = [0.5 * finer * theory.edge_pixels(discarded(size, pair)) for pair in range(int(FPS))]
     deviation = math.sqrt(sum(edges) / 12.0) / len(edges)
     return 600.0 * deviation / (samples * size[0] * size[1]) + FACETS
 

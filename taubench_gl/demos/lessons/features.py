@@ -1,27 +1,31 @@
-"""Demo 2, the paper's figure 2: which change shows in which feature, the letters put there by the masks."""
+"""Demo 2, the paper's figure 2: which feature detects which change.  Letters are placed by the masks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.conventions import Reason
+from taubench_gl import math3d
+from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.lessons import feature_scenes as scenes
+from taubench_gl.demos.props import BRICK, CHALK, SEA, Props
 from taubench_gl.demos.sheet import Sheet, letter, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import LitPair, Stage
+from taubench_gl.scene.model import Primitive, Scene
+from taubench_gl.selftest.scenes import IDENTITY, turn, turn_x, turn_y
 
 Array = np.ndarray
-LEAST = 8  # pixels of a region that deserves a letter
+MIN_PIXELS = 8  # smallest region with a letter
 
 MEANING = {
-    "a": "disoccluded: hidden by the ball in the last frame",
-    "b": "occluded: now hidden by the ball",
-    "c": "normals changed",
+    "a": "disoccluded: hidden by the ball in the previous frame",
+    "b": "newly occluding: the ball now hides the wall",
+    "c": "changed normals",
     "d": "new direct light",
     "e": "previously lit",
     "f": "previously shadowed",
@@ -29,10 +33,172 @@ MEANING = {
     "h": "new indirect light",
 }
 
+# Scenes, all with the camera at the origin, and their regions in theory
+
+Size = tuple[int, int]
+YFOV = np.radians(48.0)
+TIMES = [0.0, 1.0]
+WALL, FLOOR = -6.0, -1.5  # z of the back wall, y of the floor
+
+BALL, BALL_AT = 0.75, ((-0.65, -0.1, -4.0), (0.55, -0.1, -4.0))
+BLADES, TILT, FAN, FAN_AT = 12, 25.0, 1.35, (0.0, 0.0, -4.0)
+SUN = np.array([[-0.75, -1.0, -0.55], [0.75, -1.0, -0.55]])  # where the light goes; it moves from right to left
+SUN_LUX, SUN_BALL, SUN_AT = 4.0, 0.6, np.array([0.0, -0.55, -4.3])
+PANEL = {"x": -1.5, "y": (-1.5, 0.3), "z": (-5.6, -3.2), "color": (0.85, 0.06, 0.04), "lux": 4.5}
+PANEL_SUN = np.array([-1.0, -0.35, -0.25])
+
+
+def _stage(reach: float = 5.0) -> Props:
+    """Camera, diffuse back wall and floor, ``2 reach`` wide.  A small stage has sharper shadows."""
+    b = Props()
+    b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR + 0.5 * reach, WALL))
+    b.wall(reach, 0.5 * reach, CHALK, translation=(0, FLOOR, WALL + 0.5 * reach), rotation=turn_x(-90))
+    b.camera(yfov=YFOV, znear=0.05)
+    return b
+
+
+def aim(direction: Array) -> Array:
+    """Quaternion xyzw that turns -Z along ``direction``.  (4,)"""
+    x, y, z = math3d.normalize(np.asarray(direction, dtype=np.float64))
+    return math3d.normalize(np.array([y, -x, 0.0, 1.0 - z]))
+
+
+def moving_ball() -> Scene:
+    b = _stage()
+    ball = b.ball(BALL, BRICK, 64)
+    b.animate(ball, "translation", TIMES, BALL_AT)
+    b.light(kind="directional", intensity=3.0, rotation=aim(np.array([-0.5, -0.9, -1.0])))
+    return b.build()
+
+
+def turning_fan() -> Scene:
+    b = _stage()
+    fan = b.thing(fan_primitive(b.paint(SEA)), translation=FAN_AT)
+    b.animate(fan, "rotation", TIMES, [IDENTITY, turn((0, 0, 1), 180.0 / BLADES)])
+    b.light(kind="directional", intensity=6.0, rotation=aim(np.array([-1.0, -0.5, -0.8])))
+    return b.build()
+
+
+def fan_primitive(material: int, cuts: int = 8) -> Primitive:
+    """A flat disc of BLADES sectors; their normals tilt along the rotation by TILT, with alternating sign."""
+    edges = np.linspace(0.0, 2.0 * np.pi, BLADES * cuts + 1)
+    positions, normals = [], []
+    for i, (a, b) in enumerate(pairwise(edges)):
+        blade = i // cuts
+        middle = 2.0 * np.pi * (blade + 0.5) / BLADES
+        lean = np.radians(TILT) * (1 if blade % 2 else -1)
+        normal = [-np.sin(middle) * np.sin(lean), np.cos(middle) * np.sin(lean), np.cos(lean)]
+        positions += [(0, 0, 0), (FAN * np.cos(a), FAN * np.sin(a), 0), (FAN * np.cos(b), FAN * np.sin(b), 0)]
+        normals += [normal] * 3
+    corners = np.array(positions, dtype=np.float32)
+    triangles = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
+    return Primitive(corners, triangles, material, normals=np.array(normals, dtype=np.float32))
+
+
+def moving_sun() -> Scene:
+    b = _stage()
+    b.ball(SUN_BALL, CHALK, 64, translation=SUN_AT)
+    lamp = b.light(kind="directional", intensity=SUN_LUX)
+    b.animate(lamp, "rotation", TIMES, [aim(d) for d in SUN], "STEP")
+    return b.build()
+
+
+def appearing_wall() -> Scene:
+    b = _stage(9.0)
+    (y0, y1), (z0, z1) = PANEL["y"], PANEL["z"]
+    middle = (PANEL["x"], 0.5 * (y0 + y1), 0.5 * (z0 + z1))
+    wall = b.wall(0.5 * (z1 - z0), 0.5 * (y1 - y0), PANEL["color"], translation=middle, rotation=turn_y(90))
+    b.animate(wall, "visible", TIMES, [[0.0], [1.0]], "STEP")
+    b.light(kind="directional", intensity=PANEL["lux"], rotation=aim(PANEL_SUN))
+    return b.build()
+
+
+def walls(direction: Array) -> tuple[Array, Array]:
+    """Distance along view rays to the nearer of floor and back wall, and its normal.  (h, w), (h, w, 3)."""
+    with np.errstate(divide="ignore"):
+        floor = np.where(direction[..., 1] < 0, FLOOR / direction[..., 1], np.inf)
+    back = WALL / direction[..., 2]
+    on_floor = floor < back
+    normal = np.where(on_floor[..., None], np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+    return np.where(on_floor, floor, back), normal
+
+
+def expected_ball(size: Size) -> dict[str, Array]:
+    """(a) and (b) of the moving ball: position discards by the sign of the change in distance."""
+    rays = theory.pixel_rays(size, YFOV)
+    behind, _ = walls(rays)
+    before, now = (
+        np.linalg.norm(rays, axis=-1) * np.minimum(behind, theory.hit_sphere(np.zeros(3), rays, np.array(at), BALL))
+        for at in BALL_AT
+    )
+    return {"a": now - before > DEFAULT_THRESHOLD, "b": before - now > DEFAULT_THRESHOLD}
+
+
+def expected_fan(size: Size) -> Array:
+    """(c): pixels of the disc that another blade covers now."""
+    rays = theory.pixel_rays(size, YFOV)
+    x, y = rays[..., 0] * -FAN_AT[2], rays[..., 1] * -FAN_AT[2]
+    angle = np.arctan2(y, x) % (2 * np.pi)
+    blade, width = (lambda a: np.floor(a / width).astype(int) % BLADES), 2 * np.pi / BLADES
+    return (np.hypot(x, y) < FAN) & (blade(angle) != blade(angle - 0.5 * width))
+
+
+def expected_sun(size: Size) -> dict[str, Array]:
+    """(d) to (g): cosine law and a shadow ray at every pixel of both frames."""
+    rays = theory.pixel_rays(size, YFOV)
+    ball = theory.hit_sphere(np.zeros(3), rays, SUN_AT, SUN_BALL)
+    behind, normal = walls(rays)
+    on_ball = ball < behind
+    point = rays * np.where(on_ball, ball, behind)[..., None]
+    normal = np.where(on_ball[..., None], (point - SUN_AT) / SUN_BALL, normal)
+    bare, lit = [], []
+    for way in SUN:
+        to_light = -math3d.normalize(way)
+        cosine = np.maximum(normal @ to_light, 0.0)
+        free = np.isinf(theory.hit_sphere(point, np.broadcast_to(to_light, point.shape), SUN_AT, SUN_BALL * (1 - 1e-6)))
+        radiance = SUN_LUX / np.pi * np.linalg.norm(CHALK) * cosine
+        bare.append(radiance)
+        lit.append(radiance * np.where(on_ball, 1.0, free))
+    change, bare_change = lit[1] - lit[0], bare[1] - bare[0]
+    came, went = change > DEFAULT_THRESHOLD, change < -DEFAULT_THRESHOLD
+    bare_came, bare_went = bare_change > DEFAULT_THRESHOLD, bare_change < -DEFAULT_THRESHOLD
+    return {"d": came & bare_came, "e": went & bare_went, "f": came & ~bare_came, "g": went & ~bare_went}
+
+
+def expected_wall(size: Size) -> Array:
+    """(h): one bounce from the lit red wall on floor and back wall, outside the red wall itself."""
+    rays = theory.pixel_rays(size, YFOV)
+    behind, normal = walls(rays)
+    with np.errstate(divide="ignore"):
+        hit = np.where(rays[..., 0] < 0, PANEL["x"] / rays[..., 0], np.inf)
+    at = rays * np.where(np.isfinite(hit), hit, 0.0)[..., None]
+    (y0, y1), (z0, z1) = PANEL["y"], PANEL["z"]
+    shown = np.isfinite(hit) & (at[..., 1] > y0) & (at[..., 1] < y1) & (at[..., 2] > z0) & (at[..., 2] < z1)
+    shown &= hit < behind
+    point = rays * behind[..., None]
+    x = PANEL["x"]
+    corners = np.array([[x, y0, z0], [x, y1, z0], [x, y1, z1], [x, y0, z1]])
+    factor = np.where(
+        normal[..., 1] > 0.5,
+        theory.form_factor(point, np.array([0.0, 1.0, 0.0]), corners),
+        theory.form_factor(point, np.array([0.0, 0.0, 1.0]), corners),
+    )
+    before_it = point[..., 0] > x  # the red side
+    light = (
+        PANEL["lux"]
+        * abs(math3d.normalize(PANEL_SUN)[0])
+        * np.linalg.norm(np.array(PANEL["color"]) * np.array(CHALK))
+        / np.pi
+    )
+    return before_it & ~shown & (light * factor > DEFAULT_THRESHOLD)
+
+
+# Figure
+
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column of the figure: its scene, the reasons shown, where each letter is found, and where theory has it."""
+    """One column of the figure.  ``found`` and ``expected``: letter -> region (h, w) bool, measured and in theory."""
 
     title: str
     pair: LitPair
@@ -43,25 +209,25 @@ class Column:
 
 
 def _position(stage: Stage, size: dict[str, int]) -> Column:
-    pair = stage.pair(scenes.moving_ball(), columns=("frustum", "position", "color"), **size)
+    pair = stage.pair(moving_ball(), columns=("frustum", "position", "color"), **size)
     found = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
-    expected = scenes.expected_ball(pair.mask.shape[::-1])
-    source = "rays against the ball and the wall behind it, float64"
+    expected = expected_ball(pair.mask.shape[::-1])
+    source = "ray intersections with ball and walls, float64"
     return Column("a ball moves", pair, (Reason.DISOCCLUDED, Reason.OCCLUDING), found, expected, source)
 
 
 def _normal(stage: Stage, size: dict[str, int]) -> Column:
-    pair = stage.pair(scenes.turning_fan(), columns=("frustum", "normal", "color"), **size)
-    expected = {"c": scenes.expected_fan(pair.mask.shape[::-1])}
-    source = "half of the fan: a turn by half a blade puts each blade over half of its neighbour"
+    pair = stage.pair(turning_fan(), columns=("frustum", "normal", "color"), **size)
+    expected = {"c": expected_fan(pair.mask.shape[::-1])}
+    source = "half of the fan: a rotation by half a blade moves each blade over half of its neighbor"
     return Column("a fan turns", pair, (Reason.NORMAL,), {"c": pair.has(Reason.NORMAL)}, expected, source)
 
 
 def _direct(stage: Stage, size: dict[str, int]) -> Column:
     columns = ("frustum", "direct", "color")
-    pair = stage.pair(scenes.moving_sun(), columns=columns, **size)
-    # The same pair without shadows: light that came or went there is a matter of angle, the rest is shadow.
-    bare = stage.pair(scenes.moving_sun(), columns=columns, shadow_lights=0, **size)
+    pair = stage.pair(moving_sun(), columns=columns, **size)
+    # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
+    bare = stage.pair(moving_sun(), columns=columns, shadow_lights=0, **size)
     lit, dark = pair.has(Reason.LIT), pair.has(Reason.SHADOWED)
     found = {
         "d": lit & bare.has(Reason.LIT),
@@ -69,20 +235,20 @@ def _direct(stage: Stage, size: dict[str, int]) -> Column:
         "f": lit & ~bare.has(Reason.LIT),
         "g": dark & ~bare.has(Reason.SHADOWED),
     }
-    expected = scenes.expected_sun(pair.mask.shape[::-1])
-    source = "Lambert's cosine and one shadow ray per pixel, float64"
+    expected = expected_sun(pair.mask.shape[::-1])
+    source = "cosine law and one shadow ray per pixel, float64"
     return Column("a light moves", pair, (Reason.LIT, Reason.SHADOWED), found, expected, source)
 
 
 def _indirect(stage: Stage, size: dict[str, int]) -> Column:
     pair = stage.pair(
-        scenes.appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
+        appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
         indirect_samples=4096, **size,
     )  # fmt: skip
     found = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION)}
-    expected = {"h": scenes.expected_wall(pair.mask.shape[::-1])}
+    expected = {"h": expected_wall(pair.mask.shape[::-1])}
     return Column(
-        "a red wall appears", pair, (Reason.INDIRECT,), found, expected, "Lambert's contour formula, one bounce"
+        "a red wall appears", pair, (Reason.INDIRECT,), found, expected, "form factor by Lambert's formula, one bounce"
     )
 
 
@@ -92,18 +258,17 @@ COLUMNS: tuple[Callable[[Stage, dict[str, int]], Column], ...] = (_position, _no
 @demo(
     2,
     "features",
-    "Which change shows in which feature",
-    idea="Reuse fails for different reasons, and each needs its own test. Positions tell what became visible and "
-    "what was covered, normals tell turned surfaces, direct light tells moving lights and shadows, indirect "
-    "light tells a change somewhere else in the scene. A mask compares one feature of this frame with the last "
-    "one, pixel by pixel.",
+    "Which feature detects which change",
+    idea="Reuse fails for different reasons, and each needs its own test. Position detects disocclusion and occlusion, "
+    "normal detects rotated surfaces, direct detects moving lights and shadows, indirect detects changes elsewhere in "
+    "the scene. A mask compares one feature of the two frames at every pixel.",
     look_for=(
-        "a and b: behind the ball history must be forgotten; where it is now, the wall's history is worthless.",
-        "c: not one point moved out of its plane, yet half of the fan shades differently.",
-        "d to g: light that came and went on the ball, and the same for its shadow on the floor.",
-        "h: red light on a floor that did not change at all.",
+        "a and b: the pixels that the ball left have no history; the pixels that it covers have that of the wall.",
+        "c: no point leaves its plane, yet half of the fan is shaded differently.",
+        "d to g: light that appears and disappears on the ball, and its shadow on the floor.",
+        "h: red light on a floor that did not change.",
     ),
-    scene=lambda: scenes.moving_ball(),
+    scene=lambda: moving_ball(),
     see_also=(("what the masks compare", "conventions.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
@@ -112,12 +277,12 @@ def run(stage: Stage, out: Path) -> Result:
     sheet = Sheet(4, 3, width / stage.size[1])
     findings = []
     for place, column in enumerate(columns):
-        sheet.panel(place, 0, column.pair.before["color"][..., :3], f"last frame: {column.title}")
-        sheet.panel(place, 1, column.pair.now["color"][..., :3], "this frame")
-        axes = sheet.panel(place, 2, overlay(column.pair.mask, column.pair.now["color"], *column.reasons), "its mask")
+        sheet.panel(place, 0, column.pair.before["color"][..., :3], f"previous frame: {column.title}")
+        sheet.panel(place, 1, column.pair.now["color"][..., :3], "current frame")
+        axes = sheet.panel(place, 2, overlay(column.pair.mask, column.pair.now["color"], *column.reasons), "mask")
         for name, region in column.found.items():
-            if region.sum() >= LEAST:
-                letter(axes, theory.inmost(region), name)
+            if region.sum() >= MIN_PIXELS:
+                letter(axes, theory.innermost_pixel(region), name)
             findings.append(_finding(name, region, column))
     reasons = [reason for column in columns for reason in column.reasons]
     sheet.legend(reason_entries(*reasons))
@@ -127,11 +292,14 @@ def run(stage: Stage, out: Path) -> Result:
 
 
 def _finding(name: str, region: Array, column: Column) -> Finding:
-    """Share of the picture that a letter stands for, against theory; off by half of the pixels on the edges at most."""
+    """Share of the image of a letter's region against theory, within half of the pixels on its edge."""
     there = column.expected[name]
-    slack = 50.0 * theory.rim(there) / there.size
+    slack = 50.0 * theory.edge_pixels(there) / there.size
     share = 100.0 * float(there.mean())
-    source = f"{column.source}; ± half of the pixels along its edge"
+    source = f"{column.source}; ± half of the pixels on its edge"
     return Finding(
-        100.0 * float(region.mean()), "%", f"is ({name}) {MEANING[name]}", Expected.near(share, slack, source)
+        100.0 * float(region.mean()),
+        "%",
+        f"of the pixels are ({name}) {MEANING[name]}",
+        Expected.near(share, slack, source),
     )

@@ -1,4 +1,4 @@
-"""Demo 8: noise looks like change."""
+"""Demo 8: noise is counted as change."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SIGMA = 0.5 * DEFAULT_THRESHOLD
 
 
 def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
-    """A still corner of a room under lamps of one colour and power."""
+    """A static corner of a room under lamps of one color and power."""
     b = Props()
     b.checkered(5.0, 4.0, (10, 8), (SAND, CHALK), translation=(0, -1.3, -4), rotation=turn_x(-90))
     b.wall(5.0, 2.5, SEA, translation=(0, 1.2, -6.5))
@@ -42,7 +42,7 @@ def scene(lamps: tuple[tuple[float, float, float], ...] = LAMPS) -> Scene:
 
 
 def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: int) -> list[Array]:
-    """Direct radiance of frames, (h, w, 3) each.  ``samples``: lamps drawn at random per pixel, 0: all of them."""
+    """Direct radiance of frames, (h, w, 3) each.  ``samples``: random light samples per pixel; 0: all lamps."""
     shading = Shading(light_samples=samples, indirect_samples=samples)
     settings = stage.settings(columns=("direct",))
     source = RasterSource(stage.gpu, what, choose_camera(what), settings, shading=shading)
@@ -56,8 +56,8 @@ def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: in
         source.release()
 
 
-def law_of_one_draw(per_lamp: Array) -> float:
-    """Percent of pixels discarded if each frame draws one of K equal lamps: all K^2 outcomes, each 1 / K^2.
+def expected_one_sample(per_lamp: Array) -> float:
+    """Percent of pixels discarded if each frame samples one of K lamps: all K^2 outcomes, each 1 / K^2.
 
     ``per_lamp`` (K, h, w, 3): radiance of each lamp alone.
     """
@@ -66,10 +66,10 @@ def law_of_one_draw(per_lamp: Array) -> float:
     return 100.0 * float(np.mean(over))
 
 
-def law_of_many_draws(per_lamp: Array, samples: int) -> float:
-    """The same for the mean of many draws, normal by the central limit theorem; of every 23rd pixel.
+def expected_many_samples(per_lamp: Array, samples: int) -> float:
+    """The same for the mean of many samples, normal by the central limit theorem; uses every 23rd pixel.
 
-    All lamps have one colour, so the change lies along one direction, with variance 2 sigma^2 / samples.
+    All lamps have the same color, so the change has one direction, with variance 2 sigma^2 / samples.
     """
     estimates = len(per_lamp) * np.linalg.norm(per_lamp, axis=-1)
     sigma = estimates.std(axis=0)
@@ -82,14 +82,13 @@ def law_of_many_draws(per_lamp: Array, samples: int) -> float:
     8,
     "noise",
     "Noise is counted as change",
-    idea="Path-traced light is an estimate, and two estimates of the same thing differ. A mask that compares them "
-    "with a threshold takes the difference for a change: here nothing moves at all, and with one lamp drawn at "
-    "random per pixel two fifths of the picture are discarded. Masks from rendered files therefore need many "
-    "samples, or light without noise.",
+    idea="Path-traced light is an estimate, and two estimates of the same radiance differ. A mask counts a difference "
+    "above the threshold as change. Here nothing moves, and with one random light sample per pixel two fifths of the "
+    "image are discarded. Masks of rendered files therefore need many samples per pixel, or light without noise.",
     look_for=(
-        "Top: the same still room, lit by 1, 4, 16 and 64 random draws per pixel.",
-        'Bottom: yellow pixels "changed" between two frames. The truth is 0 %.',
-        "The curve: four times the samples halve the noise, and then the masks let go quickly.",
+        "Top: the same static room with 1, 4, 16 and 64 random light samples per pixel.",
+        "Bottom: yellow pixels are discarded. The correct value is 0 %.",
+        "The curve: four times as many samples halve the noise, and the discard rate drops quickly.",
     ),
     scene=scene,
     see_also=(("noise in path-traced reference images", "path-traced.md"),),
@@ -104,36 +103,36 @@ def run(stage: Stage, out: Path) -> Result:
         pair = stage.bench.compare({"direct": now}, {"direct": before})
         shares[samples] = 100.0 * float(pair.has(Reason.DIRECT).mean())
         shown = display_color(now, 1.0, "linear")
-        sheet.panel(place, 0, shown, f"{samples} random draw{'s' if samples > 1 else ''} per pixel")
-        axes = sheet.panel(place, 1, overlay(pair.mask, shown, Reason.DIRECT), "its mask")
-        note(axes, f'{shares[samples]:.1f} % "changed"')
+        sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
+        axes = sheet.panel(place, 1, overlay(pair.mask, shown, Reason.DIRECT), "mask")
+        note(axes, f"{shares[samples]:.1f} % discarded")
     exact = direct_light(stage, still, (0, 1), 0)
     none = 100.0 * float(stage.bench.compare({"direct": exact[1]}, {"direct": exact[0]}).has(Reason.DIRECT).mean())
     gaussian = _gaussian(stage)
     _plot(sheet, shares, per_lamp)
     sheet.legend(reason_entries(Reason.DIRECT))
     path = sheet.save(out / "08-noise.png")
-    one = law_of_one_draw(per_lamp)
+    one = expected_one_sample(per_lamp)
     tail = 100.0 * theory.maxwell_tail(DEFAULT_THRESHOLD, math.sqrt(2.0) * SIGMA)
     findings = (
-        Finding(shares[1], "%", "of a still picture is discarded at one draw per pixel",
-                Expected.near(one, _chance(one, stage), "all 16 pairs of lamps, 1/16 each; ± 5 deviations")),
-        Finding(gaussian, "%", "of a grey picture is discarded for normal noise of half the threshold",
-                Expected.near(tail, _chance(tail, stage), "tail of Maxwell's distribution; ± 5 deviations")),
-        Finding(none, "%", "is discarded with exact light",
-                Expected.near(0.0, 0.0, "nothing moves, nothing is random")),
+        Finding(shares[1], "%", "of a static image is discarded at one light sample per pixel",
+                Expected.near(one, _chance(one, stage), "all 16 pairs of lamps, 1/16 each; ± 5 sigma")),
+        Finding(gaussian, "%", "of a gray image is discarded for normal noise with sigma of half the threshold",
+                Expected.near(tail, _chance(tail, stage), "tail of the Maxwell distribution; ± 5 sigma")),
+        Finding(none, "%", "is discarded with light from all lamps",
+                Expected.near(0.0, 0.0, "nothing moves and nothing is random")),
     )  # fmt: skip
-    caption = "A still room under random light: pictures, masks, and the share of pixels that count as changed."
+    caption = "A static room with random light samples: images, masks, and discard rate."
     return Result(findings, (Figure(path, caption, {"direct": rgb(Reason.DIRECT)}),))
 
 
 def _chance(percent: float, stage: Stage) -> float:
-    """Five standard deviations of a share counted over all pixels, points."""
+    """Five standard deviations of a share counted over all pixels, percentage points."""
     return 500.0 * math.sqrt(percent / 100 * (1 - percent / 100) / stage.pixels)
 
 
 def _gaussian(stage: Stage) -> float:
-    """Discards of grey with normal noise of SIGMA in every channel of both frames."""
+    """Discard rate of a gray image with normal noise of SIGMA in every channel of both frames, %."""
     rng = np.random.default_rng(8)
     width, height = stage.size
     frames = [{"direct": 1.0 + rng.normal(0.0, SIGMA, (height, width, 3))} for _ in range(2)]
@@ -142,13 +141,13 @@ def _gaussian(stage: Stage) -> float:
 
 def _plot(sheet: Sheet, shares: dict[int, float], per_lamp: Array) -> None:
     axes = sheet.plot(
-        80, sheet.grid_bottom + 44, 1160, 222, xscale="log", ylim=(0, 50), xlabel="random draws per pixel",
-        ylabel="\"changed\", %", title="A still room: share of pixels discarded by f_dir",
+        80, sheet.grid_bottom + 44, 1160, 222, xscale="log", ylim=(0, 50), xlabel="light samples per pixel",
+        ylabel="discarded, %", title="A static room: discard rate of the direct column",
     )  # fmt: skip
     line = np.unique(np.round(np.logspace(np.log10(4), 3, 16)).astype(int))
-    axes.plot(line, [law_of_many_draws(per_lamp, int(n)) for n in line], color=BLUE, linewidth=2,
+    axes.plot(line, [expected_many_samples(per_lamp, int(n)) for n in line], color=BLUE, linewidth=2,
               label="theory: central limit theorem")  # fmt: skip
-    axes.plot([1], [law_of_one_draw(per_lamp)], "D", color=BLUE, markersize=11, label="theory: all pairs of lamps")
+    axes.plot([1], [expected_one_sample(per_lamp)], "D", color=BLUE, markersize=11, label="theory: all pairs of lamps")
     axes.plot(list(shares), list(shares.values()), "o", color=ORANGE, markeredgecolor="black", markersize=8,
               label="measured", zorder=5)  # fmt: skip
     axes.set_xticks([1, 4, 16, 64, 256, 1000], ["1", "4", "16", "64", "256", "1000"])

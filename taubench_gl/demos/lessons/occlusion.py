@@ -1,4 +1,4 @@
-"""Demo 7: what comes into view has no history, what covers something has one, elsewhere."""
+"""Demo 7: disoccluded pixels have no history; occluding pixels have history elsewhere."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING)
 
 
 def scene(moves: str = "board") -> Scene:
-    """A board before a wall.  In one second the ``board`` or the ``camera`` moves to the right by STEP metres."""
+    """A board in front of a wall.  In one second the ``board`` or the ``camera`` moves right by STEP metres."""
     b = Props()
     b.checkered(12.0, 8.0, (48, 32), (CHALK, SAND), translation=(0, 0, -FAR))
     board = b.checkered(*BOARD, (6, 6), (BRICK, SEA), translation=(0, 0, -NEAR))
@@ -38,22 +38,21 @@ def focal(height: int) -> float:
 
 
 def width_of(pair: LitPair, reason: Reason) -> float:
-    """Pixels with ``reason`` in the row across the board's middle."""
+    """Pixels with ``reason`` in the middle row of the image."""
     return float(pair.has(reason)[pair.mask.shape[0] // 2].sum())
 
 
 @demo(
     7,
     "occlusion",
-    "Occlusion against disocclusion",
-    idea="Where one thing moves before another, two strips change. On one side something comes into view that the "
-    "last frame did not show: disoccluded, its history does not exist and has to start anew. On the other side "
-    "the thing covers what was there: its own history exists, only at the place where it was, and motion "
-    "vectors lead there.",
+    "Disocclusion and occlusion",
+    idea="When an object moves in front of another, two strips change. On one side a surface becomes visible that the "
+    "previous frame did not show: it is disoccluded and has no history. On the other side the object covers the "
+    "background: it is newly occluding, and its history is at its previous position, which motion vectors give.",
     look_for=(
-        "Left: a moving camera uncovers a strip on one side only; what it covers is simply gone from the picture.",
+        "Left: a moving camera disoccludes a strip on one side; covered surfaces are no longer in the image.",
         "Middle: for a moving board, reprojection by the camera alone discards both sides.",
-        "Right: motion vectors give the board its history back. The uncovered strip stays lost whatever one does.",
+        "Right: motion vectors recover the history of the board. The disoccluded strip never has history.",
     ),
     scene=scene,
     see_also=(("camera and motion reprojection", "conventions.md"),),
@@ -71,31 +70,31 @@ def run(stage: Stage, out: Path) -> Result:
         (motion, "the board moves to the right", 1, "motion reprojection"),
     )
     for place, (pair, what, way, how) in enumerate(shown):
-        axes = sheet.panel(place, 0, pair.now["color"][..., :3], f"this frame: {what}")
+        axes = sheet.panel(place, 0, pair.now["color"][..., :3], f"current frame: {what}")
         middle = (0.5 * stage.size[0] + (0.5 * focal(height) * STEP / NEAR) * way, 0.5 * height)
         half = 0.5 * focal(height) * STEP / NEAR
         arrow(axes, (middle[0] - way * half, middle[1]), (middle[0] + way * half, middle[1]))
-        axes = sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"its mask: {how}")
-        note(axes, f"{width_of(pair, SHOWN[0]):.0f} px uncovered, {width_of(pair, SHOWN[1]):.0f} px covering")
+        axes = sheet.panel(place, 1, overlay(pair.mask, pair.now["color"], *SHOWN), f"mask: {how}")
+        note(axes, f"{width_of(pair, SHOWN[0]):.0f} px disoccluded, {width_of(pair, SHOWN[1]):.0f} px occluding")
     sheet.legend(reason_entries(*SHOWN))
     path = sheet.save(out / "07-occlusion.png")
     parallax = focal(height) * STEP * (1 / NEAR - 1 / FAR)
     moved = focal(height) * STEP / NEAR
-    counted = "; counted by pixel centres, ± 1 px"
-    rim = "; up to a pixel of its rim, where the nearest pixel of the last frame shows the wall"
+    counted = "; counted at pixel centers, ± 1 px"
+    edge = "; up to one pixel at its edge, where the nearest history pixel shows the wall"
     findings = (
-        Finding(width_of(walked, Reason.DISOCCLUDED), "px", "is the strip that the moving camera uncovers",
+        Finding(width_of(walked, Reason.DISOCCLUDED), "px", "is the strip that the moving camera disoccludes",
                 Expected.near(parallax, 1.0, "parallax f t (1 / z_near - 1 / z_far)" + counted), 0),
-        Finding(width_of(walked, Reason.OCCLUDING), "px", "of the moving camera's picture cover something",
-                Expected.between(0.0, 1.0, "what it covers is gone from the picture" + rim, 0), 0),
-        Finding(width_of(camera, Reason.DISOCCLUDED), "px", "is the strip that the moving board uncovers",
+        Finding(width_of(walked, Reason.OCCLUDING), "px", "are newly occluding with the moving camera",
+                Expected.between(0.0, 1.0, "covered surfaces are not in the image" + edge, 0), 0),
+        Finding(width_of(camera, Reason.DISOCCLUDED), "px", "is the strip that the moving board disoccludes",
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
-        Finding(width_of(camera, Reason.OCCLUDING), "px", "is the strip that it covers, without motion vectors",
+        Finding(width_of(camera, Reason.OCCLUDING), "px", "are newly occluding without motion vectors",
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
-        Finding(width_of(motion, Reason.OCCLUDING), "px", "of it are left with motion vectors",
-                Expected.between(0.0, 1.0, "each point of the board is found where it was" + rim, 0), 0),
-        Finding(width_of(motion, Reason.DISOCCLUDED), "px", "is the uncovered strip with motion vectors: no cure",
+        Finding(width_of(motion, Reason.OCCLUDING), "px", "are newly occluding with motion vectors",
+                Expected.between(0.0, 1.0, "each point of the board finds its previous position" + edge, 0), 0),
+        Finding(width_of(motion, Reason.DISOCCLUDED), "px", "is the disoccluded strip with motion vectors",
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
     )  # fmt: skip
-    caption = "A board before a wall: who moved, and how the masks look for it."
+    caption = "A board in front of a wall: masks for a moving camera and a moving board."
     return Result(findings, (Figure(path, caption, {r.name.lower(): rgb(r) for r in SHOWN}),))

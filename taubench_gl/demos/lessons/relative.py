@@ -21,7 +21,7 @@ FAR = 1e6
 
 
 def scene(metres: float = FAR) -> Scene:
-    """The hall ``metres`` from the origin along each axis; the camera walks and turns a little."""
+    """The hall ``metres`` from the origin along each axis; the camera moves and turns slightly."""
     b = Props()
     hall(b)
     camera = b.camera(yfov=np.radians(60.0), znear=0.0625)
@@ -31,7 +31,7 @@ def scene(metres: float = FAR) -> Scene:
 
 
 def _moved(built: Scene, metres: float) -> Scene:
-    """Every root of a scene moved; the keys are dyadic, so float64 holds the sum exactly."""
+    """The scene with all roots translated; keys are dyadic, so the float64 sums are exact."""
     by = np.full(3, metres)
     roots = built.nodes.parent < 0
     nodes = dataclasses.replace(built.nodes, translation=built.nodes.translation + np.where(roots[:, None], by, 0.0))
@@ -43,24 +43,24 @@ def _moved(built: Scene, metres: float) -> Scene:
 
 
 def step_at(metres: float) -> float:
-    """Distance of neighbouring float32 numbers there."""
+    """Spacing of float32 numbers at ``metres``."""
     return float(np.spacing(np.float32(metres)))
 
 
 def extends(pair: PairImages) -> Array:
-    """Pixels and axes in which the surface extends, so that its coordinate takes all values.  (h, w, 3) bool."""
+    """Pixels and axes along which the surface extends, so that its coordinate varies.  (h, w, 3) bool."""
     return pair.surface[..., None] & (np.abs(pair.current["normal"][..., :3]) < 0.5)
 
 
 def in_world_floats(pair: PairImages, eye: Array) -> Array:
-    """What becomes of the current positions if they are kept in world space as float32.  (h, w, 4) float64."""
+    """The current positions rounded to float32 in world space.  (h, w, 4) float64."""
     position = pair.current["position"].astype(np.float64)
     rounded = (position[..., :3] + eye).astype(np.float32) - eye
     return np.concatenate([np.where(pair.surface[..., None], rounded, 0.0), position[..., 3:]], axis=-1)
 
 
 def previous_px(pair: PairImages, position: Array) -> Array:
-    """Eq. (3): where points relative to the current camera were in the last picture.  (h, w, 4) -> (h, w, 2) pixels."""
+    """Eq. (3): positions relative to the current camera -> previous image.  (h, w, 4) -> (h, w, 2) pixels."""
     q = position[..., :3] + pair.pair.camera_delta
     x, y, w = (q @ pair.pair.prev_clip_from_prev[i, :3] for i in (0, 1, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -72,9 +72,10 @@ def rms(values: Array) -> float:
 
 
 def expected_motion_error(pair: PairImages, step: float) -> Array:
-    """Standard deviation of the false motion, pixels, to first order: each axis is off evenly within ± step / 2.
+    """Standard deviation of the motion error, pixels, to first order.  (h, w).
 
-    The derivative of Eq. (3) after the position, times step / sqrt(12), axes in which nothing varies left out.  (h, w).
+    Each axis has a uniform error within ± step / 2, so this is the derivative of Eq. (3) with respect to the position
+    times step / sqrt(12), over the axes that vary.
     """
     q = pair.current["position"][..., :3] + pair.pair.camera_delta
     rows = pair.pair.prev_clip_from_prev[:, :3]
@@ -91,36 +92,36 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     4,
     "relative",
     "Why positions are stored relative to the camera",
-    idea="A float32 has 24 bits. Near the origin its steps are far below a thousandth of a millimetre; at a million "
-    "metres they are 6 cm, and every position is rounded onto that grid. Subtract the camera in float64 first, "
-    "and the GPU only ever sees small numbers, wherever in the world the scene is.",
+    idea="A float32 has 24 bits of precision. Near the origin its spacing is below a micrometre; a million metres away "
+    "it is 6 cm, and every position is rounded to that grid. If the camera position is subtracted in float64 first, "
+    "the GPU only handles small numbers, wherever the scene is.",
     look_for=(
-        "Top right: terraces in the error of a stored position, up to 3 cm along each axis.",
-        "Bottom left: reprojected, these centimetres are pixels, most of all near the camera.",
-        "Bottom right: relative to the camera, the motion is bit for bit that of the hall at the origin.",
+        "Top right: steps in the error of a stored position, up to 3 cm along each axis.",
+        "Bottom left: after reprojection these centimetres are pixels, most of all near the camera.",
+        "Bottom right: camera-relative motion equals that of the hall at the origin, bit for bit.",
     ),
     scene=scene,
-    see_also=(("the self-test's cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
+    see_also=(("the self-test cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
     here, there = (stage.bench.pair(scene(metres)) for metres in (0.0, FAR))
-    picture = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
+    image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
     moved = in_world_floats(there, there.view.position)
     position = there.current["position"].astype(np.float64)
     shift = (moved - position)[..., :3]
     seen = there.surface & ~there.has(FRUSTUM)
     false = np.where(seen[..., None], previous_px(there, moved) - previous_px(there, position), 0.0)
     ours = np.linalg.norm(there.motion - here.motion, axis=-1)
-    top = 3.0 * stage.size[1] / 270  # pixels, end of the colour scale
+    top = 3.0 * stage.size[1] / 270  # pixels, end of the color scale
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    sheet.panel(0, 0, picture, "the hall, a million metres from the origin")
+    sheet.panel(0, 0, image, "the hall, a million metres from the origin")
     axes = sheet.panel(
-        1, 0, heat(100 * np.linalg.norm(shift, axis=-1), 5.0), "float32 world position: off by 0 to 5 cm"
+        1, 0, heat(100 * np.linalg.norm(shift, axis=-1), 5.0), "error of float32 world positions: 0 to 5 cm"
     )
     note(axes, f"{100 * rms(shift[extends(there)]):.2f} cm along an axis (RMS)")
     for column, error, title in (
-        (0, np.linalg.norm(false, axis=-1), f"false motion from it: 0 to {top:.2g} pixels"),
-        (1, ours, f"false motion, camera-relative: 0 to {top:.2g} pixels"),
+        (0, np.linalg.norm(false, axis=-1), f"error of motion from world positions: 0 to {top:.2g} px"),
+        (1, ours, f"error of camera-relative motion: 0 to {top:.2g} px"),
     ):
         axes = sheet.panel(column, 1, heat(error, top), title)
         note(axes, f"{rms(error[seen]):.2f} px (RMS)")
@@ -131,21 +132,21 @@ def run(stage: Stage, out: Path) -> Result:
     step = step_at(FAR)
     predicted = rms(expected_motion_error(there, step)[seen])
     findings = (
-        Finding(1000.0 * rms(shift[extends(there)]), "mm", "is the error (RMS) of a float32 world position, per axis",
+        Finding(1000.0 * rms(shift[extends(there)]), "mm", "is the error (RMS) of a float32 world position per axis",
                 Expected.near(1000.0 * step / np.sqrt(12), 50.0 * step / np.sqrt(12),
-                              "rounded evenly to steps of 62.5 mm: step / sqrt(12); ± 5 %", 1), 1),
+                              "uniform rounding to a spacing of 62.5 mm: spacing / sqrt(12); ± 5 %", 1), 1),
         Finding(float(np.count_nonzero(ours) + np.count_nonzero(there.mask != here.mask)), "pixels",
-                "of motion and masks, camera-relative, differ from the hall at the origin",
-                Expected.near(0.0, 0.0, "all keys are dyadic: float64 holds every difference exactly", 0), 0),
-        Finding(rms(np.linalg.norm(false, axis=-1)[seen]), "px", "of false motion (RMS) come from such positions",
-                Expected.near(predicted, 0.05 * predicted, "derivative of Eq. (3) times step / sqrt(12); ± 5 %")),
+                "differ in camera-relative motion or masks from the hall at the origin",
+                Expected.near(0.0, 0.0, "all keys are dyadic: every float64 difference is exact", 0), 0),
+        Finding(rms(np.linalg.norm(false, axis=-1)[seen]), "px", "is the error (RMS) of motion from such positions",
+                Expected.near(predicted, 0.05 * predicted, "derivative of Eq. (3) times spacing / sqrt(12); ± 5 %")),
     )  # fmt: skip
     return Result(
         findings,
         (
-            Figure(path, "The hall a thousand kilometres out: what float32 world positions do to it.",
+            Figure(path, "The hall at 1000 km: errors of float32 world positions and of the motion from them.",
                    dict(zip(("no error", "half", "end"), colors))),
-            Figure(curve, "Rounding error of a stored world position against the distance from the origin."),
+            Figure(curve, "Rounding error of a stored world position as a function of the distance from the origin."),
         ),
     )  # fmt: skip
 
@@ -158,10 +159,10 @@ def _curve(pair: PairImages, out: Path) -> Path:
     sheet = Sheet(1, 0, 1.0, below=400, legend=False)
     axes = sheet.plot(
         96, 40, 1140, 290, xscale="log", yscale="log", xlabel="distance from the origin, metres",
-        ylabel="error along an axis, metres", title="What float32 world coordinates cost",
+        ylabel="error along an axis, metres", title="Error of float32 world coordinates",
     )  # fmt: skip
     line = np.logspace(2, 7, 2000)
-    axes.plot(line, [step_at(m) / np.sqrt(12) for m in line], color=BLUE, linewidth=2, label="theory: step / sqrt(12)")
+    axes.plot(line, [step_at(m) / np.sqrt(12) for m in line], color=BLUE, linewidth=2, label="theory")
     axes.plot(metres, found, "o", color=ORANGE, markersize=9, markeredgecolor="black", label="measured, RMS")
     axes.axhline(32 / 255, color="#444", linewidth=1, linestyle="--")
     axes.text(110, 32 / 255 * 1.3, "the paper's position threshold, 32/255 m", fontsize=12)

@@ -1,4 +1,4 @@
-"""Demo 10: ghosting, and what methods do against it."""
+"""Demo 10: ghosting, and methods that prevent it."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ from taubench_gl.selftest.scenes import sphere
 
 Array = np.ndarray
 FRAMES, ALPHA = 13, 0.1
-AT = 5  # frames since a pixel was uncovered, for the number
+AGE = 5  # frames since a pixel was disoccluded, for the number
 GLOW = (2.0, 0.75, 0.1)
 TILE = (0.10, 0.30)
 METHODS = {
-    "nothing is tested": (
+    "history not tested": (
         f"taa_clamp@alpha={ALPHA}@clamping=false@weighting=false@dilate=false@filtering=nearest",
         ORANGE,
         "o",
     ),
-    "clamped to the colours around": (f"taa_clamp@alpha={ALPHA}", PINK, "s"),
+    "clamped to neighborhood colors": (f"taa_clamp@alpha={ALPHA}", PINK, "s"),
     "position and normal tested": ("bmfr_temporal", BLUE, "^"),
     "oracle: the paper's masks": ("oracle", GREEN, "D"),
 }
 MARKER_PT = (6, 14, 9, 4)
-"""Of the curves, in the order of METHODS: the three cures lie on one another, and each shows around the next."""
+"""Sizes in the order of METHODS: three curves coincide, so each marker is visible around the next."""
 
 
 def scene() -> Scene:
-    """A glowing ball crosses a glowing chequered wall: every colour is known, no light falls on anything."""
+    """An emissive ball crosses an emissive checkered wall: all radiances are known, there is no other light."""
     b = Props()
     tiles = [b.material(base_color=(0, 0, 0, 1), emissive=(v, v, 1.15 * v), specular=0.0) for v in TILE]
     b.thing(*checkered(6.0, 4.0, (24, 16), tiles), translation=(0, 0, -6))
@@ -56,14 +56,14 @@ def scene() -> Scene:
 
 @dataclass(slots=True)
 class Trail:
-    """How strong the ball still is in wall pixels that it left ``k`` frames ago."""
+    """Remaining weight of the ball in wall pixels by age: frames since the ball left the pixel."""
 
-    picture: Array
+    image: Array
     weights: dict[int, float]
 
 
 def run_methods(stage: Stage) -> dict[str, Trail]:
-    """The last picture of every method and its ghost by age: frames since a pixel showed the ball, 0 if never."""
+    """The last image of every method and its remaining ball weight by age."""
     what, settings = scene(), stage.settings(reprojection="motion", sky=(0.0, 0.0, 0.0))
     specs = {name: MethodSpec.parse(text) for name, (text, _, _) in METHODS.items()}
     methods = {name: load_method(spec.method) for name, spec in specs.items()}
@@ -77,73 +77,73 @@ def run_methods(stage: Stage) -> dict[str, Trail]:
     try:
         for frame in range(FRAMES):
             given = inputs.advance(frame)
-            pictures = {name: read_result(runner.step(given))[..., :3] for name, runner in runners.items()}
-            truth = read_input(given.textures["radiance"], "radiance")[..., :3].astype(np.float64)
-            ball = truth[..., 0] > 0.5 * (GLOW[0] + TILE[1])
+            images = {name: read_result(runner.step(given))[..., :3] for name, runner in runners.items()}
+            reference = read_input(given.textures["radiance"], "radiance")[..., :3].astype(np.float64)
+            ball = reference[..., 0] > 0.5 * (GLOW[0] + TILE[1])
             age = np.where(ball, 1, np.where(age > 0, age + 1, 0))
     finally:
         for part in (*runners.values(), inputs):
             part.release()
     age = np.where(ball, 0, np.maximum(age - 1, 0))
-    return {name: Trail(picture, ghost_by_age(picture, truth, age)) for name, picture in pictures.items()}
+    return {name: Trail(image, ghost_by_age(image, reference, age)) for name, image in images.items()}
 
 
-def ghost_by_age(picture: Array, truth: Array, age: Array) -> dict[int, float]:
-    """Share of the ball's red in the picture, by frames since the ball left: (picture - wall) / (ball - wall).
+def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]:
+    """Weight of the ball in ``image`` by age: (image - wall) / (ball - wall) of the red channel.
 
-    Median over the pixels of an age, so that the ball's rim, a mixture, does not decide.
+    Median over the pixels of an age, so that the mixed pixels at the ball's edge have no influence.
     """
-    red = truth[..., 0]
-    share = (picture[..., 0] - red) / np.where(age > 0, GLOW[0] - red, 1.0)
+    red = reference[..., 0]
+    share = (image[..., 0] - red) / np.where(age > 0, GLOW[0] - red, 1.0)
     return {int(k): float(np.median(share[age == k])) for k in np.unique(age) if k > 0}
 
 
 @demo(
     10,
     "ghosting",
-    "Ghosting and its cures",
-    idea="A method that blends each frame into a running mean drags the past along: where the ball has been, its "
-    "colour fades over many frames. The cure is to throw history away at the right pixels. One can clamp it to "
-    "the colours around the pixel, compare positions and normals, or, if one knew the truth, use exactly the "
-    "paper's masks.",
+    "Ghosting and its prevention",
+    idea="A method that blends each frame into an exponential moving average keeps old colors: where the ball was, its "
+    "color fades over many frames. To prevent this ghosting, history must be rejected at the right pixels. A method "
+    "can clamp history to the colors around the pixel, compare positions and normals, or, with a noise-free reference, "
+    "use the paper's masks.",
     look_for=(
-        "Top left: the trail of the ball, fading by a tenth per frame.",
-        "Top right: clamping leaves only colours that occur nearby: no ball, but smudges along the edges of the tiles.",
-        "Bottom: with positions compared, uncovered pixels start anew, and no ghost is left.",
+        "Top left: the trail of the ball fades by 10 % per frame.",
+        "Top right: clamping keeps only neighborhood colors: no ball, but blur along the edges of the tiles.",
+        "Bottom: with position tests, disoccluded pixels restart without history and no ghost remains.",
     ),
     scene=scene,
-    see_also=(("reuse methods", "reuse.md"), ("how they are judged", "reuse-evaluation.md")),
+    see_also=(("reuse methods", "reuse.md"), ("how they are evaluated", "reuse-evaluation.md")),
 )
 def run(stage: Stage, out: Path) -> Result:
     trails = run_methods(stage)
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1], below=330, legend=False)
     for place, (name, trail) in enumerate(trails.items()):
-        shown = display_color(np.maximum(trail.picture.astype(np.float64), 0.0), 1.0, "linear")
+        shown = display_color(np.maximum(trail.image.astype(np.float64), 0.0), 1.0, "linear")
         axes = sheet.panel(place % 2, place // 2, shown, name)
-        note(axes, f"{100 * trail.weights.get(AT, np.nan):.1f} % of the ball after {AT} frames")
+        note(axes, f"{100 * trail.weights.get(AGE, np.nan):.1f} % of the ball after {AGE} frames")
     _plot(sheet, trails)
     path = sheet.save(out / "10-ghosting.png")
     first, clamped, tested, oracle = trails
-    left = 100 * (1 - ALPHA) ** AT
+    left = 100 * (1 - ALPHA) ** AGE
     findings = (
-        Finding(100 * trails[first].weights[AT], "%", f"of the ball's light is left {AT} frames after it went",
-                Expected.near(left, 0.01 * left, f"exponential mean: (1 - {ALPHA})^{AT}; ± 1 % for float32")),
-        Finding(100 * trails[clamped].weights[AT], "%", "is left with history clamped to the colours around",
-                Expected.between(-np.inf, 0.5 * left, "less than half: the ball's colour is nowhere near any more")),
-        Finding(100 * trails[tested].weights[AT], "%", "is left with position and normal tested",
-                Expected.near(0.0, 0.1, "uncovered pixels start anew: nothing of the ball is blended in")),
-        Finding(100 * trails[oracle].weights[AT], "%", "is left with the masks of the noise-free frames",
-                Expected.near(0.0, 0.1, "every pixel the ball left is a position discard")),
+        Finding(100 * trails[first].weights[AGE], "%", f"of the ball's radiance remains {AGE} frames after it left",
+                Expected.near(left, 0.01 * left, f"moving average: (1 - {ALPHA})^{AGE}; ± 1 % for float32")),
+        Finding(100 * trails[clamped].weights[AGE], "%", "remains with history clamped to neighborhood colors",
+                Expected.between(-np.inf, 0.5 * left, "less than half: no neighbor has the color of the ball")),
+        Finding(100 * trails[tested].weights[AGE], "%", "remains with position and normal tested",
+                Expected.near(0.0, 0.1, "disoccluded pixels restart without history")),
+        Finding(100 * trails[oracle].weights[AGE], "%", "remains with the masks of the noise-free frames",
+                Expected.near(0.0, 0.1, "every pixel that the ball left is discarded by position")),
     )  # fmt: skip
-    caption = f"A ball after {FRAMES - 1} frames of flight, in four ways to reuse history, and how its ghost fades."
+    caption = f"A moving ball after {FRAMES - 1} frames with four reuse methods, and the decay of its ghost."
     colors = {name: tuple(int(color[i : i + 2], 16) for i in (1, 3, 5)) for name, (_, color, _) in METHODS.items()}
     return Result(findings, (Figure(path, caption, colors),))
 
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
     axes = sheet.plot(
-        80, sheet.grid_bottom + 44, 1160, 222, xlabel="frames since the ball went", ylabel="ball's light left, %",
-        title="How a ghost fades", ylim=(-9, 104),
+        80, sheet.grid_bottom + 44, 1160, 222, xlabel="frames since the ball left", ylabel="remaining radiance, %",
+        title="Decay of the ghost", ylim=(-9, 104),
     )  # fmt: skip
     k = np.linspace(1, FRAMES, 200)
     axes.plot(k, 100 * (1 - ALPHA) ** k, color="#444", linewidth=1.4, linestyle="--", label=f"theory: (1 - {ALPHA})^k")

@@ -1,4 +1,4 @@
-"""Demo 1, the paper's figure 1: what a turn of the camera leaves of the last frame."""
+"""Demo 1, the paper's figure 1: history that remains after a camera rotation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CHECKER = (237, 237, 237)
 
 
 def scene(axis: str = "yaw") -> Scene:
-    """The hall; the camera turns by DEGREES in one second."""
+    """The hall and a camera that rotates by DEGREES in one second."""
     b = Props()
     hall(b)
     camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=YFOV, znear=0.05)
@@ -34,14 +34,14 @@ def scene(axis: str = "yaw") -> Scene:
 @demo(
     1,
     "rotations",
-    "A turn of the camera throws history away",
-    idea="What the last frame did not show cannot be reused. A camera that turns by 25 degrees loses a large part of "
-    "its picture at once, and how much depends on the axis: yaw and pitch move the whole picture, roll only "
-    "cuts corners.",
+    "Camera rotation discards history",
+    idea="Surfaces that were not in the previous image cannot be reused. A rotation by 25 degrees discards a large "
+    "part of the image at once. How much depends on the axis: yaw and pitch move the whole image, roll only cuts the "
+    "corners.",
     look_for=(
-        "The checkerboard: pixels whose point was outside the last picture.",
-        "Its straight edges are the rim of the last picture, seen from the new direction.",
-        "Roll keeps nearly everything, although the angle is the same.",
+        "The checkerboard: pixels whose surface point was outside the previous image.",
+        "Its straight edges are the border of the previous image, seen from the new orientation.",
+        "Roll discards little, although the angle is the same.",
     ),
     scene=scene,
     see_also=(("the conventions of the frustum test", "conventions.md"),),
@@ -52,19 +52,19 @@ def run(stage: Stage, out: Path) -> Result:
     for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
         pair = stage.pair(scene(axis), columns=("frustum", "color"))
         if place == 1:
-            sheet.panel(0, 0, pair.before["color"], "the last frame: reference orientation")
+            sheet.panel(0, 0, pair.before["color"], "previous frame")
         lost = pair.percent(FRUSTUM)
         prev_from_now = math3d.mat3_from_quat(turn(vector, DEGREES))
         share, slack = theory.frustum_share(prev_from_now, YFOV, stage.size)
-        picture = checkerboard(pair.now["color"], pair.has(FRUSTUM), max(stage.size[0] // 60, 1))
-        axes = sheet.panel(place % 2, place // 2, picture, f"{axis}, 25° {way}")
+        image = checkerboard(pair.now["color"], pair.has(FRUSTUM), max(stage.size[0] // 60, 1))
+        axes = sheet.panel(place % 2, place // 2, image, f"{axis}, 25° {way}")
         note(axes, f"{lost:.1f} % without history")
-        source = "area of the polygon both cameras see, float64; ± half of the pixels on its edge"
+        source = "area of the polygon that both cameras see, float64; ± half of the pixels on its edge"
         findings.append(
-            Finding(lost, "%", f"of the picture has no history after {axis}", Expected.near(share, slack, source))
+            Finding(lost, "%", f"of the pixels have no history after {axis}", Expected.near(share, slack, source))
         )
-    sheet.legend([("checkerboard: outside the last picture, nothing to reuse", CHECKER)])
+    sheet.legend([("checkerboard: outside the previous image", CHECKER)])
     path = sheet.save(out / "01-rotations.png")
     findings.sort(key=lambda f: "yaw" not in f.meaning)
-    caption = "The same hall before and after three turns of 25 degrees, as in the paper's figure 1."
+    caption = "The hall before and after rotations by 25 degrees about three axes, as in the paper's figure 1."
     return Result(tuple(findings), (Figure(path, caption, {"checkerboard": CHECKER}),))

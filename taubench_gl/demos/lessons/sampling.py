@@ -1,4 +1,4 @@
-"""Demo 6: history lies between pixels.  Nearest or bilinear?"""
+"""Demo 6: nearest and bilinear sampling of history."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Array = np.ndarray
 YFOV = np.radians(50.0)
 JITTER = 0.3
 SLANT = 20.0
-FARTHEST = 0.10  # metres, end of the colour scale
+FARTHEST = 0.10  # metres, end of the color scale
 
 
 def scene() -> Scene:
-    """A slanted board before a wall, and a side wall seen at a grazing angle.  Nothing moves."""
+    """A slanted board in front of a wall, and a side wall at a grazing angle.  Nothing moves."""
     b = Props()
     b.wall(14.0, 9.0, SEA, translation=(0, 0, -14))
     b.checkered(0.55, 6.0, (3, 30), (BRICK, SAND), translation=(-0.7, 0, -4), rotation=turn((0, 0, 1), SLANT))
@@ -38,43 +38,43 @@ def scene() -> Scene:
 
 
 def camera() -> MovingCamera:
-    """A still camera whose sub-pixel sample moves by JITTER pixels to the right, as temporal antialiasing asks."""
+    """A static camera whose sub-pixel sample moves right by JITTER pixels, as for temporal antialiasing."""
     lens = Camera(yfov=YFOV, znear=0.05)
     return MovingCamera(lambda t: View(np.zeros(3), np.eye(3), lens, np.array([JITTER if t else 0.0, 0.0])))
 
 
 def left_of_the_side_wall(size: tuple[int, int]) -> slice:
-    """Columns that show the board before the wall, and nothing of the side wall."""
+    """Columns that show the board and the wall but not the side wall."""
     focal = 0.5 * size[1] / np.tan(0.5 * YFOV)
     return slice(0, int(0.5 * size[0] + focal * 2.2 / 14.0) - 4)
 
 
 def per_row(pair: PairImages) -> float:
-    """Discarded pixels per row of the board's two edges, per edge."""
+    """Discarded pixels per row and edge of the board."""
     height, width = pair.mask.shape
     return float(pair.has(Reason.POSITION)[:, left_of_the_side_wall((width, height))].sum(axis=1).mean() / 2)
 
 
 def distance(pair: PairImages, sampling: str) -> Array:
-    """Metres between a surface point and the history read for it, (h, w), by the masks' float64 twin."""
+    """Distance between surface point and history sample, metres, (h, w), by the float64 reference of the masks."""
     return pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=sampling).distances["position"]
 
 
 @demo(
     6,
     "sampling",
-    "Nearest against bilinear: neither is right everywhere",
-    idea="A reprojected pixel hardly ever lands on a pixel of the last frame. The nearest pixel shows a point up to "
-    "half a pixel away; the bilinear blend of four is right on planes, but at an edge it mixes front and back "
-    "into a place where nothing is. Here not a thing moves but the sub-pixel sample: every discard is the "
-    "sampling's own.",
+    "Nearest and bilinear sampling",
+    idea="A reprojected position rarely coincides with a pixel center of the previous frame. The nearest pixel shows a "
+    "point up to half a pixel away. The bilinear blend of four pixels is exact on planes, but at an edge it mixes "
+    "foreground and background into a position where no surface is. Here nothing moves except the sub-pixel sample, so "
+    "every discard is a sampling error.",
     look_for=(
-        "Right, nearest: the side wall is wrong everywhere, the more the flatter it is seen. Bilinear: right.",
-        "Left, bilinear: every edge is discarded, one pixel wide and without a gap.",
-        "Left, nearest: only some pixels of an edge, those whose nearest pixel lies on the other side.",
+        "Right, nearest: the error on the side wall grows with the grazing angle. Bilinear: no error.",
+        "Left, bilinear: every edge is discarded, one pixel wide, without gaps.",
+        "Left, nearest: only pixels of an edge whose nearest history pixel is on the other side.",
     ),
     scene=scene,
-    see_also=(("how history is read", "conventions.md"),),
+    see_also=(("how history is sampled", "conventions.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
     pairs = {s: stage.bench.pair(scene(), camera=camera(), sampling=s) for s in ("nearest", "bilinear")}
@@ -83,11 +83,11 @@ def run(stage: Stage, out: Path) -> Result:
     part = (int(0.27 * width), int(0.35 * height), width // 7, height // 7)
     sheet = Sheet(2, 2, width / height)
     for row, (sampling, pair) in enumerate(pairs.items()):
-        drawn = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
-        axes = sheet.panel(0, row, enlarged(drawn, *part), f"{sampling}: an edge of the board, enlarged")
-        note(axes, f"{per_row(pair):.2f} px of every edge discarded; 0 would be right")
+        marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
+        axes = sheet.panel(0, row, enlarged(marked, *part), f"{sampling}: an edge of the board, enlarged")
+        note(axes, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
         error = distance(pair, sampling)
-        axes = sheet.panel(1, row, heat(error, FARTHEST), f"{sampling}: history read this far away, 0 to 10 cm")
+        axes = sheet.panel(1, row, heat(error, FARTHEST), f"{sampling}: distance of the history sample, 0 to 10 cm")
         axes.add_patch(_frame(*part))
         wall = side_wall(pair)
         note(axes, f"side wall: {100 * np.median(error[wall]):.2f} cm (median)", at=(0.98, 0.03), ha="right")
@@ -95,26 +95,24 @@ def run(stage: Stage, out: Path) -> Result:
     sheet.legend([("discarded by position", rgb(Reason.POSITION)), ("10 cm or more", end)])
     path = sheet.save(out / "06-sampling.png")
     chance = 4.0 * np.sqrt(JITTER * (1 - JITTER) / (2.0 * height))
-    where = "an edge crosses a row at an even chance anywhere between two pixel centres"
+    where = "an edge crosses a row at a uniformly distributed position between two pixel centers"
     wall = side_wall(pairs["nearest"])
-    predicted = 100.0 * float(np.median(beside(stage.size)[wall]))
+    predicted = 100.0 * float(np.median(sample_distance(stage.size)[wall]))
     findings = (
-        Finding(per_row(pairs["bilinear"]), "px", "of every edge are discarded with bilinear sampling",
-                Expected.near(1.0, 2.0 / height + 0.02, f"{where}, and always between two of the taps")),
-        Finding(per_row(pairs["nearest"]), "px", "of every edge are discarded with nearest sampling",
+        Finding(per_row(pairs["bilinear"]), "px", "per edge are discarded with bilinear sampling",
+                Expected.near(1.0, 2.0 / height + 0.02, f"{where}, always between two of the four pixels")),
+        Finding(per_row(pairs["nearest"]), "px", "per edge are discarded with nearest sampling",
                 Expected.near(JITTER, chance, f"{where}: in {JITTER} of all rows between point and nearest pixel")),
         Finding(100.0 * float(np.median(distance(pairs["nearest"], "nearest")[wall])), "cm",
-                "beside its point does nearest sampling read on the side wall (median)",
-                Expected.near(predicted, 0.02 * predicted, "two rays JITTER pixels apart against the wall; ± 2 %")),
+                "is the distance of the nearest history sample on the side wall (median)",
+                Expected.near(predicted, 0.02 * predicted, f"two rays {JITTER} pixels apart against the wall; ± 2 %")),
     )  # fmt: skip
-    caption = (
-        f"A still scene, its samples {JITTER} pixels apart in the two frames. Every discard is an error of sampling."
-    )
+    caption = f"A static scene with samples {JITTER} pixels apart in the two frames. Every discard is a sampling error."
     return Result(findings, (Figure(path, caption, {"position": rgb(Reason.POSITION), "10 cm": end}),))
 
 
 def side_wall(pair: PairImages) -> Array:
-    """(h, w) bool: pixels of the side wall whose neighbours show it as well."""
+    """Pixels of the side wall whose neighbors also show it.  (h, w) bool."""
     wall = pair.surface & (np.abs(pair.current["normal"][..., 0]) > 0.9)
     inner = wall.copy()
     inner[:, 2:-2] &= wall[:, :-4] & wall[:, 4:]
@@ -122,8 +120,8 @@ def side_wall(pair: PairImages) -> Array:
     return inner
 
 
-def beside(size: tuple[int, int]) -> Array:
-    """Metres between the points of the side wall, x = 2.2, that two samples JITTER pixels apart see.  (h, w).
+def sample_distance(size: tuple[int, int]) -> Array:
+    """Distance between the points of the side wall, x = 2.2, at two samples JITTER pixels apart.  (h, w) metres.
 
     The jittered sample of column i lies at i + JITTER; the history's at i.
     """

@@ -1,4 +1,4 @@
-"""Demo 9: one threshold is one point of a curve."""
+"""Demo 9: a threshold is a point on a curve."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ SHOWN = (0.03, DEFAULT_THRESHOLD, 0.5)
 
 
 def places() -> Array:
-    """Centres of the keys in the last frame, four to a row.  (8, 3) metres."""
+    """Centers of the keys in the previous frame, four per row.  (8, 3) metres."""
     x = (np.arange(8) % 4 - 1.5) * 1.02
     y = np.where(np.arange(8) < 4, 0.85, -0.85)
     return np.stack([x, y, np.full(8, KEYS)], axis=-1)
 
 
 def scene() -> Scene:
-    """Eight square keys before a wall; in one second each comes nearer by its own step, 1 cm to 128 cm."""
+    """Eight square keys in front of a wall; in one second each approaches by its own step, 1 cm to 128 cm."""
     b = Props()
     b.wall(9.0, 6.0, CHALK, translation=(0, 0, WALL))
     colors = (SAND, BRICK, SEA, LEAF)
@@ -45,7 +45,7 @@ def scene() -> Scene:
 
 
 def distances(size: Size) -> Array:
-    """How far apart the points seen now and before are, at every pixel: rays against squares.  (h, w) metres."""
+    """Distance between the surface points of the two frames at every pixel, by ray-square intersection.  (h, w) m."""
     rays = theory.pixel_rays(size, YFOV)
     depths = []
     for moved in (0.0, 1.0):
@@ -62,13 +62,13 @@ def distances(size: Size) -> Array:
     9,
     "thresholds",
     "A threshold is a point on a curve",
-    idea="A mask says yes or no, so somebody has to say how much change is too much. The paper takes 32/255 of every "
-    "feature's unit; another number gives another percentage, and a single one hides how close the decision "
-    "was. A run therefore keeps the whole curve: the share of pixels above each threshold.",
+    idea="A mask is binary, so it needs a threshold. The paper uses 32/255 in the unit of each feature. Another "
+    "threshold gives another discard rate, and a single rate does not show how sensitive it is. A run therefore "
+    "records the whole curve: the discard rate at every threshold.",
     look_for=(
-        "Each key moved twice as far as the one before it: 1 cm, 2 cm, up to 128 cm.",
-        "Each step of the staircase is one key dropping out as the threshold passes its motion.",
-        "The paper's threshold stands on the flat between 8 cm and 16 cm: its exact value does not matter here.",
+        "Each key moves twice as far as the one before: 1 cm, 2 cm, up to 128 cm.",
+        "Each step of the curve is one key that is no longer discarded once the threshold exceeds its motion.",
+        "The paper's threshold is on the plateau between 8 cm and 16 cm: its exact value does not matter here.",
     ),
     scene=scene,
     see_also=(("what a run records", "formats.md"),),
@@ -86,32 +86,32 @@ def run(stage: Stage, out: Path) -> Result:
     sheet = Sheet(3, 1, stage.size[0] / stage.size[1], below=356)
     for place, threshold in enumerate(SHOWN):
         pair = masks[threshold]
-        drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
-        axes = sheet.panel(place, 0, drawn, f"threshold {100 * threshold:.3g} cm" + _whose(threshold))
+        marked = overlay(pair.mask, pair.now["color"], Reason.POSITION)
+        axes = sheet.panel(place, 0, marked, f"threshold {100 * threshold:.3g} cm" + _whose(threshold))
         note(axes, f"{pair.percent(Reason.POSITION):.2f} % discarded")
         _name_keys(axes, stage.size)
     _staircase(sheet, edges, percent, expected, masks)
     sheet.legend([*reason_entries(Reason.POSITION)])
     path = sheet.save(out / "09-thresholds.png")
     findings = [
-        Finding(masks[t].percent(Reason.POSITION), "%", f"of the picture is discarded at {100 * t:.3g} cm" + _whose(t),
-                _near(expected > t, "rays against the squares, float64; ± half of the pixels on their edges"))
+        Finding(masks[t].percent(Reason.POSITION), "%", f"of the pixels are discarded at {100 * t:.3g} cm" + _whose(t),
+                _near(expected > t, "ray-square intersection, float64; ± half of the pixels on the edges"))
         for t in sorted(SHOWN, key=lambda t: t != DEFAULT_THRESHOLD)
     ]  # fmt: skip
-    # At an edge between two bins, the curve and a mask with that threshold count the same pixels.
+    # At a bin edge the curve and a mask with that threshold count the same pixels.
     at = int(np.argmin(np.abs(edges - 0.25)))
     exact = stage.pair(scene(), columns=("frustum", "position"), thresholds={"position": _just_below(edges[at])})
     findings.append(
         Finding(float(abs(round(percent[at] / 100 * stage.pixels) - int(exact.has(Reason.POSITION).sum()))), "pixels",
-                "between the curve and a run with a threshold of 25 cm",
-                Expected.near(0.0, 0.0, "bins are cut from the bits of the distance: nothing is interpolated", 0), 0)
+                "is the difference between the curve and a run with a threshold of 25 cm",
+                Expected.near(0.0, 0.0, "bin edges are exact float32 values: nothing is interpolated", 0), 0)
     )  # fmt: skip
-    caption = "Three thresholds and the curve they are points of. The numbers on the keys: how far each has moved, cm."
+    caption = "Three thresholds and their curve. The number on each key is its motion in cm."
     return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
 
 
 def _just_below(value: float) -> float:
-    """A mask discards what is strictly greater, a bin holds what is at least its edge."""
+    """The next float32 below: a mask discards greater distances, a bin holds distances from its edge on."""
     return float(np.nextafter(np.float32(value), np.float32(0)))
 
 
@@ -120,7 +120,7 @@ def _whose(threshold: float) -> str:
 
 
 def _near(region: Array, source: str) -> Expected:
-    return Expected.near(100.0 * float(region.mean()), 50.0 * theory.rim(region) / region.size, source)
+    return Expected.near(100.0 * float(region.mean()), 50.0 * theory.edge_pixels(region) / region.size, source)
 
 
 def _name_keys(axes: object, size: Size) -> None:
@@ -136,13 +136,13 @@ def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, mask
     axes = sheet.plot(
         80, sheet.grid_bottom + 46, 1160, 240, xscale="log", xlim=(0.004, 3.0), ylim=(0, 1.08 * percent.max()),
         xlabel="position threshold, metres", ylabel="discarded, %",
-        title="Share of the picture above each threshold",
+        title="Discard rate at each threshold",
     )  # fmt: skip
     axes.plot(edges, percent, color=BLUE, linewidth=2.6, label="recorded by the run")
     line = np.logspace(-2.4, 0.5, 1200)
     ordered = np.sort(expected.ravel())
     share = 100.0 * (1.0 - np.searchsorted(ordered, line, side="right") / ordered.size)
-    axes.plot(line, share, color=ORANGE, linewidth=1.4, linestyle="--", label="theory: rays against squares")
+    axes.plot(line, share, color=ORANGE, linewidth=1.4, linestyle="--", label="theory: ray-square intersection")
     for threshold, pair in masks.items():
         value = pair.percent(Reason.POSITION)
         axes.plot([threshold], [value], "o", color=ORANGE, markeredgecolor="black", markersize=9, zorder=5)
