@@ -1,7 +1,8 @@
-"""``taubench_gl.evaluate``: the main job as a person means it, with pictures, tables and plots beside the numbers."""
+"""``taubench_gl.evaluate``: an evaluation with its images, tables and plots."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Collection
 from functools import partial
 from pathlib import Path
@@ -41,27 +42,30 @@ def evaluate(
     """Evaluate the frame pairs of ``scene`` (a Scene, the path of a scene file, or ``exr:DIR``) and return the Run.
 
     ``overrides`` are fields of ``Settings``, such as ``width=640, height=360, reprojection="motion"``.  ``out`` is the
-    folder that receives summary.json, frames.csv, tables, plots and a picture of the most discarded frame's mask.
-    ``save`` adds, per pair, ``masks`` (pictures and raw words) and ``channels`` (arrays, .npz).  ``path_traced`` holds
-    the options of path-traced files.  ``report`` adds report.html, one self-contained page, and the folder
-    ``images`` that it shows.  Raises TaubenchError.
+    folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save`` adds, per pair,
+    ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``path_traced`` holds the options of
+    path-traced files.  ``report`` adds report.html, one self-contained page, and the folder ``images`` with the images
+    on it.  Raises TaubenchError.
 
     >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
     """
+    if "truth" in overrides:
+        warnings.warn("evaluate(truth=...) is now evaluate(path_traced=...)", DeprecationWarning, stacklevel=2)
+        path_traced = overrides.pop("truth")
     settings = (settings or Settings()).replace(**overrides)
     unknown = set(save) - set(SAVES)
     if unknown:
         raise SettingsError(f"cannot save {', '.join(sorted(unknown))}", hint=f"choose from {', '.join(SAVES)}")
-    run_on: Callable[..., Run] = (
+    evaluate_source: Callable[..., Run] = (
         partial(evaluate_path_traced, options=path_traced) if is_sequence(scene) else evaluate_scene
     )
     if out is None:
         if save or report:
-            raise SettingsError("nowhere to save to", hint="give out, a folder")
-        return run_on(scene, settings, progress=progress)
+            raise SettingsError("save and report need an output folder", hint="give out")
+        return evaluate_source(scene, settings, progress=progress)
     saver = _Saver(Path(out), frozenset(save), FrameRecorder(Path(out)) if report else None)
     extra = SAVED_CHANNELS if "channels" in save else ()
-    run = run_on(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
+    run = evaluate_source(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
     saver.finish(run)
     write_report(run.summary, run.frames, Path(out))
     if report:
@@ -70,7 +74,7 @@ def evaluate(
 
 
 class _Saver:
-    """Keeps the most discarded pair seen so far and writes what ``save`` asks for."""
+    """Writes the outputs of ``save`` pair by pair, and keeps the worst frame so far."""
 
     def __init__(self, out: Path, save: frozenset[str], recorder: FrameRecorder | None = None):
         self._out, self._save, self._recorder = out, save, recorder
@@ -121,14 +125,14 @@ class _Saver:
         if self._recorder is not None:
             self._recorder.finish(run.out / FRAMES_FILE)
         _, frame, mask, base = self._worst
-        title = f"{run.summary['scene']['name']}: most discarded pair, frames {frame - 1} and {frame}"
+        title = f"{run.summary['scene']['name']}: worst frame, pair of frames {frame - 1} and {frame}"
         save_mask_image(run.out / "mask.png", mask, base, self._reasons(), title)
 
 
 def shaded(pair: Pair, *, previous: bool = False) -> np.ndarray:
-    """A picture to lay masks over, (h, w, 3) in [0, 1]: the frame's colour where it was simulated, else a headlight.
+    """Image to draw masks over, (h, w, 3) in [0, 1]: the color channel if there is one, else headlight shading.
 
-    ``previous``: of the pair's earlier frame.
+    ``previous``: of the previous frame of the pair.
     """
     if "color" in pair.source.channels:
         return pair.source.read("color", previous=previous)[..., :3]
@@ -137,5 +141,5 @@ def shaded(pair: Pair, *, previous: bool = False) -> np.ndarray:
     ray = position[..., :3]
     length = np.linalg.norm(ray, axis=-1)
     facing = np.abs(np.sum(normal * ray, axis=-1)) / np.where(length > 0, length, 1.0)
-    grey = np.where(position[..., 3] > 0, 0.25 + 0.75 * facing, 0.0)
-    return np.repeat(grey[..., None], 3, axis=-1)
+    gray = np.where(position[..., 3] > 0, 0.25 + 0.75 * facing, 0.0)
+    return np.repeat(gray[..., None], 3, axis=-1)

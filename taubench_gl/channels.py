@@ -1,6 +1,7 @@
-"""The table of channels: everything a frame can hold per pixel.  Attachments, exports and docs derive from it.
+"""The channel table: every per-pixel value of a frame.  Attachments, exports and docs are derived from it.
 
-Spaces: ``relative`` = world axes, metres from this frame's own camera.  Motion is +y up in GL memory, down in exports.
+Positions are relative to the camera of their own frame, along world axes.  Motion is +y up in GL memory and down in
+exports.
 """
 
 from __future__ import annotations
@@ -10,14 +11,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
-    """One channel.  ``components`` and ``dtype`` are the GPU's: f4/f2 float, u4 unsigned, f1 8-bit normalised."""
+    """One channel."""
 
     name: str
-    components: int
-    dtype: str
+    components: int  # of the GPU texture
+    dtype: str  # of the GPU texture: f4, f2 float; u4 unsigned; f1 8-bit normalized
     unit: str
     doc: str
-    exr: tuple[str, ...]  # layer channel names on export
+    exr: tuple[str | None, ...]  # channel names in exported EXR files, one per component; None: not exported
     attachment: bool = True  # written by the geometry pass
 
     @property
@@ -36,21 +37,21 @@ CHANNELS: dict[str, ChannelInfo] = {
         ),
         ChannelInfo(
             "normal", 4, "f4", "1",
-            "xyz: unit shading normal (normal map included), world axes, turned to the visible side; w unused",
+            "xyz: unit shading normal with normal map, world axes, facing the viewer",
             ("Normal.X", "Normal.Y", "Normal.Z", None),
         ),
         ChannelInfo(
             "prev_position", 4, "f4", "m",
-            "xyz: the same surface point one frame ago, relative to the previous camera (rigid, skinned, morphed)",
+            "xyz: the same surface point in the previous frame (rigid, skinned, morphed), relative to its camera",
             ("PrevPosition.X", "PrevPosition.Y", "PrevPosition.Z", None),
         ),
         ChannelInfo(
             "geometric_normal", 4, "f2", "1",
-            "xyz: unit normal of the triangle, world axes, turned to the visible side",
+            "xyz: unit normal of the triangle, world axes, facing the viewer",
             ("GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z", None),
         ),
         ChannelInfo(
-            "base_color", 4, "f2", "1", "linear base colour, alpha",
+            "base_color", 4, "f2", "1", "linear base color, alpha",
             ("BaseColor.R", "BaseColor.G", "BaseColor.B", "BaseColor.A"),
         ),
         ChannelInfo(
@@ -71,10 +72,10 @@ CHANNELS: dict[str, ChannelInfo] = {
                 name, 4, "f4", "W/(sr m2)", doc, (f"{exr}.R", f"{exr}.G", f"{exr}.B", None), attachment=False
             )
             for name, doc, exr in (
-                ("direct", "radiance after one bounce from lights and sky, all lobes, linear", "Direct"),
-                ("direct_diffuse", "its diffuse lobe", "DirectDiffuse"),
-                ("direct_glossy", "its glossy lobe", "DirectGlossy"),
-                ("indirect", "radiance after two bounces or more, linear", "Indirect"),
+                ("direct", "radiance of lights and sky after one bounce, all lobes, linear", "Direct"),
+                ("direct_diffuse", "diffuse lobe of direct", "DirectDiffuse"),
+                ("direct_glossy", "glossy lobe of direct", "DirectGlossy"),
+                ("indirect", "radiance after two or more bounces, linear", "Indirect"),
             )
         ),
         ChannelInfo(
@@ -89,6 +90,6 @@ CHANNELS: dict[str, ChannelInfo] = {
 
 
 def stored_dtype(name: str, storage: str = "float") -> str:
-    """Texture type of a channel: the channel table's, or with ``storage`` "half" 16-bit floats for 32-bit ones."""
+    """Texture dtype of a channel: that of the table; with ``storage`` "half", f2 instead of f4."""
     dtype = CHANNELS[name].dtype
     return "f2" if storage == "half" and dtype == "f4" else dtype

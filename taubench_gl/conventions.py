@@ -1,11 +1,11 @@
-"""Every convention that a number of this package depends on, in one place (docs/conventions.md is the prose).
+"""Conventions that every number of this package depends on (explained in docs/conventions.md).
 
-Space      right-handed, +Y up, metres (glTF 2.0); cameras and lights look along their local -Z.
+Space      right-handed, +Y up, meters (glTF 2.0); cameras and lights look along their local -Z.
 Matrices   column vectors, named ``dst_from_src``: ``clip_from_view @ view_from_world @ pos_ws``.
-Pixels     pixel-index coordinates: the centre of pixel i is i, so Eq. (3)'s valid range is [0, w-1] x [0, h-1].
+Pixels     pixel-index coordinates: the center of pixel i is i, so Eq. (3)'s valid range is [0, w-1] x [0, h-1].
 Rows       row 0 is the top in every array that leaves ``gpu``; GL memory is bottom-up and flipped once, at read-back.
 Motion     previous - current, pixels, +x right; +y up in GL memory and down in every array that leaves ``gpu``.
-Depth      reversed Z in [0, 1] for the depth test; ``position.w`` is planar view depth in metres, 0 = no surface.
+Depth      reversed Z in [0, 1] for the depth test; ``position.w`` is planar view depth in scene units, 0 = no surface.
 Time       frame i is at t = i / fps; a pair is (i-1, i); N frames give N-1 pairs; every mean is over pairs.
 """
 
@@ -19,10 +19,11 @@ DEFAULT_FPS = 24.0
 """Frames per second of the paper's renders (section 4.2)."""
 
 GUARD_PX = 1.0 / 256.0
-"""Guard of the outside test: a still pixel lies exactly on Eq. (3)'s boundary, rounding must not push it out."""
+"""Guard band of the off-screen test: a still pixel lies exactly on Eq. (3)'s boundary, and rounding must not move it
+off screen."""
 
 DEFAULT_THRESHOLD = 32.0 / 255.0
-"""The paper's threshold (section 3.2), in the unit of each feature; position: times the scene's ``unit_scale``."""
+"""The paper's threshold (section 3.2), in the unit of each feature; position: meters."""
 
 FEATURES = ("color", "position", "normal", "direct", "indirect")
 """The feature masks f_B of section 3.2, in the order of Table 4 (frustum is a class of its own)."""
@@ -34,30 +35,30 @@ COLUMNS = ("frustum", *FEATURES)
 class Reason(enum.IntFlag):
     """Reason bits of the mask word, one unsigned 32-bit integer per pixel (docs/conventions.md).
 
-    FIRST, CUT, INVALID, BEHIND and OUTSIDE each take a pixel out of comparison; a pixel carries at most one of the
-    classes ``FIRST``, ``CUT``, ``INVALID``, ``BEHIND | OUTSIDE`` (frustum), or none of them (comparable).
+    Pixels with FIRST, CUT, INVALID, BEHIND or OUTSIDE are not compared.  A pixel is in exactly one class: ``FIRST``,
+    ``CUT``, ``INVALID``, frustum (``BEHIND`` or ``OUTSIDE``), or comparable (none of these bits).
     """
 
     FIRST = 1 << 0  # no previous frame
-    CUT = 1 << 1  # history has nothing to do with this frame (the caller says so) or surface (the scene does)
-    INVALID = 1 << 2  # NaN or Inf in what is compared
-    SKY = 1 << 3  # no surface at this pixel now
+    CUT = 1 << 1  # no history: the caller declares the frame a cut, or the scene replaced the surface
+    INVALID = 1 << 2  # NaN or Inf in a compared value
+    SKY = 1 << 3  # no surface at this pixel
     HISTORY_SKY = 1 << 4  # no surface at the history sample
-    BEHIND = 1 << 5  # previous planar depth <= near: decided before the division
-    OUTSIDE = 1 << 6  # Eq. (3): reprojected outside [0, w-1] x [0, h-1], with the guard
+    BEHIND = 1 << 5  # behind camera: previous planar depth <= near; tested before the perspective division
+    OUTSIDE = 1 << 6  # off-screen: reprojected outside [0, w-1] x [0, h-1] (Eq. 3), plus the guard band
     POSITION = 1 << 7  # f_pos
     NORMAL = 1 << 8  # f_norm
     DIRECT = 1 << 9  # f_dir
     INDIRECT = 1 << 10  # f_ind
     COLOR = 1 << 11  # any sRGB channel differs by more than a_color
-    DISOCCLUDED = 1 << 12  # the history surface hid this point from the previous camera
-    OCCLUDING = 1 << 13  # the history surface lies behind this point
-    LIT = 1 << 14  # direct radiance rose past its threshold
-    SHADOWED = 1 << 15  # direct radiance fell past its threshold
+    DISOCCLUDED = 1 << 12  # the history surface occluded this point in the previous frame
+    OCCLUDING = 1 << 13  # newly occluding: the history surface lies behind this point
+    LIT = 1 << 14  # brightened: direct radiance increased by more than its threshold
+    SHADOWED = 1 << 15  # darkened: direct radiance decreased by more than its threshold
 
 
 NO_HISTORY = 1 << 31
-"""Bit of the ``ids`` channel's second component: the surface took another's place in this frame, its pixels are CUT."""
+"""Bit of the second component of ``ids``: the surface replaced another one in this frame, so its pixels are CUT."""
 
 FRUSTUM = Reason.BEHIND | Reason.OUTSIDE
 NOT_COMPARABLE = Reason.FIRST | Reason.CUT | Reason.INVALID | FRUSTUM
@@ -70,8 +71,8 @@ FEATURE_BIT = {
     "indirect": Reason.INDIRECT,
 }
 
-# Histogram of feature distances: log-linear bins cut straight from the bits of a float32, so that the GPU and NumPy
-# agree on every bin exactly, with no logarithm.  HISTOGRAM_MANTISSA_BITS = 3: eight bins per octave.
+# Histogram of feature distances: log-linear bins taken from the bits of a float32, so that the GPU and NumPy agree on
+# every bin exactly, without a logarithm.  HISTOGRAM_MANTISSA_BITS = 3: eight bins per octave.
 HISTOGRAM_MANTISSA_BITS = 3
 HISTOGRAM_MIN_EXPONENT = -20  # 2^-20 is about 1e-6
 HISTOGRAM_MAX_EXPONENT = 12  # 2^12 = 4096

@@ -1,7 +1,7 @@
-"""The one family of errors this package raises on purpose.
+"""Errors that a user can cause.
 
-Every message answers three questions in one line: what is wrong, where, and what to do about it.  Libraries raise,
-only the command line (``apps.cli``) turns an error into an exit code (2) and one printed line.
+A message is one line: what is wrong, where, and how to fix it.  Modules raise; only the command line (``apps.cli``)
+turns an error into exit code 2 and one printed line.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 
 
 class TaubenchError(Exception):
-    """Base of everything a user can cause.  ``str(error)`` is one line, fit to be printed as it is."""
+    """Base class.  ``what`` is wrong, ``where`` and ``hint`` may be None; ``str(error)`` is one printable line."""
 
     def __init__(self, what: str, *, where: str | None = None, hint: str | None = None):
         self.what, self.where, self.hint = what, where, hint
@@ -19,7 +19,7 @@ class TaubenchError(Exception):
 
 
 class SceneError(TaubenchError):
-    """A scene file is missing, unreadable, invalid or asks for what we do not support.
+    """A scene file is missing, unreadable, invalid, or uses an unsupported feature.
 
     ``where`` is ``file#/json/pointer`` for glTF and ``file:line`` for text formats.
     """
@@ -30,7 +30,11 @@ class PathTracedError(TaubenchError):
 
 
 class SettingsError(TaubenchError):
-    """An option or argument has a value that cannot be meant."""
+    """An option or argument has an invalid value; ``setting``: the name of the field of ``Settings``, if it is one."""
+
+    def __init__(self, what: str, *, where: str | None = None, hint: str | None = None, setting: str | None = None):
+        super().__init__(what, where=where, hint=hint)
+        self.setting = setting
 
 
 class GraphicsError(TaubenchError):
@@ -38,21 +42,21 @@ class GraphicsError(TaubenchError):
 
 
 class DatasetError(TaubenchError):
-    """A scene of the registry is unknown, cannot be fetched, or is not what it was."""
+    """A scene of the registry is unknown, cannot be downloaded, or has changed."""
 
 
 class MethodError(TaubenchError):
-    """A reuse method is not what the contract asks for, does not compile, or failed while it ran."""
+    """A reuse method violates its contract, does not compile, or failed while running."""
 
 
 class OutputError(TaubenchError):
-    """A result cannot be written where it was asked for, or a stored run cannot be read."""
+    """A result cannot be written, or a stored run cannot be read."""
 
 
 def _one_line(text: str) -> str:
-    """Collapse line breaks and control characters: names inside files are not ours to trust.
+    """``text`` without line breaks and control characters, which names inside files may contain.
 
-    Bytes of a path that are no UTF-8 stay to be seen, as ``outputs.text_bytes`` writes them.
+    Bytes of a path that are not UTF-8 are shown as escapes, as ``outputs.text_bytes`` writes them.
     """
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())

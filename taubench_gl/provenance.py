@@ -1,4 +1,4 @@
-"""Where a number comes from: version, command, driver, clock and commit travel with it."""
+"""Provenance of a result: version, command, driver, clock and commit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def provenance(gpu: Gpu, clock: str) -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def git_commit() -> str | None:
-    """Commit of the checkout the package runs from (``+`` appended if it has changes), None for an installed wheel."""
+    """Commit of the checkout that the package runs from, ``+`` appended if modified; None for an installed wheel."""
     if not (PACKAGE.parent / ".git").exists():
         return None
     try:

@@ -1,4 +1,4 @@
-"""A finished evaluation, and how it gets to and from disk: ``summary.json`` and ``frames.csv``."""
+"""A finished evaluation and its files: ``summary.json`` and ``frames.csv``."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ COUNT_COLUMNS = (
     "pixels", "first", "cut", "invalid", "sky", "history_sky", "behind", "outside", "frustum", "comparable",
     "position", "normal", "direct", "indirect", "color", "disoccluded", "occluding", "lit", "shadowed",
 )  # fmt: skip
-"""Raw pixel counts of a pair, exact integers; ``frustum`` is behind or outside."""
+"""Pixel counts of a pair, exact integers; ``frustum`` = ``behind`` + ``outside``."""
 
 CAMERA_COLUMNS = ("translation_m", "yaw_deg", "pitch_deg", "roll_deg", "angle_deg")
-"""Camera activity of a pair (Eqs. 1 and 2); ``angle_deg`` is the geodesic angle."""
+"""Camera activity of a pair (Eqs. 1 and 2), meters and degrees; ``angle_deg`` is the geodesic angle."""
 
 FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut", "gimbal")
 """Columns of frames.csv, one row per pair: ``frame`` is the later frame of the pair, ``time_s`` its time.
 
-``camera_cut`` and ``gimbal`` are 0 or 1 (``cut`` is the count of pixels without a counterpart).  A value that was not
-measured is ``None`` here and an empty cell in the file.
+``camera_cut`` and ``gimbal`` are 0 or 1 (``cut`` counts pixels with the reason CUT).  A value that was not measured is
+``None`` here and an empty cell in the file.
 """
 
 _QUANTITIES = ("position", "yaw", "pitch", "roll", "angle")
@@ -49,12 +49,12 @@ _KINDS = (
     *((keys, (int, float), "a number") for keys in _NUMBERS),
     ("scene.name", str, "text"),
 )
-"""What ``load_run`` asks of the keys of summary.json that other programs may rely on: outer ones first."""
+"""(key, type, its name) that ``load_run`` checks where the key is present: outer keys first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """Said once per finished pair.  ``frame_seconds`` is the wall-clock time this pair took."""
+    """Reported once per evaluated pair.  ``frame_seconds`` is the wall-clock time of this pair."""
 
     scene: str
     done: int
@@ -66,8 +66,8 @@ class Progress:
 class Run:
     """What ``evaluate`` returns and ``load_run`` reads back.
 
-    ``summary`` is summary.json as plain Python values; ``frames`` is one dict per pair with FRAME_COLUMNS as keys, a
-    value not measured being ``None``; ``out`` is the folder it was written to, if any.
+    ``summary`` is summary.json as plain Python values; ``frames`` has one dict per pair with FRAME_COLUMNS as keys, and
+    ``None`` for a value that was not measured; ``out`` is the folder of the files, if any.
     """
 
     summary: dict[str, Any]
@@ -81,7 +81,7 @@ class Run:
         return paper_tables([self.summary], paper=paper)
 
     def table(self, paper: bool = True) -> Any:
-        """Tables 1 to 4 to look at: printable, a rich renderable, and HTML in a notebook."""
+        """Tables 1 to 4: printable, a rich renderable, and HTML in a notebook."""
         from taubench_gl.report import TablesView
 
         return TablesView(self.tables(paper))
@@ -97,7 +97,7 @@ class Run:
 
     def __repr__(self) -> str:
         discard = self.summary.get("discard", {})
-        shares = ", ".join(
+        rates = ", ".join(
             f"{name} {entry['mean_percent']:.2f} %"
             for name, entry in discard.items()
             if entry.get("mean_percent") is not None
@@ -105,17 +105,16 @@ class Run:
         settings = self.summary.get("settings", {})
         size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
         name = self.summary.get("scene", {}).get("name", "?")
-        what = f"{self.summary.get('pairs', 0)} pairs at {settings.get('fps', '?')} fps, {size}"
-        return f"<Run {name}: {what}: {shares or 'nothing measured'}>"
+        pairs = f"{self.summary.get('pairs', 0)} pairs at {settings.get('fps', '?')} fps, {size}"
+        return f"<Run {name}: {pairs}: {rates or 'nothing measured'}>"
 
 
 class RunWriter:
-    """Writes a run while it happens.  A context manager; ``with`` creates the folder or raises OutputError.
+    """Writes a run pair by pair.  A context manager; ``with`` creates the folder or raises OutputError.
 
-    ``frames.csv`` grows by one whole line per finished pair, each handed to the system at once: what is interrupted
-    keeps its finished pairs; what fails before the first one leaves nothing.  ``summary.json`` appears only when it is
-    complete, by renaming; one left by an earlier run is removed first, so that it never stands beside the rows of
-    another.
+    ``frames.csv`` grows by one whole line per evaluated pair, each written in one unbuffered call: an interrupted run
+    keeps its pairs, and a run that fails before the first pair leaves no file.  ``summary.json`` is written last, to
+    a temporary file that is renamed; that of an earlier run is removed first, so that it never describes other rows.
     """
 
     def __init__(self, out: str | Path, frame_columns: Sequence[str] = FRAME_COLUMNS):
@@ -154,7 +153,7 @@ class RunWriter:
             self._file = None
 
     def _forget(self) -> None:
-        """Take away a frames.csv without rows, and the folders made for it where nothing else is in them."""
+        """Remove a frames.csv without rows, and the folders made for it if they are empty."""
         begun, self._begun = self._begun, False
         self._close()
         with contextlib.suppress(OSError):
@@ -163,7 +162,7 @@ class RunWriter:
             remove_folders(self._made)
 
     def path(self, name: str) -> Path:
-        """Where a further output called ``name`` goes; its folder exists on return.  Raises OutputError."""
+        """Path of another output called ``name``, whose folder is created.  Raises OutputError."""
         path = self.out / name
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -172,7 +171,7 @@ class RunWriter:
         return path
 
     def write_row(self, row: Mapping[str, Any]) -> None:
-        """Append one pair.  Raises KeyError for a column nobody declared, OutputError when the disk refuses."""
+        """Append one pair.  Raises KeyError for a column that was not declared, OutputError if it cannot be written."""
         self._check(row)
         try:
             self._write_line([_cell(row.get(name)) for name in self.columns])
@@ -181,9 +180,9 @@ class RunWriter:
         self.rows += 1
 
     def rewrite_rows(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Replace frames.csv, whole or not at all, once what only the whole sequence can tell (cuts) is known.
+        """Replace frames.csv atomically by rows with the columns that need the whole sequence (camera cuts).
 
-        The last thing written to it: appending afterwards raises ValueError.
+        Appending afterwards raises ValueError.
         """
         for row in rows:
             self._check(row)
@@ -193,13 +192,13 @@ class RunWriter:
         self.rows = len(rows)
 
     def write_summary(self, summary: Mapping[str, Any]) -> None:
-        """Write summary.json whole or not at all.  NaN and infinity are not JSON: they raise ValueError."""
+        """Write summary.json atomically.  NaN and infinity are not JSON: they raise ValueError."""
         text = json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False, default=_plain) + "\n"
         write_atomically(self.path(SUMMARY_FILE), text)
 
     def _write_line(self, cells: Sequence[Any]) -> None:
         if self._file is None:
-            raise ValueError("frames.csv is not open: rows belong in the with block, before rewrite_rows")
+            raise ValueError("frames.csv is not open: write rows inside the with block, before rewrite_rows")
         self._file.write(text_bytes(_line(cells)))
 
     def _check(self, row: Mapping[str, Any]) -> None:
@@ -209,9 +208,9 @@ class RunWriter:
 
 
 def load_run(folder: str | Path) -> Run:
-    """Read back what a run wrote; ``folder`` may also name its summary.json.
+    """Read a stored run; ``folder`` may also name its summary.json.
 
-    Raises OutputError if it is missing, unfinished, damaged, or written by another schema version.
+    Raises OutputError if it is missing, unfinished, damaged, or of another schema version.
     """
     out = Path(folder)
     if out.name == SUMMARY_FILE:
@@ -229,7 +228,7 @@ def load_run(folder: str | Path) -> Run:
         raise OutputError(f"is not valid JSON: {error}", where=str(path)) from None
     schema = summary.get("schema") if isinstance(summary, dict) else None
     if schema != SUMMARY_SCHEMA:
-        hint = "written by another version of taubench-gl, or not a run at all"
+        hint = "another version of taubench-gl wrote it, or it is not a run"
         if str(schema).startswith("taubench-gl/batch/"):
             hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
@@ -240,17 +239,19 @@ def load_run(folder: str | Path) -> Run:
 
 
 def _check_kinds(summary: Mapping[str, Any], path: Path) -> None:
-    """Raises OutputError where a value that others compute with is of another kind.  Keys may be missing, or null."""
-    for keys, kind, said in _KINDS:
+    """Raises OutputError for a value of the wrong type.  Keys may be missing or null."""
+    for keys, kind, expected in _KINDS:
         value: Any = summary
         for key in keys.split("."):
             value = None if value is None else value.get(key)
         if value is not None and (not isinstance(value, kind) or isinstance(value, bool)):
-            raise OutputError(f"{keys} is {value!r:.60}, expected {said}", where=str(path), hint="is the file damaged?")
+            raise OutputError(
+                f"{keys} is {value!r:.60}, expected {expected}", where=str(path), hint="is the file damaged?"
+            )
 
 
 def read_frames(path: Path) -> list[dict[str, Any]]:
-    """Rows of a frames.csv: numbers as int or float, an empty cell as None.  Works on an interrupted run too."""
+    """Rows of a frames.csv, also of an interrupted run: numbers as int or float, an empty cell as None."""
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -277,7 +278,7 @@ def _line(cells: Sequence[Any]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    """None as an empty cell, flags as 0 or 1, NumPy scalars as Python's; floats keep every digit."""
+    """None as an empty cell, booleans as 0 or 1, NumPy scalars as Python numbers; floats keep every digit."""
     value = value.item() if hasattr(value, "item") else value
     if value is None:
         return ""
@@ -295,18 +296,18 @@ def _number(cell: str) -> int | float | None:
 
 
 def _plain(value: Any) -> Any:
-    """JSON for what json does not know: NumPy scalars and arrays, paths."""
+    """NumPy scalars and arrays, and paths, as JSON values."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Path):
         return str(value)
-    raise TypeError(f"{type(value).__name__} has no place in summary.json")
+    raise TypeError(f"{type(value).__name__} cannot be written to summary.json")
 
 
 def _no_summary(out: Path) -> OutputError:
     frames = out / FRAMES_FILE
     if frames.is_file():
-        kept = len(read_frames(frames))
-        return OutputError(f"the run was not finished; {FRAMES_FILE} holds {kept} pairs", where=str(out))
+        pairs = len(read_frames(frames))
+        return OutputError(f"the run is not finished; {FRAMES_FILE} holds {pairs} pairs", where=str(out))
     what = "holds no run" if out.is_dir() else "does not exist"
     return OutputError(what, where=str(out), hint=f"give the folder in which evaluate wrote {SUMMARY_FILE}")

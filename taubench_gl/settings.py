@@ -118,7 +118,11 @@ class _Group:
                 if check is not None:
                     check(name, value)
             except (TypeError, AttributeError):
-                raise SettingsError(f"{name} is {value!r}", hint=f"give a value of type {field.type}") from None
+                what, hint = f"{name} is {value!r}", f"give a {field.type}"
+                raise SettingsError(what, hint=hint, setting=field.name) from None
+            except SettingsError as error:
+                error.setting = field.name
+                raise
 
 
 _SIZE = _at_least(1, f"give a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZE)
@@ -154,7 +158,7 @@ class SequenceSettings(_Group):
         """
         if not duration * self.fps < 2.0**53:
             what = f"{duration:g} s at {self.fps:g} fps have no countable frames"
-            raise SettingsError(what, hint="give a lower --fps")
+            raise SettingsError(what, hint="give a lower --fps", setting="fps")
         return math.floor(duration * self.fps * (1.0 + 2.0**-23) + 1e-6) + 1
 
     def frame_range(self, duration: float) -> range:
@@ -165,7 +169,7 @@ class SequenceSettings(_Group):
         if frames.stop - frames.start > MAX_FRAMES:
             what = f"{frames.stop - frames.start} frames are more than {MAX_FRAMES}"
             hint = f"the scene has {count} at {self.fps:g} fps"
-            raise SettingsError(f"{what}: give --frames A:B", hint=hint)
+            raise SettingsError(f"{what}: give --frames A:B", hint=hint, setting="frames")
         return frames
 
 
@@ -179,10 +183,10 @@ class MetricsSettings(_Group):
     sampling: str = _setting("nearest", "reconstruction filter of the history lookup", _one_of(SAMPLINGS))
     thresholds: Mapping[str, float] = _setting(
         {},
-        "a_B per feature of conventions.FEATURES, in its unit (position: metres); features left out get the default",
+        "a_B per feature of conventions.FEATURES, in its unit (position: meters); features left out get the default",
         _check_thresholds,
     )
-    unit_scale: float = _setting(1.0, "scene units per metre", _above_zero("give a factor above 0"), unit="1/m")
+    unit_scale: float = _setting(1.0, "scene units per meter", _above_zero("give a factor above 0"), unit="1/m")
     columns: tuple[str, ...] = _setting(
         COLUMNS, "columns to measure; what no column needs is not simulated", _check_columns
     )
@@ -203,10 +207,11 @@ class MetricsSettings(_Group):
         for name in FEATURES:
             if self.threshold(name) > _FLOAT32_MAX:
                 what = f"threshold of {name} is {self.threshold(name):g} with unit scale {self.unit_scale:g}"
-                raise SettingsError(what, hint=f"masks compare float32, give at most {_FLOAT32_MAX:g}")
+                hint = f"masks compare float32, give at most {_FLOAT32_MAX:g}"
+                raise SettingsError(what, hint=hint, setting="thresholds")
 
     def threshold(self, feature: str) -> float:
-        """a_B of ``feature`` as the masks use it; position in scene units: metres times ``unit_scale``."""
+        """a_B of ``feature`` as the masks use it; position in scene units: meters times ``unit_scale``."""
         value = self.thresholds[feature]
         return value * self.unit_scale if feature == "position" else value
 
@@ -264,10 +269,10 @@ class DeviceSettings(_Group):
 class Settings:
     """Settings of one evaluation, in four groups; ``Settings.of`` takes the fields of all groups by name."""
 
-    sequence: SequenceSettings = SequenceSettings()
-    metrics: MetricsSettings = MetricsSettings()
-    lighting: LightingSettings = LightingSettings()
-    device: DeviceSettings = DeviceSettings()
+    sequence: SequenceSettings = dataclasses.field(default_factory=SequenceSettings)
+    metrics: MetricsSettings = dataclasses.field(default_factory=MetricsSettings)
+    lighting: LightingSettings = dataclasses.field(default_factory=LightingSettings)
+    device: DeviceSettings = dataclasses.field(default_factory=DeviceSettings)
 
     @staticmethod
     def of(**values: Any) -> Settings:
@@ -290,7 +295,7 @@ class Settings:
         return getattr(getattr(self, _group_of(name)), name)
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields by name without their group, as plain JSON values.  Lengths in metres."""
+        """All fields by name without their group, as plain JSON values.  Lengths in meters."""
         return {name: _plain(self.get(name)) for name in FIELDS}
 
     @staticmethod
@@ -305,13 +310,14 @@ class Settings:
             try:
                 converted[name] = msgspec.convert(value, FIELD_TYPES[name])
             except msgspec.ValidationError as error:
-                raise SettingsError(f"{name} is {value!r}: {str(error).replace('`', '')}") from None
+                what = f"{name} is {value!r}: {str(error).replace('`', '')}"
+                raise SettingsError(what, setting=name) from None
         return Settings.of(**converted)
 
     def as_summary(self, frames: range) -> dict[str, Any]:
         """The ``settings`` block of summary.json: ``to_dict`` and the frames evaluated, without ``SELECTING``.
 
-        Lengths in metres.
+        Lengths in meters.
         """
         plain = {name: value for name, value in self.to_dict().items() if name not in SELECTING}
         ends = {"first_frame": frames[0] if frames else None, "last_frame": frames[-1] if frames else None}
@@ -344,7 +350,7 @@ def unknown_setting(name: str, others: tuple[str, ...] = ()) -> SettingsError:
     """The error for a name that is no setting; ``others``: further names allowed where it was given."""
     near = difflib.get_close_matches(name, [*FIELDS, *others], 1)
     hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*others, *FIELDS])}"
-    return SettingsError(f"no setting is named {name!r}", hint=hint)
+    return SettingsError(f"no setting is named {name!r}", hint=hint, setting=name)
 
 
 def _group_of(name: str) -> str:

@@ -34,7 +34,6 @@ from taubench_gl.evaluation import (
     frame_schedule,
     pair_schedule,
     require_triangles,
-    sampled_pairs,
     scene_facts,
 )
 from taubench_gl.frame.passes.masks import Counts
@@ -101,10 +100,8 @@ class Worker:
             if loaded.source is None:
                 loaded.gpu = gpu
                 loaded.source = RasterSource(gpu, loaded.scene, loaded.camera, settings, poser=loaded.poser)
-            if unit.positions:
-                schedule = pair_schedule(frames, unit.positions)
-            else:
-                schedule = frame_schedule(frames, sampled_pairs(frames, settings))
+            chosen = unit.positions
+            schedule = pair_schedule(frames, chosen) if chosen else frame_schedule(frames, settings)
             counts: list[Counts] = []
             context = GpuContext(gpu, timer=timer)
             observers = Observers(loaded.scene.name, progress=lambda _: on_pair(), on_counts=counts.append)

@@ -15,7 +15,7 @@ from typing import Any
 
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.cost.configurations import Configuration
-from taubench_gl.evaluation import PairEvaluator, frame_range, frame_schedule, sampled_pairs
+from taubench_gl.evaluation import PairEvaluator, frame_range, frame_schedule
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import available_bytes
@@ -83,7 +83,7 @@ class OpenConfiguration:
         settings = configuration.settings
         self._gpu, self._timer, self._now = gpu, timer, now
         frames = frame_range(scene, camera, settings)
-        schedule = frame_schedule(frames, sampled_pairs(frames, settings))
+        schedule = frame_schedule(frames, settings)
         start = max(0, (len(schedule) - TIMED - WARM) // 2)
         window = schedule[start : start + TIMED + WARM]
         if not any(evaluated for _, evaluated in window[WARM:]):

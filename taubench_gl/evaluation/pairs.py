@@ -289,7 +289,7 @@ def _report(
 
 
 def _camera_row(views: tuple[View, View], unit_scale: float) -> dict[str, Any]:
-    """How the camera moved between two frames, as columns of frames.csv; ``unit_scale``: scene units per metre."""
+    """How the camera moved between two frames, as columns of frames.csv; ``unit_scale``: scene units per meter."""
     activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
     return {
         "translation_m": float(activity.position[0]) / unit_scale,

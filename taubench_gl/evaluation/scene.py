@@ -1,4 +1,4 @@
-"""One scene from file to Run."""
+"""Evaluation of one scene, from file to Run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
 from taubench_gl.errors import SceneError
 from taubench_gl.evaluation.pairs import Observers, Pair, evaluate_pairs
-from taubench_gl.evaluation.schedule import frame_range, frame_schedule, sampled_pairs
+from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import open_gpu
@@ -22,7 +22,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 TIMED_FIRST, TIMED_EVERY = 16, 16
-"""Passes of these frames are timed, which keeps the CPU from working ahead of the GPU; all others overlap."""
+"""Frames whose passes are timed; timing a pass waits for it, so the passes of all other frames overlap."""
 
 
 def evaluate_scene(
@@ -37,9 +37,8 @@ def evaluate_scene(
 ) -> Run:
     """Evaluate every frame pair of one scene.
 
-    ``out`` receives frames.csv row by row and summary.json at the end.  ``on_pair`` sees each pair; ``channels`` are
-    extra channels it wants drawn; ``camera`` takes the place of ``settings.camera``.  Raises TaubenchError for
-    everything a user can cause.
+    ``out`` receives frames.csv row by row and summary.json at the end.  ``on_pair`` is called with each pair;
+    ``channels``: extra channels to draw for it; ``camera`` overrides ``sequence.camera``.  Raises TaubenchError.
     """
     settings = settings or Settings()
     if not isinstance(scene, Scene):
@@ -68,7 +67,7 @@ def _run(
         context = GpuContext(gpu, timer=timer)
         source = RasterSource(gpu, scene, camera, settings, extra=extra, timer=timer, poser=poser)
         try:
-            schedule = frame_schedule(frames, sampled_pairs(frames, settings))
+            schedule = frame_schedule(frames, settings)
             results = evaluate_pairs(context, source, settings, schedule, observers)
             gpu.check("evaluation")
             views = results.views
@@ -89,12 +88,12 @@ def _run(
 
 
 def require_triangles(scene: Scene) -> None:
-    """Raises SceneError where there is nothing to draw, saying what there is instead."""
+    """Raises SceneError if the scene has no triangles, with its contents as the hint."""
     if not any(len(p.triangles) for n in scene.mesh_nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives):
-        raise SceneError("no mesh with triangles to draw", where=str(scene.path or scene.name), hint=_what_is_in(scene))
+        raise SceneError("no mesh with triangles to draw", where=str(scene.path or scene.name), hint=_contents(scene))
 
 
-def _what_is_in(scene: Scene) -> str:
+def _contents(scene: Scene) -> str:
     if len(scene.mesh_nodes):
         return "its meshes hold only points or lines"
     return (

@@ -1,4 +1,4 @@
-"""Which frames of a scene are drawn, and which of them are judged against the one drawn before."""
+"""Schedule of an evaluation: the frames to draw, and the pairs to evaluate."""
 
 from __future__ import annotations
 
@@ -11,49 +11,51 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 STILL_ORBIT_SECONDS = 2.0
-"""What a still scene lasts, seen from the framing orbit or a caller's camera; seen from its own, it has one frame."""
+"""Duration of a still scene under the framing orbit or a caller's camera; a camera of the file gives one frame."""
 
 Schedule = list[tuple[int, bool]]
-"""Frames to draw, in order, and whether each is judged against the one drawn before it."""
+"""(frame to draw, whether its pair with the frame drawn before is evaluated), in order."""
 
 
 def frame_total(scene: Scene, camera: CameraTrack, settings: Settings) -> int:
-    """Frames of the whole sequence, whichever of them ``settings.frames`` asks for."""
+    """Number of frames of the whole sequence, regardless of ``sequence.frames``."""
     return settings.sequence.frame_count(_duration(scene, camera))
 
 
 def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
-    """Frame numbers of the evaluation.  Raises SettingsError for a slice that leaves none, or more than MAX_FRAMES."""
+    """Frame numbers to evaluate.  Raises SettingsError if ``sequence.frames`` selects none, or more than MAX_FRAMES."""
     frames = settings.sequence.frame_range(_duration(scene, camera))
     if not frames:
         count = frame_total(scene, camera, settings)
         first, stop = settings.sequence.frames
         given = f"{'' if first is None else first}:{'' if stop is None else stop}"
-        raise SettingsError(f"frames {given} of {count} frames are none", hint=f"choose within 0:{count}")
+        what = f"frames {given} selects no frame of {count}"
+        raise SettingsError(what, hint=f"choose within 0:{count}", setting="frames")
     return frames
 
 
 def _duration(scene: Scene, camera: CameraTrack) -> float:
-    """Seconds; a still scene moves past a camera that is not its own."""
+    """Duration in seconds; of a still scene STILL_ORBIT_SECONDS unless the camera is one of the file."""
     if scene.duration == 0 and not isinstance(camera, FileCamera):
         return STILL_ORBIT_SECONDS
     return scene.duration
 
 
 def sampled_pairs(frames: range, settings: Settings) -> PairSample:
-    """Which of the pairs of ``frames`` the settings look at; position p is the pair (frames[p], frames[p + 1])."""
+    """The pairs of ``frames`` that ``metrics.pairs`` selects; position p is the pair (frames[p], frames[p + 1])."""
     return sample_pairs(max(len(frames) - 1, 0), *settings.metrics.pair_scheme)
 
 
-def frame_schedule(frames: range, sample: PairSample) -> Schedule:
-    """What ``sample`` needs; a sequence without a pair is drawn all the same."""
+def frame_schedule(frames: range, settings: Settings) -> Schedule:
+    """The schedule of ``sampled_pairs``; a sequence without a pair is drawn without evaluation."""
+    sample = sampled_pairs(frames, settings)
     if not sample.positions:
         return [(frame, False) for frame in frames]
     return pair_schedule(frames, sample.positions)
 
 
 def pair_schedule(frames: range, positions: Sequence[int]) -> Schedule:
-    """``frame_schedule`` of these pairs alone: ``positions`` as in ``sampled_pairs``, ascending."""
+    """The schedule of the pairs at ``positions`` (as in ``sampled_pairs``, ascending)."""
     drawn: dict[int, bool] = {}
     for position in positions:
         drawn.setdefault(frames[position], False)

@@ -1,4 +1,4 @@
-"""From the sums over all pairs to summary.json, and the end of a run."""
+"""summary.json from the sums over all pairs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ from taubench_gl.settings import Settings
 
 
 def scene_facts(scene: Scene, camera: CameraTrack, frames: range, settings: Settings, poser: Poser) -> dict[str, Any]:
-    """What the summary says of the scene without a frame being drawn: blocks ``scene``, ``census`` and ``notes``, and
-    ``camera_source``.  Plain values, fit for JSON."""
+    """The parts of the summary that need no frame drawn: ``scene``, ``census``, ``notes`` and ``camera_source``.
+
+    JSON values.
+    """
     notes = [str(note) for note in scene.notes]
     if isinstance(camera, OrbitCamera):
         notes.insert(0, f"the camera is a {camera.describe()}")
-    lost = poser.overflowing(poser.sample(frames[0] / settings.sequence.fps).world)
-    if len(lost):
-        name = scene.nodes.names[lost[0]] or f"number {lost[0]}"
-        more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
-        notes.append(f"node {name!r}{more}: the world transform overflows; nothing that is drawn hangs on it")
+    overflowing = poser.overflowing(poser.sample(frames[0] / settings.sequence.fps).world)
+    if len(overflowing):
+        name = scene.nodes.names[overflowing[0]] or f"number {overflowing[0]}"
+        more = f" and {len(overflowing) - 1} more" if len(overflowing) > 1 else ""
+        notes.append(f"node {name!r}{more}: the world transform overflows; no drawn node depends on it")
     return {
         "scene": {
             "name": scene.name,
@@ -47,15 +49,15 @@ def scene_facts(scene: Scene, camera: CameraTrack, frames: range, settings: Sett
 def assemble_summary(
     facts: dict[str, Any], frames: range, settings: Settings, views: list[View], stats: SequenceStats
 ) -> dict[str, Any]:
-    """summary.json but for effects, timing and provenance, which the caller adds.
+    """summary.json without effects, timing and provenance, which the caller adds.
 
-    ``facts``: ``scene_facts``; ``views`` of all frames; ``stats`` has taken in all pairs, in order.
+    ``facts``: of ``scene_facts``; ``views``: of all frames; ``stats``: of all pairs, added in order.
     """
     positions = np.array([v.position for v in views]).reshape(-1, 3)
     rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
     activity = camera_activity(positions, rotations)
     cuts = detect_cuts(activity, settings.metrics.unit_scale)
-    in_metres = activity.in_metres(settings.metrics.unit_scale)
+    in_meters = activity.in_metres(settings.metrics.unit_scale)
     sample = sampled_pairs(frames, settings)
     discard = stats.discard(cuts[list(sample.positions)])
     sampling = _sampling(sample, stats, settings, discard) if settings.metrics.pairs != "all" else None
@@ -65,17 +67,17 @@ def assemble_summary(
         "settings": settings.as_summary(frames),
         "pairs": stats.pairs,
         "census": facts["census"],
-        "camera": summarize(in_metres, cuts, settings.sequence.fps, frames[0]) | {"source": facts["camera_source"]},
+        "camera": summarize(in_meters, cuts, settings.sequence.fps, frames[0]) | {"source": facts["camera_source"]},
         "discard": discard,
         **({} if sampling is None else {"sampling": sampling}),
         "classes": stats.classes(),
-        "curves": _curves_in_metres(stats.curves(), settings.metrics.unit_scale),
+        "curves": _curves_in_meters(stats.curves(), settings.metrics.unit_scale),
         "notes": [*facts["notes"], *_accuracy_notes(settings, sampling)],
     }
 
 
-def _curves_in_metres(curves: dict[str, Any], unit_scale: float) -> dict[str, Any]:
-    """``curves`` with the bin edges of position in metres; ``unit_scale``: scene units per metre."""
+def _curves_in_meters(curves: dict[str, Any], unit_scale: float) -> dict[str, Any]:
+    """``curves`` with the bin edges of position in meters; ``unit_scale``: scene units per meter."""
     position = curves.get("position")
     if position is None:
         return curves
@@ -83,7 +85,7 @@ def _curves_in_metres(curves: dict[str, Any], unit_scale: float) -> dict[str, An
 
 
 def finish_run(summary: dict[str, Any], rows: list[dict[str, Any]], writer: RunWriter | None) -> Run:
-    """Mark the cuts in the rows, write what there is to write, and hand back all of it."""
+    """Mark the camera cuts in ``rows``, write both files if there is a ``writer``, and return the Run."""
     mark_cuts(rows, summary)
     if writer is not None:
         writer.rewrite_rows(rows)
@@ -92,27 +94,27 @@ def finish_run(summary: dict[str, Any], rows: list[dict[str, Any]], writer: RunW
 
 
 def mark_cuts(rows: list[dict[str, Any]], summary: dict[str, Any]) -> None:
-    """A cut shows only against the pairs around it, so this column is filled in at the end."""
+    """Fill in the column ``camera_cut``, which needs the whole sequence: a cut is detected against its neighbors."""
     cuts = set(summary["camera"]["cuts"])
     for row in rows:
         row["camera_cut"] = row["frame"] in cuts
 
 
 def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None) -> list[str]:
-    """What a reader of the tables must know of a run that looks at less, or at more, than every pixel centre."""
+    """Notes on a run that evaluates a sample of the pairs, or several samples per pixel."""
     notes = []
     if sampling is not None:
         widths = {c: e["half_width_points"] for c, e in sampling["columns"].items()}
-        said = ", ".join(f"{c} ±{w:.2f}" for c, w in widths.items() if w is not None)
+        intervals = ", ".join(f"{c} ±{w:.2f}" for c, w in widths.items() if w is not None)
         drawn = f"{sampling['drawn']} of {sampling['total']} pairs ({settings.metrics.pairs})"
-        notes.append(f"{drawn}; 95 % intervals, points: {said or 'unknown'}")
+        notes.append(f"{drawn}; 95 % intervals, percentage points: {intervals or 'unknown'}")
     if settings.metrics.samples_per_pixel > 1:
         notes.append(f"counts and percentages are over {settings.metrics.samples_per_pixel} samples per pixel")
     return notes
 
 
 def _sampling(sample: PairSample, stats: SequenceStats, settings: Settings, discard: dict[str, Any]) -> dict[str, Any]:
-    """The block ``sampling``: confidence intervals of the means.  Puts the weighted means into ``discard``."""
+    """The block ``sampling``: confidence intervals of the means.  Writes the weighted means into ``discard``."""
     columns = {}
     for column in stats.measured if sample.positions else ():
         found = estimate(sample, stats.per_pair(column))

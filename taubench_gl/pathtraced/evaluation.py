@@ -20,7 +20,6 @@ from taubench_gl.evaluation import (
     evaluate_pairs,
     finish_run,
     frame_schedule,
-    sampled_pairs,
 )
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.gpu.context import open_gpu
@@ -137,7 +136,7 @@ def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, obse
         source = PathTracedSource(gpu, sequence, given.camera, settings, lobes=options.lobes)
         lobes = _LobeColumns(untimed, source, settings)
         try:
-            schedule = frame_schedule(frames, sampled_pairs(frames, settings))
+            schedule = frame_schedule(frames, settings)
             on_pair = lobes.observer(observers.on_pair) if options.lobes else observers.on_pair
             results = evaluate_pairs(context, source, settings, schedule, replace(observers, on_pair=on_pair))
             gpu.check("evaluation")

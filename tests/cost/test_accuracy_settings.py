@@ -48,8 +48,8 @@ def test_sampled_pairs_equal_those_of_the_full_run(demo, full, pairs):
 def test_schedule_draws_the_history_of_every_sampled_pair():
     frames = range(100, 150)
     for pairs in ("all", "every:7", "strata:5"):
-        sample = sampled_pairs(frames, Settings.of(pairs=pairs))
-        schedule = frame_schedule(frames, sample)
+        settings = Settings.of(pairs=pairs)
+        sample, schedule = sampled_pairs(frames, settings), frame_schedule(frames, settings)
         assert [f for f, evaluated in schedule if evaluated] == [frames[p + 1] for p in sample.positions]
         for i, (frame, evaluated) in enumerate(schedule):
             assert not evaluated or schedule[i - 1][0] == frame - 1

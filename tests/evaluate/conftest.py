@@ -1,4 +1,4 @@
-"""The real scenes as parameters: a test that asks for ``real_scene`` runs once for each of them."""
+"""The shared scenes as parameters: a test with the argument ``real_scene`` runs once per scene."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 
 
 def _scenes(config: pytest.Config) -> list[Path]:
-    """Valid glTF files of the shared data, whose folder the top conftest knows; empty where it is absent."""
+    """Valid glTF files of the shared data, whose folder the top conftest has; empty without it."""
     roots = [p.DATA for p in config.pluginmanager.get_plugins() if hasattr(p, "DATA")]
     if not roots or roots[0] is None:
         return []

@@ -1,4 +1,4 @@
-"""The demo scene holds what it is there to show; the tools that make it and time it work."""
+"""The demo scene: contents, the tool that writes it, and the benchmarks that use it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT = PACKAGE.parent
 DEMO = ROOT / "assets" / "demo.glb"
 
 
-def test_the_demo_is_small_and_licensed() -> None:
+def test_demo_scene_is_small_and_licensed() -> None:
     assert DEMO.stat().st_size < 300_000
     assert "CC0-1.0" in (ROOT / "assets" / "README.md").read_text()
     scene = load_scene(DEMO)
@@ -29,7 +29,7 @@ def test_the_demo_is_small_and_licensed() -> None:
     assert len(scene.playing) == len(scene.animations) == 6
 
 
-def test_the_demo_holds_one_of_everything() -> None:
+def test_demo_scene_has_every_feature() -> None:
     run = evaluate_scene(DEMO, Settings.of(width=160, height=90, shadow_size=64, indirect="none"))
     census = run.summary["census"]
     assert census["armatures"] == 1 and census["bones"] == 6 and census["morphs"] == 1
@@ -44,24 +44,24 @@ def test_the_demo_holds_one_of_everything() -> None:
     assert max(row["behind"] for row in run.frames) == 0
 
 
-def test_the_maker_makes_the_same_scene(tmp_path: Path) -> None:
-    """Geometry and motion to the bit; the pictures may be packed otherwise by another zlib."""
+def test_make_assets_writes_the_same_scene(tmp_path: Path) -> None:
+    """Geometry and motion bit for bit; images decoded, because another zlib may compress them differently."""
     subprocess.run([sys.executable, ROOT / "tools" / "make_assets.py", tmp_path], check=True, capture_output=True)
-    made, kept = load_scene(tmp_path / "demo.glb"), load_scene(DEMO)
-    assert made.nodes.names == kept.nodes.names
-    for ours, theirs in zip(made.meshes, kept.meshes, strict=True):
-        for a, b in zip(ours.primitives, theirs.primitives, strict=True):
+    made, stored = load_scene(tmp_path / "demo.glb"), load_scene(DEMO)
+    assert made.nodes.names == stored.nodes.names
+    for mesh, stored_mesh in zip(made.meshes, stored.meshes, strict=True):
+        for a, b in zip(mesh.primitives, stored_mesh.primitives, strict=True):
             np.testing.assert_array_equal(a.positions, b.positions)
             np.testing.assert_array_equal(a.triangles, b.triangles)
-    for a, b in zip(made.channels, kept.channels, strict=True):
+    for a, b in zip(made.channels, stored.channels, strict=True):
         assert (a.index, a.path, a.interpolation) == (b.index, b.path, b.interpolation)
         np.testing.assert_array_equal(a.values, b.values)
-    for a, b in zip(made.images, kept.images, strict=True):
+    for a, b in zip(made.images, stored.images, strict=True):
         np.testing.assert_array_equal(a.decode(), b.decode())
 
 
 @pytest.mark.parametrize("which", ["masks", "geometry"])
-def test_bench_prints_ratios_and_names_its_clock(which: str, tmp_path: Path) -> None:
+def test_bench_writes_ratios_and_its_clock(which: str, tmp_path: Path) -> None:
     command = [sys.executable, ROOT / "tools" / "bench", which, "--no-install", "--size", "96x54", "--repeats", "1"]
     command += ["--out", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True)
@@ -70,10 +70,10 @@ def test_bench_prints_ratios_and_names_its_clock(which: str, tmp_path: Path) -> 
     expected = r"twin : masks = \d+\.\d x" if which == "masks" else r"8 : 2 channels = \d+\.\d x"
     assert re.search(expected, done.stdout), done.stdout
     assert re.search(r"peak resident memory .*: \d+ MiB", done.stdout) and "GPU memory" in done.stdout
-    told = json.loads((tmp_path / "bench.json").read_text())
-    assert told["provenance"]["renderer"] and told["provenance"]["clock"]
-    for row in told["benches"][which]["rows"]:
-        if row["median_ms"] is None:  # a peer that is not installed here
+    results = json.loads((tmp_path / "bench.json").read_text())
+    assert results["provenance"]["renderer"] and results["provenance"]["clock"]
+    for row in results["benches"][which]["rows"]:
+        if row["median_ms"] is None:  # a peer that is not installed
             assert "not installed" in row["note"] and row["ratio"] is None and row["samples"] == 0
             continue
         assert 0 < row["low_ms"] <= row["median_ms"] <= row["high_ms"] and row["samples"] >= 3

@@ -1,4 +1,4 @@
-"""Sequences longer than anyone evaluates: refused in one line, or quick where a few frames are asked for."""
+"""Very long sequences: rejected, or fast when a few frames are requested."""
 
 from __future__ import annotations
 
@@ -24,41 +24,47 @@ DEMO = ASSETS / "demo.glb"
 SMALL = Settings.of(width=32, height=18, columns=("frustum",))
 
 
-def late(seconds: float) -> Scene:
-    """The demo with its last keys at ``seconds``."""
+def lasting(seconds: float) -> Scene:
+    """The demo scene with its last keys at ``seconds``."""
     scene = load_scene(DEMO)
     return replace(scene, channels=tuple(replace(c, times=np.append(c.times[:-1], seconds)) for c in scene.channels))
 
 
-def test_as_many_as_there_may_be_and_one_more():
-    at = Settings.of(fps=1.0)
-    assert len(at.replace(frames=(0, MAX_FRAMES)).sequence.frame_range(1e15)) == MAX_FRAMES
-    with pytest.raises(SettingsError, match=rf"^{MAX_FRAMES + 1} frames are more than {MAX_FRAMES}: give --frames"):
-        at.replace(frames=(7, MAX_FRAMES + 8)).sequence.frame_range(1e15)
-    assert at.replace(frames=(9, 12)).sequence.frame_range(1e15) == range(9, 12)
-    assert not at.replace(frames=(5, 2)).sequence.frame_range(1e15)
-    with pytest.raises(SettingsError, match="no countable frames"):
-        Settings.of(fps=1e308).sequence.frame_range(10.0)
+def frame_range(seconds: float, **values) -> range:
+    return Settings.of(**values).sequence.frame_range(seconds)
+
+
+def test_frame_range_is_limited_to_max_frames():
+    assert len(frame_range(1e15, fps=1.0, frames=(0, MAX_FRAMES))) == MAX_FRAMES
+    assert frame_range(1e15, fps=1.0, frames=(9, 12)) == range(9, 12)
+    assert not frame_range(1e15, fps=1.0, frames=(5, 2))
+    with pytest.raises(SettingsError) as caught:
+        frame_range(1e15, fps=1.0, frames=(7, MAX_FRAMES + 8))
+    assert caught.value.setting == "frames"
+    with pytest.raises(SettingsError) as caught:
+        frame_range(10.0, fps=1e308)
+    assert caught.value.setting == "fps"
 
 
 @pytest.mark.parametrize("fps", [1e8, 1e15])
-def test_a_rate_that_cannot_be_meant_is_one_line(fps: float, tmp_path: Path):
+def test_excessive_frame_rate_is_a_settings_error(fps: float, tmp_path: Path):
     for run in (evaluate_scene, export_scene):
-        with pytest.raises(SettingsError, match="frames"):
+        with pytest.raises(SettingsError) as caught:
             run(DEMO, settings=SMALL.replace(fps=fps), out=tmp_path / "x")
+        assert caught.value.setting in ("frames", "fps")
     assert not os.listdir(tmp_path)
 
 
-def test_a_few_frames_of_thirty_years(tmp_path: Path):
-    """Nothing grows with what is not asked for: a list of these frames, or a census of them, would end in no memory."""
-    run = evaluate_scene(late(1e9), SMALL.replace(frames=(2, 5)))
+def test_few_frames_of_a_thirty_year_animation(tmp_path: Path):
+    """No list and no census of all frames: they would not fit in memory."""
+    run = evaluate_scene(lasting(1e9), SMALL.replace(frames=(2, 5)))
     assert [row["frame"] for row in run.frames] == [3, 4] and run.summary["settings"]["last_frame"] == 4
-    last = evaluate_scene(late(1e9), SMALL.replace(frames=(-2, None)))
+    last = evaluate_scene(lasting(1e9), SMALL.replace(frames=(-2, None)))
     assert [row["time_s"] for row in last.frames] == [pytest.approx(1e9, rel=1e-6)]
 
 
-def test_an_export_of_a_few_frames_of_thirty_years_and_a_few_more(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr("taubench_gl.export.run.load_scene", lambda *_, **__: late(1e9))
+def test_export_of_few_frames_of_a_thirty_year_animation(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr("taubench_gl.export.run.load_scene", lambda *_, **__: lasting(1e9))
     for first in (2, 4):
         few = SMALL.replace(frames=(first, first + 2))
         export_scene("x.glb", tmp_path, few, ExportOptions(channels=("depth",)))
@@ -66,16 +72,16 @@ def test_an_export_of_a_few_frames_of_thirty_years_and_a_few_more(tmp_path: Path
     assert len(json.loads((tmp_path / "camera.json").read_text())["frames"]) == 4
 
 
-def test_inspect_looks_at_so_many_frames_and_says_so():
-    facts = describe(late(1e9), Settings())
+def test_inspect_samples_a_limited_number_of_frames():
+    facts = describe(lasting(1e9), Settings())
     assert facts["frames"] > 2e10 and facts["frames_inspected"] == MAX_INSPECTED
     assert len(facts["census"]["lights_per_frame"]["moved"]) == MAX_INSPECTED - 1
     short = describe(load_scene(DEMO), Settings())
     assert short["frames_inspected"] == short["frames"] == len(short["census"]["lights_per_frame"]["moved"]) + 1
 
 
-def grown(scale: float, name: str) -> Scene:
-    """The demo with node ``name`` scaled up at rest."""
+def scaled(scale: float, name: str) -> Scene:
+    """The demo scene with node ``name`` scaled by ``scale``."""
     scene = load_scene(DEMO)
     scales = scene.nodes.scale.copy()
     scales[scene.nodes.names.index(name)] = scale
@@ -84,16 +90,16 @@ def grown(scale: float, name: str) -> Scene:
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("scale", [1e30, 1e200, 1e308])
-def test_a_drawn_node_that_overflows_is_named_with_its_time(scale: float):
+def test_overflow_of_a_drawn_node_is_a_scene_error(scale: float):
     scene = load_scene(DEMO)
     parent = next(int(p) for n, p in enumerate(scene.nodes.parent) if p >= 0 and n in scene.mesh_nodes)
-    huge = grown(scale, scene.nodes.names[parent])
-    with pytest.raises(SceneError, match=r"node '.+' lies or reaches beyond 1e\+18 at 0\.125 s"):
+    huge = scaled(scale, scene.nodes.names[parent])
+    with pytest.raises(SceneError, match=r"node .*1e\+18.*0\.125 s"):
         evaluate_scene(huge, SMALL.replace(frames=(3, 5)))
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_node_nothing_hangs_on_may_overflow_and_is_noted():
+def test_overflow_of_a_node_that_is_not_drawn_is_noted():
     scene = load_scene(DEMO)
     nodes, more = scene.nodes, {}
     for column, value in (
@@ -111,7 +117,6 @@ def test_a_node_nothing_hangs_on_may_overflow_and_is_noted():
     more |= {"parent": np.append(nodes.parent, [-1, len(nodes)]), "names": (*nodes.names, "above", "below")}
     run: Run = evaluate_scene(replace(scene, nodes=replace(nodes, **more)), SMALL.replace(frames=(0, 2)))
     plain = evaluate_scene(scene, SMALL.replace(frames=(0, 2)))
-    assert [n for n in run.summary["notes"] if "overflows" in n] == [
-        "node 'above' and 1 more: the world transform overflows; nothing that is drawn hangs on it"
-    ]
+    notes = [note for note in run.summary["notes"] if "overflow" in note]
+    assert len(notes) == 1 and "'above'" in notes[0]
     assert run.frames == plain.frames and run.summary["census"] == plain.summary["census"]

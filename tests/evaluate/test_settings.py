@@ -45,16 +45,17 @@ def test_flat_name_reaches_its_field_and_no_other(name):
 
 @pytest.mark.parametrize("name", WRONG)
 def test_value_out_of_range_is_a_settings_error(name):
-    with pytest.raises(SettingsError):
+    with pytest.raises(SettingsError) as caught:
         Settings.of(**{name: WRONG[name]})
+    assert caught.value.setting == name and caught.value.hint
 
 
 @pytest.mark.parametrize("values", [{"width": "wide"}, {"sky": 1.0}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}])
 def test_wrong_type_or_name_is_a_settings_error(values):
-    with pytest.raises(SettingsError):
-        Settings.of(**values)
-    with pytest.raises(SettingsError):
-        Settings.from_dict(values)
+    for make in (lambda: Settings.of(**values), lambda: Settings.from_dict(values)):
+        with pytest.raises(SettingsError) as caught:
+            make()
+        assert caught.value.setting == next(iter(values))
 
 
 def test_serialization_round_trip_through_json():

@@ -1,4 +1,4 @@
-"""What is called metres is metres, whatever a scene's own unit is."""
+"""Lengths are reported in meters for every unit scale of a scene."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def runs():
     return evaluate_scene(DEMO, SMALL), evaluate_scene(DEMO, same_limit)
 
 
-def test_camera_steps_are_metres(runs):
+def test_camera_translations_are_in_meters(runs):
     plain, scaled = runs
     for key in ("mean", "max", "median", "p95"):
         assert plain.summary["camera"]["position"][key] > 0
@@ -42,8 +42,8 @@ def test_camera_steps_are_metres(runs):
     assert scaled.summary["camera"]["angle"] == plain.summary["camera"]["angle"]
 
 
-def test_masks_compare_scene_units_and_the_summary_reports_metres(runs):
-    """The same threshold in scene units discards the same pixels; threshold and curve edges are reported in metres."""
+def test_masks_compare_scene_units_and_the_summary_reports_meters(runs):
+    """The same threshold in scene units discards the same pixels; threshold and curve edges are reported in meters."""
     plain, scaled = (run.summary for run in runs)
     assert plain["settings"]["thresholds"]["position"] == 32 / 255
     assert scaled["settings"]["thresholds"]["position"] == 32 / 255 / SCALE
@@ -55,7 +55,7 @@ def test_masks_compare_scene_units_and_the_summary_reports_metres(runs):
     assert curves[1] == curves[0]
 
 
-def test_tables_plots_and_the_page_show_metres(runs, tmp_path: Path):
+def test_tables_plots_and_report_page_show_meters(runs, tmp_path: Path):
     scaled = runs[1]
     shown = [" ".join(paper_tables([run.summary])[3].notes) for run in runs]
     assert "position 0.1255 m" in shown[0] and f"position {32 / 255 / SCALE:.4g} m" in shown[1]
@@ -73,7 +73,7 @@ def _svg_text(files: list[Path]) -> str:
     return " ".join(re.findall(r"<!-- (.*?) -->", files[1].read_text(encoding="utf-8")))  # matplotlib's own, per text
 
 
-def test_inspect_shows_metres():
+def test_inspect_shows_meters():
     scene = load_scene(DEMO)
     plain, scaled = (describe(scene, Settings.of(unit_scale=unit)) for unit in (1.0, SCALE))
     assert scaled["bounds"]["radius_m"] == plain["bounds"]["radius_m"] / SCALE
@@ -81,7 +81,7 @@ def test_inspect_shows_metres():
     assert [c["near_m"] * SCALE for c in scaled["cameras"]] == [c["near_m"] for c in plain["cameras"]]
 
 
-def test_position_errors_between_runs_are_millimetres():
+def test_position_errors_are_in_millimeters():
     one = {"position": np.ones((2, 2, 4)), "camera_position": np.zeros(3)}
     other = {"position": np.ones((2, 2, 4)), "camera_position": np.array([0.5, 0.0, 0.0])}
     errors = FeatureErrors(same_place_m=0.1, unit_scale=100.0)
