@@ -1,4 +1,4 @@
-"""Benches beside Cycles at one sample with its data passes: what a path tracer's frame costs at its very cheapest."""
+"""Benchmark against Cycles at one sample with its data passes, the fastest frame of a path tracer."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 GEOMETRY = ("frustum", "position", "normal")
-OURS = {
+RASTERIZED = {
     "geometry": {"columns": GEOMETRY},
     "geometry, direct": {"columns": (*GEOMETRY, "direct")},
     "all columns": {},
@@ -36,42 +36,42 @@ FRAMES = 2
 
 @bench
 def cycles(gpu: Gpu, options: Options) -> Result:
-    """Per scene: our frame with masks, with ever more columns, against Cycles' frame at one sample with its passes."""
+    """Per scene: a rasterized frame with masks, for growing sets of columns, against a Cycles frame of one sample."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         version = blender_version()
         rows: list[Row] = []
         claims: list[Claim] = []
         notes = [
-            f"{options.size_text}; ours: frame and masks of every pair, before and after Cycles",
-            "Cycles: 1 sample, 12 bounces, all data passes, all cores; its own clock around each render",
+            f"{options.size_text}; rasterizer: frame and masks of every pair, before and after Cycles",
+            "Cycles: 1 sample, 12 bounces, all data passes, all cores; Blender's clock around each render",
         ]
         for label, scene, camera, fps in _scenes(folder, options):
-            mine: dict[str, list[float]] = {columns: [] for columns in OURS}
-            left_out = {}
+            rasterized: dict[str, list[float]] = {columns: [] for columns in RASTERIZED}
+            notes_of = {}
             for _ in range(2):
-                for columns in OURS:
-                    left_out[columns] = _frames(scene, camera, fps, options, columns, mine[columns])
+                for columns in RASTERIZED:
+                    notes_of[columns] = _frames(scene, camera, fps, options, columns, rasterized[columns])
                 if version is not None and not any(r.what == f"{label}: Cycles" for r in rows):
                     rows.append(_cycles_row(label, scene, camera, fps, options, folder / label))
-            theirs = rows[-1] if version is not None else missing(f"{label}: Cycles", f"no bpy: {HOW_TO_GET_BPY}")
-            rows = [r for r in rows if r.what != f"{label}: Cycles"] + [theirs]
-            for columns, samples in mine.items():
-                note = left_out[columns]
-                own = row(f"{label}: ours, {columns}", samples, note)
-                ratio = None if theirs.median_ms is None else theirs.median_ms / own.median_ms
+            traced = rows[-1] if version is not None else missing(f"{label}: Cycles", f"no bpy: {HOW_TO_GET_BPY}")
+            rows = [r for r in rows if r.what != f"{label}: Cycles"] + [traced]
+            for columns, samples in rasterized.items():
+                note = notes_of[columns]
+                own = row(f"{label}: rasterizer, {columns}", samples, note)
+                ratio = None if traced.median_ms is None else traced.median_ms / own.median_ms
                 rows.append(Row(own.what, own.median_ms, own.low_ms, own.high_ms, own.samples, note, ratio))
-            claims.append(_claim(label, theirs, mine[CLAIMED]))
-    title = "A frame beside Cycles at one sample"
+            claims.append(_claim(label, traced, rasterized[CLAIMED]))
+    title = "A frame against Cycles at one sample"
     return Result(title, rows, notes, base=-1, unit="times faster than Cycles", claims=tuple(claims))
 
 
-def _claim(label: str, theirs: Row, mine: list[float]) -> Claim:
-    """They cannot be taken frame by frame in turn: the spread is that of our frames beside Cycles' median."""
+def _claim(label: str, traced: Row, rasterized: list[float]) -> Claim:
+    """Frames of both cannot be timed in turn: the interval is that of the rasterizer against Cycles' median."""
     what = f"G-buffer and masks of {label}, faster than Cycles' frame of one sample"
-    if theirs.median_ms is None:
+    if traced.median_ms is None:
         return unmeasured(what, ">=", TARGET, "no bpy")
-    low, middle, high = (float(theirs.median_ms / ms) for ms in np.percentile(mine, [90, 50, 10]))
+    low, middle, high = (float(traced.median_ms / ms) for ms in np.percentile(rasterized, [90, 50, 10]))
     return Claim(what, ">=", TARGET, middle, low, high)
 
 
@@ -92,21 +92,22 @@ def _scenes(folder: Path, options: Options) -> list[tuple[str, Scene, CameraTrac
 
 
 def _frames(scene: Scene, camera: CameraTrack, fps: float, options: Options, columns: str, into: list[float]) -> str:
-    """Milliseconds of each pair's frame and masks, the first left out; which columns the scene does not call for."""
-    seen: list[float] = []
+    """Append the time of each pair but the first (frame and masks, ms) to ``into``; returns a note on null columns."""
+    times: list[float] = []
     count = 2 + FRAMES * min(options.repeats, 2)
-    settings = Settings.of(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **OURS[columns])
+    width, height = options.size
+    settings = Settings.of(width=width, height=height, fps=fps, frames=(0, count), **RASTERIZED[columns])
     start = time.perf_counter()
-    run = evaluate_scene(scene, settings, camera=camera, progress=lambda told: seen.append(told.frame_seconds * 1e3))
-    if len(seen) < 2:  # a still scene, seen from its own camera, has one frame
-        seen = [(time.perf_counter() - start) * 1e3] * 2
-    into += seen[1:]
+    run = evaluate_scene(scene, settings, camera=camera, progress=lambda step: times.append(step.frame_seconds * 1e3))
+    if len(times) < 2:  # a static scene with its own camera has one frame
+        times = [(time.perf_counter() - start) * 1e3] * 2
+    into += times[1:]
     null = [c for c in settings.metrics.columns if run.summary["discard"][c]["mean_percent"] is None]
-    return f"without {', '.join(null)}: the scene calls for none" if null else ""
+    return f"without {', '.join(null)}: the scene does not have them" if null else ""
 
 
 def _cycles_row(label: str, scene: Scene, camera: CameraTrack, fps: float, options: Options, folder: Path) -> Row:
-    """One sample, so seed and noise do not matter; the second frame on, since the first builds everything."""
+    """Times from the second frame on: the first one includes setup."""
     frames = range(1, 2 + FRAMES)
     quality = Quality(samples=1, bounces=12, crisp=True)
     try:

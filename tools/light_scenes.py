@@ -1,6 +1,6 @@
-"""Four small diffuse scenes with moving lights, made in code: what direct and indirect light are measured on.
+"""Four small diffuse scenes with moving lights, for the comparison of direct and indirect light with Cycles.
 
-Every surface is a Lambert surface (KHR_materials_specular, factor 0), so that the two renderers' BRDFs are the same.
+Every surface is Lambertian (KHR_materials_specular, factor 0), so that both renderers have the same BRDF.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def place(w: Writer, name: str, shape: Shape, material: int, **where) -> int:
 
 
 def camera(w: Writer, path: np.ndarray, degrees: np.ndarray, tilt: float = 0.0) -> list[tuple]:
-    """A walker that moves along ``path`` (K, 3) while turning by ``degrees`` (K,) about +Y, tilted by ``tilt``."""
+    """A camera that moves along ``path`` (K, 3) while turning by ``degrees`` (K,) about +Y, tilted by ``tilt``."""
     walker = w.node("walker")
     w.node("eye", walker, camera=w.camera("eye", math.radians(60), 0.05, 200.0), rotation=turn("x", tilt).tolist())
     t = times(len(path))
@@ -48,7 +48,7 @@ def orbit(radius: float, height: float, phase: float = 0.0, count: int = 21, cen
 
 
 def room(w: Writer) -> list[tuple]:
-    """A closed box with a red and a green wall, two blocks, one lamp that circles under the ceiling."""
+    """A closed box with a red and a green wall, two blocks, and one light that circles below the ceiling."""
     white, red, green = (matte(w, n, c) for n, c in (("white", (0.73,) * 3), ("red", (0.6, 0.06, 0.05)),
                                                     ("green", (0.12, 0.45, 0.09))))  # fmt: skip
     place(w, "shell", box((-2, 0, -2), (2, 3, 2), inside=True, faces="yYzZ"), white)
@@ -63,7 +63,7 @@ def room(w: Writer) -> list[tuple]:
 
 
 def yard(w: Writer) -> list[tuple]:
-    """Ground and blocks under a sun that sinks, and a lamp that is carried between them."""
+    """Ground and blocks under a setting sun, and a light that moves between the blocks."""
     earth, stone = matte(w, "earth", (0.35, 0.3, 0.25)), matte(w, "stone", (0.65, 0.62, 0.58))
     place(w, "ground", quad((-8, 0, 8), (16, 0, 0), (0, 0, -16)), earth)
     rng = np.random.default_rng(3)
@@ -109,7 +109,7 @@ def stage(w: Writer) -> list[tuple]:
 
 
 def figure(w: Writer) -> list[tuple]:
-    """A skinned figure among four lamps that circle it, over a floor with a low wall."""
+    """A skinned figure and four lights that circle it, on a floor with a low wall."""
     floor, skin = matte(w, "floor", (0.6, 0.6, 0.6)), matte(w, "skin", (0.55, 0.25, 0.6))
     place(w, "floor", quad((-4, 0, 4), (8, 0, 0), (0, 0, -8)), floor)
     place(w, "wall", box((-2.5, 0, -2.2), (2.5, 1.0, -1.9)), floor)

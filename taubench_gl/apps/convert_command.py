@@ -1,4 +1,4 @@
-"""``taubench-gl convert``: FBX and .blend files into glTF."""
+"""``taubench-gl convert``: FBX and .blend files -> glTF."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ interpreter that has it.  Scripts inside .blend files are not run."""
     type=click.Choice(["spec", "watts"]),
     default="spec",
     show_default=True,
-    help="spec: candela and lux at 683 lm/W.  watts: numbers that give Cycles' radiance at exposure 1.",
+    help="spec: candela and lux at 683 lm/W.  watts: values that reproduce Cycles' radiance at exposure 1.",
 )
 def convert(source: str, target: Path, lights: str) -> None:
     """Write an FBX or .blend file as glTF, with its animations, cameras and lights."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import (
     Observers,
     Pair,
@@ -193,12 +193,7 @@ def noise_floor(context: GpuContext, given: PathTracedInput, second: PathTracedS
     discards are noise.  Raises PathTracedError if ``second`` lacks frames or has another size.
     """
     first = given.sequence
-    if second.size != first.size:
-        a, b = ("x".join(map(str, s.size)) for s in (first, second))
-        raise PathTracedError(f"is {b} pixels, the first render {a}", where=str(second.path))
-    lost = sorted(set(given.frames) - set(second.frames))
-    if lost:
-        raise PathTracedError(f"lacks frame {lost[0]} of the first render", where=str(second.path))
+    second.require(first.size, given.frames, of="the first render")
     # Motion reprojection needs two moments; both images show the same one.
     settings = given.settings.replace(reprojection="camera", sampling="nearest")
     sources = [PathTracedSource(context.gpu, sequence, given.camera, settings) for sequence in (first, second)]

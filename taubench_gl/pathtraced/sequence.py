@@ -108,6 +108,17 @@ class PathTracedSequence:
             raise PathTracedError(f"{len(missing)} frames are missing: {listed}", where=str(self.path), hint=hint)
         return span
 
+    def require(self, size: tuple[int, int], frames: Collection[int] = (), *, of: str) -> None:
+        """Raise PathTracedError unless the sequence has this size and all ``frames``.  ``of``: who needs them."""
+        if self.size != size:
+            got, expected = ("x".join(map(str, s)) for s in (self.size, size))
+            raise PathTracedError(f"is {got} pixels, {of} {expected}", where=str(self.path))
+        lost = sorted(set(frames) - set(self.frames))
+        if lost:
+            raise PathTracedError(
+                f"lacks frame {lost[0]} of {of}", where=str(self.path), hint="give --frames that it has"
+            )
+
     def missing(self, lobes: Collection[str] = ()) -> dict[str, str]:
         """Columns (and ``lobe_bounce``) without their passes in the first frame -> reason."""
         return missing_columns(self.index, lobes)

@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # helpers shared by the tests of
 
 @pytest.fixture
 def renders(tmp_path):
-    """Frames 4 to 6 of a camera that moves to the right over a floor, with noise for light; and its sidecar."""
+    """Frames 4 to 6 of a camera that moves to the right above a floor, with noise as light, and its sidecar."""
     from exr_files import HEIGHT, WIDTH, blender_frame, view_at, write
 
     from taubench_gl.pathtraced.cameras import camera_file_text
@@ -26,7 +26,7 @@ def renders(tmp_path):
 
 @pytest.fixture(scope="session")
 def blender() -> str:
-    """The configured interpreter that has bpy; tests that need it are skipped, by name, where there is none."""
+    """The interpreter that has bpy.  Tests that need it are skipped without one."""
     from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, blender_version
 
     python = blender_python()

@@ -1,4 +1,4 @@
-"""Small glTF files and a stand-in for Blender's Python, for the tests of the Cycles driver."""
+"""Small glTF files and a stand-in for Blender's Python, for the tests of the Blender driver."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def plane(path: Path, lights: list[dict] = (), keys: dict[str, list] | None = No
                           "type": f"VEC{values.shape[1]}"})  # fmt: skip
         chunks += [times, values]
         sampler = {"input": len(accessors) - 2, "output": len(accessors) - 1}
-        # One animation for each: Blender's importer would leave all but one of them muted.
+        # One animation per channel: Blender's importer mutes all but one.
         channel = {"sampler": 0, "target": {"node": 0, "path": name}}
         animations.append({"name": name, "samplers": [sampler], "channels": [channel]})
     for i, light in enumerate(lights):
@@ -84,7 +84,7 @@ LAMP = {"light": {"type": "point", "intensity": 10.0}, "node": {"translation": [
 
 
 def blinking(path: Path, *, ground: bool = True) -> Path:
-    """On, off, on, every half second: a lamp by scale, another and (if asked) the plane by KHR_node_visibility."""
+    """On, off, on, every half second: a light by scale; another one and, if ``ground``, the plane by visibility."""
     gltf = json.loads(plane(path, [LAMP, LAMP], {"translation": [[0, 0, 0]] * 3, "scale": [[1, 1, 1]] * 3}).read_text())
     blob = [np.array([[1, 1, 1], [0, 0, 0], [1, 1, 1]], "<f4").tobytes(), np.array([1, 0, 1], "<u1").tobytes()]
     start = len(gltf["bufferViews"])
@@ -136,12 +136,12 @@ for n, frame in enumerate(job["frames"]):
 
 
 def fake_blender(folder: Path) -> str:
-    """An executable that takes a job as Blender's Python would, and writes empty frames."""
+    """An executable that runs a job as Blender's Python does, and writes empty frames."""
     return executable(folder, FAKE)
 
 
 def executable(folder: Path, source: str) -> str:
-    """A program that runs ``source`` with this interpreter, in the place of one that has bpy."""
+    """A program that runs ``source`` with this interpreter, instead of one that has bpy."""
     script, program = folder / "fake.py", folder / "fake_python"
     script.write_text(source)
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{script}" "$@"\n')

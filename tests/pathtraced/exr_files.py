@@ -1,4 +1,4 @@
-"""Small EXR files written by the tests, in the layouts that renderers write."""
+"""Small EXR files in the layouts that renderers write."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def planes(values: np.ndarray, name: str, letters: str) -> dict[str, np.ndarray]
 
 
 OLD = dict(Direct="Dir", Indirect="Ind", Color="Col", Diffuse="Diff", Glossy="Gloss", Transmission="Trans")
-"""Blender 5's words -> Blender 2.8's."""
+"""Words in pass names: Blender 5 -> Blender 2.8."""
 
 
 def pass_name(lobe: str, what: str, modern: bool) -> str:
@@ -58,8 +58,10 @@ def pass_name(lobe: str, what: str, modern: bool) -> str:
 def blender_frame(
     view_position=(0.0, 1.0, 5.0), *, layer: str = "ViewLayer", modern: bool = False, seed: int = 0
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """A floor at y = 0 and sky above, seen along -Z with yfov 60 degrees.  -> channels as Blender names them, and the
-    same quantities in glTF axes under our names."""
+    """A floor at y = 0 and sky above it, viewed along -Z with yfov 60 degrees.
+
+    Returns channels with Blender's names, and the same quantities in glTF axes with canonical names.
+    """
     rng = np.random.default_rng(seed)
     camera = np.asarray(view_position, dtype=np.float64)
     tangent = np.tan(np.radians(30.0))
@@ -77,7 +79,7 @@ def blender_frame(
     channels = planes(to_blender(position), f"{layer}.Position", "XYZ")
     channels |= planes(to_blender(normal), f"{layer}.Normal", "XYZ")
     channels |= planes(depth[..., None], f"{layer}.Depth", "Z")
-    ours = {"position": position, "normal": normal, "depth": depth, "sky": sky}
+    expected = {"position": position, "normal": normal, "depth": depth, "sky": sky}
     total = np.zeros((HEIGHT, WIDTH, 3), dtype=np.float32)
     for lobe in ("Diffuse", "Glossy", "Transmission"):
         color = rng.random((HEIGHT, WIDTH, 3), dtype=np.float32)
@@ -85,13 +87,13 @@ def blender_frame(
         for what in ("Direct", "Indirect"):
             light = rng.random((HEIGHT, WIDTH, 3), dtype=np.float32)
             channels |= planes(light, f"{layer}.{pass_name(lobe, what, modern)}", "RGB")
-            ours[f"{lobe.lower()}_{what.lower()}"] = light * color
+            expected[f"{lobe.lower()}_{what.lower()}"] = light * color
             total += light * color
     for what in ("direct", "indirect"):
-        ours[what] = sum(ours[f"{lobe}_{what}"] for lobe in ("diffuse", "glossy", "transmission"))
-    ours["combined"] = total
+        expected[what] = sum(expected[f"{lobe}_{what}"] for lobe in ("diffuse", "glossy", "transmission"))
+    expected["combined"] = total
     channels |= planes(total, f"{layer}.Combined", "RGB")
     vector = rng.normal(size=(HEIGHT, WIDTH, 4))
     channels |= planes(vector, f"{layer}.Vector", "XYZW")
-    ours["motion"] = vector[..., :2] * [1, -1]
-    return channels, ours
+    expected["motion"] = vector[..., :2] * [1, -1]
+    return channels, expected

@@ -1,4 +1,4 @@
-"""Real scenes on which rasterizer and Cycles must agree, and the comparison itself: columns, positions, motion."""
+"""Real scenes and the comparison of rasterizer and Cycles on them: columns, positions, normals, motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from taubench_gl.settings import Settings
 Array = np.ndarray
 COLUMNS = ("frustum", "position", "normal")
 LIMITS = {"frustum": 0.02, "position": 0.15, "normal": 0.2}
-"""Points by which a column may differ from Cycles'."""
+"""Percentage points by which a column may differ from Cycles'."""
 
 POSITION_M = 1e-4  # median
 MOTION_PX = 0.05  # median
@@ -28,12 +28,12 @@ MOTION_PX = 0.05  # median
 
 @dataclass(frozen=True)
 class Case:
-    """One scene.  ``camera``: ``file``, ``orbit``, or ``pan`` (the file's first camera, turned and moved on)."""
+    """One scene.  ``camera``: ``file``, ``orbit``, or ``pan`` (the file's first camera, rotated and moved)."""
 
-    path: str  # beneath the folder of real scenes
+    path: str  # below the folder of real scenes
     frames: tuple[int, int]
     camera: str = "orbit"
-    stored: bool = True  # also a small reference for the short mode
+    stored: bool = True  # has a small stored reference for the short tests
 
 
 CASES = {
@@ -60,12 +60,12 @@ REFERENCE_SIZE = (96, 54)
 
 
 def reference_frames(case: Case) -> tuple[int, int]:
-    """Of a stored reference: the case's first pair."""
+    """Frames of a stored reference: the first pair of the case."""
     return case.frames[0], case.frames[0] + 2
 
 
 class PanCamera:
-    """The file's first camera at 0 s, turned by 2 degrees a frame (24 fps) and moved to the right meanwhile."""
+    """The file's first camera at 0 s, rotating by 2 degrees per frame (24 fps) and moving to its right."""
 
     name = "pan"
 
@@ -94,10 +94,10 @@ def open_case(case: Case, data: Path) -> tuple[Scene, CameraTrack]:
 def compare(
     scene: Scene, camera: CameraTrack, folder: Path, frames: tuple[int, int], textures: str = "finest"
 ) -> dict[str, float]:
-    """Rasterize what ``folder`` holds renders of.
+    """Rasterize the frames in ``folder`` and compare them.
 
-    -> points per column (ours - Cycles') and Cycles' percentage; medians of position (m), normal (degrees) and motion
-    (px); the percentage of pixels that both see.
+    Returns per column the difference in percentage points (rasterizer - Cycles) and Cycles' percentage; median errors
+    of position (m), normal (degrees) and motion (px); the percentage of pixels where both show a surface.
     """
     sequence = PathTracedSequence.open(folder)
     width, height = sequence.size
@@ -106,11 +106,11 @@ def compare(
     kept: dict[str, list] = {"path_traced": [], "raster": [], "motion": []}
 
     def keep(name: str):
-        def see(pair):
+        def observe(pair):
             kept[name].append((pair.frame, pair.source.read("position").copy(), pair.source.read("normal").copy(),
                                pair.motion()))  # fmt: skip
 
-        return see
+        return observe
 
     options = PathTracedOptions(camera_file=folder / "camera.json")
     path_traced = evaluate_path_traced(
@@ -120,15 +120,15 @@ def compare(
     evaluate_scene(scene, Settings.of(**settings, reprojection="motion"), camera=camera, on_pair=keep("motion"))
     out = {}
     for column in COLUMNS:
-        ours, theirs = (run.summary["discard"][column]["mean_percent"] for run in (raster, path_traced))
-        out |= {column: ours - theirs, f"{column}_percent": theirs}
+        own, traced = (run.summary["discard"][column]["mean_percent"] for run in (raster, path_traced))
+        out |= {column: own - traced, f"{column}_percent": traced}
     errors: dict[str, list[Array]] = {"position": [], "normal": [], "motion": []}
     seen = []
-    for theirs, ours, followed in zip(kept["path_traced"], kept["raster"], kept["motion"], strict=True):
-        (frame, p_truth, n_truth, _), (_, p, n, _), motion = theirs, ours, followed[-1]
-        both = (p[..., 3] > 0) & (p_truth[..., 3] > 0)
-        errors["position"].append(np.linalg.norm((p - p_truth)[both][:, :3], axis=-1))
-        chord = np.linalg.norm((n - n_truth)[both][:, :3].astype(np.float64), axis=-1)
+    for traced, raster_pair, motion_pair in zip(kept["path_traced"], kept["raster"], kept["motion"], strict=True):
+        (frame, p_traced, n_traced, _), (_, p, n, _), motion = traced, raster_pair, motion_pair[-1]
+        both = (p[..., 3] > 0) & (p_traced[..., 3] > 0)
+        errors["position"].append(np.linalg.norm((p - p_traced)[both][:, :3], axis=-1))
+        chord = np.linalg.norm((n - n_traced)[both][:, :3].astype(np.float64), axis=-1)
         errors["normal"].append(np.degrees(2.0 * np.arcsin(np.clip(0.5 * chord, 0.0, 1.0))))
         vector = sequence.read(frame).motion
         errors["motion"].append(np.linalg.norm((vector - motion)[both], axis=-1))
@@ -143,13 +143,13 @@ def compare(
 
 
 def faults(result: dict[str, float]) -> Iterator[str]:
-    """What of ``compare``'s result is not as it must be, a phrase each."""
+    """One phrase per limit that the result of ``compare`` exceeds."""
     for column, limit in LIMITS.items():
         if not abs(result[column]) <= limit:
-            yield f"{column} differs by {result[column]:+.3f} points"
+            yield f"{column} differs by {result[column]:+.3f} pp"
     if not result["position_m"] < POSITION_M:
         yield f"positions are off by {result['position_m']:.3g} m"
     if not result["motion_px"] < MOTION_PX:
         yield f"motion is off by {result['motion_px']:.3g} px"
     if not result["seen_percent"] > 1.0:
-        yield "hardly anything is seen"
+        yield "too few pixels show a surface in both"

@@ -56,8 +56,8 @@ def test_resampled_scenes_play_the_same_animation(scene, tmp_path):
     again = load_scene(write_resampled(scene, frames, fps, folder))
     assert len(again.animations) == 1 and not again.cameras and not again.lights
     for i, frame in enumerate(frames):
-        ours, theirs = sample(scene, frame / fps), sample(again, i / KEY_FPS)
-        np.testing.assert_allclose(theirs.world[0], ours.world[0], atol=1e-6)
+        expected, resampled = sample(scene, frame / fps), sample(again, i / KEY_FPS)
+        np.testing.assert_allclose(resampled.world[0], expected.world[0], atol=1e-6)
     assert all(c.interpolation == "LINEAR" and len(c.times) == len(frames) for c in again.channels)
 
 

@@ -1,4 +1,4 @@
-"""Why normals of skinned meshes differ from Cycles' by a degree or two: where in Blender that happens (long).
+"""Normals of skinned meshes differ from Cycles' by a degree or two because of Blender, before Cycles (long).
 
 Blender keeps custom normals relative to the faces around each vertex and rebuilds them from the deformed faces; glTF
 transforms the file's normals by each vertex's blended joint matrices.
@@ -47,30 +47,30 @@ os._exit(0)
 
 
 def test_blender_rebuilds_custom_normals_after_the_armature(data, tmp_path, blender):
-    """Before Cycles sees it: positions agree to a micrometre in the pose, normals only at rest."""
+    """In Blender's mesh: positions agree to a micrometre in the pose, normals agree only at rest."""
     scene = load_scene(data / "khronos" / "CesiumMan" / "CesiumMan.glb")
     path = write_resampled(scene, range(FRAME - 1, FRAME + 2), 24.0, tmp_path)
     code = Path(taubench_gl.pathtraced.blender.__file__).parent
-    command = [blender, "-c", LOOK, str(code), str(path), str(tmp_path / "seen.npz"), str(FRAME - 1), str(FRAME)]
+    command = [blender, "-c", LOOK, str(code), str(path), str(tmp_path / "mesh.npz"), str(FRAME - 1), str(FRAME)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    with np.load(tmp_path / "seen.npz") as seen:
-        rest_world, pose_world = seen["REST_world"], seen["POSE_world"]
+    with np.load(tmp_path / "mesh.npz") as mesh:
+        rest_world, pose_world = mesh["REST_world"], mesh["POSE_world"]
         node = int(scene.mesh_nodes[0])
         (primitive,) = scene.meshes[scene.nodes.mesh[node]].primitives
         y_up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         state = Poser(scene).sample(FRAME / 24.0)
-        ours = pose_vertices(scene, state, node, primitive), pose_normals(scene, state, node, primitive)
-        posed = (seen["POSE_vertices"] @ pose_world[:3, :3].T + pose_world[:3, 3]) @ y_up.T
-        assert np.abs(posed - ours[0]).max() < 1e-5
-        theirs = unit(seen["POSE_normals"] @ np.linalg.inv(pose_world[:3, :3])) @ y_up.T
-        assert np.percentile(degrees(theirs, ours[1][seen["POSE_corners"]]), 95) > 5.0
-        # At rest the mesh differs from the file's by one affine map; normals go with its inverse transpose.
+        expected_arrays = pose_vertices(scene, state, node, primitive), pose_normals(scene, state, node, primitive)
+        posed = (mesh["POSE_vertices"] @ pose_world[:3, :3].T + pose_world[:3, 3]) @ y_up.T
+        assert np.abs(posed - expected_arrays[0]).max() < 1e-5
+        blender_normals = unit(mesh["POSE_normals"] @ np.linalg.inv(pose_world[:3, :3])) @ y_up.T
+        assert np.percentile(degrees(blender_normals, expected_arrays[1][mesh["POSE_corners"]]), 95) > 5.0
+        # At rest the mesh is an affine image of the file's; normals transform by the inverse transpose.
         homogeneous = np.c_[primitive.positions, np.ones(len(primitive.positions))]
-        rest = seen["REST_vertices"] @ rest_world[:3, :3].T + rest_world[:3, 3]
+        rest = mesh["REST_vertices"] @ rest_world[:3, :3].T + rest_world[:3, 3]
         affine, *_ = np.linalg.lstsq(homogeneous, rest, rcond=None)
         expected = unit(primitive.normals @ np.linalg.inv(affine[:3].T))
-        theirs = unit(seen["REST_normals"] @ np.linalg.inv(rest_world[:3, :3]))
-        assert degrees(theirs, expected[seen["REST_corners"]]).max() < 0.05
+        blender_normals = unit(mesh["REST_normals"] @ np.linalg.inv(rest_world[:3, :3]))
+        assert degrees(blender_normals, expected[mesh["REST_corners"]]).max() < 0.05
 
 
 def unit(vectors):

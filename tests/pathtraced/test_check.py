@@ -18,9 +18,9 @@ def sequence(tmp_path, spoil=lambda channels: None, cameras=(0, 1, 2)):
     """Frames 0 to 2 of a sideways camera over a floor, with its true motion; ``spoil`` changes what is written."""
     for frame in range(3):
         position = (STEP * frame, 1.0, 5.0)
-        channels, ours = blender_frame(position, seed=frame)
+        channels, expected = blender_frame(position, seed=frame)
         # A point at depth z moves by f STEP / z pixels to the right between these cameras.
-        depth = np.where(ours["sky"], np.inf, ours["depth"])
+        depth = np.where(expected["sky"], np.inf, expected["depth"])
         channels["ViewLayer.Vector.X"] = (0.5 * HEIGHT / np.tan(0.5 * YFOV) * STEP / depth).astype(np.float32)
         channels["ViewLayer.Vector.Y"] = np.zeros_like(channels["ViewLayer.Vector.X"])
         spoil(channels)

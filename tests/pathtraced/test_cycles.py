@@ -1,4 +1,4 @@
-"""With Blender: light units in closed form, and our rasterizer against pixel-centre renders of real scenes."""
+"""With Blender (long): light units in closed form, and the rasterizer against pixel-center renders of real scenes."""
 
 from __future__ import annotations
 
@@ -23,8 +23,10 @@ SIZE = (192, 108)
 
 @pytest.mark.parametrize("kind", ["point", "spot", "directional"])
 def test_lights_have_gltf_units(tmp_path, blender, kind):
-    """Diffuse radiance under a lamp: base colour / pi x irradiance, I cos / d^2 or lux.  Cycles' principled shader
-    keeps 1.3 % for its specular lobe."""
+    """Diffuse radiance below a light: base color / pi x irradiance, which is I cos / d^2 or lux.
+
+    Cycles' principled shader uses 1.3 % for its specular lobe.
+    """
     lamp = {"light": {"type": kind, "intensity": 5.0, "color": [1.0, 0.5, 1.0]},
             "node": {"translation": [0, 2, 0], "rotation": DOWN}}  # fmt: skip
     if kind == "spot":
@@ -47,7 +49,7 @@ def test_lights_have_gltf_units(tmp_path, blender, kind):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_the_rasterizer_against_crisp_cycles(data, tmp_path, blender, name):
+def test_the_rasterizer_agrees_with_crisp_cycles(data, tmp_path, blender, name):
     case, out = CASES[name], tmp_path / "out"
     scene, camera = open_case(case, data)
     quality = Quality(samples=1, crisp=True)
@@ -63,17 +65,17 @@ def render_small(scene, out, frames, blender):
     return [sequence.read(frame) for frame in frames]
 
 
-@pytest.mark.parametrize("ground", [True, False], ids=["with its ground", "lamps only"])
-def test_what_blinks_is_dark_or_gone(tmp_path, blender, ground):
+@pytest.mark.parametrize("ground", [True, False], ids=["lights and ground", "lights only"])
+def test_hidden_lights_are_off_and_hidden_meshes_are_not_rendered(tmp_path, blender, ground):
     scene = load_scene(blinking(tmp_path / "blink.gltf", ground=ground))
     before, after = render_small(scene, tmp_path / "out", range(11, 13), blender)
-    seen = ~before.sky
-    assert seen.any() and before.radiance["direct"][seen].min() > 0.01
+    surface = ~before.sky
+    assert surface.any() and before.radiance["direct"][surface].min() > 0.01
     assert after.sky.all() if ground else (after.sky == before.sky).all()
     assert after.radiance["direct"].max() == 0.0
 
 
-def test_a_hidden_skinned_mesh_is_gone(data, tmp_path, blender):
+def test_a_hidden_skinned_mesh_is_not_rendered(data, tmp_path, blender):
     folder = tmp_path / "model"
     shutil.copytree(data / "blender_io" / "03_skinned_cylinder", folder)
     path = folder / "03_skinned_cylinder.gltf"

@@ -34,17 +34,17 @@ def frame_of(tmp_path, channels, *, mapping=None, lobes=(), **options):
 @pytest.mark.parametrize("parts", [False, True])
 @pytest.mark.parametrize("layer", LAYERS)
 def test_blender_layouts(tmp_path, modern, parts, layer):
-    channels, ours = blender_frame(layer=layer, modern=modern)
+    channels, expected = blender_frame(layer=layer, modern=modern)
     frame, missing = frame_of(tmp_path, channels, parts=parts, lobes=LOBES[:3])
-    np.testing.assert_array_equal(frame.sky, ours["sky"])
-    np.testing.assert_allclose(frame.position, ours["position"], atol=1e-5)
-    np.testing.assert_array_equal(frame.normal, ours["normal"])
-    np.testing.assert_allclose(frame.motion, ours["motion"], rtol=1e-6)
-    np.testing.assert_array_equal(frame.combined, ours["combined"])
+    np.testing.assert_array_equal(frame.sky, expected["sky"])
+    np.testing.assert_allclose(frame.position, expected["position"], atol=1e-5)
+    np.testing.assert_array_equal(frame.normal, expected["normal"])
+    np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-6)
+    np.testing.assert_array_equal(frame.combined, expected["combined"])
     for name in ("direct", "indirect"):
-        np.testing.assert_allclose(frame.radiance[name], ours[name], rtol=1e-6)
+        np.testing.assert_allclose(frame.radiance[name], expected[name], rtol=1e-6)
     for lobe in LOBES[:3]:
-        np.testing.assert_array_equal(frame.lobes[f"{lobe}_direct"], ours[f"{lobe}_direct"])
+        np.testing.assert_array_equal(frame.lobes[f"{lobe}_direct"], expected[f"{lobe}_direct"])
     assert missing == {}
 
 
@@ -68,10 +68,10 @@ def test_a_missing_pass_is_the_reason_of_its_column(tmp_path, lost):
 
 
 def test_volume_passes_are_optional_and_added(tmp_path):
-    channels, ours = blender_frame()
+    channels, expected = blender_frame()
     fog = np.full((HEIGHT, WIDTH, 3), 0.25, dtype=np.float32)
     frame, missing = frame_of(tmp_path, channels | planes(fog, "ViewLayer.VolumeDir", "RGB"), lobes=("volume",))
-    np.testing.assert_allclose(frame.radiance["direct"], ours["direct"] + 0.25, rtol=1e-6)
+    np.testing.assert_allclose(frame.radiance["direct"], expected["direct"] + 0.25, rtol=1e-6)
     np.testing.assert_array_equal(frame.lobes["volume_direct"], fog)
     assert list(missing) == ["volume_indirect"] and missing["volume_indirect"].split()[-1] == "VolumeInd"
 
@@ -88,11 +88,11 @@ def test_the_layer_with_most_passes_is_the_default(tmp_path):
 
 
 def test_plain_rgb_and_z_at_the_root(tmp_path):
-    channels, ours = blender_frame()
+    channels, expected = blender_frame()
     flat = {k.removeprefix("ViewLayer.Combined."): v for k, v in channels.items() if "Combined" in k}
     frame, missing = frame_of(tmp_path, flat | {"Z": channels["ViewLayer.Depth.Z"]})
-    np.testing.assert_array_equal(frame.combined, ours["combined"])
-    np.testing.assert_array_equal(frame.sky, ours["sky"])
+    np.testing.assert_array_equal(frame.combined, expected["combined"])
+    np.testing.assert_array_equal(frame.sky, expected["sky"])
     assert frame.position is None and set(missing) == {"normal", "direct", "indirect"}
 
 
@@ -103,9 +103,9 @@ def test_a_file_without_position_and_depth_is_refused(tmp_path):
 
 
 def test_sky_without_a_depth_pass_is_an_all_zero_pixel(tmp_path):
-    channels, ours = blender_frame()
+    channels, expected = blender_frame()
     kept = {k: v for k, v in channels.items() if "Depth" not in k}
-    np.testing.assert_array_equal(frame_of(tmp_path, kept)[0].sky, ours["sky"])
+    np.testing.assert_array_equal(frame_of(tmp_path, kept)[0].sky, expected["sky"])
 
 
 def test_nan_is_kept_and_is_not_sky(tmp_path):
@@ -126,21 +126,21 @@ def test_averaged_normals_are_normalized(tmp_path):
 
 def test_mapping_files(tmp_path):
     """Falcor's conventions by hand: y up, motion in fractions of the image size, y down."""
-    channels, ours = blender_frame()
-    shaped = planes(ours["position"], "posW", "RGB") | planes(ours["normal"], "normW", "RGB")
-    shaped |= planes(ours["motion"] / [WIDTH, HEIGHT], "mvec", "RG") | {"linearZ.R": channels["ViewLayer.Depth.Z"]}
-    shaped |= planes(ours["direct"], "direct", "RGB")
+    channels, expected = blender_frame()
+    shaped = planes(expected["position"], "posW", "RGB") | planes(expected["normal"], "normW", "RGB")
+    shaped |= planes(expected["motion"] / [WIDTH, HEIGHT], "mvec", "RG") | {"linearZ.R": channels["ViewLayer.Depth.Z"]}
+    shaped |= planes(expected["direct"], "direct", "RGB")
     frame, missing = frame_of(tmp_path, shaped, mapping=load_mapping("falcor"))
-    np.testing.assert_allclose(frame.position, ours["position"], rtol=1e-6)
-    np.testing.assert_allclose(frame.motion, ours["motion"], rtol=1e-5)
-    np.testing.assert_array_equal(frame.radiance["direct"], ours["direct"])
+    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-6)
+    np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-5)
+    np.testing.assert_array_equal(frame.radiance["direct"], expected["direct"])
     assert missing["color"].split()[-1] == "color"
     custom = {"up": "y", "passes": {"position": {"channels": ["a", "b", "c"]}}}
     path = tmp_path / "m.json"
     path.write_text(json.dumps(custom))
-    named = dict(zip("abc", (np.ascontiguousarray(ours["position"][..., i], np.float32) for i in range(3))))
+    named = dict(zip("abc", (np.ascontiguousarray(expected["position"][..., i], np.float32) for i in range(3))))
     frame, missing = frame_of(tmp_path, named, mapping=load_mapping(path))
-    np.testing.assert_allclose(frame.position, ours["position"], rtol=1e-6)
+    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-6)
 
 
 def test_presets_load():

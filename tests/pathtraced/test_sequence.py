@@ -64,14 +64,14 @@ def test_gaps_are_refused_and_the_longest_run_is_the_hint(tmp_path):
 
 def test_several_files_of_one_frame(tmp_path):
     """Falcor writes one file per output: Mogwai.GBuffer.posW.12.exr, ..."""
-    _, ours = blender_frame()
+    _, expected = blender_frame()
     outputs = {"GBuffer.posW": "position", "GBuffer.normW": "normal", "PT.color": "combined"}
-    for name, values in ((name, ours[key]) for name, key in outputs.items()):
+    for name, values in ((name, expected[key]) for name, key in outputs.items()):
         write(tmp_path / f"Mogwai.{name}.12.exr", {k.lstrip("."): v for k, v in planes(values, "", "RGB").items()})
     sequence = PathTracedSequence.open(tmp_path, mapping="falcor")
     frame = sequence.read(12)
-    np.testing.assert_allclose(frame.position, ours["position"], rtol=1e-6)
-    np.testing.assert_array_equal(frame.normal, ours["normal"])
+    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-6)
+    np.testing.assert_array_equal(frame.normal, expected["normal"])
 
 
 def test_a_later_frame_of_another_size_or_without_a_pass(tmp_path):
