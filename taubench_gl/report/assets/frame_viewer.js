@@ -28,20 +28,20 @@ function makeViewer(box, state) {
   const note = el("p", { class: "muted" });
   const percents = new Map();
 
-  async function load(pics, index, part) {
-    const key = part + pics.items[index].n;
-    if (!pics.cache) pics.cache = new Map();
-    if (!pics.cache.has(key)) {
+  async function load(set, index, part) {
+    const key = part + set.items[index].n;
+    if (!set.cache) set.cache = new Map();
+    if (!set.cache.has(key)) {
       const image = new Image();
       // Not decode(): the load event of the page waits for this image, so a page printed at once shows it.
-      pics.cache.set(key, new Promise((done, failed) => {
+      set.cache.set(key, new Promise((done, failed) => {
         image.onload = () => done(image);
-        image.onerror = () => failed(new Error(`${part} of frame ${pics.items[index].n} is damaged`));
-        image.src = pics.items[index][part];
+        image.onerror = () => failed(new Error(`${part} of frame ${set.items[index].n} is damaged`));
+        image.src = set.items[index][part];
       }));
-      if (pics.cache.size > 90) pics.cache.delete(pics.cache.keys().next().value);
+      if (set.cache.size > 90) set.cache.delete(set.cache.keys().next().value);
     }
-    return pics.cache.get(key);
+    return set.cache.get(key);
   }
 
   function unpack(image, width, height) {
@@ -85,16 +85,16 @@ function makeViewer(box, state) {
   }
 
   async function show() {
-    const mine = ++turn;
+    const request = ++turn;
     const { width, height } = images;
     const item = images.items[at];
     slider.value = at;
     const row = run.rows.frame.indexOf(item.n);
     const seconds = run.rows.time_s[row];
     const which = `frame ${item.n}` + (seconds === null || seconds === undefined ? "" : `, ${seconds.toFixed(3)} s`);
-    const ends = item.n === images.worst ? `${which} · worst frame` : which;
-    status.textContent = ends;
-    slider.setAttribute("aria-valuetext", ends);
+    const caption = item.n === images.worst ? `${which} · worst frame` : which;
+    status.textContent = caption;
+    slider.setAttribute("aria-valuetext", caption);
     for (const [name, cell] of percents) {
       const count = (run.rows[name] || [])[row];
       cell.textContent = count === null || count === undefined ? "–" : percent((100 * count) / run.rows.pixels[row]);
@@ -108,7 +108,7 @@ function makeViewer(box, state) {
       load(images, at, "frame"), load(images, at, "mask"),
       mode === "history" ? load(images, at, "previous") : second ? load(second, nearest, "frame") : null,
     ]);
-    if (mine !== turn) return;
+    if (request !== turn) return;
     words = unpack(parts[1], width, height);
     stage.style.aspectRatio = `${width} / ${height}`;
     base.width = width;
@@ -148,18 +148,14 @@ function makeViewer(box, state) {
     paintBase(...drawn);
     if (mode === "plain") paintMask();
   }
-  divider.addEventListener("keydown", (event) => {
-    const step = { ArrowLeft: -0.02, ArrowRight: 0.02, ArrowDown: -0.02, ArrowUp: 0.02, PageDown: -0.1, PageUp: 0.1 }[event.key];
-    const ends = { Home: 0, End: 1 }[event.key];
-    if (step === undefined && ends === undefined) return;
-    event.preventDefault();
-    moveSplit(ends === undefined ? split + step : ends);
-  });
-  divider.addEventListener("pointerdown", (event) => divider.setPointerCapture(event.pointerId));
-  divider.addEventListener("pointermove", (event) => {
-    if (!divider.hasPointerCapture(event.pointerId)) return;
-    const area = stage.getBoundingClientRect();
-    moveSplit((event.clientX - area.left) / area.width);
+  slide(divider, {
+    drag: (event) => {
+      const area = stage.getBoundingClientRect();
+      moveSplit((event.clientX - area.left) / area.width);
+    },
+    step: (by) => moveSplit(split + 0.02 * by),
+    end: (last) => moveSplit(last ? 1 : 0),
+    page: 5,
   });
 
   function go(index) {

@@ -160,6 +160,24 @@ function linePath(xs, ys) {
   return data;
 }
 
+// Lines over one x axis, with the grid and labels of y.  `lines`: {xs, values, color, dash, other}, where xs are pixels,
+// a null value is a gap, and `other` draws the line lighter.
+function linePanel(root, area, { end, count, format, title, lines }) {
+  const y = linearScale(0, end, area.bottom, area.top);
+  drawAxes(root, area, { y: { scale: y, ticks: y.ticks(count), format } });
+  root.append(text(area.left, area.top - 10, title, { class: "title" }));
+  for (const line of lines) {
+    const ys = line.values.map((value) => (isNumber(value) ? y(value) : NaN));
+    root.append(svg("path", { class: "line" + (line.other ? " other" : ""), d: linePath(line.xs, ys), stroke: line.color, "stroke-dasharray": dashArray(line.dash) }));
+    if (ys.length === 1 && isFinite(ys[0])) root.append(svg("circle", { cx: line.xs[0], cy: ys[0], r: 4, fill: line.color }));
+  }
+}
+
+// The largest number in `lists`, at least `least`, with a margin.
+function topOf(lists, least) {
+  return Math.max(least, ...lists.flat().filter(isNumber)) * 1.04;
+}
+
 // Path data of a staircase through points sorted by x: each value holds until the next point.
 function stepPath(xs, ys) {
   return xs.map((x, i) => (i ? `H${x}V${ys[i]}` : `M${x},${ys[i]}`)).join("");
@@ -193,7 +211,57 @@ function ink(name) {
   return `var(--c-${name})`;
 }
 
+// A mark that takes the focus.  `show` runs when it is pointed at or focused.
+function addMark(root, { shape, x, y, fill, label, title, name, dim }, show) {
+  const mark = svg("path", {
+    class: dim ? "mark dim" : "mark", d: markPath(shape, x, y), fill, tabindex: 0, role: "img", "aria-label": label, "data-name": name,
+  }, svg("title", {}, title));
+  mark.addEventListener("mouseenter", show);
+  mark.addEventListener("focus", show);
+  root.append(mark);
+  return mark;
+}
+
+// An entry of a legend or readout: a short line in the color and dashes of a series, and words.
+function lineEntry(color, dash, words) {
+  const key = el("i");
+  key.style.borderTopColor = color;
+  key.style.borderTopStyle = dashBorder(dash);
+  return el("span", {}, key, words);
+}
+
 // ---- controls
+
+// Arrow keys move the focus among the marks in `box`, in the order of `position(name)`.
+function walkMarks(box, position) {
+  box.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    const marks = [...box.querySelectorAll(".mark")].sort((a, b) => position(a.dataset.name) - position(b.dataset.name));
+    if (marks.length) marks[(marks.indexOf(document.activeElement) + step + marks.length) % marks.length].focus();
+  });
+}
+
+// Selects one of `positions()`, pixels from the left edge of `area`: pick(index) when the pointer moves, -1 when it
+// leaves; pick and choose(index) on a click and on the left and right arrow, Home and End.  `current()`: the index picked.
+function selectAlong(area, { positions, current, pick, choose }) {
+  const nearest = (event) => {
+    const found = positions(), at = event.clientX - area.getBoundingClientRect().left;
+    return found.reduce((best, x, i) => (best < 0 || Math.abs(x - at) < Math.abs(found[best] - at) ? i : best), -1);
+  };
+  const both = (index) => { pick(index); choose(index); };
+  area.addEventListener("pointermove", (event) => pick(nearest(event)));
+  area.addEventListener("pointerleave", () => pick(-1));
+  area.addEventListener("click", (event) => { const index = nearest(event); if (index >= 0) both(index); });
+  area.addEventListener("keydown", (event) => {
+    const count = positions().length;
+    const to = { ArrowLeft: current() - 1, ArrowRight: current() + 1, Home: 0, End: count - 1 }[event.key];
+    if (to === undefined || !count) return;
+    event.preventDefault();
+    both(clamp(to, 0, count - 1));
+  });
+}
 
 // Makes `node` a slider: `drag(event)` while the pointer is held, `step(n)` for arrow and page keys, `end(last)` for Home
 // and End.

@@ -12,22 +12,6 @@ function makePlots(box, state) {
     return of.rows[name].map((count, i) => (count === null ? null : (100 * count) / of.rows.pixels[i]));
   }
 
-  function panel(area, end, unit, title, lines, root) {
-    const y = linearScale(0, end, area.bottom, area.top);
-    drawAxes(root, area, { y: { scale: y, ticks: y.ticks(area.bottom - area.top > 150 ? 5 : 3), format: (value) => short(value) + unit } });
-    root.append(text(area.left, area.top - 10, title, { class: "title" }));
-    for (const line of lines) {
-      const ys = line.values.map((v) => (v === null ? NaN : y(v)));
-      const xs = line.frames.map(x);
-      root.append(svg("path", { class: "line" + (line.other ? " other" : ""), d: linePath(xs, ys), stroke: line.color, "stroke-dasharray": dashArray(line.dash) }));
-      if (line.values.length === 1 && isFinite(ys[0])) root.append(svg("circle", { cx: xs[0], cy: ys[0], r: 4, fill: line.color }));
-    }
-  }
-
-  function largest(lists, least) {
-    return Math.max(least, ...lists.flat().filter((v) => v !== null && isFinite(v))) * 1.04;
-  }
-
   function draw(width) {
     const frames = run.rows.frame;
     area.replaceChildren();
@@ -45,16 +29,17 @@ function makePlots(box, state) {
       const column = state.columns.find((c) => c.name === name);
       return { frames: of.rows.frame, values: series(of, name), color: ink(name), dash: column.dash, other };
     });
-    const own = lines(run, false);
-    const clip = others.flatMap((of) => lines(of, true)).map((line) => {
-      const keep = line.frames.map((f) => f >= first && f <= last);
-      return { ...line, frames: line.frames.filter((_, i) => keep[i]), values: line.values.filter((_, i) => keep[i]) };
+    const shown = [...others.flatMap((of) => lines(of, true)), ...lines(run, false)].map((line) => {
+      const inside = line.frames.map((f) => f >= first && f <= last);
+      return { ...line, xs: line.frames.filter((_, i) => inside[i]).map(x), values: line.values.filter((_, i) => inside[i]) };
     });
-    panel({ left, right: width - right, top: 26, bottom: 26 + tall }, largest([...own, ...clip].map((l) => l.values), 1), " %", "discarded, % of all pixels", [...clip, ...own], root);
+    linePanel(root, { left, right: width - right, top: 26, bottom: 26 + tall }, {
+      end: topOf(shown.map((l) => l.values), 1), count: 5, format: (value) => short(value) + " %", title: "discarded, % of all pixels", lines: shown });
     let top = 26 + tall + gap;
     for (const [name, title, unit] of [["angle_deg", "camera rotation per frame", "°"], ["translation_m", "camera translation per frame", " m"]]) {
       const values = run.rows[name];
-      panel({ left, right: width - right, top, bottom: top + low }, largest([values], 1e-6), unit, title, [{ frames, values, color: "var(--ink)", dash: "-" }], root);
+      linePanel(root, { left, right: width - right, top, bottom: top + low }, {
+        end: topOf([values], 1e-6), count: 3, format: (value) => short(value) + unit, title, lines: [{ xs: frames.map(x), values, color: "var(--ink)", dash: "-" }] });
       top += low + gap;
     }
     const bottom = top - gap;
@@ -90,11 +75,7 @@ function makePlots(box, state) {
     readout.append(el("span", {}, el("b", {}, mean ? "mean of all pairs" : `frame ${frames[index]}`)));
     for (const name of run.measured) {
       const value = mean ? run.discard[name].mean_percent : series(run, name)[index];
-      const key = el("i");
-      const column = state.columns.find((c) => c.name === name);
-      key.style.borderTopColor = ink(name);
-      key.style.borderTopStyle = dashBorder(column.dash);
-      readout.append(el("span", {}, key, `${name} ${percent(value)}`));
+      readout.append(lineEntry(ink(name), state.columns.find((c) => c.name === name).dash, `${name} ${percent(value)}`));
     }
     if (!mean) {
       readout.append(el("span", {}, `rotation ${short(run.rows.angle_deg[index])}°`), el("span", {}, `translation ${short(run.rows.translation_m[index])} m`));
@@ -108,22 +89,11 @@ function makePlots(box, state) {
     mark();
     read(index);
   }
-  function nearest(event) {
-    const frames = run.rows.frame;
-    if (!frames.length) return -1;
-    const at = event.clientX - area.getBoundingClientRect().left;
-    return frames.reduce((best, f, i) => (Math.abs(x(f) - at) < Math.abs(x(frames[best]) - at) ? i : best), 0);
-  }
-  area.addEventListener("pointermove", (event) => pick(nearest(event)));
-  area.addEventListener("pointerleave", () => pick(-1));
-  area.addEventListener("click", (event) => { const i = nearest(event); if (i >= 0) { pick(i); state.goTo(run.rows.frame[i]); } });
-  area.addEventListener("keydown", (event) => {
-    const count = run.rows.frame.length;
-    const to = { ArrowLeft: hover - 1, ArrowRight: hover + 1, Home: 0, End: count - 1 }[event.key];
-    if (to === undefined || !count) return;
-    event.preventDefault();
-    pick(clamp(to, 0, count - 1));
-    state.goTo(run.rows.frame[hover]);
+  selectAlong(area, {
+    positions: () => (x ? run.rows.frame.map(x) : []),
+    current: () => hover,
+    pick,
+    choose: (index) => state.goTo(run.rows.frame[index]),
   });
   let again = null;
   return {
