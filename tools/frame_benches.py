@@ -195,7 +195,7 @@ def bandwidth(gpu: Gpu, options: Options) -> Result:
         pair = reprojection(*views, *options.size)
         textures = history.current.textures, history.previous.textures
         watch.time("copy", lambda: [gpu.ctx.copy_buffer(target, source) for _ in range(rounds)])
-        run = partial(subject.masks.run, pair, subject.thresholds, *textures)
+        run = partial(subject.evaluator.submit, pair, current=textures[0], previous=textures[1])
         watch.time("masks", lambda r=run: [r() for _ in range(rounds)])
         watch.time("clear", lambda: [history.current.clear() for _ in range(rounds)])
     source.release()

@@ -26,11 +26,12 @@ from peers import Peer, torch_python
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.state import View
-from taubench_gl.conventions import FEATURES, Reason
-from taubench_gl.frame.passes.masks import Counts, MaskPass
+from taubench_gl.conventions import Reason
+from taubench_gl.evaluation import ChannelPair, PairEvaluator
+from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection
@@ -50,15 +51,14 @@ class MaskBench:
         self.mode, self.size = mode, size
         self.channels = ("position", "normal", "prev_position") if mode == "motion" else ("position", "normal")
         self.renderer = Renderer(gpu, scene, choose_camera(scene), size, self.channels)
-        self.shaders = ShaderCache(gpu.ctx)
-        self.masks = MaskPass(gpu, self.shaders, size, reprojection=mode)
-        self.thresholds = {f: Settings().metrics.threshold(f) for f in FEATURES}
+        self.context = GpuContext(gpu)
+        self.evaluator = PairEvaluator(self.context, ChannelPair(size, reprojection=mode), Settings())
+        self.thresholds = Settings().metrics.thresholds
         self.torch = torch
 
     def run_masks(self, pair: Reprojection) -> Counts:
         history = self.renderer.history
-        self.masks.run(pair, self.thresholds, history.current.textures, history.previous.textures)
-        return self.masks.read()
+        return self.evaluator.compare(pair, current=history.current.textures, previous=history.previous.textures)
 
     def run_twin(self, pair: Reprojection, current: dict, history: dict) -> np.ndarray:
         return pair_masks(current, history, pair, self.thresholds, reprojection=self.mode).mask_histogram()
@@ -100,7 +100,7 @@ class MaskBench:
             raise SystemExit(f"tools/bench: masks and {name} differ in {differ} counts; no timing means anything")
 
     def release(self) -> None:
-        for part in (self.masks, self.shaders, self.renderer, self.renderer.shaders):
+        for part in (self.evaluator, self.context, self.renderer, self.renderer.shaders):
             part.release()
 
 

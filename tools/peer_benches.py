@@ -12,11 +12,10 @@ from peers import Peer
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.evaluation import ChannelPair, PairEvaluator
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -52,16 +51,15 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
         return Result(title, [missing(PYRENDER, peer.missing)], [], claims=claims)
     scene, camera = load_scene(path), Walk()
     renderer = Renderer(gpu, scene, camera, options.size, EIGHT)
-    shaders = ShaderCache(gpu.ctx)
-    masks = MaskPass(gpu, shaders, options.size)
-    thresholds = {f: Settings().metrics.threshold(f) for f in FEATURES}
+    context = GpuContext(gpu)
+    evaluator = PairEvaluator(context, ChannelPair(options.size), Settings())
     watch, covered = Stopwatch(gpu), []
 
     def masked(frame: int) -> None:
         renderer.draw(frame / FPS, (frame - 1) / FPS)
         pair = reprojection(renderer.view(frame / FPS)[1], renderer.view((frame - 1) / FPS)[1], *options.size)
-        masks.run(pair, thresholds, renderer.history.current.textures, renderer.history.previous.textures)
-        masks.read()
+        history = renderer.history
+        evaluator.compare(pair, current=history.current.textures, previous=history.previous.textures)
 
     def read(frame: int) -> None:
         masked(frame)
@@ -79,7 +77,7 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
         covered.append((told["covered"], float((renderer.read("position")[..., 3] > 0).mean())))
     rows = [row(name, watch.samples[name][1:]) for name in (PYRENDER, OURS, MASKED, READ)]
     theirs, mine = 100 * np.mean(covered, axis=0)
-    for part in (masks, shaders, renderer, renderer.shaders):
+    for part in (evaluator, context, renderer, renderer.shaders):
         part.release()
     peer.close()
     gpu.collect()

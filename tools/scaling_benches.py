@@ -11,13 +11,11 @@ from mask_benches import Walk
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import FEATURES
-from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.frame.passes.masks import MaskPass
+from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -92,18 +90,18 @@ def pixels(gpu: Gpu, options: Options) -> Result:
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
     sizes = [(max(options.size[0] // n, 16), max(options.size[1] // n, 9)) for n in (8, 4, 2, 1)]
     walkers = [Walker(gpu, scene, size, camera=camera) for size in sizes]
-    shaders = ShaderCache(gpu.ctx)
-    masks = [MaskPass(gpu, shaders, size) for size in sizes]
-    thresholds = {f: Settings().metrics.threshold(f) for f in FEATURES}
+    context = GpuContext(gpu)
+    evaluators = [PairEvaluator(context, ChannelPair(size), Settings()) for size in sizes]
 
     def mask(i: int) -> Callable[[], object]:
         renderer, history = walkers[i].renderer, walkers[i].renderer.history
         pair = reprojection(renderer.view(1 / FPS)[1], renderer.view(0.0)[1], *sizes[i])
-        return lambda: masks[i].run(pair, thresholds, history.current.textures, history.previous.textures)
+        current, previous = history.current.textures, history.previous.textures
+        return lambda: evaluators[i].submit(pair, current=current, previous=previous)
 
     drawn = in_turn(gpu, list(walkers), 3 * options.repeats)
     masked = in_turn(gpu, [mask(i) for i in range(len(sizes))], 3 * options.repeats)
-    for part in (*masks, shaders, *walkers):
+    for part in (*evaluators, context, *walkers):
         part.release()
     gpu.collect()
     counts = [w * h for w, h in sizes]
