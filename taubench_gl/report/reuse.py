@@ -1,4 +1,4 @@
-"""Tables and plots of a reuse evaluation (schema ``taubench-gl/reuse/1``) and of a parameter fit."""
+"""Tables, plots and HTML page of a reuse evaluation (schema ``taubench-gl/reuse/1``) and of a parameter fit."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, save_figure
+from taubench_gl.report.page import data_uri, render_page
+from taubench_gl.report.render import to_html
 from taubench_gl.report.tables import Column, Row, Table
 
 Summary = Mapping[str, Any]
@@ -232,3 +234,44 @@ def _title(summary: Summary, what: str) -> str:
     kind = summary["input"]["kind"].partition(":")[0]  # without the path of files
     name = as_title(summary["scene"]["name"])
     return f"{what}: {name}, {s['width']}x{s['height']}, {kind} input"
+
+
+# ---------------------------------------------------------------------------------------------------------------- page
+
+
+def reuse_html(summary: Summary, rows: Sequence[Mapping[str, Any]], image: bytes | None = None) -> str:
+    """The page of an evaluation, templates/reuse.html.
+
+    ``rows``: frames.csv, one per frame and method; ``image``: a PNG of the methods side by side on the worst frame.
+    """
+    methods = summary["methods"]
+    return render_page(
+        "reuse.html",
+        scripts=("reuse.js",),
+        data=_page_data(summary, rows),
+        title=summary["scene"]["name"],
+        notes=reuse_notes(summary),
+        failed=[(label, method["failed"]) for label, method in methods.items() if method["failed"]],
+        image=None if image is None else data_uri(image),
+        tables=to_html(reuse_tables(summary), scroll=True),
+    )
+
+
+def _page_data(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Values of reuse.js: measures with values, frames, and of each method its rows by measure in order of frames."""
+    frames = sorted({row["frame"] for row in rows})
+    measures = [name for name in summary["measures"] if any(row[name] is not None for row in rows)]
+    methods = []
+    for index, (label, method) in enumerate((k, m) for k, m in summary["methods"].items() if not m["failed"]):
+        by_frame = {row["frame"]: row for row in rows if row["method"] == label}
+        style = _series_style(index, "dash", _LINES)
+        values = {name: [by_frame.get(frame, {}).get(name) for frame in frames] for name in measures}
+        methods.append(
+            style | {"label": label, "rows": values, "mean": method["mean"], "time_ms": method.get("time_ms")}
+        )
+    return {
+        "frames": frames,
+        "measures": [{"name": name, **summary["measures"][name]} for name in measures],
+        "methods": methods,
+        "clock": summary["clock"],
+    }
