@@ -26,7 +26,7 @@ class SceneError(TaubenchError):
 
 
 class PathTracedError(TaubenchError):
-    """A path-traced reference (EXR file, sequence, sidecar) cannot be used as it is."""
+    """A path-traced file, sequence or camera cannot be used, or Blender failed."""
 
 
 class SettingsError(TaubenchError):

@@ -82,16 +82,16 @@ def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions)
 
 def _choose_camera(options: PathTracedOptions, settings: Settings) -> tuple[PathTracedCamera, float]:
     """The camera and the frame rate."""
-    wanted = settings.sequence
+    sequence = settings.sequence
     if options.camera_file is not None:
         camera = SidecarCamera(options.camera_file)
-        return camera, camera.file.fps or wanted.fps
+        return camera, camera.file.fps or sequence.fps
     if options.scene_file is not None:
-        scene = load_scene(options.scene_file, scene=wanted.scene, animation=wanted.animation)
+        scene = load_scene(options.scene_file, scene=sequence.scene, animation=sequence.animation)
         if not len(scene.camera_nodes):
             raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
-        return SceneCamera(scene, choose_camera(scene, wanted.camera), wanted.fps), wanted.fps
-    return FittedCamera(), wanted.fps
+        return SceneCamera(scene, choose_camera(scene, sequence.camera), sequence.fps), sequence.fps
+    return FittedCamera(), sequence.fps
 
 
 def evaluate_path_traced(

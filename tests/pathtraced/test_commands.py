@@ -89,3 +89,11 @@ def test_sky_option(tmp_path, monkeypatch, words, sky):
 def test_a_sky_of_three_arguments_is_refused(tmp_path):
     code, _, err = taubench("reference", "render", DEMO, "--out", tmp_path / "o", "--sky", "0.1", "0.2", "0.3")
     assert code == 2 and "0.2 0.3" in err and not (tmp_path / "o").exists()
+
+
+def test_former_command_names_work_with_a_note(renders):
+    for former, current in (("truth check", "reference check"), ("agree", "reference compare")):
+        arguments = [f"exr:{renders}"] if former == "truth check" else [str(renders), str(renders)]
+        done, expected = (CliRunner().invoke(cli, [*name.split(), *arguments]) for name in (former, current))
+        assert (done.return_value, str(done.exception)) == (expected.return_value, str(expected.exception))
+        assert "reference" in done.stderr and done.stdout == expected.stdout

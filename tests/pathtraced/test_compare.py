@@ -22,6 +22,7 @@ from taubench_gl.pathtraced.compare import (
     mask_agreement,
     save_comparison,
 )
+from taubench_gl.run import load_run
 from taubench_gl.settings import Settings
 
 
@@ -139,3 +140,11 @@ def test_edge_band_and_mask_agreement():
     shifted[:, 4:] = True
     intersection, union, equal, outside = mask_agreement(shifted, mask)
     assert (intersection, union) == (21, 28) and equal == outside == 35
+
+
+def test_runs_with_the_former_block_name_are_read(renders, tmp_path):
+    evaluate(f"exr:{renders}", out=tmp_path / "a", path_traced=options(renders))
+    path = tmp_path / "a" / "summary.json"
+    summary = json.loads(path.read_text())
+    path.write_text(json.dumps({"truth" if k == "path_traced" else k: v for k, v in summary.items()}))
+    assert load_run(tmp_path / "a").summary["path_traced"] == summary["path_traced"]
