@@ -1,4 +1,4 @@
-"""Shared fixtures: where the real scenes lie (read, never copied) and the GL context."""
+"""Shared fixtures: the folder of real scenes, which is only read, and the GL context."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _shared_data() -> Path | None:
-    """Real third-party scenes beside the checkout, or wherever TAUBENCH_DATA says."""
+    """Folder of third-party scenes: TAUBENCH_DATA, else shared/data beside the checkout."""
     candidates = [os.environ.get("TAUBENCH_DATA"), Path(__file__).resolve().parents[2] / "shared" / "data"]
     for candidate in candidates:
         if candidate and Path(candidate).is_dir():
@@ -27,9 +27,9 @@ DATA = _shared_data()
 
 @pytest.fixture(scope="session")
 def data() -> Path:
-    """Folder of real scenes; tests that need it are skipped, by name, where it is absent."""
+    """Folder of real scenes; tests that need it are skipped without it."""
     if DATA is None:
-        pytest.skip("no real scenes beside the checkout; set TAUBENCH_DATA to their folder")
+        pytest.skip("no folder of real scenes; set TAUBENCH_DATA")
     return DATA
 
 
@@ -42,7 +42,7 @@ def session_gpu() -> Gpu:
 
 @pytest.fixture
 def gpu(session_gpu: Gpu) -> Iterator[Gpu]:
-    """The GL context, current; a clean GL error state is part of passing."""
+    """The current GL context; the test fails on a GL error."""
     with session_gpu:
         assert session_gpu.ctx.error == "GL_NO_ERROR"
         yield session_gpu

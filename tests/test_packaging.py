@@ -1,4 +1,4 @@
-"""The wheel is whole: it carries shaders and assets, and works away from the checkout."""
+"""The wheel is complete: it has shaders and assets and works outside the checkout."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _data_files() -> set[str]:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built from a copy, so that the checkout gets no build folder and a leftover one cannot leak in."""
+    """Built from a copy, so that the checkout gets no build folder and an old build folder has no effect."""
     source, dist = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
     for folder in ("taubench_gl", *DATA_FOLDERS):
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns("__pycache__"))
@@ -55,14 +55,14 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the wheel unpacked by pip, without its dependencies (those of this environment serve)."""
+    """Folder with the wheel unpacked by pip without its dependencies, which this environment has."""
     target = tmp_path_factory.mktemp("target")
     pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-deps", "--no-index")
     _run(*pip, "--target", target, wheel, cwd=target)
     return target
 
 
-def test_wheel_holds_code_and_data_and_nothing_else(wheel):
+def test_wheel_contains_code_and_data_only(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     data = {name.removeprefix("taubench_gl/_data/") for name in names if name.startswith("taubench_gl/_data/")}
     assert data == _data_files()
@@ -108,12 +108,12 @@ def test_constraints_pin_every_dependency_by_name_and_version_alone():
     for line in lines:
         name, version = re.fullmatch(r"([A-Za-z0-9._-]+)==([A-Za-z0-9.]+)", line).groups()
         pinned[_normal(name)] = version
-    wanted = project["dependencies"] + [r for extra in project["optional-dependencies"].values() for r in extra]
-    missing = {_normal(re.match(r"[A-Za-z0-9._-]+", requirement)[0]) for requirement in wanted} - pinned.keys()
+    required = project["dependencies"] + [r for extra in project["optional-dependencies"].values() for r in extra]
+    missing = {_normal(re.match(r"[A-Za-z0-9._-]+", requirement)[0]) for requirement in required} - pinned.keys()
     assert not missing - {"taubench-gl"}  # the test extra names the others
 
 
-def test_version_is_said_once():
+def test_version_is_the_same_everywhere():
     import taubench_gl
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

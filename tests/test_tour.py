@@ -1,4 +1,4 @@
-"""The tour's commands do what the tour says: each is run as it stands there."""
+"""The commands of the tour run as written."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def commands() -> list[str]:
-    """Lines of the tour's shell blocks, continued lines joined; those that want a screen left out."""
+    """Lines of the tour's shell blocks, with continued lines joined, without the viewer, which needs a screen."""
     blocks = re.findall(r"```sh\n(.*?)```", (ROOT / "docs" / "tour.md").read_text(encoding="utf-8"), re.DOTALL)
     lines = "".join(blocks).replace("\\\n", " ").splitlines()
     return [line for line in lines if not line.startswith("taubench-gl view")]
 
 
-def test_the_tour_has_commands_of_every_part():
+def test_the_tour_covers_every_part():
     text = " ".join(commands())
     for word in ("inspect", "evaluate", "reuse evaluate", "cost", "--preset", "selftest", "stress", "batch report"):
         assert f" {word} " in f"{text} ", word
 
 
 @pytest.mark.long
-def test_the_tour_can_be_walked(tmp_path: Path):
+def test_the_tour_runs(tmp_path: Path):
     shutil.copytree(ROOT / "assets", tmp_path / "assets")
     bin_folder = tmp_path / "bin"
     bin_folder.mkdir()

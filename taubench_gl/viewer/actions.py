@@ -128,7 +128,7 @@ _action("split right", "image", "move the split line right")(lambda s: _split(s,
 
 for _name, _reason in OVERLAYS.items():
 
-    @_action(f"show {_name}", "masks", f"mask of {label_of(_reason)} pixels")
+    @_action(f"show {_name}", "masks", f"mask: {label_of(_reason)}")
     def _show(s: ViewerState, name: str = _name) -> None:
         s.shown[name] = not s.shown[name]
         s.overlays = s.overlays or s.shown[name]

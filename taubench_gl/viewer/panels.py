@@ -59,7 +59,7 @@ class Panels:
 
     def _faint(self, text: str, wrap: bool = False) -> None:
         imgui.push_style_color(imgui.Col_.text.value, _FAINT)
-        (imgui.text_wrapped if wrap else imgui.text)(text.replace("%", "%%") if wrap else text)
+        (imgui.text_wrapped if wrap else imgui.text)(text)
         imgui.pop_style_color()
 
     def _tip(self, action: str, definition: str = "") -> None:
