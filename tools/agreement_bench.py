@@ -18,7 +18,8 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.pathtraced.blender.job import Quality
-from taubench_gl.pathtraced.blender.render import CAMERA_FILE, render_reference
+from taubench_gl.pathtraced.blender.render import render_reference
+from taubench_gl.pathtraced.cameras import CAMERA_FILE
 from taubench_gl.pathtraced.compare import compare_runs, noise_floor_percent, seconds_per_frame
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import Run

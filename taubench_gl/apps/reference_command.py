@@ -51,7 +51,8 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     from taubench_gl.animation import choose_camera
     from taubench_gl.evaluation import frame_range
     from taubench_gl.pathtraced.blender.job import Quality
-    from taubench_gl.pathtraced.blender.render import CAMERA_FILE, render_reference
+    from taubench_gl.pathtraced.blender.render import render_reference
+    from taubench_gl.pathtraced.cameras import CAMERA_FILE
     from taubench_gl.scene import load_scene
 
     names = ("camera", "scene", "animations", "fps", "frames", "size", "culling", "sky")

@@ -20,13 +20,13 @@ from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import is_partial_of, write_atomically
-from taubench_gl.pathtraced.cameras import camera_file_text
+from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 SCHEMA = "taubench-gl/export/1"
-MANIFEST, CAMERA_FILE = "export.json", "camera.json"
+MANIFEST = "export.json"
 FORMATS: dict[str, type[Writer]] = {"exr": ExrWriter, "npz": NpzWriter, "zarr": ZarrWriter, "sintel": SintelWriter}
 
 

@@ -32,6 +32,9 @@ from taubench_gl.scene.model import Camera, Scene
 
 Array = np.ndarray
 CAMERA_SCHEMA = "taubench-gl/camera/1"
+CAMERA_FILE = "camera.json"
+"""Name of the sidecar in a folder of frames."""
+
 MAX_MISMATCH_PX = 0.5
 """A camera whose projection of the position pass is farther off than this (median, pixels) did not render the files."""
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from taubench_gl.errors import PathTracedError
 from taubench_gl.evaluation import Pair
-from taubench_gl.pathtraced.blender.render import CAMERA_FILE, read_render
+from taubench_gl.pathtraced.blender.render import read_render
+from taubench_gl.pathtraced.cameras import CAMERA_FILE
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import PREFIX, PathTracedSequence
 from taubench_gl.run import Run

@@ -18,8 +18,8 @@ from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.pathtraced.blender import process
 from taubench_gl.pathtraced.blender.job import KEY_FPS, Quality, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import HOW_TO_GET_BPY
-from taubench_gl.pathtraced.blender.render import CAMERA_FILE, PROVENANCE_FILE, read_render, render_reference
-from taubench_gl.pathtraced.cameras import read_camera_file
+from taubench_gl.pathtraced.blender.render import PROVENANCE_FILE, read_render, render_reference
+from taubench_gl.pathtraced.cameras import CAMERA_FILE, read_camera_file
 from taubench_gl.pathtraced.sequence import find_frames
 from taubench_gl.scene import load_scene
 

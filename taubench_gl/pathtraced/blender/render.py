@@ -19,11 +19,11 @@ from taubench_gl.errors import OutputError, PathTracedError
 from taubench_gl.outputs import cannot_write, make_folders, remove_folders, write_atomically
 from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality, identity, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
-from taubench_gl.pathtraced.cameras import camera_file_text, read_camera_file
+from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text, read_camera_file
 from taubench_gl.pathtraced.exr import read_header
 from taubench_gl.scene.model import Scene
 
-CAMERA_FILE, PROVENANCE_FILE, LOG_FILE = "camera.json", "provenance.json", "render.log"
+PROVENANCE_FILE, LOG_FILE = "provenance.json", "render.log"
 CLOCK = "wall clock around each frame's render, within Blender"
 _RECORDED = ("fps", "size", "samples", "bounces", "seed", "seed_per_frame", "crisp", "cull_back_faces", "sky")
 
