@@ -42,60 +42,52 @@ MAX_FRAMES = 1_000_000
 """Frames of one evaluation: more than eleven hours at 24 fps.  Per-frame data of this many frames fits in memory."""
 _FLOAT32_MAX = 3.4e38
 
-Check = Callable[[str, Any], None]
-"""Takes a field's name in words and its value; raises SettingsError for a value out of range."""
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Allowed values of a setting."""
+
+    text: str  # completes "give ..."
+    fault: Callable[[str, Any], str | None]  # (name in words, value) -> what is wrong, None if nothing is
 
 
-def _at_least(least: float, hint: str, most: float = math.inf) -> Check:
+def _is(name: str, value: Any) -> str:
+    return f"{name} is {value!r}"
+
+
+def _at_least(least: float, text: str, most: float = math.inf) -> Check:
     """A finite number in [least, most]."""
-
-    def check(name: str, value: Any) -> None:
-        if not (math.isfinite(value) and least <= value <= most):
-            raise SettingsError(f"{name} is {value}", hint=hint)
-
-    return check
+    return Check(text, lambda name, x: None if math.isfinite(x) and least <= x <= most else _is(name, x))
 
 
-def _above_zero(hint: str) -> Check:
+def _above_zero(text: str) -> Check:
     """A finite number above 0."""
-
-    def check(name: str, value: Any) -> None:
-        if not (math.isfinite(value) and value > 0):
-            raise SettingsError(f"{name} is {value}", hint=hint)
-
-    return check
+    return Check(text, lambda name, x: None if math.isfinite(x) and x > 0 else _is(name, x))
 
 
 def _one_of(allowed: tuple[str, ...]) -> Check:
-    def check(name: str, value: Any) -> None:
-        if value not in allowed:
-            raise SettingsError(f"{name} is {value!r}", hint=f"choose from {', '.join(allowed)}")
-
-    return check
+    return Check(f"one of {', '.join(allowed)}", lambda name, x: None if x in allowed else _is(name, x))
 
 
-def _check_columns(_name: str, value: Any) -> None:
-    for column in value:
-        if column not in COLUMNS:
-            raise SettingsError(f"no column is named {column!r}", hint=f"choose from {', '.join(COLUMNS)}")
+def _columns_fault(_name: str, value: Any) -> str | None:
+    return next((f"no column is named {column!r}" for column in value if column not in COLUMNS), None)
 
 
-def _check_sky(name: str, value: Any) -> None:
-    if len(value) != 3 or not all(math.isfinite(c) and c >= 0 for c in value):
-        raise SettingsError(f"{name} is {value}", hint="give three radiances of at least 0: R,G,B")
+def _sky_fault(name: str, value: Any) -> str | None:
+    return None if len(value) == 3 and all(math.isfinite(c) and c >= 0 for c in value) else _is(name, value)
 
 
-def _check_pairs(name: str, value: Any) -> None:
-    if _PAIR_SAMPLE.fullmatch(value) is None:
-        raise SettingsError(f"{name} is {value!r}", hint=f"choose from {', '.join(PAIR_SAMPLES)}")
+def _pairs_fault(name: str, value: Any) -> str | None:
+    return None if _PAIR_SAMPLE.fullmatch(value) else _is(name, value)
 
 
-def _check_thresholds(_name: str, value: Any) -> None:
+def _thresholds_fault(_name: str, value: Any) -> str | None:
     for feature, threshold in value.items():
         if feature not in FEATURES:
-            raise SettingsError(f"no feature is named {feature!r}", hint=f"choose from {', '.join(FEATURES)}")
+            return f"no feature is named {feature!r}"
         if not (math.isfinite(threshold) and threshold >= 0):
-            raise SettingsError(f"threshold of {feature} is {threshold}", hint="give a finite number of at least 0")
+            return f"threshold of {feature} is {threshold!r}"
+    return None
 
 
 def _setting(default: Any, meaning: str, check: Check | None = None, *, unit: str = "", selects: bool = False) -> Any:
@@ -113,19 +105,18 @@ class _Group:
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(typing.cast(Any, self)):
-            check, name, value = field.metadata["check"], field.name.replace("_", " "), getattr(self, field.name)
+            check, value = field.metadata["check"], getattr(self, field.name)
+            if check is None:
+                continue
             try:
-                if check is not None:
-                    check(name, value)
+                fault = check.fault(field.name.replace("_", " "), value)
             except (TypeError, AttributeError):
-                what, hint = f"{name} is {value!r}", f"give a {field.type}"
-                raise SettingsError(what, hint=hint, setting=field.name) from None
-            except SettingsError as error:
-                error.setting = field.name
-                raise
+                fault = f"{field.name.replace('_', ' ')} is {value!r}"
+            if fault is not None:
+                raise SettingsError(fault, hint=f"give {check.text}", setting=field.name)
 
 
-_SIZE = _at_least(1, f"give a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZE)
+_SIZE = _at_least(1, f"a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +125,7 @@ class SequenceSettings(_Group):
 
     width: int = _setting(1920, "width of the image", _SIZE, unit="px")
     height: int = _setting(1080, "height of the image", _SIZE, unit="px")
-    fps: float = _setting(DEFAULT_FPS, "frames per second", _above_zero("give a rate above 0"), unit="1/s")
+    fps: float = _setting(DEFAULT_FPS, "frames per second", _above_zero("a rate above 0"), unit="1/s")
     frames: tuple[int | None, int | None] = _setting(
         (None, None), "Python slice (A, B) of frame numbers; None: the default end", selects=True
     )
@@ -184,19 +175,23 @@ class MetricsSettings(_Group):
     thresholds: Mapping[str, float] = _setting(
         {},
         "a_B per feature of conventions.FEATURES, in its unit (position: meters); features left out get the default",
-        _check_thresholds,
+        Check("finite numbers of at least 0 for " + ", ".join(FEATURES), _thresholds_fault),
     )
-    unit_scale: float = _setting(1.0, "scene units per meter", _above_zero("give a factor above 0"), unit="1/m")
+    unit_scale: float = _setting(1.0, "scene units per meter", _above_zero("a factor above 0"), unit="1/m")
     columns: tuple[str, ...] = _setting(
-        COLUMNS, "columns to measure; what no column needs is not simulated", _check_columns
+        COLUMNS,
+        "columns to measure; what no column needs is not simulated",
+        Check("names from " + ", ".join(COLUMNS), _columns_fault),
     )
     samples_per_pixel: int = _setting(
         1,
         "sub-pixel positions at which both frames of a pair are rendered and compared",
-        _at_least(1, "give 1 to 64", 64),
+        _at_least(1, "1 to 64", 64),
     )
     pairs: str = _setting(
-        "all", "pairs to evaluate: all | every:K | strata:H (two from each of H strata)", _check_pairs
+        "all",
+        "pairs to evaluate: all | every:K | strata:H (two from each of H strata)",
+        Check(f"one of {', '.join(PAIR_SAMPLES)}", _pairs_fault),
     )
 
     def __post_init__(self) -> None:
@@ -227,29 +222,30 @@ class LightingSettings(_Group):
 
     effects: str = _setting("auto", "effects to simulate: those that scene and columns need, or all", _one_of(EFFECTS))
     sky: tuple[float, float, float] = _setting(
-        (0.0, 0.0, 0.0), "uniform sky radiance, linear RGB", _check_sky, unit="cd/m2"
+        (0.0, 0.0, 0.0),
+        "uniform sky radiance, linear RGB",
+        Check("three radiances of at least 0: R,G,B", _sky_fault),
+        unit="cd/m2",
     )
     exposure: float = _setting(
-        1.0, "factor on radiance before thresholds and tone mapping", _above_zero("give a factor above 0")
+        1.0, "factor on radiance before thresholds and tone mapping", _above_zero("a factor above 0")
     )
     tone_map: str = _setting("linear", "curve from radiance x exposure to color", _one_of(TONE_MAPS))
     shadow_size: int = _setting(
         1024,
         "texels along a shadow-map face; directional lights get four times as many",
-        _at_least(16, "give 16 to 4096 texels", 4096),
+        _at_least(16, "16 to 4096 texels", 4096),
         unit="texels",
     )
-    shadow_lights: int = _setting(8, "lights with shadows, the most significant first", _at_least(0, "give 0 or more"))
+    shadow_lights: int = _setting(8, "lights with shadows, the most significant first", _at_least(0, "0 or more"))
     shadow_filter: str = _setting("bilinear", "filter of the shadow-map lookup", _one_of(SHADOW_FILTERS))
     indirect: str = _setting("auto", "method of indirect light", _one_of(INDIRECT))
-    indirect_samples: int = _setting(
-        1024, "virtual point lights of all lights together", _at_least(1, "give at least 1")
-    )
-    probes: int = _setting(768, "approximate number of irradiance probes", _at_least(8, "give at least 8"))
+    indirect_samples: int = _setting(1024, "virtual point lights of all lights together", _at_least(1, "at least 1"))
+    probes: int = _setting(768, "approximate number of irradiance probes", _at_least(8, "at least 8"))
     light_error: float = _setting(
         1e-3,
         "radiance that light culling may leave out of a tile",
-        _at_least(0, "give a radiance of at least 0"),
+        _at_least(0, "a radiance of at least 0"),
         unit="cd/m2",
     )
 

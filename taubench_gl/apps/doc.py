@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import inspect
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ import click
 from taubench_gl import glossary
 from taubench_gl.apps.cli import cli
 from taubench_gl.paths import PACKAGE
+from taubench_gl.settings import GROUPS, Settings
 
 DOCS = PACKAGE.parent / "docs"
 PROGRAM = "taubench-gl"
@@ -78,6 +80,7 @@ def api_page() -> str:
         for name in names:
             out += _entry(f"{module}.{name}", getattr(importlib.import_module(module), name), "###")
             out += _members(name, getattr(importlib.import_module(module), name))
+            out += settings_table() if name == "Settings" else []
     return "\n".join(out).rstrip() + "\n"
 
 
@@ -87,12 +90,30 @@ def _entry(name: str, thing: object, level: str) -> list[str]:
     return [f"{level} {name}\n", f"```python\n{signature}\n```\n", f"{text}\n"]
 
 
+def settings_table() -> list[str]:
+    """Every setting: name, default, allowed values and meaning, by group."""
+    out = []
+    for group, kind in GROUPS.items():
+        out.append(f"#### Settings.{group}\n\n{inspect.getdoc(kind)}\n")
+        out.append("| setting | default | unit | allowed | meaning |\n|---|---|---|---|---|")
+        for field in dataclasses.fields(kind):
+            default = getattr(getattr(Settings(), group), field.name)
+            shown = "32/255 each" if field.name == "thresholds" else f"`{default!r}`"
+            about = field.metadata
+            allowed = about["check"].text if about["check"] else ""
+            cells = (f"`{field.name}`", shown, about["unit"], allowed, about["meaning"])
+            out.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        out.append("")
+    return out
+
+
 def _members(owner: str, thing: object) -> list[str]:
     """Entries of the public methods of a class that have a docstring."""
     if not inspect.isclass(thing) or issubclass(thing, Exception):
         return []
     out = []
-    for name, member in vars(thing).items():
+    for name, attribute in vars(thing).items():
+        member = attribute.__func__ if isinstance(attribute, staticmethod) else attribute
         if inspect.isfunction(member) and not name.startswith("_") and member.__doc__:
             out += _entry(f"{owner}.{name}", member, "####")
     return out
