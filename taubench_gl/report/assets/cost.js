@@ -42,7 +42,7 @@ function errorScale(errors, column, area) {
   return symlogScale(Number.isFinite(least) ? Math.max(1e-3, least) : 1e-3, most, area.bottom, area.top);
 }
 
-function draw(keep) {
+function draw() {
   const column = chooser.value, points = shownPoints(column), isMeasure = data.measures.includes(column);
   box.replaceChildren();
   if (!points.length) { status.textContent = "Nothing to show."; return; }
@@ -65,28 +65,14 @@ function draw(keep) {
   for (const p of order) {
     const px = x(p.ms.median), py = y(p.columns[column].error);
     if (p.ms.spread) plot.append(svg("line", { class: "spread", x1: x(p.ms.median - p.ms.spread), x2: x(p.ms.median + p.ms.spread), y1: py, y2: py }));
-    const mark = svg("path", {
-      class: front.includes(p) ? "mark" : "mark dim", d: markPath(SHAPES[p.role], px, py), fill: data.colors[column],
-      tabindex: 0, role: "img", "aria-label": describe(p, column), "data-name": p.name,
-    }, svg("title", {}, p.label));
-    const show = () => { status.textContent = describe(p, column); };
-    mark.addEventListener("mouseenter", show);
-    mark.addEventListener("focus", show);
-    plot.append(mark);
-    if (p.name === keep) mark.focus();
+    addMark(plot, {
+      shape: SHAPES[p.role], x: px, y: py, fill: data.colors[column], label: describe(p, column), title: p.label, name: p.name, dim: !front.includes(p),
+    }, () => { status.textContent = describe(p, column); });
   }
-  if (!keep) status.textContent = "Point at a mark, or reach it with Tab and the arrow keys.";
+  status.textContent = "Point at a mark, or reach it with Tab and the arrow keys.";
 }
 
-box.addEventListener("keydown", (event) => {
-  const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-  if (!step) return;
-  event.preventDefault();
-  const time = new Map(data.points.map((p) => [p.name, p.ms?.median]));
-  const marks = [...box.querySelectorAll(".mark")].sort((a, b) => time.get(a.dataset.name) - time.get(b.dataset.name));
-  marks[(marks.indexOf(document.activeElement) + step + marks.length) % marks.length].focus();
-});
-
+walkMarks(box, (name) => data.points.find((p) => p.name === name).ms.median);
 for (const [name, columns] of Object.entries(data.front_columns))
   chooser.append(el("option", { value: name }, data.columns.includes(name) ? name : `worst of ${columns.length < 4 ? columns.join(", ") : `${columns.length} columns`}`));
 chooser.value = Object.keys(data.front_columns).find((name) => !data.columns.includes(name)) ?? chooser.value;

@@ -219,7 +219,6 @@ function addMark(root, { shape, x, y, fill, label, title, name, dim }, show) {
   mark.addEventListener("mouseenter", show);
   mark.addEventListener("focus", show);
   root.append(mark);
-  return mark;
 }
 
 // An entry of a legend or readout: a short line in the color and dashes of a series, and words.
