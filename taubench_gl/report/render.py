@@ -192,6 +192,7 @@ def to_html(tables: Sequence[Table], scroll: bool = False) -> str:
         shown.append({
             "title": _title(table),
             "heads": ["", *map(_heading, table.columns)],
+            "tips": ["", *(column.definition for column in table.columns)],
             "rows": rows,
             "notes": [mark(i) + " " + note for i, note in enumerate(footnotes, start=1)] + list(table.notes),
             "dim": [i for i, row in enumerate(table.rows) if row.paper],

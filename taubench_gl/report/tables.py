@@ -10,7 +10,8 @@ from importlib import resources
 from typing import Any
 
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.glossary import CENSUS, STATISTICS
+from taubench_gl.glossary import CAMERA, CENSUS, STATISTICS
+from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report.labels import run_labels
 
 Summary = Mapping[str, Any]
@@ -20,11 +21,15 @@ WITHOUT_CUTS = STATISTICS["without_cuts_mean_percent"].label
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of numbers.  ``digits``: decimals in formatted text, ``None`` for integers; CSV keeps all."""
+    """A column of numbers.
+
+    ``digits``: decimals in formatted text, ``None`` for integers; CSV keeps all.  ``definition``: tooltip in HTML.
+    """
 
     name: str
     unit: str = ""
     digits: int | None = None
+    definition: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +69,10 @@ def paper_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table
 
 
 # Every row of statistics holds the sampling rate and the number of pairs.
-_SAMPLING = (Column("fps", "1/s", 0), Column("N", "pairs"))
+_SAMPLING = (
+    Column("fps", "1/s", 0, STATISTICS["fps"].tooltip),
+    Column("N", "pairs", definition=STATISTICS["pairs"].tooltip),
+)
 
 _CENSUS = ("dynamic_rigid_objects", "armatures", "bones", "static_point_lights", "dynamic_point_lights")
 
@@ -82,7 +90,7 @@ def _census(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) ->
             values = [scene["census"].get(key) for key in _CENSUS]
             reasons = {2: bones} if scene["census"]["armatures"] else {}
             rows.append(Row(scene["name"], (*values, None, None), paper=True, reasons=reasons))
-    columns = (*(Column(CENSUS[key].label) for key in _CENSUS), *_SAMPLING)
+    columns = (*(Column(CENSUS[key].label, definition=CENSUS[key].tooltip) for key in _CENSUS), *_SAMPLING)
     return Table(1, "Animation details", columns, tuple(rows), _notes(summaries, labels, paper))
 
 
@@ -95,7 +103,7 @@ def _position(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) 
             Row(scene["name"], (*(scene["position"].get(key) for key in keys), None, None), paper=True)
             for scene in paper_numbers()["scenes"]
         ]
-    columns = tuple(Column(key, "m²" if key == "variance" else "m", 3) for key in keys)
+    columns = tuple(_camera_column("position", key, key, "m") for key in keys)
     notes = _notes(summaries, labels, paper, _paper_rate(paper))
     return Table(2, "Change in the camera's position per frame", (*columns, *_SAMPLING), tuple(rows), notes)
 
@@ -110,12 +118,15 @@ def _rotation(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) 
             for scene in paper_numbers()["scenes"]
         ]
     short = {"mean": "mean", "variance": "var", "max": "max"}
-    columns = tuple(
-        Column(f"{axis} {short[key]}", "deg²" if key == "variance" else "deg", 3) for axis, key in statistics
-    )
+    columns = tuple(_camera_column(axis, key, f"{axis} {short[key]}", "deg") for axis, key in statistics)
     notes = ("angle: the geodesic angle between the two orientations; not in the paper.",)
     notes += _notes(summaries, labels, paper, _paper_rate(paper))
     return Table(3, "Change in the camera's rotation per frame", (*columns, *_SAMPLING), tuple(rows), notes)
+
+
+def _camera_column(quantity: str, statistic: str, name: str, unit: str) -> Column:
+    definition = f"{STATISTICS[statistic].definition}: {CAMERA[quantity].tooltip}"
+    return Column(name, f"{unit}²" if statistic == "variance" else unit, 3, definition)
 
 
 def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -> Table:
@@ -144,7 +155,7 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
             Row(scene["name"], (*(scene["discard"][name] for name in COLUMNS), fps, None), paper=True)
             for scene in paper_numbers()["scenes"]
         ]
-    columns = (*(Column(name, "%", 2) for name in COLUMNS), *_SAMPLING)
+    columns = (*(Column(name, "%", 2, COLUMN_TERMS[name].tooltip) for name in COLUMNS), *_SAMPLING)
     notes = tuple(
         f"{_prefix(label, labels)}{_conditions(summary)}" for label, summary in zip(labels, summaries, strict=True)
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import csv
+import html
 import io
 import re
 from html.parser import HTMLParser
@@ -11,7 +12,8 @@ from html.parser import HTMLParser
 import pytest
 
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.glossary import STATISTICS
+from taubench_gl.glossary import CENSUS, STATISTICS
+from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report import FORMATS, Column, Row, Table, paper_tables
 from taubench_gl.report.labels import run_labels
 from taubench_gl.report.render import MIN_WIDTH, format_value
@@ -186,6 +188,13 @@ def test_latex_escapes_and_balances(summary):
     assert r"50 \%\_x" in text
     assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 4
     assert not re.search(r"(?<!\\)%(?! needs)", text) and not re.search(r"[^\x00-\x7f]", text)
+
+
+def test_html_heads_have_the_definitions_of_the_glossary(summary):
+    text = FORMATS["html"](paper_tables([summary]))
+    terms = [*(COLUMN_TERMS[name] for name in COLUMNS), CENSUS["bones"], STATISTICS["pairs"]]
+    assert all(f'title="{html.escape(term.tooltip)}"' in text for term in terms)
+    assert all(column.definition for table in paper_tables([summary]) for column in table.columns)
 
 
 def test_html_is_well_formed_and_escaped(summary):
