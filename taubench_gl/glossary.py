@@ -56,7 +56,7 @@ CONCEPTS: Mapping[str, Term] = _by_key(
         "reusable", "reusable pixel", "A pixel whose reprojected history passes the tests of the columns considered",
         "", _SECTION_3_2,
     ),
-    Term("discarded", "discarded pixel", "A pixel that is not reusable; the column says why", "", _SECTION_3_2),
+    Term("discarded", "discarded pixel", "A pixel that is not reusable; the column is the reason", "", _SECTION_3_2),
     Term("discard_rate", "discard rate", "Share of pixels that a column discards", "%", _EQ_4),
     Term(
         "comparable", "comparable pixel",

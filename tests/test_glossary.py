@@ -16,7 +16,7 @@ from taubench_gl.settings import REPROJECTIONS, SAMPLINGS
 
 GROUPS = {
     "concepts": glossary.CONCEPTS, "reasons": glossary.REASONS, "columns": glossary.COLUMNS,
-    "camera": glossary.CAMERA, "statistics": glossary.STATISTICS, "census": glossary.CENSUS,
+    "camera": glossary.CAMERA, "statistics": glossary.STATISTICS, "scene": glossary.CENSUS,
     "frames": glossary.FRAMES, "options": glossary.OPTIONS,
 }  # fmt: skip
 

@@ -160,9 +160,9 @@ def test_probe_agrees_with_what_the_package_opens():
     from taubench_gl.gpu.context import capability_report
 
     done = subprocess.run([sys.executable, ROOT / "tools" / "gl_probe.py"], capture_output=True, text=True, timeout=60)
-    says = dict(line.split(": ", 1) for line in done.stdout.splitlines())
+    usable = dict(line.split(": ", 1) for line in done.stdout.splitlines())
     opens = capability_report()["backends"]
-    assert {name.lower(): why == "usable" for name, why in says.items()} == {
+    assert {name.lower(): why == "usable" for name, why in usable.items()} == {
         name: backend["usable"] for name, backend in opens.items()
     }
     assert done.returncode == 0

@@ -1,1 +1,1 @@
-"""Teaching demos: numbered, one idea each, drawn by the engine itself and checked against what theory says."""
+"""Teaching demos: one idea each, rendered by the engine and compared with theory."""

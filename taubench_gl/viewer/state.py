@@ -124,7 +124,7 @@ class ViewerState:
         self.message = f"{self.feature} threshold {self.thresholds[self.feature]:.4g}"
 
     def set_range(self, low: float, high: float) -> None:
-        """Set a manual display range; the ends stay apart."""
+        """Set a manual display range; the ends never coincide."""
         if math.isfinite(low) and math.isfinite(high):
             self.auto_range = False
             self.low, self.high = float(low), max(float(high), float(low) + 1e-6 * max(1.0, abs(low)))

@@ -72,7 +72,7 @@ def test_batch_evaluates_a_changed_scene_again(taubench, tmp_path, suffix):
 def test_cost_does_not_continue_with_a_changed_scene(taubench, tmp_path):
     scene = demo_with_texture(tmp_path, ".glb")
     command = ["cost", scene, "--out", tmp_path / "study", "--size", "32x18", "--frames", "0:3", "--repeats", "1"]
-    command += ["--knobs", "storage", "--columns", "frustum,position"]
+    command += ["--parameters", "storage", "--columns", "frustum,position"]
     code, _, err = taubench(*command)
     assert code == 0, err
     records = (tmp_path / "study" / "records.jsonl").read_bytes()

@@ -50,13 +50,13 @@ def test_pixels_of_a_mask_have_its_color(drive, tmp_path):
     driven.run(
         "frame 8\nset opacity 1\nset show.frustum off\nset show.normal off\nscreenshot " + str(tmp_path / "a.png")
     )
-    mask, picture = driven.engine.mask(), pixels(tmp_path / "a.png")
+    mask, image = driven.engine.mask(), pixels(tmp_path / "a.png")
     hit = (mask & np.uint32(Reason.POSITION)) != 0
     assert 10 < hit.sum() < hit.size / 2
-    assert (picture[hit] == color_of(Reason.POSITION)).all()
+    assert (image[hit] == color_of(Reason.POSITION)).all()
     driven.run("key H\nscreenshot " + str(tmp_path / "b.png"))
     bare = pixels(tmp_path / "b.png")
-    assert (bare[~hit] == picture[~hit]).all() and (bare[hit] != picture[hit]).any(axis=-1).all()
+    assert (bare[~hit] == image[~hit]).all() and (bare[hit] != image[hit]).any(axis=-1).all()
 
 
 def test_only_changed_parts_are_rendered(drive):

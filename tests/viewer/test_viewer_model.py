@@ -191,8 +191,8 @@ def test_the_scene_of_a_run_is_found_from_another_folder(tmp_path, monkeypatch):
 
 
 def test_thresholds_of_a_run_are_in_metres_for_any_unit_scale(tmp_path):
-    kept = {"unit_scale": 2.0, "thresholds": {"position": 0.25, "normal": 0.25}}
-    run = Run({"scene": {"path": str(tmp_path)}, "settings": kept}, [], tmp_path)
+    stored = {"unit_scale": 2.0, "thresholds": {"position": 0.25, "normal": 0.25}}
+    run = Run({"scene": {"path": str(tmp_path)}, "settings": stored}, [], tmp_path)
     for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):
         _, found = _scene_of(run, OpenRequest("run", Settings.of(unit_scale=100.0), given=given))
         assert found.metrics.unit_scale == scale
@@ -218,18 +218,18 @@ def test_preferences_are_restored(tmp_path):
     s = state(opacity=0.25, speed=0.5)
     s.shown["lit"], s.sections["probe"] = True, False
     assert prefs.save(tmp_path / "new", s, (800, 600)) == ""
-    kept, note = prefs.load(tmp_path / "new")
+    stored, note = prefs.load(tmp_path / "new")
     other = state()
-    prefs.apply(kept, other)
-    assert (kept.window, note) == ((800, 600), "")
+    prefs.apply(stored, other)
+    assert (stored.window, note) == ((800, 600), "")
     assert (other.opacity, other.speed, other.shown, other.sections) == (0.25, 0.5, s.shown, s.sections)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"window": "big"}', '{"window": [1]}', '{"values": 3}', "\x00"])
 def test_invalid_preferences_are_ignored_with_a_note(tmp_path, text):
     (tmp_path / prefs.FILE).write_text(text)
-    kept, note = prefs.load(tmp_path)
-    assert kept == prefs.Prefs() and prefs.FILE in note
+    stored, note = prefs.load(tmp_path)
+    assert stored == prefs.Prefs() and prefs.FILE in note
 
 
 def test_unknown_preferences_are_skipped(tmp_path):

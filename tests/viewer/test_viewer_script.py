@@ -114,10 +114,10 @@ def test_keys_while_help_is_shown(drive, tmp_path):
 def test_the_window_shows_the_image_beside_the_panels(drive, tmp_path):
     driven = drive(window=(96 * 4 + 300, 54 * 4 + 64))
     driven.run(f"frame 5\nscreenshot {tmp_path / 'w.png'} window")
-    window, picture = pixels(tmp_path / "w.png"), driven.engine.image()
+    window, image = pixels(tmp_path / "w.png"), driven.engine.image()
     x, y, width, height = driven.viewer.layout.image
     assert (width, height) == (384, 216)
-    assert (window[y : y + height : 4, x : x + width : 4] == picture).all()
+    assert (window[y : y + height : 4, x : x + width : 4] == image).all()
     side = window[:, -300:]
     assert side.mean() < 70 and side.max() > 180, "dark panels, light text"
 

@@ -71,9 +71,9 @@ def test_script_in_a_window(display, gpu, tmp_path):
     done = view(display, DEMO, *ARGUMENTS, "--script", script, "--window", "700x500", "--screenshots", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "frames/s" in done.stdout
-    picture, window = pixels(tmp_path / "a.png"), pixels(tmp_path / "window.png")
-    blue = (picture == (0x00, 0x72, 0xB2)).all(axis=-1)
-    assert picture.shape == (54, 96, 3) and blue.sum() == row["position"]
+    image, window = pixels(tmp_path / "a.png"), pixels(tmp_path / "window.png")
+    blue = (image == (0x00, 0x72, 0xB2)).all(axis=-1)
+    assert image.shape == (54, 96, 3) and blue.sum() == row["position"]
     assert window.shape == (500, 700, 3) and window[:, 400:].mean() < 70
 
 
