@@ -42,7 +42,6 @@ class ExrImage:
 
     path: Path
     size: tuple[int, int]  # width, height of the display window
-    attributes: dict[str, Any]  # text and number attributes of the first part's header
     _planes: dict[str, tuple[Array, Window]] = field(repr=False)
     _display: Window = field(repr=False)
 
@@ -72,9 +71,9 @@ def read_exr(path: str | Path) -> ExrImage:
     Raises PathTracedError for missing, damaged, truncated and deep files, and above MAX_SIDE or MAX_PIXEL_BYTES.
     """
     path = Path(path)
-    check_kind(path)
+    _check_kind(path)
     headers = [part.header for part in _open(path)]
-    display = check_headers(path, headers)
+    display = _check_headers(path, headers)
     parts = _open(path, expected=len(headers))
     planes: dict[str, tuple[Array, Window]] = {}
     for part, header in zip(parts, headers, strict=True):
@@ -83,10 +82,9 @@ def read_exr(path: str | Path) -> ExrImage:
         for name, channel in part.channels.items():
             # Subsampled planes (luminance-chroma images) have no value per pixel and are skipped.
             if channel.pixels is not None and channel.pixels.shape == shape:
-                planes.setdefault(full_name(name, header.get("name")), (channel.pixels, window))
-    plain = {k: v for k, v in headers[0].items() if isinstance(v, str | int | float)}
+                planes.setdefault(_full_name(name, header.get("name")), (channel.pixels, window))
     size = (display[2] - display[0] + 1, display[3] - display[1] + 1)
-    return ExrImage(path, size, plain, planes, display)
+    return ExrImage(path, size, planes, display)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,10 +98,10 @@ class ExrHeader:
 def read_header(path: str | Path) -> ExrHeader:
     """Read size and channel names without decoding pixels.  Raises PathTracedError as ``read_exr`` does."""
     path = Path(path)
-    check_kind(path)
+    _check_kind(path)
     headers = [part.header for part in _open(path)]
-    x0, y0, x1, y1 = check_headers(path, headers)
-    names = dict.fromkeys(full_name(c.name, h.get("name")) for h in headers for c in h["channels"])
+    x0, y0, x1, y1 = _check_headers(path, headers)
+    names = dict.fromkeys(_full_name(c.name, h.get("name")) for h in headers for c in h["channels"])
     return ExrHeader((x1 - x0 + 1, y1 - y0 + 1), tuple(names))
 
 
@@ -114,17 +112,17 @@ def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:
     windows = {image._display for _, image in images}
     if len(windows) > 1:
         raise PathTracedError("the files of one frame have different display windows", where=str(first.path))
-    return ExrImage(first.path, first.size, first.attributes, planes, first._display)
+    return ExrImage(first.path, first.size, planes, first._display)
 
 
-def full_name(channel: str, part: str | None) -> str:
+def _full_name(channel: str, part: str | None) -> str:
     """``R`` in part ``ViewLayer.Combined`` -> ``ViewLayer.Combined.R``; Blender 5 writes the full name already."""
     if not part or channel == part or channel.startswith(part + "."):
         return channel
     return f"{part}.{channel}"
 
 
-def check_kind(path: Path) -> None:
+def _check_kind(path: Path) -> None:
     """Raise PathTracedError unless the first 8 bytes are those of a flat OpenEXR image."""
     try:
         with open(path, "rb") as file:
@@ -139,7 +137,7 @@ def check_kind(path: Path) -> None:
         raise _deep(path)
 
 
-def check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
+def _check_headers(path: Path, headers: list[dict[str, Any]]) -> Window:
     """The display window that all parts share.  Raises PathTracedError for deep, oversized or inconsistent parts."""
     if not headers:
         raise _damaged(path, "no part has a readable header")

@@ -149,7 +149,6 @@ class ChannelIndex:
                 if name in known:
                     tables.setdefault(".".join(parts[:first]), {}).setdefault(name, {})[component] = channel
                     break
-        self.layers = tuple(tables)
         if layer is not None and layer not in tables:
             listed = ", ".join(repr(name) for name in tables) or "none with a known pass"
             raise PathTracedError(f"no layer {layer!r}", hint=f"it has {listed}")
