@@ -232,7 +232,7 @@ def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool, *mo
     notes = []
     for label, summary in zip(labels, summaries, strict=True):
         source = (summary.get("camera") or {}).get("source")
-        notes += [f"{_prefix(label, labels)}camera: {source}."] if source else []
+        notes += [f"{_prefix(label, labels)}camera: {source.removeprefix('camera ')}."] if source else []
         stand_in = (summary.get("scene") or {}).get("stand_in")
         notes += [f"{_prefix(label, labels)}stand-in: {stand_in}."] if stand_in else []
     notes += [note for note in more if note]
