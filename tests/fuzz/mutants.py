@@ -1,4 +1,4 @@
-"""Seeds made in code, and ways to damage them.  Everything follows from a seed number."""
+"""Damaged glTF and EXR files, generated from a valid one and a seed number."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FLOATS = [0.0, -0.0, 1e-45, 1e-38, 1e-20, 1e20, 3.4e38, -3.4e38, float("inf"), f
 
 
 class _Seed:
-    """A skinned, morphed, lit and animated scene: as many features as fit in a few hundred bytes of buffer."""
+    """A skinned, morphed, lit and animated scene in a few hundred bytes of buffer."""
 
     def __init__(self) -> None:
         self.blob = b""
@@ -100,7 +100,7 @@ def gltf_seed() -> tuple[dict, bytes]:
 
 
 def write_gltf_mutants(folder: Path, count: int, seed: int) -> None:
-    """``count`` mutants of the seed, and the seed itself as 000000.gltf."""
+    """``count`` mutants of the scene, and the undamaged scene as 000000.gltf."""
     document, blob = gltf_seed()
     _write(folder / "000000.gltf", document, blob)
     rng = random.Random(seed)
@@ -110,7 +110,7 @@ def write_gltf_mutants(folder: Path, count: int, seed: int) -> None:
             kind = rng.random()
             if kind < 0.55:
                 _damage_json(mutant, rng)
-            elif kind < 0.8 and len(data) >= 4:  # a float of the buffer becomes an awkward one
+            elif kind < 0.8 and len(data) >= 4:  # replace a float of the buffer by an edge case
                 at = 4 * rng.randrange(len(data) // 4)
                 data[at : at + 4] = struct.pack("<f", rng.choice(FLOATS))
             elif kind < 0.95:
@@ -155,7 +155,7 @@ def _damage_json(document: dict, rng: random.Random) -> None:
 
 
 def write_exr_mutants(folder: Path, count: int, seed: int) -> None:
-    """Headers of small pictures with bytes changed, and files cut short; 000000.exr is whole."""
+    """Small images with changed header bytes, and truncated files; 000000.exr is undamaged."""
     import OpenEXR
 
     rng, random_pixels = random.Random(seed), np.random.default_rng(seed)

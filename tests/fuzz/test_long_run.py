@@ -1,4 +1,4 @@
-"""Memory stays flat and no GL object is left behind, however long a run is."""
+"""Long runs: constant memory, and no GL object left."""
 
 from __future__ import annotations
 
@@ -52,24 +52,24 @@ def long_run(frames: int, tmp_path: Path) -> dict:
 
 
 def check(report: dict, frames: int, per_pair: int) -> None:
-    """After the first tenth: what grows is the table of results and Python's own arenas, not buffers."""
+    """After the first tenth only the table of results and Python's arenas grow."""
     assert report["pairs"] == frames - 1 and report["error"] == "GL_NO_ERROR"
     first, last = report["rss"][1], report["rss"][-1]
     assert last - first <= 2**20 + per_pair * frames, f"grew by {(last - first) / 1024:.0f} KiB: {report['rss']}"
-    assert report["left"] == 0, "GL objects that nobody released"
+    assert report["left"] == 0, "GL objects that were not released"
 
 
-def test_300_frames(tmp_path):
+def test_memory_over_300_frames(tmp_path):
     check(long_run(300, tmp_path), 300, per_pair=8 * 1024)
 
 
 @pytest.mark.long
-def test_10000_frames(tmp_path):
+def test_memory_over_10000_frames(tmp_path):
     check(long_run(10_000, tmp_path), 10_000, per_pair=6 * 1024)
 
 
 def live_names(gpu) -> dict[str, int]:
-    """GL names in use below 20000, by kind: the driver's own opinion, not moderngl's."""
+    """GL names in use below 20000, by kind, as reported by the driver."""
     import ctypes
 
     out = {}
@@ -79,8 +79,8 @@ def live_names(gpu) -> dict[str, int]:
     return out
 
 
-def test_no_gl_object_is_left():
-    """The same selection of cases run again and again leaves as many GL objects as once."""
+def test_selftest_leaves_no_gl_object():
+    """Repeated runs of the same cases leave the same number of GL objects."""
     gpu = open_gpu("egl")
     names = [c.name for c in cases() if c.name != "more-than-2^24-pixels"]
     found = []

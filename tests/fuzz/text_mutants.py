@@ -1,4 +1,4 @@
-"""Mutants of AFF and OBJ: words swapped, numbers made awkward, lines lost, bytes changed.  All from a seed number."""
+"""Damaged AFF and OBJ files: words, numbers, lines and bytes changed, generated from a seed number."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ NUMBERS = ["0", "-0", "1", "-1", "2", "3", "7", "0.5", "-1.5", "1e-45", "1e-20",
 
 
 def write_text_mutants(folder: Path, kind: str, count: int, seed: int) -> None:
-    """``count`` mutants of an AFF or OBJ file, and the seed itself as number 0; what they refer to lies beside them.
+    """``count`` mutants of an AFF or OBJ file, the undamaged file as number 0, and the files that they refer to.
 
-    Every third OBJ mutant is a sequence: a folder of two whole files and the mutant.
+    Every third OBJ mutant is a sequence: a folder of two undamaged files and the mutant.
     """
     rng = random.Random(seed)
     text = {"aff": AFF, "obj": OBJ}[kind]
@@ -83,7 +83,7 @@ def _damaged(text: str, rng: random.Random) -> bytes:
         line = rng.choice(lines)
         at, action = rng.randrange(len(line)), rng.random()
         numbers = [i for i, word in enumerate(line) if word.lstrip("-").replace(".", "").isdigit()]
-        if numbers and rng.random() < 0.6:  # still a number: what is refused at once tests little
+        if numbers and rng.random() < 0.6:  # still a number: a file that is rejected at once tests little
             line[rng.choice(numbers)] = rng.choice(NUMBERS)
         elif action < 0.45:
             line[at] = rng.choice(WORDS)

@@ -1,7 +1,7 @@
-"""What the fuzz tests run in a process of its own, under limits of memory and processor time.
+"""Worker process of the fuzz tests, with limits of memory and processor time.
 
-``python workers.py gltf|exr|aff|obj FOLDER SECONDS GIBIBYTES``: judges every file of FOLDER in turn and prints one JSON
-line each: ``{"file", "verdict", "error"}``, verdict one of ``read``, ``refused``.  Anything else ends the process.
+``python workers.py gltf|exr|aff|obj FOLDER SECONDS GIBIBYTES``: reads every file of FOLDER in turn and prints one JSON
+line each: ``{"file", "verdict", "error"}``, verdict one of ``read``, ``rejected``.  Other errors end the process.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("LP_NUM_THREADS", "1")
 
 
-def judge_scene(path: Path) -> None:
-    """Read, pose, draw and count; a scene that loads must give frames whose classes add up."""
+def evaluate_file(path: Path) -> None:
+    """Load and evaluate a scene; the classes of every pair must add up."""
     import numpy as np
 
     from taubench_gl.evaluation import evaluate_scene
@@ -37,7 +37,8 @@ def judge_scene(path: Path) -> None:
         assert row["position"] <= row["comparable"], row
 
 
-def judge_exr(path: Path) -> None:
+def read_image(path: Path) -> None:
+    """Read an EXR file; every channel must have the size of the image."""
     from taubench_gl.pathtraced.exr import read_exr
 
     image = read_exr(path)
@@ -46,7 +47,7 @@ def judge_exr(path: Path) -> None:
 
 
 KINDS = {"gltf": (".gltf", ".glb"), "exr": (".exr",), "aff": (".aff",), "obj": (".obj", ".seq")}
-"""Files and folders that are judged, by kind."""
+"""Suffixes of the files and folders to read, by kind."""
 
 
 def main(kind: str, folder: str, seconds: str, gibibytes: str) -> None:
@@ -55,18 +56,18 @@ def main(kind: str, folder: str, seconds: str, gibibytes: str) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
     from taubench_gl.errors import TaubenchError
 
-    judge = {"exr": judge_exr}.get(kind, judge_scene)
+    read = {"exr": read_image}.get(kind, evaluate_file)
     for path in sorted(Path(folder).iterdir()):
         if path.suffix not in KINDS[kind] or path.name == "part.aff":
             continue
-        print(json.dumps({"file": path.name}), flush=True)  # the last name printed is the culprit
+        print(json.dumps({"file": path.name}), flush=True)  # the last name printed is the file that ended the process
         error = None
         try:
-            judge(path)
-        except TaubenchError as refused:
-            error = str(refused)
+            read(path)
+        except TaubenchError as rejected:
+            error = str(rejected)
             assert "\n" not in error and error
-        print(json.dumps({"file": path.name, "verdict": "refused" if error else "read", "error": error}), flush=True)
+        print(json.dumps({"file": path.name, "verdict": "rejected" if error else "read", "error": error}), flush=True)
 
 
 if __name__ == "__main__":

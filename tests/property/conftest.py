@@ -1,4 +1,4 @@
-"""A bench on EGL for the tests of this folder."""
+"""A selftest bench on EGL for the tests of this folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws of the CPU mathematics on random input: quaternions, angles, sums, histogram bins, key search."""
+"""Properties of the CPU math on random input: quaternions, angles, sums, histogram bins, key search."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ fractions = st.floats(0.0, 1.0)
 
 @relaxed
 @given(quaternions, quaternions, fractions)
-def test_slerp_is_a_rotation_on_the_short_way(a, b, u):
+def test_slerp_is_a_unit_quaternion_on_the_short_arc(a, b, u):
     a, b = math3d.normalize(a), math3d.normalize(b)
     q = curves.slerp(a, b, np.array(u))
     angle = math3d.quat_angle(a, b)
@@ -33,16 +33,16 @@ def test_slerp_is_a_rotation_on_the_short_way(a, b, u):
 
 @relaxed
 @given(quaternions, quaternions, fractions)
-def test_slerp_backwards(a, b, u):
+def test_slerp_is_symmetric(a, b, u):
     a, b = math3d.normalize(a), math3d.normalize(b)
-    if abs(a @ b) > 1e-6:  # a half turn may go either way
-        there, back = curves.slerp(a, b, np.array(u)), curves.slerp(b, a, np.array(1.0 - u))
-        assert math3d.quat_angle(there, back) < 1e-7
+    if abs(a @ b) > 1e-6:  # both arcs of a half turn are shortest
+        forward, backward = curves.slerp(a, b, np.array(u)), curves.slerp(b, a, np.array(1.0 - u))
+        assert math3d.quat_angle(forward, backward) < 1e-7
 
 
 @relaxed
 @given(quaternions)
-def test_quaternion_to_matrix_and_back(q):
+def test_quaternion_matrix_round_trip(q):
     m = math3d.mat3_from_quat(q)
     assert np.abs(m @ m.T - np.eye(3)).max() < 1e-14 and abs(np.linalg.det(m) - 1.0) < 1e-14
     assert math3d.quat_angle(math3d.quat_from_mat3(m), q) < 1e-14
@@ -50,7 +50,7 @@ def test_quaternion_to_matrix_and_back(q):
 
 @relaxed
 @given(quaternions)
-def test_euler_angles_give_the_rotation_back(q):
+def test_euler_angle_round_trip(q):
     m = math3d.mat3_from_quat(q)
     yaw, pitch, roll = euler_yxz(m)
     axes = [((0.0, 1.0, 0.0), yaw), ((1.0, 0.0, 0.0), pitch), ((0.0, 0.0, 1.0), roll)]
@@ -60,7 +60,7 @@ def test_euler_angles_give_the_rotation_back(q):
 
 @relaxed
 @given(st.lists(quaternions, min_size=2, max_size=9), st.tuples(numbers, numbers, numbers))
-def test_activity_does_not_depend_on_the_origin(path, offset):
+def test_camera_activity_does_not_depend_on_the_origin(path, offset):
     rotations = math3d.mat3_from_quat(np.array(path))
     steps = np.cumsum(np.ones((len(path), 3)), axis=0)
     a = camera_activity(steps, rotations)
@@ -73,7 +73,7 @@ def test_activity_does_not_depend_on_the_origin(path, offset):
 
 @relaxed
 @given(st.floats(-1e6, 1e6))
-def test_wrapped_angles(difference):
+def test_wrapped_angles_differ_by_whole_turns(difference):
     wrapped = float(wrap_degrees(difference))
     assert -180.0 < wrapped <= 180.0
     turns = (difference - wrapped) / 360.0
@@ -84,7 +84,7 @@ def test_wrapped_angles(difference):
 
 @relaxed
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=60), st.integers(0, 60))
-def test_welford_in_any_blocks(values, cut):
+def test_welford_in_blocks_of_any_size(values, cut):
     whole, parts = Welford(), Welford()
     for value in values:
         whole.add(value)
@@ -100,14 +100,14 @@ def test_welford_in_any_blocks(values, cut):
 
 @relaxed
 @given(st.floats(0.0, 1e6, width=32))
-def test_bins_hold_what_their_edges_say(distance):
+def test_bin_index_matches_the_bin_edges(distance):
     found, lower = int(bin_of(np.float32(distance))), edges()
     assert found == int(np.searchsorted(lower, float(np.float32(distance)), side="right"))
 
 
 @relaxed
 @given(st.lists(st.floats(0.0, 100.0), min_size=1, max_size=12, unique=True), st.floats(-1.0, 101.0))
-def test_segments_hold_their_time(times, t):
+def test_key_segment_contains_its_time(times, t):
     times = np.sort(np.array(times))
     i, j, u, dt = curves.segment(times, t)
     assert 0 <= i <= j <= min(i + 1, len(times) - 1) and 0.0 <= u <= 1.0 and dt >= 0.0
@@ -119,8 +119,8 @@ def test_segments_hold_their_time(times, t):
 
 @relaxed
 @given(quaternions, st.tuples(*[st.floats(-3.0, 3.0)] * 3), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
-def test_normals_stay_normal(q, scale, tangent):
-    """Whatever the scale, a normal stays at right angles to what lay in its plane."""
+def test_transformed_normal_stays_perpendicular(q, scale, tangent):
+    """Under any scale a transformed normal is perpendicular to transformed tangents."""
     m = math3d.trs(np.zeros(3), q, np.array(scale))[:3, :3]
     normal = math3d.normalize(np.array([0.3, -0.5, 0.8]))
     along = np.cross(normal, np.array(tangent))

@@ -1,4 +1,4 @@
-"""What must not change any count: where the world is, how large, in which order and under which names it is stored."""
+"""Changes of a scene that must not change a count: position, scale, storage order, names."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ def counts(bench, scene, mode, **options):
 
 @relaxed
 @given(worlds, MODES, st.tuples(*[st.sampled_from([0.0, 0.5, -1024.0, 2.0**20, -(2.0**30)])] * 3))
-def test_translation(bench, world, mode, offset):
+def test_translation_changes_no_count(bench, world, mode, offset):
     assert counts(bench, build(world), mode) == counts(bench, build(world, offset=offset), mode)
 
 
 @relaxed
 @given(worlds, MODES, st.integers(-24, 24))
-def test_uniform_scale(bench, world, mode, power):
+def test_power_of_two_scale_changes_no_count(bench, world, mode, power):
     scale = 2.0**power
     assert counts(bench, build(world), mode) == counts(bench, build(world, scale=scale), mode, unit_scale=scale)
 
 
 @relaxed
 @given(worlds, MODES, st.sampled_from([1e-5, 0.01, 3.7, 1e4]))
-def test_uniform_scale_that_rounds(bench, world, mode, scale):
-    """Rounding moves edges by a hundred-thousandth of a pixel: at most 0.5 % of the pixels may change their class."""
+def test_other_scales_change_few_pixels(bench, world, mode, scale):
+    """Rounding moves edges by 1e-5 pixel: at most 0.5 % of the pixels change their class."""
     plain = counts(bench, build(world), mode)
     scaled = counts(bench, build(world, scale=scale), mode, unit_scale=scale)
     assert max(abs(plain[n] - scaled[n]) for n in plain) <= 0.005 * plain["pixels"]
@@ -48,18 +48,18 @@ def test_uniform_scale_that_rounds(bench, world, mode, scale):
 
 @relaxed
 @given(worlds, MODES, st.randoms(use_true_random=False))
-def test_order_and_names(bench, world, mode, rng: random.Random):
+def test_order_and_names_change_no_mask(bench, world, mode, rng: random.Random):
     order = list(range(len(world.things)))
     rng.shuffle(order)
     reordered = bench.pair(build(world, order=order, rename=True), TIMES, reprojection=mode)
     plain = bench.pair(build(world), TIMES, reprojection=mode)
-    # Faces of two things that lie in one plane have no nearer one: who is drawn first wins.
+    # Of two coplanar faces the one drawn first is visible.
     tied = _ties(plain, reordered)
     assert int((plain.mask != reordered.mask).sum()) <= tied
 
 
 def _ties(a, b) -> int:
-    """Pixels whose nearest surface is at the same depth in both, but another one (normals differ), in either frame."""
+    """Four times the pixels that show another of two coplanar surfaces, in either frame."""
     other = np.zeros(a.mask.shape, dtype=bool)
     for x, y in ((a.current, b.current), (a.history, b.history)):
         other |= np.any(x["normal"] != y["normal"], axis=-1) | np.any(x["position"] != y["position"], axis=-1)
@@ -68,26 +68,26 @@ def _ties(a, b) -> int:
 
 @relaxed
 @given(worlds, MODES)
-def test_indexed_or_not(bench, world, mode):
+def test_unindexed_meshes_change_no_count(bench, world, mode):
     assert counts(bench, build(world), mode) == counts(bench, build(world, indexed=False), mode)
 
 
 @relaxed
 @given(worlds, MODES)
-def test_nodes_that_do_nothing(bench, world, mode):
+def test_identity_nodes_change_no_count(bench, world, mode):
     assert counts(bench, build(world), mode) == counts(bench, build(world, deep=True), mode)
 
 
 @relaxed
 @given(worlds, MODES)
-def test_instances_or_copies(bench, world, mode):
-    instanced = counts(bench, build(world, twins="instanced"), mode)
-    assert instanced == counts(bench, build(world, twins="copied"), mode)
+def test_instances_count_as_copies(bench, world, mode):
+    instanced = counts(bench, build(world, copies="instanced"), mode)
+    assert instanced == counts(bench, build(world, copies="copied"), mode)
 
 
 @relaxed
 @given(worlds, MODES, SAMPLINGS, st.booleans())
-def test_reasons_agree_with_each_other(bench, world, mode, sampling, room):
+def test_reason_bits_are_consistent(bench, world, mode, sampling, room):
     images = bench.pair(build(world, room=room), TIMES, reprojection=mode, sampling=sampling)
     c = images.counts
     assert sum(c[name] for name in CLASSES) == c["pixels"] == bench.size[0] * bench.size[1]
@@ -105,7 +105,7 @@ def test_reasons_agree_with_each_other(bench, world, mode, sampling, room):
 
 @relaxed
 @given(worlds, MODES, SAMPLINGS, st.booleans(), st.floats(0.0, 1.0))
-def test_still_is_zero(bench, world, mode, sampling, room, time):
+def test_still_pair_has_no_motion_and_no_discard(bench, world, mode, sampling, room, time):
     images = bench.pair(build(world, room=room), (time, time), reprojection=mode, sampling=sampling)
     assert not (images.motion != 0).any()
     assert not (images.mask & ~np.uint32(Reason.SKY | Reason.HISTORY_SKY)).any()
@@ -124,18 +124,18 @@ def test_higher_thresholds_discard_less(bench, world, mode):
 
 @relaxed
 @given(worlds)
-def test_motion_mode_discards_no_more_moving_surface(bench, world):
-    """A surface compared with its own past differs only where it was hidden; the still room gives equal frustum."""
-    still = worlds_still(world)
+def test_reprojection_modes_agree_without_moving_surfaces(bench, world):
+    """With the camera alone moving, both modes give the same counts up to rounding."""
+    still = without_motion(world)
     a, b = (counts(bench, build(still), mode) for mode in ("camera", "motion"))
-    bound = 0.005 * a["pixels"]  # previous positions are rounded on another path
+    bound = 0.005 * a["pixels"]  # previous positions are rounded differently
     assert all(abs(a[n] - b[n]) <= bound for n in ("frustum", "position", "normal"))
 
 
-def worlds_still(world):
+def without_motion(world):
     return replace(world, things=[replace(t, end=t.start) for t in world.things])
 
 
 @pytest.mark.parametrize("mode", ["camera", "motion"])
-def test_counting_twice_gives_the_same(bench, mode):
+def test_repeated_pair_gives_the_same_counts(bench, mode):
     assert counts(bench, busy_room(), mode) == counts(bench, busy_room(), mode)

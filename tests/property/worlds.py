@@ -1,4 +1,4 @@
-"""Random small worlds, described first and built in several ways that must not matter."""
+"""Random small worlds, and several equivalent ways to build each as a scene."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn
 
 relaxed = settings(deadline=None, derandomize=True, max_examples=30, suppress_health_check=[HealthCheck.too_slow])
-"""No deadline: a first draw compiles shaders.  The same examples every time: a failure is a failure for everybody."""
+"""No deadline, because the first draw compiles shaders; the same examples in every run."""
 
 SHAPES = {"box": box, "sphere": lambda: sphere(1.0, 8), "quad": quad}
 
@@ -25,7 +25,7 @@ rotations = st.builds(turn, axes, angles)
 
 @dataclass(frozen=True)
 class Thing:
-    """One object: a shape, where it is at 0 s and at 1 s, how it is turned, and its size (a power of 2)."""
+    """One object: shape, positions at 0 s and 1 s, rotation, and size (a power of 2)."""
 
     shape: str
     start: tuple
@@ -36,7 +36,7 @@ class Thing:
 
 @dataclass(frozen=True)
 class World:
-    """Things, and a camera that moves and turns.  All lengths are sixteenths of a metre: float64 adds them exactly."""
+    """Objects, and a camera that moves and turns.  All lengths are multiples of 1/16 m, which float64 adds exactly."""
 
     things: list
     camera_start: tuple
@@ -44,7 +44,7 @@ class World:
     camera_rotation: np.ndarray
     camera_rotation_end: np.ndarray
     yfov: float
-    twins: list = field(default_factory=list)  # places of further, still copies of the first thing
+    copies: list = field(default_factory=list)  # positions of still copies of the first thing
 
 
 things = st.builds(Thing, st.sampled_from(sorted(SHAPES)), places, places, rotations, st.sampled_from([0.25, 0.5, 1.0]))
@@ -70,11 +70,11 @@ def build(
     order: list[int] | None = None,
     rename: bool = False,
     indexed: bool = True,
-    twins: str | None = None,
+    copies: str | None = None,
     deep: bool = False,
     room: bool = True,
 ) -> Scene:
-    """``order`` of the things; ``twins``: None, "copied" nodes or "instanced"; ``deep``: useless nodes between."""
+    """``order``: of the things; ``copies``: None, "copied" nodes or "instanced"; ``deep``: extra identity nodes."""
     b = SceneBuilder()
     root = b.node(translation=offset, scale=(scale,) * 3, name="root")
 
@@ -90,8 +90,8 @@ def build(
         size = (thing.size,) * 3
         node = b.node(parent(), mesh=mesh, rotation=thing.rotation, scale=size, translation=thing.start, name=name)
         b.animate(node, "translation", [0.0, 1.0], [thing.start, thing.end])
-    if twins:
-        _add_twins(b, root, world, twins)
+    if copies:
+        _add_copies(b, root, world, copies)
     camera = b.camera(root, yfov=world.yfov, znear=0.0625 * scale, zfar=64.0 * scale)
     b.animate(camera, "translation", [0.0, 1.0], [world.camera_start, world.camera_end])
     b.animate(camera, "rotation", [0.0, 1.0], [world.camera_rotation, world.camera_rotation_end])
@@ -99,7 +99,7 @@ def build(
 
 
 def shaped(primitive: Primitive, indexed: bool) -> Primitive:
-    """The same triangles, each with three vertices of its own unless ``indexed``."""
+    """The same triangles; without ``indexed``, no two share a vertex."""
     if indexed:
         return primitive
     corners = primitive.triangles.reshape(-1)
@@ -107,13 +107,13 @@ def shaped(primitive: Primitive, indexed: bool) -> Primitive:
     return Primitive(primitive.positions[corners], separate, primitive.material, normals=primitive.normals[corners])
 
 
-def _add_twins(b: SceneBuilder, root: int, world: World, how: str) -> None:
+def _add_copies(b: SceneBuilder, root: int, world: World, how: str) -> None:
     mesh = b.mesh(SHAPES[world.things[0].shape]())
-    matrices = np.tile(np.eye(4), (len(world.twins), 1, 1))
+    matrices = np.tile(np.eye(4), (len(world.copies), 1, 1))
     matrices[:, :3, :3] *= 0.25
-    matrices[:, :3, 3] = world.twins
+    matrices[:, :3, 3] = world.copies
     node = b.node(root, mesh=mesh if how == "instanced" else -1, instances=matrices if how == "instanced" else None)
     b.animate(node, "translation", [0.0, 1.0], [(0.0, 0.0, 0.0), (0.5, 0.25, 0.0)])
     if how == "copied":
-        for place in world.twins:
+        for place in world.copies:
             b.node(node, mesh=mesh, translation=place, scale=(0.25,) * 3)
