@@ -6,6 +6,7 @@ from taubench_gl.demos.demo import REGISTRY, Demo
 from taubench_gl.demos.lessons import (
     behind,
     cost,
+    counting,
     features,
     half,
     noise,
@@ -19,8 +20,8 @@ from taubench_gl.demos.lessons import (
 from taubench_gl.errors import SettingsError
 
 __all__ = [
-    "behind", "cost", "demos", "features", "find_demo", "half", "noise", "occlusion", "relative", "reuse", "rotations",
-    "sampling", "thresholds",
+    "behind", "cost", "counting", "demos", "features", "find_demo", "half", "noise", "occlusion", "relative", "reuse",
+    "rotations", "sampling", "thresholds",
 ]  # fmt: skip
 
 

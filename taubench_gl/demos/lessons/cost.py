@@ -1,4 +1,4 @@
-"""Demo 11: accuracy has a price, and more of it buys less and less."""
+"""Demo 11: accuracy costs time, each further digit more than the one before."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SCALES = (0.25, 0.5, 1.0)
 PARAMETERS = ("scale", "samples_per_pixel")
 DOT_PT = 17.0
 FINER = 6  # rays per pixel and axis for the exact share
-FACETS = 0.003  # points: the ball that is drawn has 64 x 128 facets, and lies within the sphere
+FACETS = 0.003  # pp: the rendered ball has 64 x 128 facets inside the sphere
 
 
 def scene() -> Scene:
@@ -47,15 +47,15 @@ def discarded(size: Size, pair: int) -> Array:
 
 
 def exact_percent(size: Size) -> float:
-    """Mean share of the picture that f_pos discards, by FINER x FINER rays per pixel, percent."""
+    """Mean share of the image that f_pos discards, percent, from FINER x FINER rays per pixel."""
     fine = (size[0] * FINER, size[1] * FINER)
     return 100.0 * float(np.mean([discarded(fine, pair).mean() for pair in range(int(FPS))]))
 
 
 def slack(size: Size, samples: int = 1) -> float:
-    """By how much counting ``samples`` per pixel may miss the exact share, points: six standard deviations.
+    """Tolerance of the share counted with ``samples`` per pixel, pp: six standard deviations.
 
-    Each of the E samples on the edges of a mask is off by ± half a sample, evenly: a variance of E / 12 for its area.
+    Each of the E samples on the edges of a mask has a uniform error of ± half a sample, so the variance is E / 12.
     """
     finer = math.sqrt(samples)
     edges = [0.5 * finer * theory.edge_pixels(discarded(size, pair)) for pair in range(int(FPS))]
@@ -66,15 +66,14 @@ def slack(size: Size, samples: int = 1) -> float:
 @demo(
     11,
     "cost",
-    "What accuracy costs",
-    idea="Every number here is measured with pixels, and pixels cost time. Fewer of them are faster and less exact; "
-    "several samples in each are slower and more exact. Measured together, settings form a front: the fastest "
-    "way to each accuracy. Whatever lies off the front is a waste, and along it each further digit costs more "
-    "than the one before.",
+    "Accuracy against time",
+    idea="Every number here is measured with pixels, and pixels cost time. Fewer pixels are faster and less exact; "
+    "several samples per pixel are slower and more exact. The configurations that no other one beats in both form "
+    "the Pareto front. Along it, each further digit costs more time than the one before.",
     look_for=(
         "Top: the same edge of the same mask with a sixteenth, a quarter and all of the pixels.",
-        "Below: each dot is one setting: its error against the mask's exact area, its time on this machine.",
-        "The line is the front: no dot lies to the left of it and below.",
+        "Below: each dot is one configuration: its error against the exact area of the mask, and its time here.",
+        "The line is the Pareto front: no dot lies to the left of it and below.",
     ),
     scene=scene,
     see_also=(
@@ -91,8 +90,8 @@ def run(stage: Stage, out: Path) -> Result:
         pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
-        axes = sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, a part of it")
-        note(axes, f"error {points_off(points, scale, exact):.3f} points")
+        axes = sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail")
+        note(axes, f"error {error_at(points, scale, exact):.3f} pp")
     _front(sheet, points, exact)
     sheet.legend(reason_entries(Reason.POSITION))
     path = sheet.save(out / "11-cost.png")
@@ -100,19 +99,21 @@ def run(stage: Stage, out: Path) -> Result:
     small = (max(1, round(size[0] / 4)), max(1, round(size[1] / 4)))
     for name, what, bound in (
         ("scale=0.25", "at a quarter of the width and height", slack(small)),
-        ("baseline", "as asked for, one sample per pixel", slack(size)),
-        ("highest_quality", "with 16 samples per pixel, the dearest setting", slack(size, 16)),
+        ("baseline", "at full size, one sample per pixel", slack(size)),
+        ("highest_quality", "with 16 samples per pixel, the most expensive configuration", slack(size, 16)),
     ):
-        source = "each sample on an edge is off by ± half of itself: 6 deviations; the mask's area by rays, float64"
-        off = abs(percent(points, name) - exact)
+        source = (
+            "each sample on an edge has an error of ± half a sample: 6 deviations; area of the mask from rays, float64"
+        )
+        error = abs(percent(points, name) - exact)
         expected = Expected.between(-np.inf, bound, source, 3)
-        findings.append(Finding(off, "points", f"is the error {what}", expected, 4))
-    caption = "Resolution and samples per pixel: what each setting gets wrong, and what a frame costs with it."
+        findings.append(Finding(error, "pp", f"is the error {what}", expected, 4))
+    caption = "Resolution and samples per pixel: the error of each configuration, and the time of a frame."
     return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
 
 
 def measured(stage: Stage) -> list[Point]:
-    """The study itself: every configuration of PARAMETERS, its mean percentage and its time."""
+    """The cost study: mean percentage and time of every configuration of PARAMETERS."""
     settings = stage.settings(fps=FPS, columns=("frustum", "position"))
     with tempfile.TemporaryDirectory() as folder:
         return cost(scene(), settings, out=folder, parameters=PARAMETERS, repeats=REPEATS, check=False).points
@@ -122,12 +123,12 @@ def percent(points: list[Point], name: str) -> float:
     return float(next(p for p in points if p.name == name).columns["position"].percent)
 
 
-def points_off(points: list[Point], scale: float, exact: float) -> float:
+def error_at(points: list[Point], scale: float, exact: float) -> float:
     return abs(percent(points, "baseline" if scale == 1.0 else f"scale={scale}") - exact)
 
 
 def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Of (milliseconds, error) those that no other is faster and at least as exact than."""
+    """The Pareto front of (milliseconds, error)."""
     out: list[tuple[float, float]] = []
     for time, error in sorted(points):
         if not out or error < out[-1][1]:
@@ -138,18 +139,18 @@ def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
     axes = sheet.plot(
         96, sheet.grid_bottom + 46, 750, 240, xscale="log", yscale="log",
-        xlabel="milliseconds per frame, on this machine", ylabel="error, points",
-        title="Error against time: each dot a setting",
+        xlabel="milliseconds per frame, on this machine", ylabel="error, pp",
+        title="Error against time: each dot is a configuration",
     )  # fmt: skip
     found = [(p, p.time.median, max(abs(p.columns["position"].percent - exact), 1e-4)) for p in points if p.time]
     line = front([(time, error) for _, time, error in found])
-    axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="front: no setting is better in both")
+    axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="Pareto front")
     top = sheet.grid_bottom + 48
     found.sort(key=lambda f: f[1])
     for i, (point, time, error) in enumerate(found, start=1):
         color = ORANGE if (time, error) in line else BLUE
         axes.plot([time], [error], "o", color=color, markeredgecolor="black", markersize=DOT_PT, zorder=4)
-        text = f"{i}   {_name(point)}: {error:.3f} points, {time:.1f} ms"
+        text = f"{i}   {_name(point)}: {error:.3f} pp, {time:.1f} ms"
         sheet.text(880, top + 31 * (i - 1), text, size=12, color=color)
     axes.margins(x=0.08, y=0.25)
     axes.legend(frameon=False, fontsize=12, loc="upper right")
@@ -157,8 +158,8 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
 
 
 def _number(axes: Any, dots: list[tuple[float, float]]) -> None:
-    """1, 2, ... on the dots; beside those that lie on one another."""
-    axes.get_xlim(), axes.get_ylim()  # settles the scales that the places depend on
+    """Numbers on the dots, and beside dots that overlap."""
+    axes.get_xlim(), axes.get_ylim()  # fixes the limits, which the positions depend on
     places = 72.0 / axes.figure.dpi * axes.transData.transform(dots)
     for i, (dot, (dx, dy)) in enumerate(zip(dots, beside(places, DOT_PT)), start=1):
         color = "white" if (dx, dy) == (0.0, 0.0) else INK
@@ -169,19 +170,19 @@ def _number(axes: Any, dots: list[tuple[float, float]]) -> None:
 
 
 def beside(places: Array, diameter: float) -> list[tuple[float, float]]:
-    """Where a label of each dot goes, from its centre: (0, 0), or away from the dots that it overlaps.
+    """Offset of the label of each dot from its center: (0, 0), or away from the dots that it overlaps.
 
-    ``places`` (n, 2) and ``diameter`` in one unit.  Dots in the same place are parted to left and right.
+    ``places`` (n, 2) and ``diameter`` in the same unit.  Labels of dots at the same position go left and right.
     """
     out = []
     for i, place in enumerate(places):
-        apart = np.linalg.norm(places - place, axis=1) < diameter
-        if apart.sum() == 1:
+        overlapping = np.linalg.norm(places - place, axis=1) < diameter
+        if overlapping.sum() == 1:
             out.append((0.0, 0.0))
             continue
-        away = place - places[apart].mean(axis=0)
+        away = place - places[overlapping].mean(axis=0)
         length = float(np.linalg.norm(away))
-        first = i == int(np.argmax(apart))
+        first = i == int(np.argmax(overlapping))
         unit = away / length if length > 1e-6 * diameter else np.array([-1.0 if first else 1.0, 0.0])
         out.append((float(diameter * unit[0]), float(diameter * unit[1])))
     return out

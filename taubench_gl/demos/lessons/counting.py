@@ -1,0 +1,164 @@
+"""Demo 12: float32 sums and coarse histograms change the numbers of a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
+from taubench_gl.demos import theory
+from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances
+from taubench_gl.demos.lessons.thresholds import scene as keys
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, heat, note, overlay, reason_entries, rgb
+from taubench_gl.demos.stage import Stage
+from taubench_gl.metrics.counts import bin_of, discarded_above, edges
+from taubench_gl.scene.model import Scene
+
+Array = np.ndarray
+
+PAIRS = 24 * 3600
+"""An hour at 24 frames per second."""
+
+THRESHOLD = 0.2  # m; in the octave from 0.125 m to 0.25 m, in which only the key that moves by 16 cm lies
+COARSE, FINE = 0, HISTOGRAM_MANTISSA_BITS  # 2^bits bins per octave; FINE: those of every run
+
+
+def plain_sums(terms: Array) -> Array:
+    """Running float32 sums of (n,) counts, added one after another: (n,) float32.
+
+    Relative error up to (n - 1) 2^-24 (Higham 2002, Eq. 4.4).
+    """
+    return np.cumsum(np.asarray(terms, dtype=np.float32), dtype=np.float32)
+
+
+def compensated_sum(terms: Array) -> float:
+    """Float32 sum of (n,) counts with the running compensation of Neumaier (1974): error about 2^-24 for any n."""
+    running = lost = np.float32(0)
+    for term in np.asarray(terms, dtype=np.float32):
+        after = np.float32(running + term)
+        larger, smaller = (running, term) if abs(running) >= abs(term) else (term, running)
+        lost = np.float32(lost + np.float32(np.float32(larger - after) + smaller))
+        running = after
+    return float(np.float32(running + lost))
+
+
+def rounded_sum(term: int, times: int) -> int:
+    """``times`` x ``term``, after every addition rounded to 24 significant bits, half to even.  Integers only."""
+    total = 0
+    for _ in range(times):
+        total += term
+        shift = max(total.bit_length() - 24, 0)
+        kept, rest = total >> shift, total & ((1 << shift) - 1)
+        half = (1 << shift) >> 1
+        kept += rest > half or (shift > 0 and rest == half and kept & 1)
+        total = kept << shift
+    return total
+
+
+def curve_at(distance: Array, threshold: float, bits: int) -> float:
+    """Pixels at or above ``threshold``, read from a histogram of 2^``bits`` bins per octave (linear between edges)."""
+    counts = np.bincount(bin_of(distance.ravel(), bits), minlength=len(edges(bits)) + 1)
+    return float(np.interp(threshold, edges(bits), discarded_above(counts)))
+
+
+def scene() -> Scene:
+    """The keys of demo 9: each moves by its own step, 1 cm to 128 cm."""
+    return keys()
+
+
+@demo(
+    12,
+    "counting",
+    "Float32 sums and coarse histograms",
+    idea="A table is a sum of pixel counts, and a curve is a histogram of distances. Both are easy to get wrong: a "
+    "float32 sum ignores single pixels above 16.8 million and rounds every pair of a long run, and a coarse "
+    "histogram cannot tell a threshold from its neighbors. Runs count in exact integers, with 8 bins per octave.",
+    look_for=(
+        "Left: the float32 sum is exact up to 2^24 pixels; its error changes where its steps double, at powers of two.",
+        "The compensated float32 sum stays below one rounding error, 2^-24; the integer sum is exact.",
+        "Right: at the dashed threshold the curve with 1 bin per octave is too high, although no key moved that far.",
+    ),
+    scene=scene,
+    see_also=(("what a run records", "formats.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    pair = stage.pair(scene(), columns=("frustum", "position", "color"), thresholds={"position": THRESHOLD},
+                      shadow_lights=0)  # fmt: skip
+    moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
+    discarded = int(pair.has(Reason.POSITION).sum())
+    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=336)
+    axes = sheet.panel(0, 0, overlay(pair.mask, pair.now["color"], Reason.POSITION), f"one pair, {THRESHOLD:g} m")
+    note(axes, f"{discarded} of {stage.pixels} pixels discarded")
+    axes = sheet.panel(1, 0, heat(np.log2(moved.clip(0.005)) - np.log2(0.005), 8.0), "distance between the frames")
+    note(axes, "brighter: farther, logarithmic")
+    _plot_sums(sheet, discarded)
+    _plot_curves(sheet, moved)
+    sheet.legend(reason_entries(Reason.POSITION))
+    path = sheet.save(out / "12-counting.png")
+    caption = "An hour of the same pair summed in float32, and the same distances in histograms of three widths."
+    findings = (*_sum_findings(discarded, stage.pixels), *_curve_findings(stage, moved, discarded))
+    return Result(findings, (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
+
+
+def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
+    limit = int(plain_sums(np.ones((1 << 24) + 1000))[-1])
+    plain = 100.0 * float(plain_sums(np.full(PAIRS, discarded))[-1]) / float(plain_sums(np.full(PAIRS, pixels))[-1])
+    rounded = 100.0 * rounded_sum(discarded, PAIRS) / rounded_sum(pixels, PAIRS)
+    compensated = abs(compensated_sum(np.full(PAIRS, discarded)) / (discarded * PAIRS) - 1.0) * 2.0**24
+    return (
+        Finding(limit, "pixels", "is where a float32 counter that adds single pixels stops",
+                Expected.near(2.0**24, 0.0, "above 2^24 float32 has steps of 2, and 1 is rounded away", 0), 0),
+        Finding(plain, "%", f"is discarded in an hour by plain float32 sums; exact: {100.0 * discarded / pixels:.4f} %",
+                Expected.near(rounded, 1e-9, "each sum rounded to 24 bits, half to even, in integers", 4), 4),
+        Finding(compensated, "x 2^-24", "is the relative error of the compensated float32 sum",
+                Expected.between(0.0, 1.0, "one rounding at the end (Neumaier 1974)", 2)),
+    )  # fmt: skip
+
+
+def _curve_findings(stage: Stage, moved: Array, discarded: int) -> tuple[Finding, ...]:
+    low, high = 0.125, 0.25  # the edges around THRESHOLD with 1 bin per octave
+    expected = distances(stage.size)
+    inside = (expected >= low) & (expected < high)
+    weight = (high - THRESHOLD) / (high - low)
+    slack = 50.0 * weight * theory.edge_pixels(inside) / inside.size
+    source = "the key that moved by 16 cm counts by its distance to the edges, 0.4 of its area; ± half its edge pixels"
+    errors = [curve_at(moved, THRESHOLD, bits) - discarded for bits in (COARSE, FINE)]
+    return (
+        Finding(100.0 * errors[0] / stage.pixels, "pp", f"is the error at {THRESHOLD:g} m with 1 bin per octave",
+                Expected.near(100.0 * weight * float(inside.mean()), slack, source)),
+        Finding(abs(errors[1]), "pixels", f"is the error at {THRESHOLD:g} m with {1 << FINE} bins per octave",
+                Expected.near(0.0, 0.0, "no key is in the bin of the threshold", 0), 0),
+    )  # fmt: skip
+
+
+def _plot_sums(sheet: Sheet, term: int) -> None:
+    axes = sheet.plot(
+        110, sheet.grid_bottom + 46, 500, 230, xscale="log", yscale="log", xlabel="pairs", ylabel="relative error",
+        title="Sum of the discarded pixels over an hour", ylim=(1e-10, 1.0),
+    )  # fmt: skip
+    pairs = np.arange(1, PAIRS + 1)
+    exact = term * pairs.astype(np.float64)
+    error = np.abs(plain_sums(np.full(PAIRS, term)) / exact - 1.0)
+    axes.plot(pairs, np.maximum(error, 1e-10), color=ORANGE, linewidth=2, label="plain float32")
+    at = np.unique(np.geomspace(1, PAIRS, 12).astype(int))
+    found = [abs(compensated_sum(np.full(n, term)) / (term * n) - 1.0) for n in at]
+    axes.plot(at, np.maximum(found, 1e-10), color=BLUE, linewidth=1.6, marker="o", label="compensated float32")
+    axes.axhline(1e-10, color=GREEN, linewidth=3, label="integers: exact")
+    axes.axhline(2.0**-24, color="#777777", linewidth=1, linestyle="--", label="2^-24")
+    axes.legend(frameon=False, fontsize=11, loc="upper left", ncols=2)
+
+
+def _plot_curves(sheet: Sheet, moved: Array) -> None:
+    top = 100.0 * np.mean(moved >= STEPS_CM[0] / 200.0)
+    axes = sheet.plot(
+        740, sheet.grid_bottom + 46, 510, 230, xscale="log", xlim=(0.02, 2.0), ylim=(0, 1.08 * top),
+        xlabel="position threshold, meters", ylabel="discarded, %", title="Share above each threshold",
+    )  # fmt: skip
+    line = np.geomspace(0.02, 2.0, 600)
+    for bits, color, width in ((COARSE, ORANGE, 2.0), (1, BLUE, 1.6), (FINE, GREEN, 1.6)):
+        shares = [100.0 * curve_at(moved, threshold, bits) / moved.size for threshold in line]
+        axes.plot(line, shares, color=color, linewidth=width, label=f"{1 << bits} bin{'s' * (bits > 0)} per octave")
+    axes.axvline(THRESHOLD, color="#777777", linewidth=1, linestyle="--")
+    axes.legend(frameon=False, fontsize=11, loc="upper right")
