@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import itertools
 
-import numpy as np
 import pytest
 
 from taubench_gl import glossary
 from taubench_gl.conventions import COLUMNS, FRUSTUM, Reason
-from taubench_gl.metrics.activity import QUANTITIES, describe
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.metrics.activity import QUANTITIES
+from taubench_gl.paths import ASSETS
 from taubench_gl.report.palette import REASON_COLORS
+from taubench_gl.report.tables import paper_numbers
 from taubench_gl.run import FRAME_COLUMNS
-from taubench_gl.settings import REPROJECTIONS, SAMPLINGS
+from taubench_gl.settings import REPROJECTIONS, SAMPLINGS, Settings
+
+DEMO = ASSETS / "demo.glb"
 
 GROUPS = {
     "concepts": glossary.CONCEPTS, "reasons": glossary.REASONS, "columns": glossary.COLUMNS,
@@ -39,10 +43,25 @@ def test_every_name_is_defined_in_order(defined, used):
     assert tuple(defined) == tuple(used)
 
 
-def test_every_statistic_of_the_summary_is_defined():
-    assert set(describe(np.array([1.0, 2.0]))) <= set(glossary.STATISTICS)
-    for name in ("mean_percent", "comparable_mean_percent", "max_percent", "without_cuts_mean_percent", "pairs"):
-        assert name in glossary.STATISTICS
+def test_every_statistic_of_the_summary_is_defined(gpu):
+    settings = Settings.of(width=32, height=18, frames=(0, 3), columns=("frustum", "position"), pairs="every:2")
+    summary = evaluate_scene(DEMO, settings).summary
+    values = {key for name in QUANTITIES for key in summary["camera"][name]} | {"samples", "cuts", "gimbal_pairs"}
+    values |= {key for block in ("discard", "curves") for entry in summary[block].values() for key in entry}
+    values |= {key for entry in summary["sampling"]["columns"].values() for key in entry}
+    defined = {*glossary.STATISTICS, *glossary.FRAMES, *glossary.CONCEPTS}
+    assert values - defined - {"reason", "level"} == set()
+    assert set(summary["classes"]) <= set(glossary.FRAMES)
+    assert set(paper_numbers()["scenes"][0]["census"]) <= set(glossary.CENSUS)
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_sources_in_the_docs_exist(group):
+    for term in GROUPS[group].values():
+        if term.source.startswith("docs/"):
+            page, _, section = term.source.partition(", ")
+            text = (DEMO.parents[1] / page).read_text(encoding="utf-8")
+            assert not section or f"\n## {section}" in text, term.source
 
 
 @pytest.mark.parametrize("group", GROUPS)

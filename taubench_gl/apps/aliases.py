@@ -89,9 +89,14 @@ class _FormerOption(click.Option):
         """The parser never sees the former option."""
 
 
+def former_options(command: click.Command) -> dict[str, str]:
+    """Former option or flag -> current one."""
+    return {param.opts[0]: param.new for param in command.params if isinstance(param, _FormerOption)}
+
+
 def _with_current_names(command: click.Command, args: list[str], *, quiet: bool) -> list[str]:
     """``args`` with the former options of ``command`` replaced, up to a ``--``."""
-    former = {param.opts[0]: param.new for param in command.params if isinstance(param, _FormerOption)}
+    former = former_options(command)
     out = list(args)
     for i, arg in enumerate(args):
         if arg == "--":

@@ -39,6 +39,9 @@ class Size(click.ParamType):
 
     name = "WxH"
 
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return self.name
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
@@ -263,7 +266,7 @@ threshold_option = click.option(
     "thresholds",
     type=Threshold(),
     multiple=True,
-    help="Threshold of color, position (metres), normal, direct or indirect; may be repeated.  [default: 32/255]",
+    help="Threshold of color, position (meters), normal, direct or indirect; may be repeated.  [default: 32/255]",
 )
 unit_scale_option = of_settings("--unit-scale")
 culling_option = of_settings("--culling", type=click.Choice(CULLINGS))

@@ -1,4 +1,4 @@
-"""Objects of the demo scenes.  World space, +Y up, metres."""
+"""Objects of the demo scenes.  World space, +Y up, meters."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class ViewerState:
     thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
     default_thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
     feature: str = "position"  # the feature whose threshold the keys change
-    unit_scale: float = 1.0  # scene units per metre
+    unit_scale: float = 1.0  # scene units per meter
     comparison: str = "off"
     split: float = 0.5  # fraction of the image width
     gain: float = 4.0  # factor of the difference image
@@ -114,7 +114,7 @@ class ViewerState:
         self.thresholds[feature] = min(max(float(value), 0.0), MAX_THRESHOLD)
 
     def unit(self, feature: str) -> str:
-        """Unit of a threshold or distance as a suffix: positions are in scene units, which are often metres."""
+        """Unit of a threshold or distance as a suffix: positions are in scene units, which are often meters."""
         return "" if feature != "position" else " m" if self.unit_scale == 1.0 else " units"
 
     def scale_threshold(self, factor: float) -> None:

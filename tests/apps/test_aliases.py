@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
 
 import click
 import pytest
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
-from taubench_gl.apps.aliases import Choice, Group, former_commands, former_option
+from taubench_gl.apps.aliases import Choice, Group, former_commands, former_option, former_options
+from taubench_gl.apps.cli import cli
 from taubench_gl.apps.options import Words
 
 
@@ -102,3 +104,32 @@ def test_completion_follows_former_commands_in_silence(program, capsys):
 def test_an_unknown_option_is_still_an_error(program):
     result = CliRunner().invoke(program, ["reference", "render", "--drows", "4"])
     assert result.exit_code == 2
+
+
+def all_commands(command: click.Command = cli) -> Iterator[click.Command]:
+    yield command
+    if isinstance(command, click.Group):
+        for member in command.commands.values():
+            yield from all_commands(member)
+
+
+def test_every_former_option_of_the_program_names_a_current_one():
+    for command in all_commands():
+        current = {
+            opt for p in command.params if not getattr(p, "hidden", False) for opt in (*p.opts, *p.secondary_opts)
+        }
+        for old, new in former_options(command).items():
+            assert new in current and old not in current, f"{command.name}: {old} -> {new}"
+
+
+def test_every_former_command_of_the_program_names_a_current_one():
+    for group in all_commands():
+        if not isinstance(group, click.Group):
+            continue
+        assert isinstance(group, Group), f"{group.name}: former names of its commands' options are not resolved"
+        for old, new in group.former_commands.items():
+            found: click.Command = group
+            for word in new:
+                assert isinstance(found, click.Group)
+                found = found.commands[word]
+            assert old not in group.commands

@@ -135,7 +135,7 @@ def test_scenes_can_be_written_and_read_again(demo, tmp_path):
     assert read.duration == pytest.approx(made.duration)
     for time in (0.0, 0.5 * made.duration, made.duration):
         views = [choose_camera(s).view_at(Poser(s).sample(time)) for s in (made, read)]
-        # glTF stores float32; demo 4 shows its error a million metres from the origin.
+        # glTF stores float32; demo 4 shows its error a million meters from the origin.
         near = demo.name != "relative"
         assert np.abs(views[0].position - views[1].position).max() < (1e-5 if near else 0.07)
 

@@ -190,7 +190,7 @@ def test_the_scene_of_a_run_is_found_from_another_folder(tmp_path, monkeypatch):
         assert error.value.where == str(out)
 
 
-def test_thresholds_of_a_run_are_in_metres_for_any_unit_scale(tmp_path):
+def test_thresholds_of_a_run_are_in_meters_for_any_unit_scale(tmp_path):
     stored = {"unit_scale": 2.0, "thresholds": {"position": 0.25, "normal": 0.25}}
     run = Run({"scene": {"path": str(tmp_path)}, "settings": stored}, [], tmp_path)
     for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):

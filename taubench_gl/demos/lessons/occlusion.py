@@ -20,7 +20,7 @@ SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING)
 
 
 def scene(moves: str = "board") -> Scene:
-    """A board in front of a wall.  In one second the ``board`` or the ``camera`` moves right by STEP metres."""
+    """A board in front of a wall.  In one second the ``board`` or the ``camera`` moves right by STEP meters."""
     b = Props()
     b.checkered(12.0, 8.0, (48, 32), (CHALK, SAND), translation=(0, 0, -FAR))
     board = b.checkered(*BOARD, (6, 6), (BRICK, SEA), translation=(0, 0, -NEAR))

@@ -1,4 +1,4 @@
-"""Demo 4: float32 world coordinates a thousand kilometres from the origin."""
+"""Demo 4: float32 world coordinates a thousand kilometers from the origin."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ Array = np.ndarray
 FAR = 1e6
 
 
-def scene(metres: float = FAR) -> Scene:
-    """The hall ``metres`` from the origin along each axis; the camera moves and turns slightly."""
+def scene(meters: float = FAR) -> Scene:
+    """The hall ``meters`` from the origin along each axis; the camera moves and turns slightly."""
     b = Props()
     hall(b)
     camera = b.camera(yfov=np.radians(60.0), znear=0.0625)
     b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 1.5), (0.125, 0.0, 1.25)])
     b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(3.0)])
-    return _moved(b.build(), metres)
+    return _moved(b.build(), meters)
 
 
-def _moved(built: Scene, metres: float) -> Scene:
+def _moved(built: Scene, meters: float) -> Scene:
     """The scene with all roots translated; keys are dyadic, so the float64 sums are exact."""
-    by = np.full(3, metres)
+    by = np.full(3, meters)
     roots = built.nodes.parent < 0
     nodes = dataclasses.replace(built.nodes, translation=built.nodes.translation + np.where(roots[:, None], by, 0.0))
     channels = tuple(
@@ -42,9 +42,9 @@ def _moved(built: Scene, metres: float) -> Scene:
     return dataclasses.replace(built, nodes=nodes, channels=channels)
 
 
-def step_at(metres: float) -> float:
-    """Spacing of float32 numbers at ``metres``."""
-    return float(np.spacing(np.float32(metres)))
+def step_at(meters: float) -> float:
+    """Spacing of float32 numbers at ``meters``."""
+    return float(np.spacing(np.float32(meters)))
 
 
 def extends(pair: PairImages) -> Array:
@@ -92,19 +92,19 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     4,
     "relative",
     "Why positions are stored relative to the camera",
-    idea="A float32 has 24 bits of precision. Near the origin its spacing is below a micrometre; a million metres away "
+    idea="A float32 has 24 bits of precision. Near the origin its spacing is below a micrometer; a million meters away "
     "it is 6 cm, and every position is rounded to that grid. If the camera position is subtracted in float64 first, "
     "the GPU only handles small numbers, wherever the scene is.",
     look_for=(
         "Top right: steps in the error of a stored position, up to 3 cm along each axis.",
-        "Bottom left: after reprojection these centimetres are pixels, most of all near the camera.",
+        "Bottom left: after reprojection these centimeters are pixels, most of all near the camera.",
         "Bottom right: camera-relative motion equals that of the hall at the origin, bit for bit.",
     ),
     scene=scene,
     see_also=(("the self-test cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
-    here, there = (stage.bench.pair(scene(metres)) for metres in (0.0, FAR))
+    here, there = (stage.bench.pair(scene(meters)) for meters in (0.0, FAR))
     image = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
     moved = in_world_floats(there, there.view.position)
     position = there.current["position"].astype(np.float64)
@@ -114,7 +114,7 @@ def run(stage: Stage, out: Path) -> Result:
     ours = np.linalg.norm(there.motion - here.motion, axis=-1)
     top = 3.0 * stage.size[1] / 270  # pixels, end of the color scale
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    sheet.panel(0, 0, image, "the hall, a million metres from the origin")
+    sheet.panel(0, 0, image, "the hall, a million meters from the origin")
     axes = sheet.panel(
         1, 0, heat(100 * np.linalg.norm(shift, axis=-1), 5.0), "error of float32 world positions: 0 to 5 cm"
     )
@@ -153,17 +153,17 @@ def run(stage: Stage, out: Path) -> Result:
 
 def _curve(pair: PairImages, out: Path) -> Path:
     """Plot of the RMS rounding error of world positions against the distance."""
-    metres = [10.0**i for i in range(2, 8)]
+    meters = [10.0**i for i in range(2, 8)]
     eye, position = pair.view.position - FAR, pair.current["position"][..., :3]
-    found = [rms((in_world_floats(pair, eye + m)[..., :3] - position)[extends(pair)]) for m in metres]
+    found = [rms((in_world_floats(pair, eye + m)[..., :3] - position)[extends(pair)]) for m in meters]
     sheet = Sheet(1, 0, 1.0, below=400, legend=False)
     axes = sheet.plot(
-        96, 40, 1140, 290, xscale="log", yscale="log", xlabel="distance from the origin, metres",
-        ylabel="error along an axis, metres", title="Error of float32 world coordinates",
+        96, 40, 1140, 290, xscale="log", yscale="log", xlabel="distance from the origin, meters",
+        ylabel="error along an axis, meters", title="Error of float32 world coordinates",
     )  # fmt: skip
     line = np.logspace(2, 7, 2000)
     axes.plot(line, [step_at(m) / np.sqrt(12) for m in line], color=BLUE, linewidth=2, label="theory")
-    axes.plot(metres, found, "o", color=ORANGE, markersize=9, markeredgecolor="black", label="measured, RMS")
+    axes.plot(meters, found, "o", color=ORANGE, markersize=9, markeredgecolor="black", label="measured, RMS")
     axes.axhline(32 / 255, color="#444", linewidth=1, linestyle="--")
     axes.text(110, 32 / 255 * 1.3, "the paper's position threshold, 32/255 m", fontsize=12)
     axes.legend(frameon=False, fontsize=12, loc="lower right")

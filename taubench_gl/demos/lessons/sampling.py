@@ -22,7 +22,7 @@ Array = np.ndarray
 YFOV = np.radians(50.0)
 JITTER = 0.3
 SLANT = 20.0
-FARTHEST = 0.10  # metres, end of the color scale
+FARTHEST = 0.10  # meters, end of the color scale
 
 
 def scene() -> Scene:
@@ -56,7 +56,7 @@ def per_row(pair: PairImages) -> float:
 
 
 def distance(pair: PairImages, sampling: str) -> Array:
-    """Distance between surface point and history sample, metres, (h, w), by the float64 reference of the masks."""
+    """Distance between surface point and history sample, meters, (h, w), by the float64 reference of the masks."""
     return pair_masks(pair.current, pair.history, pair.pair, limits(None), sampling=sampling).distances["position"]
 
 
@@ -121,7 +121,7 @@ def side_wall(pair: PairImages) -> Array:
 
 
 def sample_distance(size: tuple[int, int]) -> Array:
-    """Distance between the points of the side wall, x = 2.2, at two samples JITTER pixels apart.  (h, w) metres.
+    """Distance between the points of the side wall, x = 2.2, at two samples JITTER pixels apart.  (h, w) meters.
 
     The jittered sample of column i lies at i + JITTER; the history's at i.
     """

@@ -25,7 +25,7 @@ SHOWN = (0.03, DEFAULT_THRESHOLD, 0.5)
 
 
 def places() -> Array:
-    """Centers of the keys in the previous frame, four per row.  (8, 3) metres."""
+    """Centers of the keys in the previous frame, four per row.  (8, 3) meters."""
     x = (np.arange(8) % 4 - 1.5) * 1.02
     y = np.where(np.arange(8) < 4, 0.85, -0.85)
     return np.stack([x, y, np.full(8, KEYS)], axis=-1)
@@ -135,7 +135,7 @@ def _name_keys(axes: object, size: Size) -> None:
 def _staircase(sheet: Sheet, edges: Array, percent: Array, expected: Array, masks: dict) -> None:
     axes = sheet.plot(
         80, sheet.grid_bottom + 46, 1160, 240, xscale="log", xlim=(0.004, 3.0), ylim=(0, 1.08 * percent.max()),
-        xlabel="position threshold, metres", ylabel="discarded, %",
+        xlabel="position threshold, meters", ylabel="discarded, %",
         title="Discard rate at each threshold",
     )  # fmt: skip
     axes.plot(edges, percent, color=BLUE, linewidth=2.6, label="recorded by the run")
