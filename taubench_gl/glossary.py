@@ -61,7 +61,7 @@ CONCEPTS: Mapping[str, Term] = _by_key(
     Term("reuse_rate", "reuse rate", "Share of pixels that are reusable", "%", _SECTION_3_2),
     Term("classify", "classify", "Determine the reason mask of a pixel"),
     Term("evaluate", "evaluate", "Classify all pixels of a pair and count them"),
-    Term("object_motion", "object motion", "Motion vector minus the motion of a static point at the same place", "pixels"),
+    Term("object_motion", "object motion", "Motion vector minus that of a static point at the same place", "pixels"),
     Term(
         "comparable", "comparable pixel",
         "A pixel that is classified and whose history lies inside the previous image, so that its features can be "
