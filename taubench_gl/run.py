@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.conventions import COLUMNS, SUMMARY_SCHEMA
+from taubench_gl.conventions import COLUMNS, HISTOGRAM_MIN_EXPONENT, SUMMARY_SCHEMA
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write, make_folders, remove_folders, text_bytes, write_atomically
 
@@ -232,10 +232,25 @@ def load_run(folder: str | Path) -> Run:
         if str(schema).startswith("taubench-gl/batch/"):
             hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
-    if "truth" in summary:  # the block's name in releases before 0.2
-        summary.setdefault("path_traced", summary.pop("truth"))
     _check_kinds(summary, path)
+    _update(summary)
     return Run(summary, read_frames(out / FRAMES_FILE), out)
+
+
+def _update(summary: dict[str, Any]) -> None:
+    """Bring a summary of an earlier release to the current form: block names, and position in meters.
+
+    Earlier releases wrote the position threshold and the bin edges of the position curve in scene units: their edges
+    begin at 2^HISTOGRAM_MIN_EXPONENT for every unit scale.
+    """
+    if "truth" in summary:
+        summary.setdefault("path_traced", summary.pop("truth"))
+    settings, curve = summary.get("settings") or {}, (summary.get("curves") or {}).get("position") or {}
+    scale, edges = settings.get("unit_scale") or 1.0, curve.get("edges")
+    if scale != 1.0 and edges and edges[0] == 2.0**HISTOGRAM_MIN_EXPONENT:
+        curve["edges"] = [edge / scale for edge in edges]
+        if settings.get("thresholds"):
+            settings["thresholds"]["position"] /= scale
 
 
 def _check_kinds(summary: Mapping[str, Any], path: Path) -> None:
