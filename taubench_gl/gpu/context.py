@@ -18,6 +18,7 @@ import moderngl
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu import loaders
+from taubench_gl.gpu.hazards import Hazards
 
 BACKEND_VARIABLE = "TAUBENCH_BACKEND"
 REQUIRED_VERSION = 450
@@ -46,6 +47,11 @@ class Gpu:
     _function: Callable[[str], int] = field(default=lambda name: 0, repr=False)  # address of a GL function
     _entered: int = field(default=0, repr=False)  # how many ``with`` blocks are open
     _nothing: moderngl.Framebuffer | None = field(default=None, repr=False)  # framebuffer 0
+    hazards: Hazards | None = field(default=None, repr=False)  # barriers; one for all copies of this record
+
+    def __post_init__(self) -> None:
+        if self.hazards is None:
+            self.hazards = Hazards(self.ctx)
 
     def __enter__(self) -> Gpu:
         # An evaluation inside somebody's ``with gpu`` must not leave them without a current context.

@@ -1,10 +1,22 @@
-"""What every GPU pass is made from: the context, its compiled shaders and its clock."""
+"""Running declared passes: the GPU context they are made from, barriers, compiled compute and raster passes."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.declare import BUFFER, IMAGE, TEXTURE, ComputePass, Pass, RasterPass, Resource
+from taubench_gl.gpu.hazards import FETCH, IMAGE_ACCESS, STORAGE
+from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
+
+_WAYS = {TEXTURE: FETCH, IMAGE: IMAGE_ACCESS, BUFFER: STORAGE}
 
 
 class GpuContext:
@@ -20,7 +32,128 @@ class GpuContext:
         self.timer = timer or PassTimer(gpu, enabled=False)
         self._owned = shaders is None
 
+    def allocate(self, resource: Resource) -> moderngl.Texture | moderngl.Buffer:
+        """The texture or buffer that ``resource`` declares, not filled.  GraphicsError where there is no room for it."""
+        _require_room(self.gpu, resource)
+        if resource.size is None:
+            return self.gpu.ctx.buffer(reserve=resource.bytes)
+        if resource.dtype == "depth":
+            return self.gpu.depth_texture(resource.size)
+        return self.gpu.ctx.texture(resource.size, resource.components, dtype=resource.dtype)
+
+    def allocate_all(self, passes: Iterable[Pass]) -> dict[str, Any]:
+        """Everything that ``passes`` own, by name."""
+        return {r.name: self.allocate(r) for p in passes for r in p.resources}
+
+    def compute(self, declaration: ComputePass) -> CompiledCompute:
+        return CompiledCompute(self, declaration)
+
+    def raster(self, declaration: RasterPass) -> CompiledRaster:
+        return CompiledRaster(self, declaration)
+
     def release(self) -> None:
         """Free the programs that this context compiled."""
         if self._owned:
             self.shaders.release()
+
+
+def _require_room(gpu: Gpu, resource: Resource) -> None:
+    what, hint = resource.what or resource.label, resource.hint
+    if resource.size is not None:
+        limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
+        if max(resource.size) > limit:
+            needed = f"{resource.size[0]}x{resource.size[1]} texels"
+            raise GraphicsError(f"{what} would need {needed}, this device's textures end at {limit}", hint=hint)
+    elif hint:
+        limit = gpu.ctx.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
+        if resource.bytes > limit:
+            needed = f"{resource.bytes} bytes"
+            raise GraphicsError(f"{what} would need {needed}, this device's buffers end at {limit}", hint=hint)
+    require_memory(gpu, resource.bytes, what, hint)
+
+
+class _Constants:
+    """The uniform blocks of a pass, filled for every run."""
+
+    def __init__(self, gpu: Gpu, declaration: Pass):
+        self._blocks = []
+        for use, binding in declaration.bindings():
+            if use.name in declaration.fills:
+                struct, fill = declaration.fills[use.name]
+                rows = struct.zeros(use.count or None)
+                buffer = gpu.ctx.buffer(reserve=rows.nbytes, dynamic=True)
+                self._blocks.append((binding, buffer, rows, fill))
+
+    def bind(self, frame: Any) -> None:
+        for binding, buffer, rows, fill in self._blocks:
+            values = fill(frame)
+            if isinstance(values, Mapping):
+                for name, value in values.items():
+                    rows[name] = value
+            else:
+                rows[...] = values
+            buffer.write(rows.tobytes())
+            buffer.bind_to_uniform_block(binding)
+
+    def release(self) -> None:
+        for _, buffer, _, _ in self._blocks:
+            buffer.release()
+
+
+class CompiledCompute:
+    """A compute pass ready to run."""
+
+    def __init__(self, context: GpuContext, declaration: ComputePass):
+        self.declaration = declaration
+        self._hazards = context.gpu.hazards
+        self.program = context.shaders.compute(declaration.shaders[0], declaration.defines, declaration.interface())
+        self._constants = _Constants(context.gpu, declaration)
+        self._uses = [(use, binding) for use, binding in declaration.bindings() if use.form in _WAYS]
+
+    def run(self, frame: Any, resources: Mapping[str, Any], **uniforms: Any) -> None:
+        """Bind everything declared, wait for what earlier passes wrote, dispatch.
+
+        ``frame`` goes to the fills of constants; ``resources``: textures and buffers by ``Use.key``.
+        """
+        self._constants.bind(frame)
+        self._hazards.before((resources[use.key], _WAYS[use.form]) for use, _ in self._uses)
+        for use, binding in self._uses:
+            resource = resources[use.key]
+            if use.form == TEXTURE:
+                resource.use(binding)
+            elif use.form == IMAGE:
+                resource.bind_to_image(binding, read=use.reads, write=use.writes)
+            else:
+                resource.bind_to_storage_buffer(binding)
+        for name, value in uniforms.items():
+            self.program[name] = value
+        self.program.run(*self.declaration.groups)
+        self._hazards.wrote(resources[use.key] for use, _ in self._uses if use.writes)
+
+    def release(self) -> None:
+        """Free the constants; the program belongs to the shader cache."""
+        self._constants.release()
+
+
+class CompiledRaster:
+    """A raster pass: its programs, compiled when a group of draws first needs one."""
+
+    def __init__(self, context: GpuContext, declaration: RasterPass):
+        self.declaration = declaration
+        self._shaders = context.shaders
+        self._interface, self._outputs = declaration.interface(), declaration.fragment_outputs()
+
+    def program(self, defines: Mapping[str, object]) -> moderngl.Program:
+        """The variant with these macros."""
+        macros = {**self.declaration.defines, **defines}
+        return self._shaders.render(*self.declaration.shaders, macros, self._interface, self._outputs)
+
+
+def fitted(gpu: Gpu, buffer: moderngl.Buffer, payload: np.ndarray) -> moderngl.Buffer:
+    """``buffer`` with ``payload`` in it, reallocated only when it has grown."""
+    if buffer.size < payload.nbytes:
+        buffer.release()
+        buffer = gpu.ctx.buffer(reserve=payload.nbytes * 3 // 2, dynamic=True)
+    if payload.nbytes:
+        buffer.write(payload.tobytes())
+    return buffer

@@ -1,0 +1,63 @@
+"""What is chosen by measurement for a kind of device, and why: work-group sizes, how textures are read, what is unrolled.
+
+Nothing here changes a result.  The GLSL side is ``shaders/common/tuning.glsl``.  Facts measured on Mesa 22.3 llvmpipe:
+a texel costs half through an image load of what it costs through a sampler; storage buffers are read lane by lane;
+uniforms are loaded again at every use in loops with atomics; branches run both ways; loops of one invocation end
+silently after 65,535 iterations in all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+LOOP_LIMIT = 65_535
+"""Iterations of all loops of one invocation after which llvmpipe ends them silently."""
+
+MAX_LIGHTS = 30_000
+"""Lights of a scene: shaders loop over all lights twice and over a tile's pixels, below LOOP_LIMIT."""
+
+VPL_CHUNK = 60_000 // 8 // 32 * 32
+"""VPLs per dispatch of the probe pass, a multiple of 32: below LOOP_LIMIT at 8 iterations for each."""
+
+MAX_UNROLLED = 8
+"""Lights that are compiled one by one, at constant places of a uniform block, which llvmpipe reads once for all lanes;
+from a texture a light and its shadow face are nine texels, more expensive than all that is computed from them.  More
+lights would compile for longer than they save."""
+
+WIDE, NARROW = 64, 16
+"""Work-group sizes of passes without pixels: little work per invocation, and much."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """The choices for software rendering (``software``) or a GPU."""
+
+    software: bool = False
+
+    @property
+    def shading_group(self) -> tuple[int, int]:
+        """Passes that read many channels.  llvmpipe keeps textures by scanline, GPUs in square tiles."""
+        return (32, 1) if self.software else (8, 8)
+
+    @property
+    def pixel_group(self) -> tuple[int, int]:
+        """Passes that read few."""
+        return (64, 1) if self.software else (8, 8)
+
+    @property
+    def mask_group(self) -> tuple[tuple[int, int], int]:
+        """Group of the mask pass, and pixels per invocation.
+
+        llvmpipe: one vector of lanes along a row and few work groups, whose start costs as much as several pixels.
+        GPUs want square tiles, and enough of them.
+        """
+        return ((8, 1), 60) if self.software else ((8, 8), 4)
+
+    @property
+    def defines(self) -> dict[str, bool]:
+        """Macros of ``common/tuning.glsl``."""
+        return {"LLVMPIPE": self.software}
+
+    def mask_images(self, dtypes: set[str]) -> bool:
+        """Whether the mask pass reads geometry channels of these types as images: only 32-bit floats pay."""
+        return self.software and dtypes == {"f4"}
