@@ -1,15 +1,12 @@
-// Colour of a pixel: direct + indirect + emission (or the sky's radiance), exposed, tone-mapped, sRGB-encoded.
-// Writes   color in [0, 1].   Twin   metrics.color
-#define READ(channel, at) imageLoad(channel, at)
+// Color of a pixel: direct + indirect + emission (or the sky's radiance), exposed, tone-mapped, sRGB-encoded.
+//
+// Paper    section 3.2, f_color.
+// Reads    position and, where they are enabled, direct, indirect, emission.
+// Writes   color in [0, 1].
+// Reference metrics.color
+#define READ(channel, at) channel##_at(at)
 #include "common/numbers.glsl"
 #include "common/radiance.glsl"
-#include "common/storage.glsl"
-
-layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
-
-layout(std140, binding = 0) uniform Parameters { ColorRecord P; };
-
-layout(RADIANCE_FORMAT, binding = 0) writeonly uniform image2D color_out;
 
 float srgb(float x) { return x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1.0 / 2.4) - 0.055; }
 
@@ -27,10 +24,10 @@ void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
     vec3 radiance = radiance_at(pixel, P.sky.rgb);
-    // Beyond 1e6 every curve has settled at 1, and its products would overflow.
+    // Above 1e6 every curve is 1, and its products would overflow.
     vec3 mapped = tone_map(clamp(radiance * P.exposure, 0.0, 1.0e6));
     vec3 color = vec3(srgb(mapped.r), srgb(mapped.g), srgb(mapped.b));
-    // What is no number is no colour either: the masks count it as INVALID.
+    // Not a number stays one: the masks count it as INVALID.
     if (non_finite(radiance)) color = vec3(uintBitsToFloat(0x7fc00000u));
     imageStore(color_out, pixel, vec4(color, 1.0));
 }

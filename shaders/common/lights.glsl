@@ -1,44 +1,31 @@
 // Punctual lights (KHR_lights_punctual): candela and lux, 1/d^2 with range window and spot falloff.
-// Twin: metrics.lighting.incident
+// Reference: metrics.lighting.incident
 const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE_SPOT = 3.0;
 
-// What the scene holds no light of is compiled out; who defines nothing gets all of them.
+// Kinds of lights that the scene has none of are compiled out; without definitions all kinds are there.
 #ifndef POINT_LIGHTS
 #define POINT_LIGHTS 1
 #define SPOT_LIGHTS 1
 #define DIRECTIONAL_LIGHTS 1
 #endif
 
-#ifndef LISTED_LIGHTS
-#define LISTED_LIGHTS 0
+#ifndef UNROLLED_LIGHTS
+#define UNROLLED_LIGHTS 0
 #endif
 
-// Records of a float texture, a field a texel, LIGHT_ROW of them in a row: texture fetches are made for all lanes at once
-// where reads of storage buffers are not (Mesa's llvmpipe), and image loads take half the time of a sampler's fetches.
-#ifdef LIGHT_IMAGE // the binding, of who has one to spare
-layout(rgba32f, binding = LIGHT_IMAGE) readonly uniform image2D light_table;
-
-vec4 light_texel(ivec2 at) { return imageLoad(light_table, at); }
-#else
-uniform sampler2D light_table;
-
-vec4 light_texel(ivec2 at) { return texelFetch(light_table, at, 0); }
-#endif
-
+// Records of a float texture, a field a texel, LIGHT_ROW records in a row.
 LightRecord light_record(int i) {
     ivec2 at = ivec2(4u * (uint(i) % uint(LIGHT_ROW)), uint(i) / uint(LIGHT_ROW));
-    return LightRecord(light_texel(at), light_texel(at + ivec2(1, 0)), light_texel(at + ivec2(2, 0)),
-                       light_texel(at + ivec2(3, 0)));
+    return LightRecord(light_table_at(at), light_table_at(at + ivec2(1, 0)), light_table_at(at + ivec2(2, 0)),
+                       light_table_at(at + ivec2(3, 0)));
 }
 
-#if LISTED_LIGHTS // the few that are compiled one by one, with what never changes of them
-layout(std140, binding = 2) uniform Lights { LightRecord lights[LISTED_LIGHTS]; };
-
-// i must be a constant: then a record is read once for all lanes, and kind and shadow map are known to the compiler.
-LightRecord listed_light(int i) {
-    LightRecord r = lights[i];
-    r.direction.w = LISTED_KINDS[i];
-    r.color.w = LISTED_FACES[i];
+#if UNROLLED_LIGHTS
+// i must be a constant: then kind and shadow map are known to the compiler (frame/lights.py).
+LightRecord unrolled_light(int i) {
+    LightRecord r = unrolled_lights[i];
+    r.direction.w = UNROLLED_KINDS[i];
+    r.color.w = UNROLLED_FACES[i];
     return r;
 }
 #endif

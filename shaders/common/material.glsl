@@ -1,25 +1,7 @@
 // The material of the group being drawn, and texture sampling with KHR_texture_transform and mirrored wrapping.
-layout(std140, binding = 1) uniform Material { MaterialRecord material; };
-
 #if TEXCOORDS
 in vec4 texcoord;
 #endif
-#if BASE_COLOR_MAP
-uniform sampler2D base_color_map;
-#endif
-#if NORMAL_MAP
-uniform sampler2D normal_map;
-#endif
-#if METALLIC_ROUGHNESS_MAP
-uniform sampler2D metallic_roughness_map;
-#endif
-#if EMISSIVE_MAP
-uniform sampler2D emissive_map;
-#endif
-#if OCCLUSION_MAP
-uniform sampler2D occlusion_map;
-#endif
-
 #if TEXCOORDS
 #if PLAIN_UV
 // Every texture of the material lies on the first coordinates as they are, which is what most files have.

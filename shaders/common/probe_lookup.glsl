@@ -1,6 +1,5 @@
 // Irradiance from the eight probes around x: trilinear, less those inside geometry and those behind the surface.
 #include "common/probes.glsl"
-layout(rgba32f, binding = 3) readonly uniform image2D probes;
 
 vec3 probe_irradiance(vec3 x, vec3 n) {
     ivec3 counts = P.probe_counts.xyz;
@@ -21,10 +20,10 @@ vec3 probe_irradiance(vec3 x, vec3 n) {
         ivec2 texel = first + ivec2(6 * offset.x, offset.z * counts.y + offset.y);
         vec3 to_probe = P.probe_origin.xyz + vec3(at) * P.probe_step.xyz - x;
         float facing = 0.5 + 0.5 * dot(n, to_probe) / max(length(to_probe), 1e-6); // wrapped, as Majercik et al. 2019
-        vec4 along_x = imageLoad(probes, texel + ivec2(sides.x, 0)); // w: of the whole probe, in each of its sides
+        vec4 along_x = probes_at(texel + ivec2(sides.x, 0)); // w: of the whole probe, in each of its sides
         weight *= along_x.w * (facing * facing + 0.05) + 1e-6;
-        sum += weight * (squares.x * along_x.rgb + squares.y * imageLoad(probes, texel + ivec2(sides.y, 0)).rgb +
-                         squares.z * imageLoad(probes, texel + ivec2(sides.z, 0)).rgb);
+        sum += weight * (squares.x * along_x.rgb + squares.y * probes_at(texel + ivec2(sides.y, 0)).rgb +
+                         squares.z * probes_at(texel + ivec2(sides.z, 0)).rgb);
         total += weight;
     }
     return sum / total;

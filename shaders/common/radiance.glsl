@@ -1,5 +1,5 @@
-// What a pixel sends to the camera: light and emission where there are, or the sky's radiance.  Linear, before exposure.
-// READ(channel, texel): how the includer reads a channel.
+// Radiance of a pixel: light and emission where they are enabled, or the sky's radiance.  Linear, before exposure.
+// READ(channel, texel): how the including shader reads a channel.
 vec3 radiance_at(ivec2 at, vec3 sky) {
     vec3 sum = vec3(0.0);
 #if HAS_DIRECT

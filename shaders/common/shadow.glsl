@@ -1,6 +1,6 @@
-// Shadow lookup against the plane of the receiver: each filter tap asks where the light's ray through *that texel's
-// centre* meets the receiver's plane, so a plane never shadows itself and needs no bias that would detach its shadows.
-// No twin: tests compare lit areas with closed forms.
+// Shadow lookup against the plane of the receiver: each filter tap compares the depth at which the light's ray through
+// *that texel's center* meets the receiver's plane, so a plane never shadows itself and needs no bias that would detach its
+// shadows.  No float64 reference: tests compare lit areas with closed forms.
 #include "common/numbers.glsl"
 #include "common/affine.glsl"
 
@@ -13,22 +13,17 @@ const float HALF_FLOAT = 1.0 / 1024.0; // relative rounding of a half float, whe
 vec2 shadow_random; // in [0, 1), set before every lookup
 #endif
 
-uniform sampler2D shadow_atlas;
-#if LISTED_LIGHTS // faces of lights that are compiled one by one are asked for by constants
-layout(std140, binding = 3) uniform Faces { ShadowFace faces[FACES]; };
-
-ShadowFace shadow_face(int i) { return faces[i]; }
-vec2 face_corner(int i) { return vec2(faces[i].right.w, faces[i].up.w); }
-#else
-uniform sampler2D shadow_faces; // a field a texel, a face a row
-
+#if UNROLLED_LIGHTS
+ShadowFace shadow_face(int i) { return unrolled_faces[i]; }
+vec2 face_corner(int i) { return vec2(unrolled_faces[i].right.w, unrolled_faces[i].up.w); }
+#else // a field a texel, a face a row
 ShadowFace shadow_face(int i) {
-    return ShadowFace(texelFetch(shadow_faces, ivec2(0, i), 0), texelFetch(shadow_faces, ivec2(1, i), 0),
-                      texelFetch(shadow_faces, ivec2(2, i), 0), texelFetch(shadow_faces, ivec2(3, i), 0),
-                      texelFetch(shadow_faces, ivec2(4, i), 0));
+    return ShadowFace(shadow_faces_at(ivec2(0, i)), shadow_faces_at(ivec2(1, i)),
+                      shadow_faces_at(ivec2(2, i)), shadow_faces_at(ivec2(3, i)),
+                      shadow_faces_at(ivec2(4, i)));
 }
 vec2 face_corner(int i) {
-    return vec2(texelFetch(shadow_faces, ivec2(1, i), 0).w, texelFetch(shadow_faces, ivec2(2, i), 0).w);
+    return vec2(shadow_faces_at(ivec2(1, i)).w, shadow_faces_at(ivec2(2, i)).w);
 }
 #endif
 
@@ -59,7 +54,7 @@ Receiver receiver_of_cube(int first, vec3 q, vec3 g) {
     r.q = vec3((x ? q.z : y ? q.x : -q.x) * turn, y ? q.z : q.y, abs(major));
     r.g = vec3((x ? g.z : y ? g.x : -g.x) * turn, y ? g.z : g.y, (x ? g.x : y ? g.y : g.z) * turn);
     r.plane = dot(g, q);
-#if LISTED_LIGHTS // six constants to choose from, not one place that differs from lane to lane
+#if UNROLLED_LIGHTS // a choice of six constants, not one index that differs from lane to lane
     vec2 corner = face_corner(first + 4);
     corner = x ? face_corner(first) : y ? face_corner(first + 2) : corner;
     vec2 behind = face_corner(first + 5);
@@ -71,9 +66,9 @@ Receiver receiver_of_cube(int first, vec3 q, vec3 g) {
     return r;
 }
 
-// Share of the light that reaches the receiver; f: its face, or the first of its cube.  Who does not ask gets anything, and
-// spares the cache: llvmpipe fetches for all lanes.
-float face_visibility(ShadowFace f, bool parallel, Receiver r, bool asked) {
+// Share of the light that reaches the receiver; f: its face, or the first of its cube.  Where it is
+// not needed the result is undefined, and one texel is read for all.
+float face_visibility(ShadowFace f, bool parallel, Receiver r, bool needed) {
     float z = r.q.z, depth = parallel ? 1.0 : z; // depth: what a texel's size grows with
     vec2 at = r.q.xy / depth;
     float resolution = f.extent.x;
@@ -85,7 +80,7 @@ float face_visibility(ShadowFace f, bool parallel, Receiver r, bool asked) {
 #elif SHADOW_TAPS == 1
     base = clamp(floor(texel + 0.5), vec2(0.0), vec2(resolution - 1.0));
 #else
-    vec2 middle = asked ? vec2(r.corner) + base + 1.0 : vec2(1.0); // where the four texels meet
+    vec2 middle = needed ? vec2(r.corner) + base + 1.0 : vec2(1.0); // where the four texels meet
     vec4 taps = textureGather(shadow_atlas, middle / vec2(textureSize(shadow_atlas, 0)));
 #endif
     float texel_size = f.extent.y * depth;
@@ -103,7 +98,7 @@ float face_visibility(ShadowFace f, bool parallel, Receiver r, bool asked) {
         // Last term: the normal is stored in half floats, which tilts a slanting plane.
         float nearest = receiver - (bias + HALF_FLOAT * abs(receiver - z) * min(abs(inverse), 1.0 / HALF_FLOAT));
 #if SHADOW_TAPS == 1
-        float s = texelFetch(shadow_atlas, r.corner + ivec2(base), 0).r, weight = 1.0;
+        float s = shadow_atlas_at(r.corner + ivec2(base)).r, weight = 1.0;
 #else
         float s = taps[int[](3, 2, 0, 1)[tap]]; // a gather goes round from the upper left
         float weight = ((tap & 1) == 1 ? w.x : 1.0 - w.x) * ((tap >> 1) == 1 ? w.y : 1.0 - w.y);
@@ -116,8 +111,8 @@ float face_visibility(ShadowFace f, bool parallel, Receiver r, bool asked) {
     return (!parallel && z <= f.forward.w) || any(greaterThan(abs(at), vec2(1.0))) ? 1.0 : lit;
 }
 
-// Share of the light that reaches p (relative to the camera) on a surface with geometric normal g; anything unless asked.
-float visibility(LightRecord light, vec3 p, vec3 g, bool asked) {
+// Share of the light that reaches p (relative to the camera) on a surface with geometric normal g; undefined unless needed.
+float visibility(LightRecord light, vec3 p, vec3 g, bool needed) {
     int first = int(light.color.w);
     if (first < 0) return 1.0;
     ShadowFace f = shadow_face(first);
@@ -125,5 +120,5 @@ float visibility(LightRecord light, vec3 p, vec3 g, bool asked) {
     Receiver r;
     if (light.direction.w == KIND_POINT || light.direction.w == KIND_WIDE_SPOT) r = receiver_of_cube(first, q, g);
     else r = receiver_of(f, q, g);
-    return face_visibility(f, light.direction.w == KIND_DIRECTIONAL, r, asked);
+    return face_visibility(f, light.direction.w == KIND_DIRECTIONAL, r, needed);
 }

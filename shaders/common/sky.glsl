@@ -1,17 +1,15 @@
-// What a uniform sky gives a surface, from the table of directional albedos.   Twin: metrics.lighting.albedo_table
+// Light of a uniform sky on a surface, from the table of directional albedos.   Reference: metrics.lighting.albedo_table
 #include "common/brdf.glsl"
 
 #if SKY && GLOSSY
-uniform sampler2D albedo_table;
-
-// What the lobes send to the viewer of a uniform sky: glossy F0 x + F90 y, diffuse 1 - Fresnel with z for Schlick's term.
+// Light of a uniform sky that the lobes send to the viewer: glossy F0 x + F90 y, diffuse 1 - Fresnel with z for Schlick's term.
 vec3 lobe_albedos(float roughness, float n_v) {
     vec2 at = clamp(vec2(n_v, roughness), 0.0, 1.0) * float(textureSize(albedo_table, 0).x - 1);
     ivec2 base = min(ivec2(at), textureSize(albedo_table, 0) - 2);
     vec2 f = at - vec2(base);
-    vec3 low = mix(texelFetch(albedo_table, base, 0).xyz, texelFetch(albedo_table, base + ivec2(1, 0), 0).xyz, f.x);
+    vec3 low = mix(albedo_table_at(base).xyz, albedo_table_at(base + ivec2(1, 0)).xyz, f.x);
     base.y += 1;
-    vec3 high = mix(texelFetch(albedo_table, base, 0).xyz, texelFetch(albedo_table, base + ivec2(1, 0), 0).xyz, f.x);
+    vec3 high = mix(albedo_table_at(base).xyz, albedo_table_at(base + ivec2(1, 0)).xyz, f.x);
     return mix(low, high, f.y);
 }
 #endif

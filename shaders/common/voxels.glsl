@@ -1,8 +1,7 @@
 // Visibility through the occupancy grid: 3D-DDA (Amanatides and Woo 1987) between two points of scene space, which
 // strides over empty bricks of 4 x 4 x 4 voxels.
-layout(rgba32ui, binding = 4) readonly uniform uimage2D bricks; // indirect/bricks.comp.glsl
 
-uvec4 brick_of(ivec3 cell) { return imageLoad(bricks, ivec2(cell.x >> 2, (cell.z >> 2) * (GRID / 4) + (cell.y >> 2))); }
+uvec4 brick_of(ivec3 cell) { return bricks_at(ivec2(cell.x >> 2, (cell.z >> 2) * (GRID / 4) + (cell.y >> 2))); }
 
 bool has_surface(uvec4 brick, ivec3 cell) {
     uint bit = uint(cell.x & 3 | (cell.y & 3) << 2 | (cell.z & 3) << 4);

@@ -6,21 +6,6 @@
 // Twin     animation.pose.pose_vertices
 #include "common/affine.glsl"
 
-layout(local_size_x = 64) in;
-
-layout(std430, binding = 0) readonly buffer Groups { uvec2 groups[]; }; // x: job, y: first vertex in the job
-layout(std430, binding = 1) readonly buffer Jobs { DeformJob jobs[]; };
-layout(std430, binding = 2) readonly buffer Palettes { vec4 palettes[]; }; // 3 rows per matrix
-layout(std430, binding = 3) readonly buffer Morphs { MorphUse morphs[]; };
-layout(std430, binding = 4) readonly buffer SourceFloats { float source[]; };
-layout(std430, binding = 5) readonly buffer SourceJoints { uint joints[]; };
-layout(std430, binding = 6) writeonly buffer Positions { float out_position[]; };
-layout(std430, binding = 7) writeonly buffer Normals { float out_normal[]; };
-layout(std430, binding = 8) writeonly buffer Tangents { float out_tangent[]; };
-#if HAS_PREVIOUS
-layout(std430, binding = 9) writeonly buffer Previous { float out_previous[]; };
-#endif
-
 vec3 load3(uint base, uint index) {
     uint at = base + 3u * index;
     return vec3(source[at], source[at + 1u], source[at + 2u]);

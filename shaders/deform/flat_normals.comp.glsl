@@ -4,13 +4,6 @@
 // Reads    posed positions.   Writes   posed normals.   Twin     frame.geometry.face_normals
 #include "common/affine.glsl"
 
-layout(local_size_x = 64) in;
-
-layout(std430, binding = 0) readonly buffer Groups { uvec2 groups[]; }; // x: job, y: first triangle in the job
-layout(std430, binding = 1) readonly buffer Jobs { DeformJob jobs[]; };
-layout(std430, binding = 6) readonly buffer Positions { float position[]; };
-layout(std430, binding = 7) writeonly buffer Normals { float out_normal[]; };
-
 vec3 corner(uint at) { return vec3(position[3u * at], position[3u * at + 1u], position[3u * at + 2u]); }
 
 void main() {

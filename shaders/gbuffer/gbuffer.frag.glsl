@@ -6,8 +6,6 @@
 #include "common/affine.glsl"
 #include "common/material.glsl"
 
-layout(std140, binding = 2) uniform Frame { FrameRecord F; };
-
 in vec3 pos_rel;
 in vec3 normal_ws;
 flat in uvec4 ids;

@@ -4,8 +4,6 @@
 // Twin     animation.pose.pose_vertices
 #include "common/affine.glsl"
 
-layout(std140, binding = 2) uniform Frame { FrameRecord F; };
-
 in vec3 in_position;
 in vec3 in_normal;
 in uvec4 record_ids;

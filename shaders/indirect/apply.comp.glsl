@@ -5,19 +5,12 @@
 // Paper    section 3.2, f_ind.
 // Departs  The glossy lobe sees the irradiance of its mirror direction, not an image; diffuse light is what bounces on.
 #include "common/affine.glsl"
-#include "common/indirect.glsl"
+#include "common/vpl.glsl"
 #include "common/shading_rate.glsl"
-#include "common/storage.glsl"
 
-layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
-
-layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
 #if PROBES
 #include "common/probe_lookup.glsl"
-#else
-uniform sampler2D irradiance;
 #endif
-layout(RADIANCE_FORMAT, binding = 0) writeonly uniform image2D indirect_out;
 
 #if !PROBES
 vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
@@ -31,20 +24,20 @@ vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
         ivec2 offset = ivec2(tap & 1, tap >> 1);
         ivec2 small = clamp(base + offset, ivec2(0), P.size.zw - 1);
         ivec2 source = min(small * SCALE + SCALE / 2, P.size.xy - 1);
-        vec4 q = imageLoad(position, source);
+        vec4 q = position_at(source);
         if (!(q.w > 0.0)) continue;
-        vec3 m = imageLoad(normal, source).xyz;
+        vec3 m = normal_at(source).xyz;
         float plane = abs(dot(n, q.xyz - p)) / (0.02 * depth);
         float weight = max(dot(n, m), 0.0);
         weight = pow(weight, 8.0) * max(0.0, 1.0 - plane);
         weight *= (offset.x == 1 ? f.x : 1.0 - f.x) * (offset.y == 1 ? f.y : 1.0 - f.y);
-        sum += weight * texelFetch(irradiance, small, 0).rgb;
+        sum += weight * irradiance_at(small).rgb;
         total += weight;
     }
     if (total > 1e-3) return sum / total;
 #endif
     vec3 own = vec3(0.0);
-    for (int k = 0; k < P.counts.x; ++k) own += vpl_irradiance(virtual_light(k), p + P.scene_from_relative.xyz, n);
+    for (int k = 0; k < P.counts.x; ++k) own += vpl_irradiance(vpl(k), p + P.scene_from_relative.xyz, n);
     return own;
 }
 #endif
@@ -52,11 +45,11 @@ vec3 upsampled(ivec2 pixel, vec3 p, vec3 n, float depth) {
 void main() {
     ivec2 pixel = shaded_pixel(ivec2(gl_GlobalInvocationID.xy), P.counts.y);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
-    vec4 p = imageLoad(position, pixel);
-    vec4 m = imageLoad(material, pixel);
+    vec4 p = position_at(pixel);
+    vec4 m = material_at(pixel);
     vec3 radiance = vec3(0.0);
     if (p.w > 0.0 && m.w >= 0.0) {
-        vec3 n = imageLoad(normal, pixel).xyz, base = imageLoad(base_color, pixel).rgb;
+        vec3 n = normal_at(pixel).xyz, base = base_color_at(pixel).rgb;
         vec3 v = safe_normalize(-p.xyz);
         float fresnel = 0.04 * m.w;
 #if PROBES

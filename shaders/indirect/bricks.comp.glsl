@@ -4,15 +4,7 @@
 // Reads    occupancy bits (voxelize.frag.glsl) of what no animation moves and of the rest; with DISTANCES the bricks' own bits.
 // Writes   xy: bits, x fastest, then y, then z.  z: Chebyshev distance in bricks to the nearest one that is not empty,
 //          at most FAR: 0 = this one.
-layout(local_size_x = GROUP_X) in;
-
 const int BRICKS = GRID / 4, FAR = 4;
-layout(rgba32ui, binding = 4) uniform uimage2D bricks;
-layout(r32ui, binding = 6) uniform uimage2D rows; // a bit for each brick of a row that is not empty
-#if !DISTANCES
-layout(std430, binding = 4) readonly buffer Still { uint still[]; };
-layout(std430, binding = 6) readonly buffer Moving { uint moving[]; };
-#endif
 
 void main() {
     int row = int(gl_GlobalInvocationID.x);
@@ -25,13 +17,13 @@ void main() {
         for (int k = -r; k <= r; ++k)
             for (int j = -r; j <= r; ++j) {
                 ivec2 at = ivec2(y + j, z + k);
-                if (all(lessThan(uvec2(at), uvec2(BRICKS)))) any_of |= imageLoad(rows, at).r; // negative ones are huge
+                if (all(lessThan(uvec2(at), uvec2(BRICKS)))) any_of |= rows_at(at).r; // negative ones are huge
             }
         near[r] = any_of;
         for (int i = 1; i <= r; ++i) near[r] |= any_of << i | any_of >> i;
     }
     for (int x = 0; x < BRICKS; ++x) {
-        uvec4 brick = imageLoad(bricks, ivec2(x, row));
+        uvec4 brick = bricks_at(ivec2(x, row));
         brick.z = 0u;
         for (int r = 0; r < FAR; ++r) brick.z += ~near[r] >> uint(x) & 1u;
         imageStore(bricks, ivec2(x, row), brick);

@@ -1,22 +1,16 @@
 // The cheap rung: irradiance of all virtual lights, without visibility, at every SCALE-th pixel of both axes.
 // Reads    position, normal, virtual lights.   Writes   a small irradiance image.
-#include "common/indirect.glsl"
-
-layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
-
-layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
-
-layout(rgba32f, binding = 0) writeonly uniform image2D irradiance_out;
+#include "common/vpl.glsl"
 
 void main() {
     ivec2 small = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(small, P.size.zw))) return;
     ivec2 pixel = min(small * SCALE + SCALE / 2, P.size.xy - 1);
-    vec4 p = imageLoad(position, pixel);
+    vec4 p = position_at(pixel);
     vec3 sum = vec3(0.0);
     if (p.w > 0.0) {
-        vec3 x = p.xyz + P.scene_from_relative.xyz, n = imageLoad(normal, pixel).xyz;
-        for (int k = 0; k < P.counts.x; ++k) sum += vpl_irradiance(virtual_light(k), x, n);
+        vec3 x = p.xyz + P.scene_from_relative.xyz, n = normal_at(pixel).xyz;
+        for (int k = 0; k < P.counts.x; ++k) sum += vpl_irradiance(vpl(k), x, n);
     }
     imageStore(irradiance_out, small, vec4(sum, 1.0));
 }

@@ -2,17 +2,9 @@
 //
 // Reads    virtual lights, their flux after the last bounce, visibility, bricks of voxels.
 // Writes   (adds to) probes: six texels per probe, w: 0 where the probe lies inside geometry.
-layout(local_size_x = GROUP_X) in;
-
-layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
-#include "common/indirect.glsl"
+#include "common/vpl.glsl"
 #include "common/voxels.glsl"
 #include "common/probes.glsl"
-layout(rgba32f, binding = 3) uniform image2D probes;
-layout(std430, binding = 7) readonly buffer Visibility { uint visibility[]; };
-#if !FIRST_BOUNCE
-layout(rgba32f, binding = 5) readonly uniform image2D flux;
-#endif
 
 // Virtual lights [x, y) of this dispatch.  Mesa's llvmpipe ends every loop of an invocation after 65,535 turns in all,
 // without a word; so the lights come in chunks that cannot reach that, and the sums go on where they stopped.
@@ -25,21 +17,21 @@ void main() {
     vec3 x = probe_place(i);
     vec3 cube[6];
     for (int side = 0; side < 6; ++side)
-        cube[side] = chunk.x == 0 ? vec3(0.0) : imageLoad(probes, texel + ivec2(side, 0)).rgb;
+        cube[side] = chunk.x == 0 ? vec3(0.0) : probes_at(texel + ivec2(side, 0)).rgb;
     int words = (P.counts.x + 31) / 32;
     for (int first = chunk.x; first < chunk.y; first += 32) {
         // Only those it sees, each lane its own: as many turns as the lane that sees most.
         for (uint seen = visibility[i * words + first / 32]; seen != 0u; seen &= seen - 1u) {
             int k = first + findLSB(seen);
-            ivec2 at = virtual_texel(k);
-            vec4 place = imageLoad(virtual_lights, at);
-            vec3 normal = imageLoad(virtual_lights, at + ivec2(1, 0)).xyz;
+            ivec2 at = vpl_texel(k);
+            vec4 place = vpls_at(at);
+            vec3 normal = vpls_at(at + ivec2(1, 0)).xyz;
 #if FIRST_BOUNCE
-            vec3 out_flux = imageLoad(virtual_lights, at + ivec2(2, 0)).rgb;
+            vec3 out_flux = vpls_at(at + ivec2(2, 0)).rgb;
 #else
-            vec3 out_flux = imageLoad(flux, ivec2(uint(k) % uint(VIRTUAL_ROW), uint(k) / uint(VIRTUAL_ROW))).rgb;
+            vec3 out_flux = flux_at(ivec2(uint(k) % uint(VPL_ROW), uint(k) / uint(VPL_ROW))).rgb;
 #endif
-            VirtualLight v = VirtualLight(place, vec4(normal, 0.0), vec4(out_flux, 0.0), vec4(0.0));
+            VirtualPointLight v = VirtualPointLight(place, vec4(normal, 0.0), vec4(out_flux, 0.0), vec4(0.0));
             for (int side = 0; side < 6; ++side) {
                 vec3 axis = vec3(0.0);
                 axis[side >> 1] = (side & 1) == 0 ? 1.0 : -1.0;

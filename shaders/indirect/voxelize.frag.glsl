@@ -1,7 +1,5 @@
 // Occupancy of a coarse grid, one bit a voxel: what the probes' rays must not pass.
 in vec3 pos_rel;
-layout(std140, binding = 3) uniform Parameters { IndirectRecord P; };
-layout(std430, binding = 4) coherent buffer Voxels { uint voxels[]; };
 
 void main() {
     vec3 place = pos_rel;

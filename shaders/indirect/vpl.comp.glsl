@@ -4,20 +4,8 @@
 // Writes   virtual lights in scene space: flux reflected by the texel's patch = irradiance * area * albedo.  With PROBES also
 //          the share of the patch that is this one's: lights that see the same surface all have virtual lights on it.
 #include "common/affine.glsl"
-#include "common/indirect.glsl"
+#include "common/vpl.glsl"
 #include "common/lights.glsl"
-
-layout(local_size_x = GROUP_X) in;
-
-layout(std140, binding = 0) uniform Parameters { IndirectRecord P; };
-layout(std430, binding = 3) readonly buffer Texels { uvec4 texels[]; }; // x, y in the atlas; face; light row
-layout(std430, binding = 5) readonly buffer Faces { ShadowFace faces[]; };
-
-uniform sampler2D position;
-uniform sampler2D normal;
-uniform sampler2D base_color;
-uniform sampler2D material;
-layout(rgba32f, binding = 0) writeonly uniform image2D virtual_out;
 
 #if PROBES
 #include "common/voxels.glsl"
@@ -49,10 +37,10 @@ void main() {
     if (i >= uint(P.counts.x)) return;
     uvec4 t = texels[i];
     ivec2 at = ivec2(t.xy);
-    VirtualLight v;
+    VirtualPointLight v;
     v.position = v.normal = v.flux = v.albedo = vec4(0.0);
-    vec4 p = texelFetch(position, at, 0);
-    vec4 normal_and_hit = texelFetch(normal, at, 0);
+    vec4 p = position_at(at);
+    vec4 normal_and_hit = normal_at(at);
     if (normal_and_hit.w > 0.0) { // position.w is depth along the light's axis, but from the camera: of either sign
         ShadowFace face = faces[t.z];
         LightRecord light = light_record(int(t.w));
@@ -68,8 +56,8 @@ void main() {
             float z = dot(face.forward.xyz, q);
             across *= z * z * z / length(q); // projected texel, turned across the ray
         }
-        vec4 base = texelFetch(base_color, at, 0);
-        vec4 m = texelFetch(material, at, 0);
+        vec4 base = base_color_at(at);
+        vec4 m = material_at(at);
         v.albedo.rgb = m.w < 0.0 ? vec3(0.0) : base.rgb * (1.0 - 0.04 * m.w);
         v.position = vec4(p.xyz + P.scene_from_relative.xyz, across / max(n_l, 0.05));
         // Visibility rays aim this far above the patch, but never past the light that found it: a bulb smaller than a
@@ -84,9 +72,9 @@ void main() {
         v.albedo.w = 1.0 / float(lights_that_see(p.xyz, n, aim, slack, t.w));
 #endif
     }
-    ivec2 record = virtual_texel(int(i));
-    imageStore(virtual_out, record, v.position);
-    imageStore(virtual_out, record + ivec2(1, 0), v.normal);
-    imageStore(virtual_out, record + ivec2(2, 0), v.flux);
-    imageStore(virtual_out, record + ivec2(3, 0), v.albedo);
+    ivec2 record = vpl_texel(int(i));
+    imageStore(vpl_out, record, v.position);
+    imageStore(vpl_out, record + ivec2(1, 0), v.normal);
+    imageStore(vpl_out, record + ivec2(2, 0), v.flux);
+    imageStore(vpl_out, record + ivec2(3, 0), v.albedo);
 }

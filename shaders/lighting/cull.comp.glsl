@@ -1,32 +1,21 @@
-// Per-tile light lists with a bounded error: a light is left out of a tile only while the sum of the upper bounds of all
-// lights left out there stays under P.light_error (radiance, before exposure).
+// Tile light lists with a bounded error: a light is left out of a tile only while the sum of the upper bounds of all lights
+// left out there stays below P.light_error (radiance, before exposure).
 //
 // Bound of one light in one tile: its irradiance at the tile's nearest point times the largest brdf * cos that any pixel of
 // the tile can have for any direction of light (``largest_brdf``).
 //
-// Reads    position normal base_color material.
+// Reads    position normal base_color material, light table.
 // Writes   tile_counts, tile_lists: rows of the light table, ascending.
 // Twin     metrics.lighting
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"
 
-layout(local_size_x = 8) in;
-
-layout(std140, binding = 0) uniform Parameters { LightingRecord P; };
-layout(std430, binding = 2) writeonly buffer TileCounts { uint tile_counts[]; };
-layout(std430, binding = 3) writeonly buffer TileLists { uint tile_lists[]; };
-
-uniform sampler2D position;
-uniform sampler2D normal;
-uniform sampler2D base_color;
-uniform sampler2D material;
-
 const int BINS = 40; // powers of two of the bound, the last one 2^7 and above
 const int LOWEST = -32;
 
 float bound(LightRecord light, vec3 low, vec3 high, float brdf) {
-#if SHADOWED_LISTED // these every pixel asks
+#if SHADOWED_UNROLLED // every pixel evaluates these
     if (light.color.w >= 0.0) return 0.0;
 #endif
     float peak = max(light.color.r, max(light.color.g, light.color.b)) * brdf;
@@ -44,13 +33,13 @@ float bound(LightRecord light, vec3 low, vec3 high, float brdf) {
 // Largest brdf * cos(theta_l), any channel, over all directions of light.  GGX: D <= 1 / (pi a^2), and the visibility term
 // times cos(theta_l) <= 0.5 / sqrt(n_v^2 (1 - a^2) + a^2); Fresnel: v.h >= n_v / 2, for 2 v.h n.h = n_v + n_l.
 float largest_brdf(ivec2 pixel, vec3 p) {
-    vec4 base = texelFetch(base_color, pixel, 0);
-    vec4 m = texelFetch(material, pixel, 0);
+    vec4 base = base_color_at(pixel);
+    vec4 m = material_at(pixel);
     if (m.w < 0.0) return 0.0; // unlit
     float color = max(base.r, max(base.g, base.b));
 #if GLOSSY
     vec3 v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p);
-    float n_v = max(dot(texelFetch(normal, pixel, 0).xyz, v), 1e-4);
+    float n_v = max(dot(normal_at(pixel).xyz, v), 1e-4);
     float a = max(m.y * m.y, MIN_ALPHA), a2 = a * a;
     float peak = 1.0 / (2.0 * PI * a2 * sqrt(n_v * n_v * (1.0 - a2) + a2));
     float away = max(1.0 - 0.5 * n_v, 0.0), away2 = away * away, schlick = away2 * away2 * away;
@@ -72,7 +61,7 @@ void main() {
     float brdf = 0.0;
     for (int y = first.y; y < last.y; ++y)
         for (int x = first.x; x < last.x; ++x) {
-            vec4 p = texelFetch(position, ivec2(x, y), 0);
+            vec4 p = position_at(ivec2(x, y));
             if (!(p.w > 0.0)) continue;
             low = min(low, p.xyz);
             high = max(high, p.xyz);

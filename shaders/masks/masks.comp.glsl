@@ -1,63 +1,17 @@
 // Reprojection (Eq. 3) and feature masks (f_B, section 3.2) of one frame pair, counted as they are made.
 //
+// Paper    Eq. (3), section 3.2 (f_B).
 // Reads    current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
 //          and, where defined, prev_position, ids, direct, indirect, color.
 // Writes   mask (reason bits), motion (previous - current, pixels, +y up).
 // Counts   mask_histogram[mask] (16 reason bits: every count is a sum of these), histogram of each feature's distance.
-// Twin     metrics.masks.pair_masks
+// Reference metrics.masks.pair_masks
 // Departs  Eq. (3) carries a guard of GUARD_PX and the near test one of NEAR_GUARD: a still pixel lies exactly on the
 //          boundary.  The position is interpolated and projected here, which equals interpolating the previous clip
 //          position (the map is linear) and never divides before w is tested.
 #include "common/histogram.glsl"
 #include "common/numbers.glsl"
-
-layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
-
-// A uniform block, not a storage buffer: Mesa's llvmpipe loads the latter lane by lane, and half the pass went into that.
-layout(std140, binding = 0) uniform Parameters { Reprojection block; };
-#if SOFTWARE
-Reprojection P; // ``block``, kept in registers and on the stack: see hoist()
-#else
-#define P block
-#endif
-layout(std430, binding = 1) coherent buffer MaskHistogram { uint mask_histogram[]; };
-layout(std430, binding = 2) coherent buffer Histograms { uint histograms[]; };
-
-#if GEOMETRY_IMAGES // 32-bit floats on llvmpipe: an image's texel costs it less than a texture's, which is a function call
-#define GEOMETRY(unit) layout(rgba32f, binding = unit) readonly uniform image2D
-#define FETCH_GEOMETRY(channel, at) imageLoad(channel, at)
-#else
-#define GEOMETRY(unit) uniform sampler2D
-#define FETCH_GEOMETRY(channel, at) texelFetch(channel, at, 0)
-#endif
-GEOMETRY(2) position;
-GEOMETRY(3) normal;
-GEOMETRY(4) history_position;
-GEOMETRY(5) history_normal;
-#if MOTION
-GEOMETRY(6) prev_position;
-#endif
-#if CUTS
-uniform usampler2D ids;
-#endif
-#if HAS_DIRECT
-uniform sampler2D direct;
-uniform sampler2D history_direct;
-#endif
-#if HAS_INDIRECT
-uniform sampler2D indirect;
-uniform sampler2D history_indirect;
-#endif
-#if HAS_COLOR
-uniform sampler2D color;
-uniform sampler2D history_color;
-#endif
-#if WRITE_MASK
-layout(r32ui, binding = 0) writeonly uniform uimage2D mask_out;
-#endif
-#if WRITE_MOTION
-layout(rg32f, binding = 1) writeonly uniform image2D motion_out;
-#endif
+#include "common/tuning.glsl"
 
 struct Sample { // one pixel of channels, or a blend of history pixels
     vec4 position;
@@ -71,32 +25,32 @@ bool is_surface(vec4 p) { return p.w > 0.0; }
 
 Sample fetch_current(ivec2 at) {
     Sample s;
-    s.position = FETCH_GEOMETRY(position, at);
-    s.normal = FETCH_GEOMETRY(normal, at).xyz;
+    s.position = position_at(at);
+    s.normal = normal_at(at).xyz;
 #if HAS_DIRECT
-    s.direct = texelFetch(direct, at, 0).xyz;
+    s.direct = direct_at(at).xyz;
 #endif
 #if HAS_INDIRECT
-    s.indirect = texelFetch(indirect, at, 0).xyz;
+    s.indirect = indirect_at(at).xyz;
 #endif
 #if HAS_COLOR
-    s.color = texelFetch(color, at, 0).xyz;
+    s.color = color_at(at).xyz;
 #endif
     return s;
 }
 
 Sample fetch_history(ivec2 at) {
     Sample s;
-    s.position = FETCH_GEOMETRY(history_position, at);
-    s.normal = FETCH_GEOMETRY(history_normal, at).xyz;
+    s.position = history_position_at(at);
+    s.normal = history_normal_at(at).xyz;
 #if HAS_DIRECT
-    s.direct = texelFetch(history_direct, at, 0).xyz;
+    s.direct = history_direct_at(at).xyz;
 #endif
 #if HAS_INDIRECT
-    s.indirect = texelFetch(history_indirect, at, 0).xyz;
+    s.indirect = history_indirect_at(at).xyz;
 #endif
 #if HAS_COLOR
-    s.color = texelFetch(history_color, at, 0).xyz;
+    s.color = history_color_at(at).xyz;
 #endif
     return s;
 }
@@ -196,7 +150,7 @@ uint compare(Sample now, vec3 q, Sample before) {
         turned = distance(now.normal, before.normal);
         if (turned > P.threshold_normal) mask |= NORMAL;
     }
-    count_distance(FEATURE_POSITION, moved); // once for both branches: llvmpipe runs both, atomics lane by lane
+    count_distance(FEATURE_POSITION, moved); // outside the branches: one atomic for both
     count_distance(FEATURE_NORMAL, turned);
 #if HAS_DIRECT
     vec3 change = (now.direct - before.direct) * P.exposure;
@@ -222,7 +176,7 @@ uint compare(Sample now, vec3 q, Sample before) {
 }
 
 // Reason bits of one pixel; motion in pixels (0 where it is not defined).
-uint judge(ivec2 pixel, out vec2 motion) {
+uint classify(ivec2 pixel, out vec2 motion) {
     motion = vec2(0.0);
     Sample now = fetch_current(pixel);
     bool surface = is_surface(now.position);
@@ -230,15 +184,15 @@ uint judge(ivec2 pixel, out vec2 motion) {
     if (P.declared != 0u) return mask | P.declared;
     if (non_finite(now)) return INVALID;
 #if CUTS
-    // A surface that took another's place has no counterpart, wherever its points would have been.
-    if (surface && (texelFetch(ids, pixel, 0).y & NO_HISTORY) != 0u) return mask | CUT;
+    // A surface that replaces another one has no counterpart in the frame before.
+    if (surface && (ids_at(pixel).y & NO_HISTORY) != 0u) return mask | CUT;
 #endif
 
     vec4 p, q; // now, relative to the current camera; then, relative to the previous one
     if (surface) {
         p = vec4(now.position.xyz, 1.0);
 #if MOTION
-        q = vec4(FETCH_GEOMETRY(prev_position, pixel).xyz, 1.0);
+        q = vec4(prev_position_at(pixel).xyz, 1.0);
         if (non_finite(q)) return INVALID;
 #else
         q = vec4(now.position.xyz + P.camera_delta.xyz, 1.0);
@@ -265,46 +219,15 @@ uint judge(ivec2 pixel, out vec2 motion) {
     return mask | compare(now, q.xyz, before);
 }
 
-#if SOFTWARE
-// llvmpipe loads a uniform at every use, with a test of its bounds and a broadcast, and cannot take that out of the loop
-// over pixels: counting might write the block, for all it knows.  Half of the pass went there.  What is computed stays
-// computed, so each value is xor-ed with a zero that no compiler can see.
-vec4 hoist(vec4 v) { return uintBitsToFloat(floatBitsToUint(v) ^ uint(block.size.z)); }
-float hoist(float v) { return uintBitsToFloat(floatBitsToUint(v) ^ uint(block.size.z)); }
-mat4 hoist(mat4 m) { return mat4(hoist(m[0]), hoist(m[1]), hoist(m[2]), hoist(m[3])); }
-
-void hoist_parameters() {
-    P = block;
-    P.clip_from_current = hoist(block.clip_from_current);
-    P.prev_clip_from_prev = hoist(block.prev_clip_from_prev);
-    P.sky_origin = hoist(block.sky_origin);
-    P.sky_dx = hoist(block.sky_dx);
-    P.sky_dy = hoist(block.sky_dy);
-    P.prev_forward = hoist(block.prev_forward);
-    P.camera_delta = hoist(block.camera_delta);
-    P.prev_near = hoist(block.prev_near);
-    P.near = hoist(block.near);
-    P.guard_px = hoist(block.guard_px);
-    P.threshold_position = hoist(block.threshold_position);
-    P.threshold_normal = hoist(block.threshold_normal);
-    P.threshold_direct = hoist(block.threshold_direct);
-    P.threshold_indirect = hoist(block.threshold_indirect);
-    P.threshold_color = hoist(block.threshold_color);
-    P.exposure = hoist(block.exposure);
-}
-#endif
-
-// An invocation judges PIXELS_EACH pixels, a group's width apart, and counts runs of equal words with one atomic.
+// An invocation classifies PIXELS_EACH pixels, a group's width apart, and counts runs of equal words with one atomic.
 void main() {
-#if SOFTWARE
-    hoist_parameters();
-#endif
+    load_parameters();
     ivec2 pixel = ivec2(gl_WorkGroupID.x * GROUP_X * PIXELS_EACH + gl_LocalInvocationID.x, gl_GlobalInvocationID.y);
     uint word = 0u, run = 0u;
     for (int i = 0; i < PIXELS_EACH; ++i, pixel.x += GROUP_X) {
         if (any(greaterThanEqual(pixel, P.size.xy))) break;
         vec2 motion;
-        uint mask = judge(pixel, motion);
+        uint mask = classify(pixel, motion);
         if (mask != word && run > 0u) {
             atomicAdd(mask_histogram[word], run);
             run = 0u;

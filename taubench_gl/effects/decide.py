@@ -6,7 +6,7 @@ on whatever can be turned on; the counts stay the same (tests run both over ever
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,24 +43,27 @@ def force(effects: dict[str, Effect], names: Iterable[str], why: str = "forced o
     return out
 
 
-RESTS_ON = {
-    "direct": ("shadows", "light_culling", "glossy", "sky", "point_lights", "spot_lights", "directional_lights"),
-    "shadows": ("indirect",),
-}
-"""What has nothing to work on without the effect named first."""
-
 SWITCHABLE = ("normal_maps", "direct", "glossy", "shadows", "indirect", "color", "emission")
-"""Effects that a person may switch off and on while looking at a scene."""
+"""Effects that can be disabled and enabled while looking at a scene."""
 
 
-def switch_off(effects: dict[str, Effect], names: Iterable[str]) -> dict[str, Effect]:
-    """``effects`` without ``names`` and without what rests on them."""
-    out, waiting = dict(effects), [(name, "switched off") for name in names if name in effects]
+def disable(
+    effects: dict[str, Effect],
+    names: Iterable[str],
+    depends: Mapping[str, frozenset[str]],
+    why: str = "switched off",
+) -> dict[str, Effect]:
+    """``effects`` without ``names`` and without what depends on them.
+
+    ``depends``: effect -> effects without which it has nothing to work on.
+    """
+    out, waiting = dict(effects), [(name, why) for name in names if name in effects]
     while waiting:
         name, why = waiting.pop()
         if out[name].enabled:
             out[name] = Effect(False, why)
-        waiting += [(below, f"{name} is switched off") for below in RESTS_ON.get(name, ())]
+        dependents = [other for other, needed in depends.items() if name in needed and other in out]
+        waiting += [(other, f"{name} is switched off") for other in dependents]
     return out
 
 

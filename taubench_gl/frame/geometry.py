@@ -16,7 +16,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
-class Soup:
+class VertexData:
     """One primitive made ready for drawing: every attribute present, flat-shaded triangles unwelded."""
 
     positions: Array  # (V, 3) float32
@@ -26,13 +26,13 @@ class Soup:
     colors: Array  # (V, 4) float32
     triangles: Array  # (T, 3) uint32
     flat: bool
-    source: Array  # (V,) vertex of the primitive each soup vertex was made from
+    source: Array  # (V,) vertex of the primitive that each vertex was made from
 
 
-def make_soup(primitive: Primitive, *, tangents: int | None) -> Soup:
-    """Fill in what the file leaves out: flat normals, texture coordinates, white colours, and tangents.
+def make_vertex_data(primitive: Primitive, *, tangents: int | None) -> VertexData:
+    """Fill in what the file leaves out: flat normals, texture coordinates, white colors, and tangents.
 
-    ``tangents`` is the texture-coordinate set of the normal map they are for; None: nobody needs them.
+    ``tangents``: texture-coordinate set of the normal map that needs them; None: no tangents are needed.
     """
     flat = primitive.normals is None
     triangles = primitive.triangles
@@ -52,7 +52,7 @@ def make_soup(primitive: Primitive, *, tangents: int | None) -> Soup:
     else:
         tangent = np.broadcast_to(np.float32([1, 0, 0, 1]), (count, 4))
     colors = np.ones((count, 4), np.float32) if primitive.colors is None else primitive.colors[source]
-    return Soup(positions, normals.astype(np.float32), tangent, texcoords, colors, triangles, flat, source)
+    return VertexData(positions, normals.astype(np.float32), tangent, texcoords, colors, triangles, flat, source)
 
 
 def face_normals(positions: Array) -> Array:
@@ -123,15 +123,15 @@ class Pool:
 
 @dataclass(slots=True)
 class _Builder:
-    soups: list[Soup] = field(default_factory=list)
+    parts: list[VertexData] = field(default_factory=list)
     vertices: int = 0
     indices: int = 0
 
-    def add(self, soup: Soup) -> tuple[int, int]:
+    def add(self, vertices: VertexData) -> tuple[int, int]:
         base = self.vertices, self.indices
-        self.soups.append(soup)
-        self.vertices += len(soup.positions)
-        self.indices += soup.triangles.size
+        self.parts.append(vertices)
+        self.vertices += len(vertices.positions)
+        self.indices += vertices.triangles.size
         return base
 
     def pool(self) -> Pool:
@@ -139,13 +139,13 @@ class _Builder:
             return np.concatenate([np.zeros((0, width), dtype), *parts]).astype(dtype, copy=False)
 
         return Pool(
-            join([s.positions for s in self.soups], 3),
-            join([s.normals for s in self.soups], 3),
-            join([s.tangents for s in self.soups], 4),
-            join([s.texcoords[0] for s in self.soups], 2),
-            join([s.texcoords[1] for s in self.soups], 2),
-            join([s.colors for s in self.soups], 4),
-            join([s.triangles for s in self.soups], 3, np.uint32).reshape(-1),
+            join([s.positions for s in self.parts], 3),
+            join([s.normals for s in self.parts], 3),
+            join([s.tangents for s in self.parts], 4),
+            join([s.texcoords[0] for s in self.parts], 2),
+            join([s.texcoords[1] for s in self.parts], 2),
+            join([s.colors for s in self.parts], 4),
+            join([s.triangles for s in self.parts], 3, np.uint32).reshape(-1),
         )
 
 
@@ -154,7 +154,7 @@ class Geometry:
     draws: tuple[Draw, ...]
     fixed: Pool
     posed: Pool
-    posed_soups: dict[tuple[int, int], Soup]  # (mesh, primitive) -> soup of a deformed primitive
+    posed_vertices: dict[tuple[int, int], VertexData]  # (mesh, primitive) -> vertex data of a deformed primitive
 
 
 def is_posed(scene: Scene, node: int, mesh: Mesh, primitive: Primitive) -> bool:
@@ -165,7 +165,7 @@ def is_posed(scene: Scene, node: int, mesh: Mesh, primitive: Primitive) -> bool:
 def build_geometry(scene: Scene) -> Geometry:
     """Pools and draws of everything the scene can draw, in node order."""
     fixed, posed = _Builder(), _Builder()
-    soups: dict[tuple[int, int], Soup] = {}
+    made: dict[tuple[int, int], VertexData] = {}
     placed: dict[tuple[int, int], tuple[int, int]] = {}
     draws = []
     for node in scene.mesh_nodes:
@@ -176,23 +176,23 @@ def build_geometry(scene: Scene) -> Geometry:
             if not len(primitive.triangles):
                 continue
             key = (mesh_index, index)
-            if key not in soups:
-                soups[key] = make_soup(primitive, tangents=_normal_map_set(scene, primitive))
-            soup = soups[key]
+            if key not in made:
+                made[key] = make_vertex_data(primitive, tangents=_normal_map_set(scene, primitive))
+            vertices = made[key]
             moves = is_posed(scene, node, mesh, primitive)
             for local in [None] if instances is None else instances:
                 if moves:
-                    base = posed.add(soup)
+                    base = posed.add(vertices)
                 else:
-                    base = placed[key] = placed.get(key) or fixed.add(soup)
+                    base = placed[key] = placed.get(key) or fixed.add(vertices)
                 draws.append(
                     Draw(
                         int(node), mesh_index, index, primitive.material, local, moves, base[0], base[1],
-                        soup.triangles.size, len(soup.positions), soup.flat,
+                        vertices.triangles.size, len(vertices.positions), vertices.flat,
                     )
                 )  # fmt: skip
     posed_keys = {(d.mesh, d.primitive) for d in draws if d.posed}
-    return Geometry(tuple(draws), fixed.pool(), posed.pool(), {k: soups[k] for k in posed_keys})
+    return Geometry(tuple(draws), fixed.pool(), posed.pool(), {k: made[k] for k in posed_keys})
 
 
 def _normal_map_set(scene: Scene, primitive: Primitive) -> int | None:

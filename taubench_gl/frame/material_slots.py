@@ -34,16 +34,16 @@ def texture_of(material: Material, slot: str) -> Texture | None:
 
 
 def wanted_slots(channels: Iterable[str], material: Material, *, normal_maps: bool = True) -> tuple[str, ...]:
-    """Texture slots that the requested channels make necessary for this material."""
+    """Texture slots that ``channels`` need for this material."""
     channels = set(channels)
-    needs = {
+    needed = {
         "base_color": "base_color" in channels or tests_alpha(material),
         "normal": normal_maps and "normal" in channels and material.normal_scale != 0.0,
         "metallic_roughness": "material" in channels,
         "emissive": "emission" in channels and any(material.emissive) and not material.unlit,
         "occlusion": "material" in channels and material.occlusion_strength != 0.0,
     }
-    return tuple(s for s in SLOTS if needs[s] and texture_of(material, s) is not None)
+    return tuple(s for s in SLOTS if needed[s] and texture_of(material, s) is not None)
 
 
 def has_plain_uv(material: Material, slots: Iterable[str]) -> bool:
@@ -59,3 +59,19 @@ def has_plain_uv(material: Material, slots: Iterable[str]) -> bool:
 
 def tests_alpha(material: Material) -> bool:
     return material.alpha_mode in ("MASK", "BLEND")
+
+
+def material_key(material: Material, channels: Iterable[str], *, normal_maps: bool = True) -> MaterialKey:
+    """What of ``material`` decides the shader variant that writes ``channels``."""
+    slots = wanted_slots(channels, material, normal_maps=normal_maps)
+    return MaterialKey(slots, tests_alpha(material), material.double_sided, has_plain_uv(material, slots))
+
+
+def images_of(used: Iterable[tuple[Material, tuple[str, ...]]]) -> set[tuple[int, bool]]:
+    """(image, sRGB-encoded) of every texture of these slots of materials; an image used both ways is there twice."""
+    return {(texture_of(material, slot).image, slot in SRGB_SLOTS) for material, slots in used for slot in slots}
+
+
+def image_bytes(size: tuple[int, int]) -> int:
+    """GPU memory of an RGBA8 texture with its mipmaps."""
+    return size[0] * size[1] * 4 * 4 // 3

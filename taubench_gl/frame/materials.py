@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
 import moderngl
@@ -13,11 +13,10 @@ from taubench_gl.frame.material_slots import (
     MIRRORED_REPEAT,
     SLOTS,
     SRGB_SLOTS,
-    MaterialKey,
-    has_plain_uv,
-    tests_alpha,
+    image_bytes,
+    images_of,
+    material_key,
     texture_of,
-    wanted_slots,
 )
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
@@ -36,12 +35,11 @@ MATERIAL = Struct(
     Field("uv_x", "vec4", "per slot, xyz: first row of uv_transform; w: texture-coordinate set", len(SLOTS)),
     Field("uv_y", "vec4", "per slot, xyz: second row; w: wrap mode bits, 1 mirrored s, 2 mirrored t", len(SLOTS)),
 )
-_BINDING = 1
 STRIDE = 256
-"""Bytes from material to material: no driver asks for a larger alignment of uniform buffer offsets.
+"""Bytes from material to material: no driver needs a larger alignment of uniform buffer offsets.
 
-One at a time in a uniform block: llvmpipe loads what lies in a storage buffer lane by lane, which took most of a pass
-with eight channels.
+One material at a time in a uniform block: llvmpipe reads a storage buffer lane by lane, which took most of the time of
+a pass with eight channels.
 """
 
 
@@ -58,10 +56,10 @@ class MaterialTable:
         normal_maps: bool = True,
         mipmaps: bool = True,
     ):
-        self._gpu, self._normal_maps, self._mipmaps = gpu, normal_maps, mipmaps
+        self._gpu, self._mipmaps = gpu, mipmaps
         self._materials = (Material(), *scene.materials)
         channels = tuple(channels)
-        self.keys = [self._key(m, channels) for m in self._materials]
+        self.keys = [material_key(m, channels, normal_maps=normal_maps) for m in self._materials]
         rows = MATERIAL.zeros(len(self._materials))
         for row, material in zip(rows, self._materials, strict=True):
             _fill(row, material)
@@ -72,16 +70,8 @@ class MaterialTable:
         self._samplers: dict[tuple, moderngl.Sampler] = {}
         self._upload(scene, set(used))
 
-    def _key(self, material: Material, channels: tuple[str, ...]) -> MaterialKey:
-        slots = wanted_slots(channels, material, normal_maps=self._normal_maps)
-        return MaterialKey(slots, tests_alpha(material), material.double_sided, has_plain_uv(material, slots))
-
     def _upload(self, scene: Scene, used: set[int]) -> None:
-        wanted = {
-            (texture_of(self._materials[m + 1], slot).image, slot in SRGB_SLOTS)
-            for m in used
-            for slot in self.keys[m + 1].slots
-        }
+        wanted = images_of((self._materials[m + 1], self.keys[m + 1].slots) for m in used)
         images = sorted({image for image, _ in wanted})
         with ThreadPoolExecutor() as pool:
             decoded = dict(zip(images, pool.map(lambda i: scene.images[i].decode(), images), strict=True))
@@ -103,18 +93,19 @@ class MaterialTable:
         """The scene's material ``index``, or glTF's default for -1."""
         return self._materials[index + 1]
 
-    def bind(self, material: int, program: moderngl.Program, only: tuple[str, ...] = SLOTS) -> None:
-        """Bind scene material ``material`` (-1: default): its parameters, its textures to the units of their slots."""
-        self._buffer.bind_to_uniform_block(_BINDING, offset=(material + 1) * STRIDE, size=MATERIAL.dtype.itemsize)
+    def bind(self, material: int, bindings: Mapping[str, int], only: tuple[str, ...] = SLOTS) -> None:
+        """Bind scene material ``material`` (-1: default), its parameters and textures of slots ``only``.
+
+        ``bindings``: of the pass that draws, by the names in its shader.
+        """
+        block = bindings["material"]
+        self._buffer.bind_to_uniform_block(block, offset=(material + 1) * STRIDE, size=MATERIAL.dtype.itemsize)
         record = self._materials[material + 1]
         for slot in self.keys[material + 1].slots:
-            if slot not in only:
-                continue
-            texture = texture_of(record, slot)
-            unit = SLOTS.index(slot)
-            self._textures[texture.image, slot in SRGB_SLOTS].use(unit)
-            self._sampler(texture).use(unit)
-            program[f"{slot}_map"] = unit
+            if slot in only:
+                texture, unit = texture_of(record, slot), bindings[f"{slot}_map"]
+                self._textures[texture.image, slot in SRGB_SLOTS].use(unit)
+                self._sampler(texture).use(unit)
 
     def unbind(self) -> None:
         """Samplers outlive textures on a unit: clear them, or the next pass reads its inputs through them."""
@@ -135,7 +126,7 @@ class MaterialTable:
     @property
     def texture_bytes(self) -> int:
         """GPU memory of the textures with their mipmaps, bytes."""
-        return sum(t.width * t.height * 4 * 4 // 3 for t in self._textures.values())
+        return sum(image_bytes(t.size) for t in self._textures.values())
 
     def release(self) -> None:
         self._buffer.release()

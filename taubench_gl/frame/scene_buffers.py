@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 
 from taubench_gl.frame.geometry import Draw, Geometry, Pool
-from taubench_gl.frame.materials import MaterialKey, MaterialTable
+from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.records import RECORD, Placement
 from taubench_gl.gpu.context import Gpu
 
@@ -46,12 +46,10 @@ class SceneBuffers:
     ``arrange`` regroups, only when visibility or handedness changes; ``show`` then chooses what the camera may see.
     """
 
-    def __init__(self, gpu: Gpu, geometry: Geometry, *, previous: bool):
+    def __init__(self, gpu: Gpu, geometry: Geometry):
         self._gpu, self._draws = gpu, geometry.draws
         ctx = gpu.ctx
         self.pools = {False: self._upload(geometry.fixed), True: self._upload(geometry.posed)}
-        if previous and len(geometry.posed.positions):
-            self.pools[True]["prev_positions"] = ctx.buffer(reserve=max(geometry.posed.positions.nbytes, 4))
         self.records = ctx.buffer(reserve=max(len(self._draws), 1) * RECORD.dtype.itemsize, dynamic=True)
         self._commands = ctx.buffer(reserve=max(len(self._draws), 1) * COMMAND.itemsize, dynamic=True)
         self.order = np.zeros(0, dtype=np.int64)  # visible draws as the commands count them
@@ -184,6 +182,11 @@ class SceneBuffers:
         return self._gpu.ctx.vertex_array(program, content, index_buffer=pool["indices"], index_element_size=4)
 
     @property
+    def posed_buffers(self) -> Iterable[moderngl.Buffer]:
+        """Vertex buffers that the deform pass writes."""
+        return self.pools[True].values()
+
+    @property
     def bytes(self) -> int:
         """GPU memory of the pools, bytes."""
         return sum(b.size for pool in self.pools.values() for b in pool.values())
@@ -213,22 +216,3 @@ def _fill_forward(owner: Array) -> Array:
     """Merged draws belong to the group of the command they were merged into."""
     at = np.maximum.accumulate(np.where(owner >= 0, np.arange(len(owner)), 0))
     return owner[at] if len(owner) else owner
-
-
-def variant(key: MaterialKey, posed: bool, channels: tuple[str, ...], colors: bool) -> dict[str, bool]:
-    """Defines of the geometry shaders for one group: what is off is not compiled in."""
-    slots = set(key.slots)
-    return {
-        "POSED": posed,
-        "TANGENTS": "normal" in slots,
-        "TEXCOORDS": bool(slots),
-        "PLAIN_UV": bool(slots) and key.plain_uv,
-        "COLORS": colors,
-        "ALPHA_TEST": key.alpha_test,
-        "PREV_POSITION": "prev_position" in channels,
-        "NORMAL_MAP": "normal" in slots,
-        "BASE_COLOR_MAP": "base_color" in slots,
-        "METALLIC_ROUGHNESS_MAP": "metallic_roughness" in slots,
-        "EMISSIVE_MAP": "emissive" in slots,
-        "OCCLUSION_MAP": "occlusion" in slots,
-    }

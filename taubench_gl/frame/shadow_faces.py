@@ -164,6 +164,11 @@ def faces_of(
     return out
 
 
+def first_faces(faces: list[Face]) -> dict[int, int]:
+    """Row of the light table -> index of the first of its faces."""
+    return {face.light: i for i, face in reversed(list(enumerate(faces)))}
+
+
 def _frame(forward: Array) -> tuple[Array, Array]:
     """Two unit axes across ``forward``, a pure function of it."""
     helper = np.array([0.0, 1.0, 0.0]) if abs(forward[1]) < 0.9 else np.array([1.0, 0.0, 0.0])

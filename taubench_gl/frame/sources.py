@@ -1,6 +1,6 @@
-"""Sources of Channels: whatever gives the frames of a sequence, one after another, as textures of known meaning.
+"""Sources of channels: the frames of a sequence, one after another, as textures of known meaning.
 
-The rasterizer is one source, path-traced files are another; one mask implementation judges both.
+The rasterizer is one source, path-traced files are another; one mask implementation compares the frames of both.
 """
 
 from __future__ import annotations
@@ -13,31 +13,32 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import grid_offsets
-from taubench_gl.effects.decide import as_summary, decide, switch_off, unmeasured
+from taubench_gl.effects.decide import as_summary, decide, disable, unmeasured
 from taubench_gl.effects.decide import force as force_on
-from taubench_gl.frame.flow import light_flow
 from taubench_gl.frame.light_stage import LightStage
-from taubench_gl.frame.plan import frame_channels
-from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.plan import DEPENDS, LIGHT, frame_channels, frame_spec
+from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.targets import History
+from taubench_gl.frame.spec import SceneFacts
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 
 class Source(Protocol):
-    """What an evaluation asks of a sequence.  ``advance`` is called for every frame in order."""
+    """What an evaluation needs of a sequence.  ``advance`` is called for every frame in order."""
 
     size: tuple[int, int]
-    reprojection: str  # the mode this source can serve: camera | motion
-    radiance: tuple[str, ...]  # of direct, indirect, color: those it has
+    reprojection: str  # the mode of this source: camera | motion
+    radiance: tuple[str, ...]  # those of direct, indirect, color that it has
     unmeasured: Mapping[str, str]  # column -> why it is null
     cuts: bool  # ``current`` has ``ids`` that mark surfaces without history
 
     def advance(self, frame: int) -> View:
-        """Make ``frame`` current and what was current history; the frame's view."""
+        """Make ``frame`` the current frame and the current one the previous; the frame's view."""
 
     @property
     def current(self) -> Mapping[str, moderngl.Texture]: ...
@@ -49,7 +50,7 @@ class Source(Protocol):
         """A channel as (h, w, components), row 0 at the top."""
 
     def describe(self) -> dict[str, Any]:
-        """What only this source can say of itself: summary blocks ``effects``, ``memory``."""
+        """Summary blocks that depend on the kind of source: ``effects``, ``memory``."""
 
     def release(self) -> None: ...
 
@@ -72,96 +73,87 @@ class RasterSource:
         jitter: Callable[[int], np.ndarray] | None = None,
         shading: Shading | None = None,
     ):
-        """``extra``: channels besides those the columns need; ``force``: effects to simulate although nothing asks;
-        ``without``: effects not to simulate although something does, and what rests on them;
+        """``extra``: channels besides those the columns need; ``force``: effects to simulate although no column needs
+        them; ``without``: effects not to simulate, and what depends on them;
         ``jitter``: sub-pixel offset (2,) of each frame's samples, such as ``animation.jitter.halton_jitter``;
-        ``shading``: fewer pixels or random lights in the place of exact light, see ``frame.shading``."""
+        ``shading``: fewer pixels or random samples instead of exact light, see ``frame.shading``."""
         self._jitter = jitter
         self.samples = settings.metrics.samples_per_pixel
         self._offsets = grid_offsets(self.samples)
-        self.size = (settings.sequence.width, settings.sequence.height)
         self._fps = settings.sequence.fps
-        self.effects = switch_off(force_on(decide(scene, settings), force), without)
+        self.effects = disable(force_on(decide(scene, settings), force), without, DEPENDS)
+        if shading is not None and not shading.exact:
+            self.effects = disable(self.effects, ("color",), DEPENDS, "not every pixel has its exact light")
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
         self.reprojection = settings.metrics.reprojection if self.effects["previous_pose"].enabled else "camera"
         self.unmeasured = unmeasured(self.effects, settings)
         self.cuts = self.effects["cuts"].enabled
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
-        channels = frame_channels(self.effects, extra)
-        timer = timer or PassTimer(gpu, enabled=False)
-        self.renderer = Renderer(
-            gpu,
-            scene,
-            camera,
-            self.size,
-            channels,
+        poser, software = poser or Poser(scene), gpu.software
+        facts = SceneFacts(scene, camera, poser)
+        spec = frame_spec(facts, settings, self.effects, shading=shading, extra=extra, software=software)
+        self.size = spec.size
+        self.context = GpuContext(gpu, timer=timer)
+        options = RasterOptions(
             culling=settings.sequence.culling,
             textures=settings.sequence.textures,
             storage=settings.device.storage,
             normal_maps=self.effects["normal_maps"].enabled,
-            timer=timer,
-            poser=poser,
         )
-        # Every sample place has a history of its own; scene, shadows and probes are shared.
-        more = (
-            History(gpu, self.size, self.renderer.channels, settings.device.storage) for _ in range(self.samples - 1)
-        )
-        self._histories = [self.renderer.history, *more]
-        self.light = None
-        if light_flow(self.effects):
-            self.light = LightStage(self.renderer, settings, self.effects, timer, shading)
+        channels = frame_channels(spec)
+        self.renderer = Renderer(self.context, scene, camera, self.size, channels, options, poser=poser)
+        # Every sample position has a history; scene, shadows and probes are shared.
+        self._more = [self.renderer.new_history() for _ in range(self.samples - 1)]
+        self._history = self.renderer.history
+        self.light = LightStage(self.renderer, spec) if any(declare(spec) for declare in LIGHT) else None
 
     def advance(self, frame: int) -> View:
         return self._draw(frame, None if self._jitter is None else self._jitter(frame))
 
     def advance_sample(self, frame: int, sample: int) -> View:
-        """``advance`` for one of the ``samples`` places within a pixel (``grid_offsets``), which has its own history.
+        """``advance`` for one of the ``samples`` positions within a pixel (``grid_offsets``), which has a history.
 
         ``current`` and ``previous`` are that sample's until the next call.
         """
-        self.renderer.history = self._histories[sample]
+        self._history = (self.renderer.history, *self._more)[sample]
         return self._draw(frame, self._offsets[sample] if self.samples > 1 else None)
 
     def draw_pair(self, frame: int, previous_frame: int, view: View, previous_view: View) -> View:
-        """``advance`` with views and a previous frame of the caller's choice, for cameras that people move."""
-        fps = self._fps
-        self.renderer.draw(frame / fps, previous_frame / fps, views=(view, previous_view))
+        """``advance`` with views and a previous frame that the caller chooses, for interactive cameras."""
+        self._history = self.renderer.history
+        self.renderer.draw(frame / self._fps, previous_frame / self._fps, views=(view, previous_view))
         if self.light is not None:
             self.light.run(frame)
         return view
 
     def _draw(self, frame: int, offset: np.ndarray | None) -> View:
-        self.renderer.draw(frame / self._fps, (frame - 1) / self._fps, offset)
+        self.renderer.draw(frame / self._fps, (frame - 1) / self._fps, offset, history=self._history)
         if self.light is not None:
             self.light.run(frame)
-        return self.renderer.drawn.view
+        return self.renderer.frame.view
 
     @property
     def current(self) -> Mapping[str, moderngl.Texture]:
-        return self.renderer.history.current.textures
+        return self._history.current.textures
 
     @property
     def previous(self) -> Mapping[str, moderngl.Texture]:
-        return self.renderer.history.previous.textures
+        return self._history.previous.textures
 
     @property
     def channels(self) -> tuple[str, ...]:
         return self.renderer.channels
 
     def read(self, name: str, *, previous: bool = False) -> np.ndarray:
-        return self.renderer.read(name, previous=previous)
+        return read_channel((self.previous if previous else self.current)[name], name)
 
     def describe(self) -> dict[str, Any]:
         size = self.renderer.bytes + (0 if self.light is None else self.light.bytes)
-        size += sum(h.bytes for h in self._histories if h is not self.renderer.history)
+        size += sum(history.bytes for history in self._more)
         notes = [] if self.light is None else self.light.notes()
         return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": size}, "notes": notes}
 
     def release(self) -> None:
-        if self.light is not None:
-            self.light.release()
-        for history in self._histories:
-            if history is not self.renderer.history:
-                history.release()
-        self.renderer.release()
-        self.renderer.shaders.release()
+        for item in (self.light, *self._more, self.renderer, self.context):
+            if item is not None:
+                item.release()

@@ -46,14 +46,19 @@ class Targets:
             texture.release()
 
 
+def history_bytes(size: tuple[int, int], channels: Sequence[str], storage: str = "float") -> dict[str, int]:
+    """GPU memory of a History by name: two frames of every channel, and the depth buffer that both use."""
+    pixels = size[0] * size[1]
+    texel = {name: CHANNELS[name].components * _BYTES[stored_dtype(name, storage)] for name in channels}
+    return {name: 2 * pixels * each for name, each in texel.items()} | {"depth": 4 * pixels}
+
+
 class History:
     """This frame's targets and the last frame's, swapped by ``advance``."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int], channels: Sequence[str], storage: str = "float"):
-        self.bytes = 4 * size[0] * size[1] + 2 * sum(
-            size[0] * size[1] * CHANNELS[n].components * _BYTES[stored_dtype(n, storage)] for n in channels
-        )
-        require_memory(gpu, self.bytes, f"a picture of {size[0]}x{size[1]} pixels", "lower --size")
+        self.bytes = sum(history_bytes(size, channels, storage).values())
+        require_memory(gpu, self.bytes, f"an image of {size[0]}x{size[1]} pixels", "lower --size")
         self.depth = gpu.depth_texture(size)
         self._frames = [Targets(gpu, size, channels, self.depth, storage) for _ in range(2)]
 

@@ -1,4 +1,4 @@
-"""What is chosen by measurement for a kind of device, and why: work-group sizes, how textures are read, what is unrolled.
+"""Choices by measurement for a kind of device: work-group sizes, how textures are read, what is unrolled.
 
 Nothing here changes a result.  The GLSL side is ``shaders/common/tuning.glsl``.  Facts measured on Mesa 22.3 llvmpipe:
 a texel costs half through an image load of what it costs through a sampler; storage buffers are read lane by lane;
@@ -9,6 +9,8 @@ silently after 65,535 iterations in all.
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from taubench_gl.gpu.layout import Struct
 
 LOOP_LIMIT = 65_535
 """Iterations of all loops of one invocation after which llvmpipe ends them silently."""
@@ -57,6 +59,12 @@ class Tuning:
     def defines(self) -> dict[str, bool]:
         """Macros of ``common/tuning.glsl``."""
         return {"LLVMPIPE": self.software}
+
+    def kept_fields(self, struct: Struct) -> dict[str, str]:
+        """Macro KEPT_FIELDS of ``common/tuning.glsl``: the floating-point fields of ``struct``, kept in registers."""
+        names = [f.name for f in struct.fields if f.type in ("float", "vec4", "mat4")]
+        kept = {"PARAMETERS": struct.name}
+        return kept | {"KEPT_FIELDS(KEEP)": " ".join(f"KEEP({name})" for name in names)} if self.software else kept
 
     def mask_images(self, dtypes: set[str]) -> bool:
         """Whether the mask pass reads geometry channels of these types as images: only 32-bit floats pay."""

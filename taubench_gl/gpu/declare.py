@@ -1,5 +1,7 @@
-"""Passes declared once.  From a declaration follow the shader's interface, its bindings, dispatch size and barriers, the
-order check, and the resources a frame allocates.  No OpenGL.
+"""Passes declared once.  No OpenGL.
+
+A declaration yields the shader's interface and bindings, the dispatch size, the barriers, the check of the order of
+passes, the resources that a frame allocates, and which effects depend on which.
 """
 
 from __future__ import annotations
@@ -79,9 +81,8 @@ class Use:
         block = self.name.title().replace("_", "")
         if self.form == BUFFER:
             qualifier = {READ: "readonly", WRITE: "writeonly", UPDATE: "coherent"}[self.access]
-            return (
-                f"layout(std430, binding = {binding}) {qualifier} buffer {block}Buffer {{ {self.type} {self.name}[]; }};"
-            )
+            layout = f"layout(std430, binding = {binding}) {qualifier}"
+            return f"{layout} buffer {block}Buffer {{ {self.type} {self.name}[]; }};"
         array = f"[{self.count}]" if self.count else ""
         return f"layout(std140, binding = {binding}) uniform {block}Constants {{ {self.type} {self.name}{array}; }};"
 
@@ -176,10 +177,6 @@ class Pass:
             numbers[use.form] = numbers.get(use.form, 0) + 1
         return out
 
-    def binding(self, name: str) -> int:
-        """Unit or binding point of the use ``name``."""
-        return next(binding for use, binding in self.bindings() if use.name == name)
-
     def interface(self) -> str:
         """GLSL that declares everything the shader may name."""
         return "\n".join([*self.text, *(use.glsl(binding) for use, binding in self.bindings())])
@@ -224,20 +221,20 @@ class ComputePass(Pass):
 class RasterPass(Pass):
     """A pass that draws geometry.  Each group of draws has a variant of its shaders; all share one interface."""
 
-    outputs: list[tuple[str, str]] = field(default_factory=list)  # (resource, GLSL type) of every attachment
+    outputs: list[tuple[str, str, str]] = field(default_factory=list)  # name, GLSL type, resource of each attachment
     drawn: list[Mapping[str, object]] = field(default_factory=list)  # macros of every variant that the scene needs
 
-    def attachment(self, name: str, kind: str = "vec4") -> Self:
+    def attachment(self, name: str, kind: str = "vec4", resource: str = "") -> Self:
         """A render target; its location is the order of declaration.  The fragment shader has it as ``out_<name>``."""
-        self.outputs.append((name, kind))
+        self.outputs.append((name, kind, resource or name))
         return self
 
     def fragment_outputs(self) -> str:
-        return "\n".join(f"layout(location = {i}) out {kind} out_{name};" for i, (name, kind) in enumerate(self.outputs))
+        return "\n".join(f"layout(location = {i}) out {o[1]} out_{o[0]};" for i, o in enumerate(self.outputs))
 
     @property
     def writes(self) -> tuple[str, ...]:
-        return (*(name for name, _ in self.outputs), *Pass.writes.fget(self))
+        return (*(resource for _, _, resource in self.outputs), *Pass.writes.fget(self))
 
     def variants(self) -> Iterable[str]:
         for defines in self.drawn:

@@ -16,8 +16,8 @@ _EVERY = IMAGE_ACCESS | FETCH | STORAGE | ATTRIBUTES | UPDATE | moderngl.FRAMEBU
 class Hazards:
     """Follows of every texture and buffer which ways of reading it do not see the last write yet.
 
-    What a shader stores is seen by nothing before a barrier.  What is drawn into an attachment is seen by everything but
-    image loads, which need a barrier on llvmpipe.
+    Nothing sees what a shader stores before a barrier.  Everything but an image load sees what is drawn into an
+    attachment; an image load needs a barrier on llvmpipe.
     """
 
     def __init__(self, ctx: moderngl.Context):

@@ -33,13 +33,18 @@ class GpuContext:
         self._owned = shaders is None
 
     def allocate(self, resource: Resource) -> moderngl.Texture | moderngl.Buffer:
-        """The texture or buffer that ``resource`` declares, not filled.  GraphicsError where there is no room for it."""
+        """The texture or buffer that ``resource`` declares, not filled.
+
+        Raises GraphicsError where the device has no room for it.
+        """
         _require_room(self.gpu, resource)
         if resource.size is None:
             return self.gpu.ctx.buffer(reserve=resource.bytes)
         if resource.dtype == "depth":
             return self.gpu.depth_texture(resource.size)
-        return self.gpu.ctx.texture(resource.size, resource.components, dtype=resource.dtype)
+        texture = self.gpu.ctx.texture(resource.size, resource.components, dtype=resource.dtype)
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return texture
 
     def allocate_all(self, passes: Iterable[Pass]) -> dict[str, Any]:
         """Everything that ``passes`` own, by name."""
@@ -140,6 +145,7 @@ class CompiledRaster:
 
     def __init__(self, context: GpuContext, declaration: RasterPass):
         self.declaration = declaration
+        self.bindings = {use.name: binding for use, binding in declaration.bindings()}
         self._shaders = context.shaders
         self._interface, self._outputs = declaration.interface(), declaration.fragment_outputs()
 

@@ -1,15 +1,19 @@
-"""The deform pass: morphs and skins every posed vertex on the GPU, now and one frame ago, in one dispatch."""
+"""The deform pass: morphs and skins every posed vertex, for this frame and the one before, in one dispatch."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
+import moderngl
 import numpy as np
 
 from taubench_gl.animation import FrameState, View, skin_matrices
-from taubench_gl.frame.geometry import Draw, Geometry, Soup
-from taubench_gl.gpu.context import Gpu
+from taubench_gl.frame.geometry import Draw, Geometry, VertexData
+from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
-from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.scene.model import Scene
+from taubench_gl.gpu.passes import GpuContext, fitted
+from taubench_gl.scene.model import Primitive, Scene
 
 Array = np.ndarray
 
@@ -23,10 +27,10 @@ JOB = Struct(
     Field("weights", "uint", "float offset of skin weights"),
     Field("joints", "uint", "offset of joint indices"),
     Field("influences", "uint", "joints per vertex; 0: one matrix for all"),
-    Field("palette", "uint", "first matrix of the palette now"),
-    Field("prev_palette", "uint", "first matrix of the palette one frame ago"),
+    Field("palette", "uint", "first matrix of the palette of this frame"),
+    Field("prev_palette", "uint", "first matrix of the palette of the frame before"),
     Field("first_morph", "uint", "first MorphUse"),
-    Field("morph_count", "uint", "targets with a weight now or one frame ago"),
+    Field("morph_count", "uint", "targets with a weight in either frame"),
     Field("mirror", "float", "-1 if the pose mirrors, else 1"),
 )
 MORPH = Struct(
@@ -34,11 +38,63 @@ MORPH = Struct(
     Field("positions", "uint", "float offset of position displacements"),
     Field("normals", "uint", "float offset of normal displacements, or NOTHING"),
     Field("tangents", "uint", "float offset of tangent displacements, or NOTHING"),
-    Field("weight", "float", "now"),
-    Field("prev_weight", "float", "one frame ago"),
+    Field("weight", "float", "in this frame"),
+    Field("prev_weight", "float", "in the frame before"),
 )
 NOTHING = 0xFFFFFFFF
 GROUP = 64
+
+
+def deform_passes(*, previous: bool, flat: bool, vertices: int, groups: tuple[int, int] = (1, 1)) -> list[Pass]:
+    """``previous``: also pose the frame before; ``flat``: some posed primitive has no normals; ``vertices``: of the
+    posed pool; ``groups``: work groups of both passes."""
+
+    def pose(name: str, count: int) -> ComputePass:
+        p = ComputePass("deform", (f"deform/{name}.comp.glsl",)).glsl(f"const uint NOTHING = {NOTHING}u;")
+        return p.dispatch(GROUP * count, GROUP)
+
+    deform = (
+        pose("deform", groups[0])
+        .define(HAS_PREVIOUS=previous)
+        .buffer("groups", "uvec2", given=True)
+        .buffer("jobs", JOB, given=True)
+        .buffer("palettes", "vec4", given=True)
+        .buffer("morphs", MORPH, given=True)
+        .buffer("source", "float", given=True)
+        .buffer("joints", "uint", given=True)
+        .buffer("out_position", "float", access=WRITE, resource="positions")
+        .buffer("out_normal", "float", access=WRITE, resource="normals")
+        .buffer("out_tangent", "float", access=WRITE, resource="tangents")
+    )
+    if previous:
+        deform.buffer("out_previous", "float", access=WRITE, resource="prev_positions")
+        deform.allocate(Resource.buffer("prev_positions", max(12 * vertices, 4), label="previous vertices"))
+    if not flat:
+        return [deform]
+    normals = (
+        pose("flat_normals", groups[1])
+        .buffer("groups", "uvec2", resource="flat_groups", given=True)
+        .buffer("jobs", JOB, given=True)
+        .buffer("position", "float", resource="positions")
+        .buffer("out_normal", "float", access=WRITE, resource="normals")
+    )
+    return [deform, normals]
+
+
+@stage(options=("skinning", "morphing", "previous_pose"))
+def deform(spec: FrameSpec) -> Sequence[Pass]:
+    posed = [(node, p) for node, p in spec.facts.drawn if spec.is_posed(node, p)]
+    if not posed:
+        return ()
+    instances = spec.scene.nodes.instances
+    vertices = sum(_vertex_count(p) * len(instances.get(node, (None,))) for node, p in posed)
+    previous = "previous_pose" in spec.enabled or "prev_position" in spec.extra
+    return deform_passes(previous=previous, flat=any(p.normals is None for _, p in posed), vertices=vertices)
+
+
+def _vertex_count(p: Primitive) -> int:
+    """As drawn: flat primitives have three vertices to each triangle."""
+    return 3 * len(p.triangles) if p.normals is None else len(p.positions)
 
 
 class _Floats:
@@ -58,25 +114,30 @@ class _Floats:
 class DeformPass:
     """Owns sources, job tables and palettes; writes into the posed pool's buffers."""
 
-    def __init__(self, gpu: Gpu, shaders: ShaderCache, scene: Scene, geometry: Geometry, *, previous: bool):
-        self._gpu, self._scene, self._previous = gpu, scene, previous
+    def __init__(self, context: GpuContext, scene: Scene, geometry: Geometry, *, previous: bool):
+        self._context, self._gpu, self._scene, self._previous = context, context.gpu, scene, previous
         self._draws: list[tuple[int, Draw]] = [(i, d) for i, d in enumerate(geometry.draws) if d.posed]
-        preamble = "\n".join((JOB.glsl, MORPH.glsl, f"const uint NOTHING = {NOTHING}u;"))
-        self._deform = shaders.compute("deform/deform.comp.glsl", {"HAS_PREVIOUS": previous}, preamble)
-        self._flat = None
-        if any(d.flat for _, d in self._draws):
-            self._flat = shaders.compute("deform/flat_normals.comp.glsl", {}, preamble)
         self._upload_sources(geometry)
-        ctx = gpu.ctx
+        ctx = self._gpu.ctx
         counts = [d.vertex_count for _, d in self._draws]
-        self._groups = ctx.buffer(_work_groups(counts, 1).tobytes())
-        self._group_count = sum(-(-c // GROUP) for c in counts)
         flat = [(d.vertex_count if d.flat else 0) for _, d in self._draws]
-        self._flat_group_count = sum(-(-c // 3 // GROUP) for c in flat)
-        self._flat_groups = ctx.buffer(_work_groups(flat, 3).tobytes() or bytes(8))
-        self._job_buffer = ctx.buffer(reserve=len(self._draws) * JOB.dtype.itemsize, dynamic=True)
-        self._palette_buffer = ctx.buffer(reserve=64 * 1024, dynamic=True)
-        self._morph_buffer = ctx.buffer(reserve=1024, dynamic=True)
+        groups, flat_groups = _work_groups(counts, 1), _work_groups(flat, 3)
+        passes = deform_passes(
+            previous=previous,
+            flat=any(d.flat for _, d in self._draws),
+            vertices=len(geometry.posed.positions),
+            groups=(len(groups), len(flat_groups)),
+        )
+        self._passes = [context.compute(p) for p in passes]
+        self.outputs = context.allocate_all(passes)
+        """Vertex buffers of the posed pool that only this pass needs."""
+        self._tables |= {
+            "groups": ctx.buffer(groups.tobytes()),
+            "flat_groups": ctx.buffer(flat_groups.tobytes() or bytes(8)),
+            "jobs": ctx.buffer(reserve=len(self._draws) * JOB.dtype.itemsize, dynamic=True),
+            "palettes": ctx.buffer(reserve=64 * 1024, dynamic=True),
+            "morphs": ctx.buffer(reserve=1024, dynamic=True),
+        }
 
     def _upload_sources(self, geometry: Geometry) -> None:
         floats, joints = _Floats(), []
@@ -87,16 +148,16 @@ class DeformPass:
         for row, (_, draw) in enumerate(self._draws):
             key = (draw.mesh, draw.primitive)
             if key not in stored:
-                soup = geometry.posed_soups[key]
+                vertices = geometry.posed_vertices[key]
                 primitive = self._scene.meshes[draw.mesh].primitives[draw.primitive]
                 skin_offsets = (0, 0, 0)
                 if primitive.joints is not None:
-                    taken = primitive.joints[soup.source]
-                    skin_offsets = (floats.add(primitive.weights[soup.source]), joint_count, taken.shape[1])
+                    taken = primitive.joints[vertices.source]
+                    skin_offsets = (floats.add(primitive.weights[vertices.source]), joint_count, taken.shape[1])
                     joints.append(taken.astype(np.uint32).reshape(-1))
                     joint_count += taken.size
-                base = (floats.add(soup.positions), floats.add(soup.normals), floats.add(soup.tangents))
-                stored[key] = (base, skin_offsets, [_add_target(floats, t, soup) for t in primitive.targets])
+                base = (floats.add(vertices.positions), floats.add(vertices.normals), floats.add(vertices.tangents))
+                stored[key] = (base, skin_offsets, [_add_target(floats, t, vertices) for t in primitive.targets])
             (positions, normals, tangents), (weights, joint_at, influences), targets = stored[key]
             job = self._jobs[row]
             job["vertex_count"], job["posed_vertex"] = draw.vertex_count, draw.base_vertex
@@ -105,13 +166,20 @@ class DeformPass:
             job["weights"], job["joints"], job["influences"] = weights, joint_at, influences if skinned else 0
             self._targets.append(targets)
         ctx = self._gpu.ctx
-        self._floats = ctx.buffer(np.concatenate([*floats.parts, np.zeros(4, np.float32)]).tobytes())
-        self._joints = ctx.buffer(np.concatenate([*joints, np.zeros(4, np.uint32)]).tobytes())
+        self._tables = {
+            "source": ctx.buffer(np.concatenate([*floats.parts, np.zeros(4, np.float32)]).tobytes()),
+            "joints": ctx.buffer(np.concatenate([*joints, np.zeros(4, np.uint32)]).tobytes()),
+        }
 
-    def run(self, state: FrameState, view: View, before: FrameState, before_view: View, pool_buffers: dict) -> Array:
-        """Pose everything at ``state`` (and ``before``).  Returns (D_posed,) bool: which poses mirror."""
-        palettes, mirrored = self._palettes(state, view)
-        prev_palettes, _ = self._palettes(before, before_view) if self._previous else ([], None)
+    def run(
+        self,
+        now: tuple[FrameState, View],
+        before: tuple[FrameState, View],
+        pool: Mapping[str, moderngl.Buffer],
+    ) -> Array:
+        """Pose everything into ``pool``, as it is ``now`` and was ``before``.  (D_posed,) bool: which poses mirror."""
+        palettes, mirrored = self._palettes(*now)
+        prev_palettes, _ = self._palettes(*before) if self._previous else ([], None)
         offset = 0
         for name, group in (("palette", palettes), ("prev_palette", prev_palettes)):
             for row, matrices in enumerate(group):
@@ -119,24 +187,14 @@ class DeformPass:
                 offset += len(matrices)
         self._jobs["mirror"] = np.where(mirrored, -1.0, 1.0)
         matrices = np.concatenate([*palettes, *prev_palettes])
-        self._palette_buffer = self._fit(self._palette_buffer, matrices[:, :3].astype(np.float32).tobytes())
-        self._morph_buffer = self._fit(self._morph_buffer, self._morph_uses(state, before).tobytes())
-        self._job_buffer.write(self._jobs.tobytes())
-        for binding, buffer in enumerate(
-            (self._groups, self._job_buffer, self._palette_buffer, self._morph_buffer, self._floats, self._joints)
+        for name, rows in (
+            ("palettes", matrices[:, :3].astype(np.float32)),
+            ("morphs", self._morph_uses(now[0], before[0])),
+            ("jobs", self._jobs),
         ):
-            buffer.bind_to_storage_buffer(binding)
-        pool_buffers["positions"].bind_to_storage_buffer(6)
-        pool_buffers["normals"].bind_to_storage_buffer(7)
-        pool_buffers["tangents"].bind_to_storage_buffer(8)
-        if self._previous:
-            pool_buffers["prev_positions"].bind_to_storage_buffer(9)
-        self._deform.run(self._group_count)
-        self._gpu.ctx.memory_barrier()
-        if self._flat is not None:
-            self._flat_groups.bind_to_storage_buffer(0)
-            self._flat.run(self._flat_group_count)
-            self._gpu.ctx.memory_barrier()
+            self._tables[name] = fitted(self._gpu, self._tables[name], rows)
+        for compiled in self._passes:
+            compiled.run(None, {**self._tables, **pool})
         return mirrored
 
     def _palettes(self, state: FrameState, view: View) -> tuple[list[Array], Array]:
@@ -172,26 +230,16 @@ class DeformPass:
             self._jobs["morph_count"][row] = len(rows) - int(self._jobs["first_morph"][row])
         return np.array(rows or [(0, NOTHING, NOTHING, 0.0, 0.0)], dtype=MORPH.dtype)
 
-    def _fit(self, buffer, payload: bytes):
-        """``buffer`` with ``payload`` in it, reallocated only when it has grown."""
-        if buffer.size < len(payload):
-            buffer.release()
-            buffer = self._gpu.ctx.buffer(reserve=len(payload) * 3 // 2, dynamic=True)
-        buffer.write(payload)
-        return buffer
-
     def release(self) -> None:
-        for buffer in (self._groups, self._flat_groups, self._job_buffer, self._palette_buffer, self._morph_buffer):
+        for buffer in self._tables.values():
             buffer.release()
-        self._floats.release()
-        self._joints.release()
 
 
-def _add_target(floats: _Floats, target, soup: Soup) -> tuple[int, int, int]:
-    count = len(soup.source)
-    positions = np.zeros((count, 3), np.float32) if target.positions is None else target.positions[soup.source]
-    normals = NOTHING if target.normals is None or soup.flat else floats.add(target.normals[soup.source])
-    tangents = NOTHING if target.tangents is None else floats.add(target.tangents[soup.source])
+def _add_target(floats: _Floats, target, vertices: VertexData) -> tuple[int, int, int]:
+    count = len(vertices.source)
+    positions = np.zeros((count, 3), np.float32) if target.positions is None else target.positions[vertices.source]
+    normals = NOTHING if target.normals is None or vertices.flat else floats.add(target.normals[vertices.source])
+    tangents = NOTHING if target.tangents is None else floats.add(target.tangents[vertices.source])
     return floats.add(positions), normals, tangents
 
 

@@ -1,17 +1,21 @@
-"""The geometry pass: everything visible, once, into the requested channels."""
+"""The geometry pass, and what every pass that draws the scene's geometry has in common with it."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
+
 import moderngl
 
-from taubench_gl.animation import View
 from taubench_gl.channels import CHANNELS
-from taubench_gl.frame.material_slots import MaterialKey
-from taubench_gl.frame.materials import MATERIAL, SLOTS, MaterialTable
-from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
-from taubench_gl.frame.targets import Targets
-from taubench_gl.gpu.context import Gpu
+from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.material_slots import SLOTS, MaterialKey
+from taubench_gl.frame.materials import MATERIAL
+from taubench_gl.frame.scene_buffers import Group
+from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.gpu.declare import CONSTANTS, RasterPass, Use
+from taubench_gl.gpu.hazards import ATTRIBUTES
 from taubench_gl.gpu.layout import Field, Struct, column_major
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
 
 FRAME = Struct(
@@ -21,115 +25,138 @@ FRAME = Struct(
 )
 _GLSL_TYPE = {("f4", 4): "vec4", ("f2", 4): "vec4", ("u4", 2): "uvec2"}
 PIXELS_PER_TRIANGLE = 4
-"""Fewer than this in the picture, and drawing its triangles twice may cost more than hidden surfaces' channels do."""
+"""With fewer pixels per triangle, drawing triangles twice may cost more than the channels of hidden surfaces."""
 
-BEHIND = (-1.0, -4.0)
-"""Polygon offset of the depth laid down first: so many slopes per pixel, and smallest steps of depth, too far away.
+PREPASS_OFFSET = (-1.0, -4.0)
+"""Polygon offset of the depth pre-pass, slopes per pixel and smallest steps of depth: a little too far away.
 
-Only what rounding can take from a depth has to be less: each pixel's surface is still found by the pass itself.
+It only has to exceed the rounding of a depth: the geometry pass itself finds each pixel's surface.
 """
 
 
-def attachments(channels: tuple[str, ...]) -> tuple[str, ...]:
-    """Of the requested channels, those the geometry pass writes, in the table's order."""
+def attachments(channels: Collection[str]) -> tuple[str, ...]:
+    """Of ``channels``, those the geometry pass writes, in the table's order."""
     return tuple(name for name, info in CHANNELS.items() if info.attachment and name in channels)
 
 
-def geometry_preamble() -> str:
-    """GLSL structs and slot numbers shared by every pass that draws the scene's geometry."""
-    slots = [f"const int SLOT_{name.upper()} = {i};" for i, name in enumerate(SLOTS)]
-    return "\n".join((FRAME.glsl, MATERIAL.glsl, *slots))
+def geometry_variant(key: MaterialKey, posed: bool, channels: Collection[str] = (), colors: bool = False) -> dict:
+    """Macros of the geometry shaders for one group of draws: what is off is not compiled in."""
+    slots = set(key.slots)
+    variant = {
+        "POSED": posed,
+        "TANGENTS": "normal" in slots,
+        "TEXCOORDS": bool(slots),
+        "PLAIN_UV": bool(slots) and key.plain_uv,
+        # Vertex colors matter only where the base color does.
+        "COLORS": colors and (key.alpha_test or "base_color" in channels),
+        "ALPHA_TEST": key.alpha_test,
+        "PREV_POSITION": "prev_position" in channels,
+    }
+    variant |= {f"{slot.upper()}_MAP": slot in slots for slot in SLOTS}
+    return variant | {f"OUTPUT_{name.upper()}": name in channels for name, c in CHANNELS.items() if c.attachment}
+
+
+def geometry_pass(name: str, fragment: str, slots: Sequence[str] = SLOTS) -> RasterPass:
+    """A pass that draws the scene's geometry with ``fragment``, which may sample material ``slots``."""
+    numbers = [f"const int SLOT_{slot.upper()} = {i};" for i, slot in enumerate(SLOTS)]
+    p = RasterPass(name, ("gbuffer/gbuffer.vert.glsl", fragment)).glsl(FRAME, MATERIAL, *numbers)
+    p.use(Use(CONSTANTS, "F", FRAME.name, given=True), Use(CONSTANTS, "material", MATERIAL.name, given=True))
+    for slot in slots:
+        p.texture(f"{slot}_map", given=True)
+    return p
+
+
+def channel_pass(
+    name: str, channels: Sequence[str], spec: FrameSpec | None = None, *, resources: Mapping[str, str] | None = None
+) -> RasterPass:
+    """Draws ``channels`` of what is visible; ``resources``: names of the render targets, else the channels' own.
+
+    ``spec``: what is drawn, for the prediction of shader variants.
+    """
+    p = geometry_pass(name, "gbuffer/gbuffer.frag.glsl")
+    for channel in channels:
+        info = CHANNELS[channel]
+        p.attachment(channel, _GLSL_TYPE[info.dtype, info.components], (resources or {}).get(channel, channel))
+    for posed, primitive in () if spec is None else spec.draw_kinds:
+        key = spec.material_key(primitive, channels)
+        p.drawn.append(geometry_variant(key, posed, channels, primitive.material in spec.colored))
+    return p
+
+
+def set_facing(ctx: moderngl.Context, group: Group) -> None:
+    if group.cull:
+        ctx.enable(moderngl.CULL_FACE)
+    else:
+        ctx.disable(moderngl.CULL_FACE)
+    ctx.front_face = "cw" if group.mirrored else "ccw"
 
 
 class GBufferPass:
-    """Writes ``channels``; compiles a shader variant for a group of draws when the first such group appears.
+    """Draws everything visible, once, into the channels of ``declaration`` (``channel_pass``).
 
-    Where triangles are large, the depth of what no alpha mask cuts out is laid down first, a little too far away, so
-    that hidden surfaces cost no channels.  It changes nothing of the picture: of the surfaces at a pixel's least
-    distance the first one drawn is kept, with or without it.
+    Where triangles are large, a depth pre-pass without alpha-tested surfaces comes first, so that hidden surfaces cost
+    no channels.  It changes no image: of the surfaces at a pixel's least distance the first one drawn is kept, with or
+    without it.
     """
 
-    def __init__(self, gpu: Gpu, shaders: ShaderCache, channels: tuple[str, ...], colored_materials: frozenset[int]):
-        self._gpu, self._shaders, self._channels = gpu, shaders, channels
-        self._colored = colored_materials
-        self._frame = gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True)
-        outputs = [
-            f"layout(location = {i}) out {_GLSL_TYPE[CHANNELS[n].dtype, CHANNELS[n].components]} out_{n};"
-            for i, n in enumerate(channels)
-        ]
-        self._outputs = "\n".join(outputs)
-        self._plain = ShaderCache(gpu.ctx)  # what every frame has alike: no part of the plan of a scene's shaders
+    def __init__(self, context: GpuContext, declaration: RasterPass, colored: frozenset[int]):
+        """``colored``: materials (-1: default) of primitives with vertex colors."""
+        self._gpu, self._colored = context.gpu, colored
+        self._raster = context.raster(declaration)
+        self._channels = tuple(channel for channel, *_ in declaration.outputs)
+        # The pre-pass is the same in every scene and depends on the view: it is no part of a scene's resources.
+        self._own = ShaderCache(context.gpu.ctx)
+        self._prepass = GpuContext(context.gpu, self._own).raster(geometry_pass("gbuffer", "gbuffer/depth.frag.glsl"))
+        self._frame = context.gpu.ctx.buffer(reserve=FRAME.dtype.itemsize, dynamic=True)
         self._depth: moderngl.Framebuffer | None = None
 
-    def program(self, group: Group, materials: MaterialTable) -> moderngl.Program:
-        """The shader variant that draws ``group``."""
-        key = materials.keys[group.material + 1]
-        defines = variant(key, group.posed, self._channels, group.material in self._colored)
-        defines |= {f"OUTPUT_{name.upper()}": name in self._channels for name, c in CHANNELS.items() if c.attachment}
-        # Vertex colours matter only where the base colour does.
-        defines["COLORS"] = defines["COLORS"] and (key.alpha_test or "base_color" in self._channels)
-        return self._shaders.render(
-            "gbuffer/gbuffer.vert.glsl",
-            "gbuffer/gbuffer.frag.glsl",
-            defines,
-            geometry_preamble(),
-            self._outputs,
-        )
-
-    def run(self, view: View, targets: Targets, scene: SceneBuffers, materials: MaterialTable) -> None:
-        """Draw one frame.  The record table and commands of ``scene`` must be up to date."""
-        ctx = self._gpu.ctx
+    def run(self, frame: FrameContext) -> None:
+        """Draw one frame.  The record table and commands of ``frame.buffers`` must be up to date."""
+        ctx, hazards, targets, buffers = self._gpu.ctx, self._gpu.hazards, frame.targets, frame.buffers
         record = FRAME.zeros()
-        record["clip_from_relative"] = column_major(view.clip_from_relative(*targets.size))
-        record["forward"][:3] = -view.world_from_view[:, 2]
+        record["clip_from_relative"] = column_major(frame.view.clip_from_relative(*targets.size))
+        record["forward"][:3] = -frame.view.world_from_view[:, 2]
         self._frame.write(record.tobytes())
-        self._frame.bind_to_uniform_block(2)
+        self._frame.bind_to_uniform_block(self._raster.bindings["F"])
+        hazards.before((buffer, ATTRIBUTES) for buffer in buffers.posed_buffers)
         ctx.enable_only(moderngl.DEPTH_TEST)
         ctx.depth_func = ">"
-        laid = PIXELS_PER_TRIANGLE * scene.shown_triangles <= targets.size[0] * targets.size[1]
-        if laid:
-            self._lay_depth(targets, scene, materials)
+        prepass = PIXELS_PER_TRIANGLE * buffers.shown_triangles <= targets.size[0] * targets.size[1]
+        if prepass:
+            self._draw_depth(frame)
         targets.framebuffer.use()
-        targets.framebuffer.depth_mask = not laid  # what is laid down stays
+        targets.framebuffer.depth_mask = not prepass  # keep the depth of the pre-pass
         targets.clear()
         targets.framebuffer.depth_mask = True
-        for group in scene.seen_groups:
-            program = self.program(group, materials)
-            materials.bind(group.material, program)
-            self._set_facing(group)
-            scene.draw(group, program)
-        materials.unbind()
+        for group in buffers.seen_groups:
+            key = frame.materials.keys[group.material + 1]
+            colors = group.material in self._colored
+            program = self._raster.program(geometry_variant(key, group.posed, self._channels, colors))
+            frame.materials.bind(group.material, self._raster.bindings)
+            set_facing(ctx, group)
+            buffers.draw(group, program)
+        frame.materials.unbind()
         ctx.front_face = "ccw"
         ctx.disable(moderngl.CULL_FACE)
+        drawn = (texture for name, texture in targets.textures.items() if CHANNELS[name].attachment)
+        hazards.wrote(drawn, drawn=True)
 
-    def _lay_depth(self, targets: Targets, scene: SceneBuffers, materials: MaterialTable) -> None:
-        """The depth of what no alpha mask cuts out, from infinitely far (0, reversed Z)."""
+    def _draw_depth(self, frame: FrameContext) -> None:
+        """Depth of what no alpha mask cuts out, from infinitely far (0, reversed Z)."""
         ctx = self._gpu.ctx
-        depth = targets.framebuffer.depth_attachment
+        depth = frame.targets.framebuffer.depth_attachment
         if self._depth is None or self._depth.depth_attachment is not depth:
             self._release_depth()
             self._depth = ctx.framebuffer((), depth)
         self._depth.use()
         self._depth.clear(depth=0.0)
-        ctx.polygon_offset = BEHIND
-        for group in scene.seen_groups:
-            key = materials.keys[group.material + 1]
-            if not key.alpha_test:
-                self._set_facing(group)
-                scene.draw(group, self._depth_program(group))
+        ctx.polygon_offset = PREPASS_OFFSET
+        for group in frame.buffers.seen_groups:
+            if not frame.materials.keys[group.material + 1].alpha_test:
+                set_facing(ctx, group)
+                variant = geometry_variant(MaterialKey((), False, False), group.posed)
+                frame.buffers.draw(group, self._prepass.program(variant))
         ctx.polygon_offset = 0.0, 0.0
-
-    def _set_facing(self, group: Group) -> None:
-        ctx = self._gpu.ctx
-        if group.cull:
-            ctx.enable(moderngl.CULL_FACE)
-        else:
-            ctx.disable(moderngl.CULL_FACE)
-        ctx.front_face = "cw" if group.mirrored else "ccw"
-
-    def _depth_program(self, group: Group) -> moderngl.Program:
-        defines = variant(MaterialKey((), False, False), group.posed, (), False)
-        return self._plain.render("gbuffer/gbuffer.vert.glsl", "gbuffer/depth.frag.glsl", defines, geometry_preamble())
 
     def _release_depth(self) -> None:
         if self._depth is not None:
@@ -138,5 +165,5 @@ class GBufferPass:
 
     def release(self) -> None:
         self._release_depth()
-        self._plain.release()
+        self._own.release()
         self._frame.release()

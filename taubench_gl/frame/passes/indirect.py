@@ -1,307 +1,509 @@
-"""Indirect light, a ladder: ``rsm`` (virtual lights, no visibility) and ``probes`` (visibility, more bounces).
+"""Indirect light.  Method ``rsm``: VPLs without visibility, one bounce; ``probes``: visibility, four bounces.
 
-Both start from reflective shadow maps of the lights that have shadows.  Nothing is random: the same frame gives the
-same result, and while lights and surfaces stand still only ``apply`` runs, whatever the camera does.
+Both start from reflective shadow maps of the shadowed lights, every texel of which is a virtual point light (VPL).
+Nothing is random: the same frame gives the same result, and while lights and surfaces stand still only the ``apply``
+pass runs, wherever the camera is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Sequence
 
 import moderngl
 import numpy as np
 
-from taubench_gl.animation import FrameState, View
 from taubench_gl.channels import CHANNELS
-from taubench_gl.errors import GraphicsError
+from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
-from taubench_gl.frame.indirect_layout import (
-    CHANNEL_NAMES,
-    GRID,
-    INDIRECT,
-    SCALE,
-    VIRTUAL,
-    VIRTUAL_ROW,
-    indirect_layout,
-    rsm_resolution,
-    virtual_size,
-    visibility_bytes,
-)
-from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
-from taubench_gl.frame.materials import MaterialTable, wanted_slots
-from taubench_gl.frame.passes.faces import Casters, FaceDrawer, Program
-from taubench_gl.frame.passes.gbuffer import GBufferPass
-from taubench_gl.frame.passes.images import (
-    bind,
-    bind_channels,
-    bind_images,
-    channel_images,
-    float_texture,
-    texture_bytes,
-)
-from taubench_gl.frame.passes.lighting import storage_defines
-from taubench_gl.frame.passes.probes import WIDE, ProbeGrid
-from taubench_gl.frame.records import Placement
-from taubench_gl.frame.scene_buffers import Group, SceneBuffers
+from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
+from taubench_gl.frame.material_slots import MaterialKey
+from taubench_gl.frame.passes.gbuffer import channel_pass, geometry_pass, geometry_variant
+from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant
+from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
-from taubench_gl.frame.targets import Targets
-from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.frame.tuning import NARROW, VPL_CHUNK, WIDE
+from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass, RasterPass, Resource, Use, stage
+from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
+INDIRECT = Struct(
+    "IndirectRecord",
+    Field("scene_from_relative", "vec4", "xyz: current camera - center of the scene's bounds, metres"),
+    Field("grid_origin", "vec4", "xyz: low corner of the occupancy grid, scene space; w: size of a voxel, metres"),
+    Field("probe_origin", "vec4", "xyz: first probe, scene space"),
+    Field("probe_step", "vec4", "xyz: distance between probes along each axis, metres"),
+    Field("probe_counts", "ivec4", "xyz: probes along each axis"),
+    Field("size", "ivec4", "xy: pixels, zw: pixels of the small irradiance image"),
+    Field("counts", "ivec4", "x: VPLs, y: phase of the shading rate, z: faces of lights"),
+)
+VPL = Struct(
+    "VirtualPointLight",
+    Field("position", "vec4", "xyz: scene space, metres; w: area of its patch, m2, 0 = none"),
+    Field("normal", "vec4", "xyz: unit, world axes; w: height above the patch that visibility rays aim at, metres"),
+    Field("flux", "vec4", "xyz: reflected flux, linear"),
+    Field("albedo", "vec4", "xyz: diffuse albedo of its patch; w: 1 / lights that see it, its share of later bounces"),
+)
+CHANNEL_NAMES = ("position", "normal", "base_color", "material")
+"""Channels of the reflective shadow maps, and those that indirect light reads."""
 
-CHANNEL_UNIT = 4
-"""Image binding of the first of CHANNEL_NAMES where pixels are shaded."""
+VPL_ROW = 64
+"""VPLs in a row of their texture, a texel for each of the four fields."""
+
+GRID = 96
+"""Voxels along the longest side."""
+
+BRICKS = GRID // 4
+"""Bricks of 4 x 4 x 4 voxels along a side: the strides of visibility rays."""
+
+SCALE = 8
+"""Method rsm gathers at every 8th pixel of both axes."""
+
+BOUNCES = 4
+"""Bounces after the first scattering: VPLs light each other three more times."""
+
+_LABEL = "indirect buffers"
 
 
-class IndirectPass:
-    """Writes ``indirect``.  ``box``: low and high corner (3,) of all geometry over the animation, world."""
+# ------------------------------------------------------------------------------------------------------------- layout
+def scene_center(spec: FrameSpec) -> Array:
+    """(3,) world: origin of scene space, in which VPLs and probes are."""
+    low, high = spec.facts.box
+    return 0.5 * (low + high)
 
-    def __init__(
-        self,
-        gpu: Gpu,
-        shaders: ShaderCache,
-        scene: Scene,
-        lights: list[int],
-        bounds: tuple[Array, float],
-        box: tuple[Array, Array],
-        size: tuple[int, int],
-        settings: Settings,
-        colored_materials: frozenset[int],
-        *,
-        rate: str = "full",
-        gather_each: bool = False,
-        glossy: bool = True,
-        draws: tuple[Draw, ...],
-    ):
-        """``rate``: shade only part of the pixels; ``gather_each``: the rsm rung gathers at every pixel;
-        ``glossy``: some material has a glossy lobe; ``draws``: of ``scene``, in the order of their casters.
 
-        Raises GraphicsError where the virtual lights need a larger texture or buffer than the device has.
-        """
-        self._rate, self._gather_each, self._glossy = rate, gather_each, glossy
-        self._gpu, self._shaders, self._scene, self._size = gpu, shaders, scene, size
-        self._lights, self._bounds, self._colored = lights, bounds, colored_materials
-        self._probes = settings.lighting.indirect == "probes"
-        self._storage = storage_defines(settings)
-        self._channels = "\n" + channel_images(CHANNEL_NAMES, CHANNEL_UNIT, settings)
-        self._resolution = rsm_resolution(scene, lights, settings.lighting.indirect_samples)
-        faces = faces_of(scene, None, lights, bounds, self._resolution)
-        self._offsets, atlas = pack(faces)
-        self._center = 0.5 * (box[0] + box[1])
-        self._record = indirect_layout(box, size, settings)
-        count = sum(f.resolution**2 for f in faces)
-        _require_room(gpu, count, len(faces), atlas, self._record, settings)
-        ctx = gpu.ctx
-        self._depth = gpu.depth_texture(atlas)
-        self._atlas = Targets(gpu, atlas, CHANNEL_NAMES, self._depth)
-        self._gbuffer = GBufferPass(gpu, shaders, CHANNEL_NAMES, colored_materials)
-        self._drawer = FaceDrawer(gpu)
-        texels = _texel_table(faces, self._offsets)
-        self.count = count
-        self._record["counts"][0], self._record["counts"][2] = self.count, len(faces)
-        self._texels = ctx.buffer(texels.tobytes())
-        self._rows = FACE.zeros(len(faces))
-        self._faces = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
-        self._light_table = LightTexture(gpu, len(scene.light_nodes))
-        self._virtual = float_texture(gpu, virtual_size(self.count))
-        self._parameters = ctx.buffer(reserve=INDIRECT.dtype.itemsize, dynamic=True)
-        self._solved: bytes | None = None
-        self._make_programs(draws)
+def indirect_layout(spec: FrameSpec) -> Array:
+    """An INDIRECT record with grid, probes and sizes."""
+    center, (low, high) = scene_center(spec), spec.facts.box
+    low, high = low - center, high - center
+    extent = np.maximum(high - low, 1e-6 * max(float((high - low).max()), 1e-6))
+    record = INDIRECT.zeros()
+    voxel = float(extent.max()) * 1.02 / (GRID - 2)
+    record["grid_origin"] = (*(low - voxel), voxel)
+    # As cubic as the number of probes allows: one spacing for all axes.
+    spacing = float((extent.prod() / max(spec.settings.lighting.probes, 8)) ** (1.0 / 3.0))
+    spacing = max(spacing, float(extent.max()) / 64.0)
+    counts = np.clip(np.ceil(extent / spacing).astype(int), 2, 64)
+    step = extent / counts  # probes at cell centers: none lies on the outer walls
+    record["probe_origin"][:3], record["probe_step"][:3] = low + 0.5 * step, step
+    record["probe_counts"][:3] = counts
+    record["size"] = (*spec.size, *_small(spec))
+    record["counts"] = (vpl_count(spec), 0, len(rsm_faces(spec)), 0)
+    return record
 
-    def _make_programs(self, draws: tuple[Draw, ...]) -> None:
-        self._group = (64, 1) if self._gpu.software else (8, 8)
-        preamble = "\n".join(
-            (
-                INDIRECT.glsl,
-                VIRTUAL.glsl,
-                LIGHT.glsl,
-                FACE.glsl,
-                f"const int GRID = {GRID};",
-                f"const int SCALE = {SCALE};",
-                f"const int VIRTUAL_ROW = {VIRTUAL_ROW};",
-                f"const int LIGHT_ROW = {LIGHT_ROW};",
-            )
+
+def _small(spec: FrameSpec) -> tuple[int, int]:
+    return -(-spec.size[0] // SCALE), -(-spec.size[1] // SCALE)
+
+
+def rsm_resolution(spec: FrameSpec) -> int:
+    """Texels along a face so that all lights together give about ``indirect_samples`` VPLs, at least 2."""
+    weight = sum(f.resolution**2 for f in spec.light_faces(1))
+    return max(2, int(np.sqrt(spec.settings.lighting.indirect_samples / max(weight, 1))))
+
+
+def rsm_faces(spec: FrameSpec) -> list[Face]:
+    return spec.light_faces(rsm_resolution(spec))
+
+
+def vpl_count(spec: FrameSpec) -> int:
+    return sum(f.resolution**2 for f in rsm_faces(spec))
+
+
+def vpl_size(count: int) -> tuple[int, int]:
+    """Texels of the texture of ``count`` VPLs, one for each of their fields."""
+    return len(VPL.fields) * VPL_ROW, -(-count // VPL_ROW)
+
+
+def _probe_count(layout: Array) -> int:
+    return int(np.prod(layout["probe_counts"][:3]))
+
+
+def fixed_draws(scene: Scene, draws: tuple[Draw, ...]) -> Array:
+    """Draws that no animation moves, bends or hides, (D,) bool."""
+    nodes = scene.nodes
+    moves = np.zeros(len(nodes.parent), dtype=bool)
+    moves[[c.index for c in scene.channels if c.target == "node" and c.path != "weights"]] = True
+    for level in nodes.levels()[1:]:
+        moves[level] |= moves[nodes.parent[level]]
+    return np.array([not (d.posed or moves[d.node]) for d in draws], dtype=bool)
+
+
+# ------------------------------------------------------------------------------------------------------------- passes
+class Declarations:
+    """The passes of one ``spec``, by what they do."""
+
+    def __init__(self, spec: FrameSpec):
+        self._spec, self.layout = spec, indirect_layout(spec)
+        self.center, self.count = scene_center(spec), int(self.layout["counts"][0])
+        self.probes = spec.indirect_method == "probes"
+
+    def all(self) -> list[Pass]:
+        """In the order in which they run."""
+        out: list[Pass] = [self.rsm()]
+        if self.probes:
+            out += [self.voxels("voxels_fixed"), self.voxels("voxels_moving"), *self.bricks()]
+        out.append(self.vpls())
+        if self.probes:
+            out += [self.visibility(), self.receive(first=True), self.bounce(), self.receive(first=False)]
+        if not self._spec.shading.stochastic:  # then random VPLs are summed up by the stochastic pass
+            out += [*self.gather(), self.apply()]
+        return out
+
+    def values(self, frame: FrameContext) -> dict:
+        """Fields of the INDIRECT record."""
+        out = {field.name: self.layout[field.name] for field in INDIRECT.fields}
+        vpls, _, faces, _ = self.layout["counts"]
+        out["counts"] = vpls, phase(self._spec.shading.rate, frame.number), faces, 0
+        out["scene_from_relative"] = (*(frame.view.position - self.center), 0.0)
+        return out
+
+    def _compute(self, shader: str) -> ComputePass:
+        sizes = f"const int GRID = {GRID}, SCALE = {SCALE}, VPL_ROW = {VPL_ROW}, LIGHT_ROW = {LIGHT_ROW};"
+        p = ComputePass("indirect", (f"indirect/{shader}.comp.glsl",)).define(**self._spec.tuning.defines)
+        p.glsl(VPL, LIGHT, FACE, sizes, f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};")
+        return p.constants("P", INDIRECT, self.values)
+
+    def rsm(self) -> RasterPass:
+        """What each light sees."""
+        faces = rsm_faces(self._spec)
+        size, room = pack(faces)[1], self._room()
+        targets = {channel: f"rsm_{channel}" for channel in CHANNEL_NAMES}
+        p = channel_pass("indirect", CHANNEL_NAMES, self._spec, resources=targets)
+        for channel, name in targets.items():
+            info = CHANNELS[channel]
+            p.allocate(Resource.texture(name, size, components=info.components, dtype=info.dtype, label=_LABEL, **room))
+        return p.allocate(Resource.texture("rsm_depth", size, dtype="depth", label=_LABEL, **room))
+
+    def _room(self) -> dict[str, str]:
+        """What to say where the device has no room."""
+        faces = len(rsm_faces(self._spec))
+        what = f"{self.count} virtual point lights in {faces} reflective shadow map{'s' * (faces != 1)}"
+        return {"what": what, "hint": "lower --shadow-lights or indirect_samples"}
+
+    def voxels(self, name: str) -> RasterPass:
+        """Occupancy bits, set by fragments, of what no animation moves (voxels_fixed) or of the rest."""
+        p = geometry_pass("indirect", "indirect/voxelize.frag.glsl", ()).glsl(INDIRECT, f"const int GRID = {GRID};")
+        p.use(Use(CONSTANTS, "P", INDIRECT.name, given=True))
+        p.buffer("voxels", "uint", access=UPDATE, resource=name)
+        p.drawn += [_voxel_variant(posed)[0] for posed in sorted({posed for posed, _ in self._spec.draw_kinds})]
+        return p.allocate(Resource.buffer(name, GRID**3 // 8, label=_LABEL))
+
+    def bricks(self) -> tuple[ComputePass, ComputePass]:
+        """Bits of bricks of voxels, then the distance of each to the nearest that is not empty."""
+        pack_bits = (
+            self._compute("bricks")
+            .define(DISTANCES=False)
+            .buffer("still", "uint", resource="voxels_fixed")
+            .buffer("moving", "uint", resource="voxels_moving")
+            .image("bricks", "rgba32ui", access=WRITE)
+            .image("rows", "r32ui", access=WRITE)
+            .allocate(Resource.texture("bricks", (BRICKS, BRICKS**2), dtype="u4", label=_LABEL))
+            .allocate(Resource.texture("rows", (BRICKS, BRICKS), components=1, dtype="u4", label=_LABEL))
+            .dispatch(BRICKS**2, NARROW)
         )
-        preamble += f"\nconst float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};"
-        group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
-        compute = self._shaders.compute
-        self._make_virtual = compute("indirect/vpl.comp.glsl", {"GROUP_X": WIDE, "PROBES": self._probes}, preamble)
-        defines = {"PROBES": self._probes, "GATHER_EACH": self._gather_each, "GLOSSY": self._glossy}
-        defines["SHADING_RATE"] = RATES.index(self._rate)
-        pixels = preamble + self._channels
-        self._apply = compute("indirect/apply.comp.glsl", {**defines, **group, **self._storage}, pixels)
-        if self._probes:
-            record, center = self._record, self._center
-            shaders, scene = self._shaders, self._scene
-            self.grid = ProbeGrid(self._gpu, shaders, record, center, self.count, preamble, scene, draws)
-        else:
-            self._gather = compute("indirect/gather.comp.glsl", group, pixels)
-            self._irradiance = float_texture(self._gpu, tuple(int(n) for n in self._record["size"][2:]))
+        distances = (
+            self._compute("bricks")
+            .define(DISTANCES=True)
+            .image("bricks", "rgba32ui", access=UPDATE)
+            .image("rows", "r32ui")
+            .dispatch(BRICKS**2, NARROW)
+        )
+        return pack_bits, distances
 
-    @property
-    def bytes(self) -> int:
-        """GPU memory, bytes."""
-        width, height = self._atlas.size
-        texel = 4 + sum(CHANNELS[n].components * int(CHANNELS[n].dtype[1]) for n in CHANNEL_NAMES)
-        own = texture_bytes(self._virtual) + width * height * texel
-        return own + (self.grid.bytes if self._probes else texture_bytes(self._irradiance))
+    def vpls(self) -> ComputePass:
+        """Every texel that a light sees becomes a VPL."""
+        p = (
+            self._compute("vpl")
+            .define(PROBES=self.probes)
+            .buffer("texels", "uvec4", given=True)
+            .buffer("faces", FACE, resource="rsm_faces", given=True)
+            .texture("light_table", given=True)
+            .image("vpl_out", access=WRITE, resource="vpls")
+            .allocate(Resource.texture("vpls", vpl_size(self.count), label=_LABEL, **self._room()))
+            .dispatch(self.count, WIDE)
+        )
+        for channel in CHANNEL_NAMES:
+            p.texture(channel, resource=f"rsm_{channel}")
+        return p.image("bricks", "rgba32ui") if self.probes else p
 
-    def run(
-        self,
-        state: FrameState,
-        view: View,
-        light_rows: Array,
-        scene: SceneBuffers,
-        materials: MaterialTable,
-        casters: Casters,
-        placement: Placement,
-        textures: Mapping[str, moderngl.Texture],
-        frame: int = 0,
-        *,
-        write: bool = True,
-    ) -> None:
-        """Write ``indirect`` of the frame in ``textures``; not ``write``: only find its virtual lights."""
-        self._record["counts"][1] = phase(self._rate, frame)
-        self._record["scene_from_relative"][:3] = view.position - self._center
-        self._parameters.write(self._record.tobytes())
-        faces = faces_of(self._scene, state, self._lights, self._bounds, self._resolution)
-        rows = light_rows[self._lights]
+    def visibility(self) -> ComputePass:
+        """Which VPLs each probe sees: the same for every bounce."""
+        probes, words = _probe_count(self.layout), -(-self.count // 32)
+        room = {
+            "what": f"the visibility of {self._room()['what']} from {probes} probes",
+            "hint": "lower probes or indirect_samples",
+        }
+        return (
+            self._compute("visibility")
+            .image("vpls")
+            .image("bricks", "rgba32ui")
+            .buffer("visibility", "uint", access=WRITE)
+            .allocate(Resource.buffer("visibility", 4 * probes * words, label=_LABEL, **room))
+            .dispatch((probes, words), (NARROW, 1))
+        )
+
+    def receive(self, *, first: bool) -> ComputePass:
+        """Irradiance of the probes; ``first``: by the flux of the VPLs themselves, else by that of the last bounce."""
+        p = (
+            self._compute("probes")
+            .define(FIRST_BOUNCE=first)
+            .image("vpls")
+            .image("bricks", "rgba32ui")
+            .image("probes", access=UPDATE)
+            .buffer("visibility", "uint")
+            .dispatch(_probe_count(self.layout), NARROW)
+        )
+        if not first:
+            return p.image("flux")
+        x, y, z = (int(n) for n in self.layout["probe_counts"][:3])
+        return p.allocate(Resource.texture("probes", (6 * x, y * z), label=_LABEL))
+
+    def bounce(self) -> ComputePass:
+        """Flux of the VPLs with one more bounce."""
+        columns, rows = vpl_size(self.count)
+        return (
+            self._compute("bounce")
+            .image("vpls")
+            .image("probes")
+            .image("flux_out", access=WRITE, resource="flux")
+            .allocate(Resource.texture("flux", (columns // len(VPL.fields), rows), label=_LABEL))
+            .dispatch(self.count, WIDE)
+        )
+
+    def gather(self) -> tuple[ComputePass, ...]:
+        """Irradiance of all VPLs at every SCALE-th pixel."""
+        if self.probes or self._spec.shading.gather_each:
+            return ()
+        return (
+            self._compute("gather")
+            .use(*self._spec.channels("position", "normal", images=True))
+            .image("vpls")
+            .image("irradiance_out", access=WRITE, resource="irradiance")
+            .allocate(Resource.texture("irradiance", _small(self._spec), label=_LABEL))
+            .dispatch(_small(self._spec), self._spec.tuning.pixel_group),
+        )
+
+    def apply(self) -> ComputePass:
+        """Radiance of every pixel from the irradiance around it."""
+        spec = self._spec
+        p = (
+            self._compute("apply")
+            .define(PROBES=self.probes, GATHER_EACH=spec.shading.gather_each, GLOSSY="glossy" in spec.enabled)
+            .define(SHADING_RATE=RATES.index(spec.shading.rate))
+            .use(*spec.channels(*CHANNEL_NAMES, images=True))
+            .use(*spec.outputs("indirect"))
+            .dispatch(invocations(spec.shading.rate, spec.size), spec.tuning.pixel_group)
+        )
+        if self.probes:
+            return p.image("probes")
+        return p.image("vpls") if spec.shading.gather_each else p.image("vpls").texture("irradiance")
+
+
+@stage("indirect", "shadows", "direct", options=("glossy", "normal_maps", "alpha_mask", "skinning", "morphing"))
+def indirect_light(spec: FrameSpec) -> Sequence[Pass]:
+    return Declarations(spec).all() if spec.light_kinds else ()
+
+
+def _voxel_variant(posed: bool) -> Variant:
+    return geometry_variant(MaterialKey((), False, True), posed), ()
+
+
+# ---------------------------------------------------------------------------------------------------------- execution
+class IndirectPass:
+    """Runs the passes of ``Declarations``; what it computes is kept while lights and surfaces stand still."""
+
+    def __init__(self, context: GpuContext, spec: FrameSpec, draws: tuple[Draw, ...]):
+        """``draws``: of the scene, in the order of their casters.
+
+        Raises GraphicsError where the VPLs need a larger texture or buffer than the device has.
+        """
+        passes = Declarations(spec)
+        gpu = self._gpu = context.gpu
+        self._spec, self._passes = spec, passes
+        self.tables = context.allocate_all(passes.all())
+        self._resolution = rsm_resolution(spec)
+        faces = rsm_faces(spec)
+        self._offsets, _ = pack(faces)
+        ctx = gpu.ctx
+        targets = [self.tables[f"rsm_{channel}"] for channel in CHANNEL_NAMES]
+        self._framebuffer = ctx.framebuffer(targets, self.tables["rsm_depth"])
+        self._rsm = context.raster(passes.rsm())
+        self._drawer = FaceDrawer(gpu)
+        self._rows = FACE.zeros(len(faces))
+        self.tables["texels"] = ctx.buffer(_texel_table(faces, self._offsets).tobytes())
+        self.tables["rsm_faces"] = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
+        self._vpls = context.compute(passes.vpls())
+        self.grid = ProbeGrid(context, spec, passes, self.tables, self._drawer, draws) if passes.probes else None
+        self._shade: list[CompiledCompute] = []
+        if not spec.shading.stochastic:
+            self._shade = [context.compute(p) for p in (*passes.gather(), passes.apply())]
+        self._solved: bytes | None = None
+
+    def run(self, frame: FrameContext) -> None:
+        """Write ``indirect`` of the frame; where the stochastic pass does that, only find the VPLs."""
+        spec, rows = self._spec, frame.light_rows[self._spec.shadowed]
+        frame.tables |= self.tables
+        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution)
         lit = b"".join(a.tobytes() for a in (rows["color"][:, :3], rows["position"][:, 3], rows["spot"][:, :2]))
-        key = casters.key() + lit + b"".join(face.key for face in faces)
+        key = frame.casters.key() + lit + b"".join(face.key for face in faces)
         if key != self._solved:
             self._solved = key
-            self._solve(faces, view, light_rows, scene, materials, casters, placement)
-        if write:
-            self._write(textures)
+            self._solve(frame, faces)
+        for compiled in self._shade:
+            compiled.run(frame, frame.resources)
 
-    def _solve(
-        self,
-        faces: list[Face],
-        view: View,
-        light_rows: Array,
-        scene: SceneBuffers,
-        materials: MaterialTable,
-        casters: Casters,
-        placement: Placement,
-    ) -> None:
-        """Virtual lights of this moment, and with ``probes`` what they give every probe."""
-        # A light that is off has no virtual lights: its faces are cleared.
-        on = np.any(light_rows["color"][:, :3] != 0.0, axis=1)
+    def _solve(self, frame: FrameContext, faces: list[Face]) -> None:
+        """VPLs of this moment, and with probes the irradiance of every probe."""
+        self._draw_maps(frame, faces)
+        if self.grid is not None:
+            self.grid.fill(frame)
+        self._vpls.run(frame, frame.resources)
+        if self.grid is not None:
+            self.grid.light(frame)
+
+    def _draw_maps(self, frame: FrameContext, faces: list[Face]) -> None:
+        # A light that is off has no VPLs: its faces are cleared.
+        on = np.any(frame.light_rows["color"][:, :3] != 0.0, axis=1)
         nothing = np.zeros(0, dtype=np.int64)
-        seen = [casters.seen_by(face)[0] if on[face.light] else nothing for face in faces]
+        seen = [frame.casters.seen_by(face)[0] if on[face.light] else nothing for face in faces]
+        keys = self._spec.material_keys(CHANNEL_NAMES)
+
+        def variant(group: Group) -> Variant:
+            key, colors = keys[group.material + 1], group.material in self._spec.colored
+            known = tuple(s for s in key.slots if s in frame.materials.keys[group.material + 1].slots)
+            return geometry_variant(key, group.posed, CHANNEL_NAMES, colors), known
+
         stale = list(zip(faces, self._offsets, seen, strict=True))
-        self._drawer.draw(stale, self._atlas.framebuffer, view, scene, materials, lambda g: self._program(g, materials))
+        self._drawer.draw(frame, stale, self._framebuffer, self._rsm, variant)
+        self._gpu.hazards.wrote(self._framebuffer.color_attachments, drawn=True)
         for row, face in zip(self._rows, faces, strict=True):
-            row["origin"] = (*(face.origin - view.position), float(face.parallel))
+            row["origin"] = (*(face.origin - frame.view.position), float(face.parallel))
             row["forward"] = (*face.forward, face.near)
             row["right"][:3], row["up"][:3] = face.right / face.half, face.up / face.half
             texel = 2.0 * face.half / face.resolution
             row["extent"] = face.resolution, texel, float(on[face.light]), face.light
-        self._faces.write(self._rows.tobytes())
-        self._light_table.write(light_rows)
-        if self._probes:
-            self.grid.fill(view, scene, materials, casters, placement, self._drawer, self._parameters)
-        self._parameters.bind_to_uniform_block(0)
-        self._texels.bind_to_storage_buffer(3)
-        self._faces.bind_to_storage_buffer(5)
-        sampled = {name: self._atlas.textures[name] for name in CHANNEL_NAMES}
-        sampled["light_table"] = self._light_table.texture
-        bind(self._make_virtual, sampled)
-        bind_images(out=self._virtual)
-        if self._probes:
-            bind_images(bricks=self.grid.bricks)
-        self._make_virtual.run(-(-self.count // WIDE))
-        self._gpu.ctx.memory_barrier()
-        if self._probes:
-            self.grid.light(self._virtual, self._parameters)
-
-    def _write(self, textures: Mapping[str, moderngl.Texture]) -> None:
-        self._parameters.bind_to_uniform_block(0)
-        columns, rows = invocations(self._rate, self._size)
-        tiles = -(-columns // self._group[0]), -(-rows // self._group[1])
-        bind_channels(self._gpu, CHANNEL_NAMES, CHANNEL_UNIT, textures)
-        if self._probes:
-            bind_images(probes=self.grid.probes)
-        else:
-            bind_images(virtual_lights=self._virtual)
-            if not self._gather_each:
-                self._gather_coarsely()
-                bind(self._apply, {"irradiance": self._irradiance})
-        bind_images(out=textures["indirect"])
-        self._apply.run(*tiles)
-        self._gpu.ctx.memory_barrier()
-
-    def _gather_coarsely(self) -> None:
-        bind_images(out=self._irradiance)
-        small = self._irradiance.size
-        self._gather.run(-(-small[0] // self._group[0]), -(-small[1] // self._group[1]))
-        self._gpu.ctx.memory_barrier()
-
-    def _program(self, group: Group, materials: MaterialTable) -> Program:
-        material = materials.material(group.material)
-        slots = wanted_slots(CHANNEL_NAMES, material)
-        known = tuple(s for s in slots if s in materials.keys[group.material + 1].slots)
-        return Program(self._gbuffer.program(group, materials), known)
+        self.tables["rsm_faces"].write(self._rows.tobytes())
 
     @property
-    def virtual_texture(self) -> moderngl.Texture:
-        """``count`` VIRTUAL records of this frame, a texel for each field, VIRTUAL_ROW of them in a row."""
-        return self._virtual
+    def count(self) -> int:
+        return self._passes.count
 
-    @property
-    def record(self) -> Array:
-        """The INDIRECT record of this frame."""
-        return self._record
+    def record(self, frame: FrameContext) -> Array:
+        """The INDIRECT record of ``frame``."""
+        out = INDIRECT.zeros()
+        for name, value in self._passes.values(frame).items():
+            out[name] = value
+        return out
 
-    @property
-    def scene_from_relative(self) -> Array:
-        """(3,) what to add to a position relative to this frame's camera, metres."""
-        return self._record["scene_from_relative"][:3]
-
-    def virtual_lights(self) -> Array:
-        """This frame's virtual lights, (V,) VIRTUAL records in scene space."""
-        return np.frombuffer(self._virtual.read(), dtype=VIRTUAL.dtype)[: self.count]
+    def vpls(self) -> Array:
+        """The VPLs of this frame, (V,) VPL records in scene space."""
+        return np.frombuffer(self.tables["vpls"].read(), dtype=VPL.dtype)[: self.count]
 
     def release(self) -> None:
-        for item in (
-            self._atlas,
-            self._depth,
-            self._drawer,
-            self._gbuffer,
-            self._texels,
-            self._faces,
-            self._light_table,
-            self._virtual,
-            self._parameters,
-            self.grid if self._probes else self._irradiance,
-        ):
+        for item in (self._framebuffer, self._drawer, *self.tables.values(), *([self.grid] * (self.grid is not None))):
             item.release()
 
 
-def _require_room(gpu: Gpu, count: int, faces: int, atlas: tuple[int, int], record: Array, settings: Settings) -> None:
-    """Raise GraphicsError where ``count`` virtual lights need a texture or buffer larger than the device has."""
-    what = f"{count} virtual lights in {faces} reflective shadow map{'s' * (faces != 1)}"
-    hint = "lower --shadow-lights or indirect_samples"
-    limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
-    for width, height in (atlas, virtual_size(count)):
-        if max(width, height) > limit:
-            needed = f"{width}x{height} texels"
-            raise GraphicsError(f"{what} would need {needed}, this device's textures end at {limit}", hint=hint)
-    if settings.lighting.indirect != "probes":
-        return
-    probes = int(np.prod(record["probe_counts"][:3]))
-    needed, limit = visibility_bytes(probes, count), gpu.ctx.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]
-    if needed > limit:
-        raise GraphicsError(
-            f"what {probes} probes see of {what} needs {needed} bytes, this device's buffers end at {limit}",
-            hint="lower probes or indirect_samples",
-        )
+class ProbeGrid:
+    """A grid of ambient-cube probes in scene space, with what hides VPLs from them."""
+
+    def __init__(
+        self,
+        context: GpuContext,
+        spec: FrameSpec,
+        passes: Declarations,
+        tables: dict,
+        drawer: FaceDrawer,
+        draws: tuple[Draw, ...],
+    ):
+        """``tables``: allocated resources of ``passes``."""
+        self._gpu, self._passes, self._tables, self._drawer = context.gpu, passes, tables, drawer
+        self._voxels = context.raster(passes.voxels("voxels_fixed"))
+        self._bricks = [context.compute(p) for p in passes.bricks()]
+        self._visibility, self._bounce = context.compute(passes.visibility()), context.compute(passes.bounce())
+        self._receive = [context.compute(passes.receive(first=first)) for first in (True, False)]
+        self._constants = context.gpu.ctx.buffer(reserve=INDIRECT.dtype.itemsize, dynamic=True)
+        self._drawn: list[bytes | None] = [None, None]
+        self._fixed = fixed_draws(spec.scene, draws)
+        self._anchor = AnchoredRecords(context.gpu, draws, passes.center)
+        self._depth = context.gpu.ctx.depth_texture((2 * GRID, 2 * GRID))
+        self._target = context.gpu.ctx.framebuffer(depth_attachment=self._depth)
+
+    def fill(self, frame: FrameContext) -> None:
+        """Mark every voxel that a surface passes through.  What no animation moves keeps its marks."""
+        record = INDIRECT.zeros()
+        for name, value in self._passes.values(frame).items():
+            record[name] = value
+        self._constants.write(record.tobytes())
+        self._constants.bind_to_uniform_block(self._voxels.bindings["P"])
+        self._anchor.update(frame.placement, frame.buffers.order)
+        casters, stale = frame.casters, False
+        parts = {"voxels_fixed": casters.visible & self._fixed, "voxels_moving": casters.visible & ~self._fixed}
+        for k, (name, seen) in enumerate(parts.items()):
+            key = seen.tobytes() + casters.versions[seen].tobytes()
+            if key == self._drawn[k]:
+                continue
+            self._drawn[k], stale = key, True
+            self._tables[name].clear()
+            self._tables[name].bind_to_storage_buffer(self._voxels.bindings["voxels"])
+            self._mark(frame, np.flatnonzero(seen))
+            self._gpu.hazards.wrote([self._tables[name]])
+        for compiled in self._bricks if stale else ():
+            compiled.run(frame, frame.resources)
+
+    def _mark(self, frame: FrameContext, seen: Array) -> None:
+        """Draw ``seen`` into the bound grid along three axes, so that no surface is missed edge-on."""
+        if not len(seen):
+            return
+        layout = self._passes.layout
+        origin, voxel = layout["grid_origin"][:3].astype(np.float64), float(layout["grid_origin"][3])
+        half = 0.5 * GRID * voxel
+        middle = self._passes.center + origin + half
+        axes = np.eye(3)
+        stale = []
+        for k in range(3):
+            forward, up = axes[k], axes[(k + 1) % 3]
+            start = middle - forward * half
+            face = Face(0, True, start, np.cross(forward, up), up, forward, half, 2.0 * half, 2 * GRID)
+            stale.append((face, (0, 0), seen))
+        variant: Callable[[Group], Variant] = lambda group: _voxel_variant(group.posed)  # noqa: E731
+        self._drawer.draw(frame, stale, self._target, self._voxels, variant, depth_test=False, anchor=self._anchor)
+
+    def light(self, frame: FrameContext) -> None:
+        """Find which VPLs every probe sees, then let light bounce.  ``fill`` must be up to date."""
+        resources, count = frame.resources, self._passes.count
+        self._visibility.run(frame, resources)
+        for bounce in range(BOUNCES):
+            if bounce > 0:
+                self._bounce.run(frame, resources)
+            for first in range(0, count, VPL_CHUNK):
+                chunk = first, min(first + VPL_CHUNK, count)
+                self._receive[min(bounce, 1)].run(frame, resources, chunk=chunk)
+
+    def occupancy(self) -> Array:
+        """Which voxels hold a surface, (GRID, GRID, GRID) bool by z, y, x, as drawn."""
+        fixed, moving = (np.frombuffer(self._tables[n].read(), np.uint8) for n in ("voxels_fixed", "voxels_moving"))
+        return np.unpackbits(fixed | moving, bitorder="little").reshape(GRID, GRID, GRID).astype(bool)
+
+    def visibility(self) -> Array:
+        """Which VPLs each probe sees, (probes, VPLs) bool."""
+        probes = _probe_count(self._passes.layout)
+        words = np.frombuffer(self._tables["visibility"].read(), np.uint8).reshape(probes, -1)
+        return np.unpackbits(words, axis=1, bitorder="little")[:, : self._passes.count].astype(bool)
+
+    def irradiance(self) -> moderngl.Texture:
+        """Six texels for each probe."""
+        return self._tables["probes"]
+
+    def release(self) -> None:
+        for item in (self._depth, self._target, self._anchor, self._constants):
+            item.release()
 
 
 def _texel_table(faces: list[Face], offsets: list[tuple[int, int]]) -> Array:

@@ -1,215 +1,215 @@
-"""Direct light: per-tile light lists and the lighting pass."""
+"""Direct light: tile light lists, the exact pass, the stochastic pass, and the color that is the sum of all light."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
-import moderngl
-import numpy as np
-
-from taubench_gl.animation import View
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.flow import SURFACE
-from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, LightTexture
-from taubench_gl.frame.listed_lights import LightBlocks, Listing
-from taubench_gl.frame.passes.shadows import ShadowPass
-from taubench_gl.frame.plan import TILE
-from taubench_gl.frame.shadow_faces import FACE
-from taubench_gl.gpu.context import Gpu
+from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, UnrolledLights, unrolled_lights
+from taubench_gl.frame.passes.indirect import VPL, VPL_ROW, scene_center, vpl_count
+from taubench_gl.frame.shadow_faces import FACE, first_faces
+from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.frame.tuning import MAX_LIGHTS
+from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
-from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.metrics.lighting import ALBEDO_TABLE, MIN_ALPHA, MIN_LIGHT_DISTANCE, albedo_table
+from taubench_gl.metrics.lighting import ALBEDO_TABLE, MIN_ALPHA
+from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
-from taubench_gl.settings import Settings
+from taubench_gl.metrics.stochastic import light_choice
+from taubench_gl.settings import TONE_MAPS
 
 LIGHTING = Struct(
     "LightingRecord",
     Field("sky", "vec4", "xyz: uniform sky radiance, linear"),
     Field("parallel_view", "vec4", "xyz: unit, towards a parallel camera; w: 1 if the camera is parallel"),
     Field("size", "ivec4", "xy: pixels, z: tiles in a row, w: lights"),
-    Field("tiles", "int", "tiles in all"),
+    Field("tiles", "int", "tiles of the image"),
     Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, before exposure"),
-    Field("phase", "int", "which part of the picture a shading rate other than full shades"),
+    Field("phase", "int", "which pixels a shading rate other than full shades in this frame"),
+)
+STOCHASTIC = Struct(
+    "StochasticRecord",
+    Field("scene_from_relative", "vec4", "xyz: current camera - center of the scene's bounds, metres"),
+    Field("samples", "uvec4", "x: frame, y: seed, z: light samples per pixel, w: VPL samples per pixel"),
+    Field("counts", "ivec4", "x: lights, 0 if all are off, y: VPLs, z: phase of the shading rate"),
+)
+COLOR = Struct(
+    "ColorRecord",
+    Field("sky", "vec4", "xyz: uniform sky radiance, linear"),
+    Field("size", "ivec4", "xy: pixels"),
+    Field("exposure", "float", "factor on radiance before tone mapping"),
 )
 
-MAX_LIGHTS = 30_000
-"""Twice over all lights and once over a tile's pixels: a shader of llvmpipe stops, silently, after 65,535 turns."""
+SURFACE = ("position", "normal", "geometric_normal", "base_color", "material")
+"""Channels that direct light reads."""
 
-LIGHT_IMAGE = 3
-"""Binding of the light table in this pass's shaders, after the images they write.
+LOBES = ("direct_diffuse", "direct_glossy")
+SUMMED = ("direct", "indirect", "emission")
+"""Channels that color is the sum of."""
 
-The G-buffer is read through samplers here.  As images from unit 3 on, pictures are wrong where lights are not listed:
-``position`` lies where they have the table.  At units of its own (4 to 8) they are the same, for 0.95 x the CPU time.
-"""
+KINDS = ("point_lights", "spot_lights", "directional_lights")
+TILE = 16
+"""Pixels along a side of the tiles that have light lists."""
 
 SHADOW_BIAS = 0.5
-"""In texels of the map, along the light: what is left for curved and creased surfaces, planes need none."""
-
+"""In texels of the map, along the light: for curved and creased surfaces; planes need none."""
 
 SHADOW_REACH = 256.0
 """In texels, along the light: how far a receiver's plane may run from a pixel to the texel beside it.  1/256 rad."""
 
 
-def lighting_preamble() -> str:
-    return "\n".join(
-        (
-            LIGHTING.glsl,
-            LIGHT.glsl,
-            FACE.glsl,
-            f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};",
-            f"const float MIN_ALPHA = {MIN_ALPHA};",
-            f"const float SHADOW_BIAS = {SHADOW_BIAS};",
-            f"const float SHADOW_REACH = {SHADOW_REACH};",
-            f"const int TILE = {TILE};",
-            f"const int LIGHT_ROW = {LIGHT_ROW};",
-        )
+def _tiles(spec: FrameSpec) -> tuple[int, int]:
+    return -(-spec.size[0] // TILE), -(-spec.size[1] // TILE)
+
+
+def _unrolled(spec: FrameSpec) -> UnrolledLights:
+    return unrolled_lights(spec.light_kinds, first_faces(spec.light_faces(1)))
+
+
+def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
+    """What all passes over lights have in common."""
+    if len(spec.light_kinds) > MAX_LIGHTS:
+        raise GraphicsError(f"the scene has {len(spec.light_kinds)} lights, at most {MAX_LIGHTS} can be rendered")
+    lighting, view_axis = spec.settings.lighting, (0.0, 0.0, 0.0, 0.0)
+    columns, rows = _tiles(spec)
+
+    def values(frame: FrameContext) -> dict:
+        parallel = frame.view.camera.kind != "perspective"
+        return {
+            "sky": (*lighting.sky, 0.0),
+            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if parallel else view_axis,
+            "size": (*spec.size, columns, len(spec.light_kinds)),
+            "tiles": columns * rows,
+            "light_error": lighting.light_error,
+            "phase": phase(spec.shading.rate, frame.number),
+        }
+
+    constants = f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};"
+    sizes = f"const int TILE = {TILE}, LIGHT_ROW = {LIGHT_ROW};"
+    return (
+        ComputePass(name, (shader,))
+        .define(GLOSSY="glossy" in spec.enabled, SHADING_RATE=RATES.index(spec.shading.rate), **spec.tuning.defines)
+        .glsl(LIGHT, FACE, constants, sizes)
+        .constants("P", LIGHTING, values)
     )
 
 
-def storage_defines(settings: Settings) -> dict[str, str]:
-    """What a shader that writes radiance must be told where channels are stored as halves (common/storage.glsl)."""
-    return {"RADIANCE_FORMAT": "rgba16f"} if settings.device.storage == "half" else {}
+def _shadowed(spec: FrameSpec, p: ComputePass, taps: int) -> ComputePass:
+    """Light that reaches the pixel: kinds of lights, the sky, shadow maps."""
+    shadows = "shadows" in spec.enabled and bool(spec.light_kinds)
+    p.define(SKY="sky" in spec.enabled, SHADOWS=shadows)
+    p.define(**{name.upper(): name in spec.enabled for name in KINDS})
+    if shadows:
+        p.define(SHADOW_TAPS=taps).glsl(f"const float SHADOW_BIAS = {SHADOW_BIAS}, SHADOW_REACH = {SHADOW_REACH};")
+        p.texture("shadow_atlas")
+    if {"sky", "glossy"} <= spec.enabled:
+        table = Resource.texture("albedo_table", (ALBEDO_TABLE, ALBEDO_TABLE), label="albedo table")
+        p.texture("albedo_table", given=True).allocate(table)
+    return p
 
 
-def lighting_record(view: View, size: tuple[int, int], settings: Settings, lights: int) -> np.ndarray:
-    """A LIGHTING record with all but the tiles and the phase filled in."""
-    record = LIGHTING.zeros()
-    record["sky"][:3] = settings.lighting.sky
-    if view.camera.kind != "perspective":
-        record["parallel_view"] = (*view.world_from_view[:, 2], 1.0)
-    record["size"] = (*size, 0, lights)
-    record["light_error"] = settings.lighting.light_error
-    return record
+@stage("light_culling", "direct", options=("glossy",))
+def light_lists(spec: FrameSpec) -> Sequence[Pass]:
+    """Lights that each tile cannot do without."""
+    lights = len(spec.light_kinds)
+    if spec.shading.stochastic or not lights:
+        return ()
+    columns, rows = _tiles(spec)
+    tiles = columns * rows
+    return (
+        _lit(spec, "light lists", "lighting/cull.comp.glsl")
+        .define(SHADOWED_UNROLLED=bool(_unrolled(spec).rows))
+        .use(*spec.channels("position", "base_color", "material", *("normal",) * ("glossy" in spec.enabled)))
+        .image("light_table", given=True)
+        .buffer("tile_counts", "uint", access=WRITE)
+        .buffer("tile_lists", "uint", access=WRITE)
+        .allocate(Resource.buffer("tile_counts", 4 * tiles, label="light lists"))
+        .allocate(Resource.buffer("tile_lists", 4 * tiles * lights, label="light lists"))
+        .dispatch(tiles, 8),
+    )
 
 
-class LightingPass:
-    """Writes ``direct`` (and its lobes, if asked) of the current frame."""
+@stage("direct", options=("shadows", "light_culling", "glossy", "sky", *KINDS))
+def direct_light(spec: FrameSpec) -> Sequence[Pass]:
+    """All light of every pixel, exactly."""
+    if spec.shading.stochastic:
+        return ()
+    unrolled, lights = _unrolled(spec), len(spec.light_kinds)
+    taps = 4 if spec.settings.lighting.shadow_filter == "bilinear" else 1
+    tiled, lobes = "light_culling" in spec.enabled and lights > 0, bool(set(LOBES) & set(spec.extra))
+    p = (
+        _shadowed(spec, _lit(spec, "direct", "lighting/lighting.comp.glsl"), taps)
+        .define(TILED=tiled, SPLIT_LOBES=lobes)
+        .define(UNROLLED_LIGHTS=len(unrolled.rows), LOOPED_LIGHTS=len(unrolled.rows) < lights)
+        .glsl(unrolled.glsl)
+        .use(*spec.channels(*SURFACE))
+        .image("light_table", given=True)
+        .use(*spec.outputs("direct", *(LOBES if lobes else ())))
+        .dispatch(invocations(spec.shading.rate, spec.size), spec.tuning.shading_group)
+    )
+    shadows = p.defines["SHADOWS"]
+    if unrolled.rows:
+        rows = list(unrolled.rows)
+        p.constants("unrolled_lights", LIGHT, lambda frame: frame.light_rows[rows], count=len(rows))
+        if shadows:
+            faces = max(len(spec.light_faces(1)), 1)
+            p.constants("unrolled_faces", FACE, lambda frame: frame.tables["shadow_face_rows"], count=faces)
+    elif shadows:
+        p.texture("shadow_faces", given=True)
+    if tiled:
+        p.buffer("tile_counts", "uint").buffer("tile_lists", "uint")
+    return (p,)
 
-    def __init__(
-        self,
-        gpu: Gpu,
-        shaders: ShaderCache,
-        size: tuple[int, int],
-        light_count: int,
-        settings: Settings,
-        effects: frozenset[str],
-        *,
-        split: bool = False,
-        rate: str = "full",
-        listing: Listing | None = None,
-    ):
-        """``effects``: names of those that are on; ``split``: write each lobe too; ``rate``: shade only part of the
-        pixels (``metrics.shading_rate``), the others keep what they held; ``listing``: lights to compile one by one,
-        all of the scene's or all that have shadow maps."""
-        self._rate = rate
-        if light_count > MAX_LIGHTS:
-            raise GraphicsError(f"the scene has {light_count} lights, at most {MAX_LIGHTS} can be drawn")
-        self._gpu, self._size, self._settings, self._count = gpu, size, settings, light_count
-        self._tiled = "light_culling" in effects and light_count > 0
-        self._group = (32, 1) if gpu.software else (8, 8)
-        self._split, self._shadows = split, "shadows" in effects and light_count > 0
-        listing = listing or Listing()
-        preamble = f"{lighting_preamble()}\n{listing.glsl}"
-        group = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
-        defines = {"SHADOWS": self._shadows, "TILED": self._tiled, "SPLIT_LOBES": split, **group}
-        defines |= listing.defines | {"UNLISTED_LIGHTS": len(listing.rows) < light_count}
-        defines |= {"SHADING_RATE": RATES.index(rate), "BRANCHES": not gpu.software, "LIGHT_IMAGE": LIGHT_IMAGE}
-        switches = ("sky", "glossy", "point_lights", "spot_lights", "directional_lights")
-        defines |= {name.upper(): name in effects for name in switches}
-        if self._shadows:
-            defines["SHADOW_TAPS"] = 4 if settings.lighting.shadow_filter == "bilinear" else 1
-        defines |= storage_defines(settings)
-        self._program = shaders.compute("lighting/lighting.comp.glsl", defines, preamble)
-        tiles_x, tiles_y = -(-size[0] // TILE), -(-size[1] // TILE)
-        self._tiles = (tiles_x, tiles_x * tiles_y)
-        ctx = gpu.ctx
-        self._parameters = ctx.buffer(reserve=LIGHTING.dtype.itemsize, dynamic=True)
-        self._lights = LightTexture(gpu, light_count)
-        self._listed = LightBlocks(gpu, listing) if listing.rows else None
-        self._albedos = None
-        if {"sky", "glossy"} <= effects:
-            self._albedos = ctx.texture((ALBEDO_TABLE, ALBEDO_TABLE), 4, albedo_table().tobytes(), dtype="f4")
-        self._cull = self._tile_counts = self._tile_lists = None
-        if self._tiled:
-            only = {"GLOSSY": "glossy" in effects, "SHADOWED_LISTED": bool(listing.rows), "LIGHT_IMAGE": LIGHT_IMAGE}
-            self._cull = shaders.compute("lighting/cull.comp.glsl", only, lighting_preamble())
-            self._tile_counts = ctx.buffer(reserve=4 * self._tiles[1])
-            self._tile_lists = ctx.buffer(reserve=4 * self._tiles[1] * light_count)
 
-    @property
-    def bytes(self) -> int:
-        """GPU memory of the light lists and the sky's table, bytes."""
-        lists = 0 if self._tile_lists is None else self._tile_lists.size + self._tile_counts.size
-        return lists + (0 if self._albedos is None else 16 * ALBEDO_TABLE**2)
+@stage("direct", options=("shadows", "glossy", "sky", "indirect", *KINDS))
+def stochastic_light(spec: FrameSpec) -> Sequence[Pass]:
+    """Direct and indirect light from a few random samples per pixel: unbiased, with the noise of that many."""
+    shading, lights = spec.shading, len(spec.light_kinds)
+    if not shading.stochastic:
+        return ()
+    indirect = "indirect" in spec.enabled
+    vpls, center = (vpl_count(spec), scene_center(spec)) if indirect else (0, None)
 
-    def run(
-        self,
-        view: View,
-        light_rows: np.ndarray,
-        textures: Mapping[str, moderngl.Texture],
-        shadow: ShadowPass | None,
-        frame: int = 0,
-    ) -> None:
-        """Light the frame in ``textures``, whose ``direct`` (``direct_diffuse``, ``direct_glossy``) is written.
+    def values(frame: FrameContext) -> dict:
+        lit = light_choice(frame.light_rows["color"][:lights, :3].max(axis=-1)).any()
+        return {
+            "scene_from_relative": (*(frame.view.position - center), 0.0) if indirect else 0.0,
+            "samples": (frame.number, shading.seed, shading.light_samples, shading.indirect_samples),
+            "counts": (lights if lit else 0, vpls, phase(shading.rate, frame.number), 0),
+        }
 
-        ``frame`` counts for shading rates other than full: which part of the picture it is the turn of.
-        """
-        record = lighting_record(view, self._size, self._settings, self._count)
-        record["size"][2], record["tiles"] = self._tiles
-        record["phase"] = phase(self._rate, frame)
-        self._parameters.write(record.tobytes())
-        self._lights.write(light_rows)
-        self._parameters.bind_to_uniform_block(0)
-        self._lights.texture.bind_to_image(LIGHT_IMAGE, read=True, write=False)
-        for unit, name in enumerate(SURFACE):
-            textures[name].use(unit)
-        if self._cull is not None:
-            self._tile_counts.bind_to_storage_buffer(2)
-            self._tile_lists.bind_to_storage_buffer(3)
-            for name in SURFACE:
-                if name in self._cull:  # without a glossy lobe no material matters
-                    self._cull[name] = SURFACE.index(name)
-            self._cull.run(-(-self._tiles[1] // 8))
-            self._gpu.ctx.memory_barrier()
-        for unit, name in enumerate(SURFACE):
-            if name in self._program:
-                self._program[name] = unit
-        if self._shadows:
-            shadow.atlas.use(5)
-            shadow.faces.use(7)
-            for name, unit in (("shadow_atlas", 5), ("shadow_faces", 7)):
-                if name in self._program:
-                    self._program[name] = unit
-        if self._listed is not None:
-            self._listed.bind(light_rows, shadow.rows if self._shadows else None)
-        if self._albedos is not None:
-            self._albedos.use(6)
-            self._program["albedo_table"] = 6
-        outputs = ("direct", "direct_diffuse", "direct_glossy") if self._split else ("direct",)
-        for unit, name in enumerate(outputs):
-            textures[name].bind_to_image(unit, read=False, write=True)
-        columns, rows = invocations(self._rate, self._size)
-        self._program.run(-(-columns // self._group[0]), -(-rows // self._group[1]))
-        self._gpu.ctx.memory_barrier()
+    # A hard filter has one tap, so there is nothing to choose at random.
+    bilinear = spec.settings.lighting.shadow_filter == "bilinear"
+    p = (
+        _shadowed(spec, _lit(spec, "stochastic", "lighting/stochastic.comp.glsl"), 1)
+        .define(SHADOW_RANDOM=bilinear, INDIRECT=indirect)
+        .constants("S", STOCHASTIC, values)
+        .use(*spec.channels(*SURFACE))
+        .texture("light_table", given=True)
+        .buffer("light_choice", "vec2", given=True)
+        .use(*spec.outputs("direct"))
+        .dispatch(invocations(shading.rate, spec.size), spec.tuning.shading_group)
+    )
+    if p.defines["SHADOWS"]:
+        p.texture("shadow_faces", given=True)
+    if indirect:
+        p.glsl(VPL, f"const int VPL_ROW = {VPL_ROW};").image("vpls").use(*spec.outputs("indirect"))
+    return (p,)
 
-    def tile_counts(self) -> np.ndarray | None:
-        """Lights kept per tile, (tiles_y, tiles_x) uint32, row 0 at the bottom; None without culling."""
-        if self._tile_counts is None:
-            return None
-        return np.frombuffer(self._tile_counts.read(), np.uint32).reshape(-1, self._tiles[0])
 
-    def tile_lists(self) -> list[np.ndarray] | None:
-        """Rows of the light table that each tile keeps, tiles row by row from the bottom; None without culling.
-
-        Listed lights that have shadow maps are in none.
-        """
-        if self._tile_lists is None:
-            return None
-        lists = np.frombuffer(self._tile_lists.read(), np.uint32).reshape(-1, self._count)
-        return [row[:count] for row, count in zip(lists, self.tile_counts().ravel(), strict=True)]
-
-    def release(self) -> None:
-        lists = (self._tile_counts, self._tile_lists)
-        for buffer in (self._parameters, self._lights, self._listed, self._albedos, *lists):
-            if buffer is not None:
-                buffer.release()
+@stage("color", options=SUMMED)
+def color(spec: FrameSpec) -> Sequence[Pass]:
+    """Light and emission, exposed, tone-mapped, encoded."""
+    inputs = tuple(name for name in SUMMED if name in spec.enabled)
+    lighting = spec.settings.lighting
+    values = {"sky": (*lighting.sky, 0.0), "size": (*spec.size, 0, 0), "exposure": lighting.exposure}
+    return (
+        ComputePass("color", ("color/color.comp.glsl",))
+        .define(TONE_MAP=TONE_MAPS.index(lighting.tone_map))
+        .define(**{f"HAS_{name.upper()}": name in inputs for name in SUMMED})
+        .constants("P", COLOR, lambda frame: values)
+        .use(*spec.channels("position", *inputs, images=True))
+        .use(*spec.outputs("color"))
+        .dispatch(spec.size, spec.tuning.pixel_group),
+    )

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import moderngl
 import numpy as np
 
 from taubench_gl import conventions
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, HISTOGRAM_MANTISSA_BITS, Reason
-from taubench_gl.frame.passes.images import order_drawing
-from taubench_gl.gpu.context import Gpu
+from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.frame.tuning import Tuning
+from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, WRITE, ComputePass, Pass, Use, stage
 from taubench_gl.gpu.layout import Field, Struct, column_major
-from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 from taubench_gl.settings import Settings
 
@@ -29,7 +29,7 @@ REPROJECTION = Struct(
     Field("prev_forward", "vec4", "xyz: unit, where the previous camera looked"),
     Field("camera_delta", "vec4", "xyz: current - previous camera position, metres"),
     Field("size", "ivec4", "xy: pixels; z: 0"),
-    Field("prev_near", "float", "metres, previous camera's near plane less NEAR_GUARD"),
+    Field("prev_near", "float", "metres, previous camera's near plane minus NEAR_GUARD"),
     Field("near", "float", "metres, current camera's near plane"),
     Field("guard_px", "float", "pixels, guard of the outside test"),
     Field("threshold_color", "float", "sRGB-encoded, 0..1, largest channel difference"),
@@ -42,20 +42,6 @@ REPROJECTION = Struct(
 )
 MASK_WORDS = 1 << 16
 RADIANCE = ("direct", "indirect", "color")
-GEOMETRY = ("position", "normal", "history_position", "history_normal", "prev_position")
-_MASK_IMAGE, _MOTION_IMAGE, _GEOMETRY_IMAGES = 0, 1, 2
-
-
-def preamble() -> str:
-    """GLSL derived from Python: the parameter struct, reason bits and histogram constants."""
-    lines = [REPROJECTION.glsl]
-    lines += [f"const uint {bit.name} = {bit.value}u;" for bit in Reason]
-    lines.append(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
-    lines += [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
-    lines.append(f"const int HISTOGRAM_BINS = {HISTOGRAM_BINS};")
-    lines.append(f"const int HISTOGRAM_MANTISSA_BITS = {HISTOGRAM_MANTISSA_BITS};")
-    lines.append(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
-    return "\n".join(lines)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,85 +66,97 @@ class ComparedSource(Protocol):
     cuts: bool
 
 
-class MaskPass:
-    """Compares current channels with history channels.
+@dataclass(frozen=True, slots=True)
+class MaskOptions:
+    """What the mask pass compares, and what it writes besides counts."""
 
-    Reads ``position normal prev.position prev.normal`` (+ ``prev_position`` for motion reprojection, ``ids`` for
-    cuts of single surfaces, radiance channels where both frames have them).  Writes ``mask`` and ``motion`` when asked.
-    ``release`` frees its buffers.
+    reprojection: str = "camera"  # camera | motion
+    sampling: str = "nearest"  # nearest | bilinear
+    radiance: tuple[str, ...] = ()  # of direct, indirect, color
+    cuts: bool = False  # channel ``ids`` marks surfaces without history
+    write_mask: bool = False
+    write_motion: bool = False
+
+    def geometry(self) -> list[Use]:
+        """Geometry channels, read through samplers."""
+        names = [Use(TEXTURE, name, "sampler2D") for name in ("position", "normal")]
+        names += [Use(TEXTURE, f"history_{n.name}", "sampler2D", READ, n.name, history=True) for n in names]
+        motion = self.reprojection == "motion"
+        return names + [Use(TEXTURE, "prev_position", "sampler2D")] * motion
+
+
+def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, images: bool = False) -> ComputePass:
+    """``images``: read geometry channels, of 32-bit floats, as images."""
+    group, each = tuning.mask_group
+    features = [f"const int FEATURE_{name.upper()} = {i};" for i, name in enumerate(FEATURES)]
+    geometry = options.geometry()
+    p = (
+        ComputePass("masks", ("masks/masks.comp.glsl",))
+        .define(MOTION=options.reprojection == "motion", BILINEAR=options.sampling == "bilinear", CUTS=options.cuts)
+        .define(WRITE_MASK=options.write_mask, WRITE_MOTION=options.write_motion, **tuning.defines)
+        .define(**{f"HAS_{name.upper()}": name in options.radiance for name in RADIANCE})
+        .define(**tuning.kept_fields(REPROJECTION))
+        .glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in Reason), *features)
+        .glsl(f"const uint NO_HISTORY = {conventions.NO_HISTORY}u;")
+        .glsl(f"const int HISTOGRAM_BINS = {HISTOGRAM_BINS}, HISTOGRAM_MANTISSA_BITS = {HISTOGRAM_MANTISSA_BITS};")
+        .glsl(f"const int HISTOGRAM_MIN_EXPONENT = {conventions.HISTOGRAM_MIN_EXPONENT};")
+        .constants("parameters", REPROJECTION, lambda record: record)
+        .use(*(replace(use, form=IMAGE, type="rgba32f") for use in geometry) if images else geometry)
+        .buffer("mask_histogram", "uint", access=UPDATE, given=True)
+        .buffer("histograms", "uint", access=UPDATE, given=True)
+        .dispatch(size, group, each)
+    )
+    for name in options.radiance:
+        p.texture(name).texture(f"history_{name}", resource=name, history=True)
+    if options.cuts:
+        p.texture("ids", "usampler2D")
+    if options.write_mask:
+        p.image("mask_out", "r32ui", access=WRITE, resource="mask")
+    if options.write_motion:
+        p.image("motion_out", "rg32f", access=WRITE, resource="motion")
+    return p
+
+
+@stage(options=("previous_pose", "cuts", *RADIANCE))
+def masks(spec: FrameSpec) -> Sequence[Pass]:
+    mode = "motion" if "previous_pose" in spec.enabled else "camera"
+    radiance = tuple(name for name in RADIANCE if name in spec.enabled)
+    options = MaskOptions(mode, spec.settings.metrics.sampling, radiance, "cuts" in spec.enabled)
+    return (mask_pass(options, spec.size, spec.tuning),)
+
+
+class MaskPass:
+    """Compares current channels with history channels; ``release`` frees its buffers.
+
+    Owns textures ``mask`` and ``motion`` where the options say so.
     """
 
-    def __init__(
-        self,
-        gpu: Gpu,
-        shaders: ShaderCache,
-        size: tuple[int, int],
-        *,
-        reprojection: str = "camera",
-        sampling: str = "nearest",
-        radiance: tuple[str, ...] = (),
-        cuts: bool = False,
-        write_mask: bool = False,
-        write_motion: bool = False,
-    ):
-        self._gpu, self._size = gpu, size
-        self._reprojection, self._radiance, self._cuts = reprojection, radiance, cuts
-        # llvmpipe: one vector of lanes along a row, and few work groups, whose start costs as much as several pixels.
-        # GPUs want square tiles, and enough of them.
-        self._group, self._pixels_each = ((8, 1), 60) if gpu.software else ((8, 8), 4)
-        self._programs: dict[bool, moderngl.ComputeShader] = {}  # by whether geometry is read as images
-        defines = {
-            "MOTION": reprojection == "motion",
-            "BILINEAR": sampling == "bilinear",
-            **{f"HAS_{name.upper()}": name in radiance for name in RADIANCE},
-            "CUTS": cuts,
-            "WRITE_MASK": write_mask,
-            "WRITE_MOTION": write_motion,
-            "GROUP_X": self._group[0],
-            "GROUP_Y": self._group[1],
-            "PIXELS_EACH": self._pixels_each,
-            "SOFTWARE": gpu.software,
-        }
-        self._compile = lambda images: shaders.compute(
-            "masks/masks.comp.glsl", {**defines, "GEOMETRY_IMAGES": images}, preamble()
-        )
-        self._bins = HISTOGRAM_BINS
-        ctx = gpu.ctx
-        self._parameters = ctx.buffer(reserve=REPROJECTION.dtype.itemsize)
-        sizes = 4 * MASK_WORDS, 4 * len(FEATURES) * self._bins
-        self._counters = [tuple(ctx.buffer(reserve=size) for size in sizes) for _ in range(2)]
+    def __init__(self, context: GpuContext, size: tuple[int, int], **options: Any):
+        """``options``: fields of MaskOptions."""
+        self._context, self._size = context, size
+        self._options = options = MaskOptions(**options)
+        self._tuning = Tuning(context.gpu.software)
+        self._compiled: dict[bool, CompiledCompute] = {}  # by whether geometry is read as images
+        ctx = context.gpu.ctx
+        sizes = 4 * MASK_WORDS, 4 * len(FEATURES) * HISTOGRAM_BINS
+        self._counters = [tuple(ctx.buffer(reserve=n) for n in sizes) for _ in range(2)]
         self._runs = 0
-        self.mask = ctx.texture(size, 1, dtype="u4") if write_mask else None
-        self.motion = ctx.texture(size, 2, dtype="f4") if write_motion else None
+        self.mask = ctx.texture(size, 1, dtype="u4") if options.write_mask else None
+        self.motion = ctx.texture(size, 2, dtype="f4") if options.write_motion else None
 
     @classmethod
-    def for_source(
-        cls,
-        context: GpuContext,
-        source: ComparedSource,
-        settings: Settings,
-        *,
-        reprojection: str | None = None,
-        sampling: str | None = None,
-        radiance: tuple[str, ...] | None = None,
-        write_mask: bool = False,
-        write_motion: bool = False,
-    ) -> MaskPass:
+    def for_source(cls, context: GpuContext, source: ComparedSource, settings: Settings, **changed: Any) -> MaskPass:
         """The mask pass of ``source`` with the metric of ``settings``.
 
-        ``reprojection``, ``sampling``, ``radiance``: None as the source and the settings have them.
+        ``changed``: fields of MaskOptions that differ from what source and settings say, such as ``write_mask``.
         """
-        return cls(
-            context.gpu,
-            context.shaders,
-            source.size,
-            reprojection=source.reprojection if reprojection is None else reprojection,
-            sampling=settings.metrics.sampling if sampling is None else sampling,
-            radiance=source.radiance if radiance is None else radiance,
-            cuts=source.cuts,
-            write_mask=write_mask,
-            write_motion=write_motion,
-        )
+        options = {
+            "reprojection": source.reprojection,
+            "sampling": settings.metrics.sampling,
+            "radiance": source.radiance,
+            "cuts": source.cuts,
+        }
+        return cls(context, source.size, **(options | changed))
 
     def run(
         self,
@@ -171,58 +169,35 @@ class MaskPass:
     ) -> int:
         """Submit the pass.  ``thresholds``: a_B of every feature; ``declared``: Reason.FIRST or CUT
         for the whole frame, else 0.  The number of this run, for ``read``."""
-        record = REPROJECTION.zeros()
-        record["clip_from_current"] = column_major(pair.clip_from_current)
-        record["prev_clip_from_prev"] = column_major(pair.prev_clip_from_prev)
-        record["sky_origin"], record["sky_dx"], record["sky_dy"] = pair.sky_origin, pair.sky_dx, pair.sky_dy
-        record["prev_forward"][:3], record["camera_delta"][:3] = pair.prev_forward, pair.camera_delta
-        record["size"][:2] = self._size
-        record["prev_near"] = pair.prev_near * (1.0 - NEAR_GUARD)
-        record["near"] = pair.near
-        record["guard_px"] = conventions.GUARD_PX
-        record["declared"], record["exposure"] = int(declared), exposure
-        for feature in FEATURES:
-            record[f"threshold_{feature}"] = thresholds[feature]
-        self._parameters.write(record.tobytes())
-        self._parameters.bind_to_uniform_block(0)
+        record = {
+            "clip_from_current": column_major(pair.clip_from_current),
+            "prev_clip_from_prev": column_major(pair.prev_clip_from_prev),
+            "sky_origin": pair.sky_origin,
+            "sky_dx": pair.sky_dx,
+            "sky_dy": pair.sky_dy,
+            "prev_forward": (*pair.prev_forward, 0.0),
+            "camera_delta": (*pair.camera_delta, 0.0),
+            "size": (*self._size, 0, 0),
+            "prev_near": pair.prev_near * (1.0 - NEAR_GUARD),
+            "near": pair.near,
+            "guard_px": conventions.GUARD_PX,
+            "declared": int(declared),
+            "exposure": exposure,
+            **{f"threshold_{feature}": thresholds[feature] for feature in FEATURES},
+        }
         self._runs += 1
-        for binding, buffer in enumerate(self._counters[self._runs % 2], start=1):
-            buffer.clear()
-            buffer.bind_to_storage_buffer(binding)
-        program = self._bind_channels(current, history)
-        if self.mask is not None:
-            self.mask.bind_to_image(_MASK_IMAGE, read=False, write=True)
-        if self.motion is not None:
-            self.motion.bind_to_image(_MOTION_IMAGE, read=False, write=True)
-        w, h = self._size
-        program.run(-(-w // (self._group[0] * self._pixels_each)), -(-h // self._group[1]))
-        self._gpu.ctx.memory_barrier()
+        words, histograms = self._counters[self._runs % 2]
+        words.clear()
+        histograms.clear()
+        resources = {**current, **{f"history_{name}": texture for name, texture in history.items()}}
+        resources |= {"mask_histogram": words, "histograms": histograms, "mask": self.mask, "motion": self.motion}
+        images = self._tuning.mask_images({resources[use.key].dtype for use in self._options.geometry()})
+        if images not in self._compiled:  # textures of a source are known only now
+            declaration = mask_pass(self._options, self._size, self._tuning, images=images)
+            self._compiled[images] = self._context.compute(declaration)
+        self._compiled[images].run(record, resources)
+        self._context.gpu.hazards.publish()
         return self._runs
-
-    def _bind_channels(
-        self, current: Mapping[str, moderngl.Texture], history: Mapping[str, moderngl.Texture]
-    ) -> moderngl.ComputeShader:
-        """Bind what is compared; the program that reads it that way."""
-        textures = {"position": current["position"], "normal": current["normal"]}
-        textures |= {f"history_{name}": history[name] for name in ("position", "normal", *self._radiance)}
-        if self._reprojection == "motion":
-            textures["prev_position"] = current["prev_position"]
-        if self._cuts:
-            textures["ids"] = current["ids"]
-        textures |= {name: current[name] for name in self._radiance}
-        images = self._gpu.software and all(textures[n].dtype == "f4" for n in GEOMETRY if n in textures)
-        if images not in self._programs:  # which it is shows only now
-            self._programs[images] = self._compile(images)
-        program = self._programs[images]
-        if images:
-            order_drawing(self._gpu)
-        for unit, (name, texture) in enumerate(textures.items()):
-            if images and name in GEOMETRY:
-                texture.bind_to_image(_GEOMETRY_IMAGES + GEOMETRY.index(name), read=True, write=False)
-            else:
-                texture.use(unit)
-                program[name] = unit
-        return program
 
     def read(self, run: int | None = None) -> Counts:
         """Wait for a run, the latest or the one before it, and read its counts back.
@@ -233,9 +208,10 @@ class MaskPass:
         if not self._runs - 1 <= run <= self._runs or run < 1:
             raise ValueError(f"run {run} of {self._runs} is not kept: only the last two are")
         mask_histogram, histograms = (np.frombuffer(b.read(), dtype=np.uint32) for b in self._counters[run % 2])
-        return Counts(mask_histogram, histograms.reshape(len(FEATURES), self._bins))
+        return Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS))
 
     def release(self) -> None:
-        for item in (self._parameters, *(b for pair in self._counters for b in pair), self.mask, self.motion):
+        buffers = (buffer for pair in self._counters for buffer in pair)
+        for item in (*self._compiled.values(), *buffers, self.mask, self.motion):
             if item is not None:
                 item.release()

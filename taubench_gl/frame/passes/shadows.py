@@ -1,138 +1,241 @@
-"""The shadow pass: depth maps of the lights that get shadows, redrawn only where what they see has moved."""
+"""Shadow maps: depth of the scene from the lights that get shadows, redrawn only where what they see has moved."""
 
 from __future__ import annotations
 
-from functools import partial
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 
 import moderngl
 import numpy as np
 
-from taubench_gl.animation import FrameState, View
-from taubench_gl.errors import GraphicsError
+from taubench_gl.frame.casters import Rect, ShadowMapCache
+from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
-from taubench_gl.frame.materials import MaterialKey, MaterialTable
-from taubench_gl.frame.passes.faces import AnchoredRecords, Casters, FaceDrawer, Program
-from taubench_gl.frame.passes.gbuffer import geometry_preamble
-from taubench_gl.frame.passes.held_faces import HeldFaces, Rect
-from taubench_gl.frame.records import Placement
-from taubench_gl.frame.scene_buffers import Group, SceneBuffers, variant
-from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
+from taubench_gl.frame.material_slots import MaterialKey
+from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant
+from taubench_gl.frame.records import RECORD, Placement, RecordTable
+from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
+from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, first_faces, pack
+from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.memory import require_memory
-from taubench_gl.gpu.shader import ShaderCache
-from taubench_gl.scene.model import Scene
+from taubench_gl.gpu.declare import Pass, Resource, stage
+from taubench_gl.gpu.layout import column_major
+from taubench_gl.gpu.passes import CompiledRaster, GpuContext, fitted
 
 Array = np.ndarray
+STRIDE = 256  # bytes; no driver needs a larger alignment of uniform buffer offsets
+
+Variant = tuple[Mapping[str, object], tuple[str, ...]]
+"""Macros of the shaders that draw a group, and the texture slots they sample."""
+
+
+@stage("shadows", "direct", options=("alpha_mask", "skinning", "morphing"))
+def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
+    """Depth of every shadowed light's faces, all in one atlas."""
+    if not spec.light_kinds:
+        return ()
+    faces = spec.light_faces(spec.settings.lighting.shadow_size)
+    largest = max((f.resolution for f in faces), default=0)
+    p = geometry_pass("shadows", "shadow/shadow.frag.glsl", ("base_color",)).attachment("shadow_atlas")
+    p.allocate(
+        Resource.texture(
+            "shadow_atlas",
+            pack(faces)[1],
+            dtype="depth",
+            label="shadow atlas",
+            what=f"an atlas of {len(faces)} shadow map{'s' * (len(faces) != 1)} of up to {largest} texels",
+            hint="lower --shadow-size or --shadow-lights",
+        )
+    )
+    for posed, primitive in spec.draw_kinds:
+        key = spec.material_key(primitive, ())
+        p.drawn.append(_variant(key, posed, primitive.material in spec.colored)[0])
+    return (p,)
+
+
+def _variant(key: MaterialKey, posed: bool, colored: bool) -> Variant:
+    slots = tuple(s for s in key.slots if s == "base_color") if key.alpha_test else ()
+    return geometry_variant(MaterialKey(slots, key.alpha_test, True), posed, (), colored), slots
+
+
+class AnchoredRecords:
+    """A record table relative to a fixed point instead of the camera.
+
+    What is drawn with it has the same bits wherever the camera is, so a map drawn in an earlier frame is the map that
+    would be drawn now.  The vertices of posed draws are relative to the camera, and stay so.
+    """
+
+    def __init__(self, gpu: Gpu, draws: tuple[Draw, ...], origin: Array):
+        self.origin = np.asarray(origin, dtype=np.float64)
+        self._table = RecordTable(draws)
+        self._posed = np.array([d.posed for d in draws], dtype=bool)
+        self.buffer = gpu.ctx.buffer(reserve=max(len(draws), 1) * RECORD.dtype.itemsize, dynamic=True)
+        self._written = b""
+
+    def update(self, placement: Placement, order: Array) -> None:
+        """Follow the draws, in the ``order`` of SceneBuffers; nothing is uploaded while they stand still."""
+        state = placement.world.tobytes() + order.tobytes()
+        if state == self._written:
+            return
+        self._written = state
+        relative = placement.world.copy()
+        relative[:, :3, 3] -= self.origin
+        relative[self._posed] = np.eye(4)
+        at = dataclasses.replace(placement, relative=relative)
+        self.buffer.write(self._table.update(at, at)[order].tobytes())
+
+    def release(self) -> None:
+        self.buffer.release()
+
+
+class FaceDrawer:
+    """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
+
+    def __init__(self, gpu: Gpu):
+        self._gpu = gpu
+        self._frames = gpu.ctx.buffer(reserve=STRIDE * 8, dynamic=True)
+        self._commands = gpu.ctx.buffer(reserve=COMMAND.itemsize * 1024, dynamic=True)
+
+    def draw(
+        self,
+        frame: FrameContext,
+        stale: Sequence[tuple[Face, tuple[int, int], Array]],
+        framebuffer: moderngl.Framebuffer,
+        raster: CompiledRaster,
+        variant_of: Callable[[Group], Variant],
+        *,
+        depth_test: bool = True,
+        anchor: AnchoredRecords | None = None,
+        parts: Sequence[Rect] | None = None,
+    ) -> None:
+        """Clear and redraw each face.  Nothing is culled by facing: both sides of a surface stop light.
+
+        ``parts``: x, y, width, height of what to redraw of each, texels of the face; the rest stays as it is.
+        ``anchor``: up to date, for maps that must not depend on where the camera was when they were drawn.
+        """
+        if not stale:
+            return
+        ctx, view, scene = self._gpu.ctx, frame.view, frame.buffers
+        runs = self._upload([seen for _, _, seen in stale], scene)
+        origins = [view.position if anchor is None else anchor.origin, view.position]  # of fixed and of posed draws
+        self._upload_frames([face.clip_from_relative(o) for face, _, _ in stale for o in origins], stale)
+        framebuffer.use()
+        ctx.enable_only(moderngl.DEPTH_TEST if depth_test else moderngl.NOTHING)
+        ctx.depth_func = ">"
+        records = scene.records if anchor is None else anchor.buffer
+        for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
+            viewport = (x, y, face.resolution, face.resolution)
+            part = viewport if parts is None else (x + parts[at][0], y + parts[at][1], *parts[at][2:])
+            framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=0.0, viewport=part)
+            framebuffer.viewport = viewport
+            if parts is not None:
+                framebuffer.scissor = part
+            for group, first, count in groups:
+                row = 2 * at + group.posed
+                binding = raster.bindings["F"]
+                self._frames.bind_to_uniform_block(binding, offset=row * STRIDE, size=FRAME.dtype.itemsize)
+                variant, slots = variant_of(group)
+                frame.materials.bind(group.material, raster.bindings, slots)
+                scene.draw_commands(group, raster.program(variant), self._commands, first, count, records)
+        if parts is not None:
+            framebuffer.scissor = None
+        frame.materials.unbind()
+
+    def _upload_frames(self, matrices: list[Array], stale: Sequence[tuple[Face, tuple[int, int], Array]]) -> None:
+        """Two records per face, for fixed and for posed draws, all written before the first draw.
+
+        Rewriting one record between draws would be a race on Mesa's llvmpipe: it shades fragments later, and they would
+        read the last face's record.
+        """
+        payload = np.zeros((len(matrices), STRIDE), dtype=np.uint8)
+        for i, matrix in enumerate(matrices):
+            record = FRAME.zeros()
+            record["clip_from_relative"] = column_major(matrix)
+            record["forward"][:3] = stale[i // 2][0].forward
+            payload[i, : FRAME.dtype.itemsize] = np.frombuffer(record.tobytes(), dtype=np.uint8)
+        self._frames = fitted(self._gpu, self._frames, payload)
+
+    def _upload(self, seen: list[Array], scene: SceneBuffers) -> list[list[tuple[Group, int, int]]]:
+        """Commands of all faces in one buffer; per face its (group, first, count) runs."""
+        payload, runs, size = [], [], 0
+        for draws in seen:
+            commands, groups = scene.subset(draws)
+            runs.append([(group, first + size, count) for group, first, count in groups])
+            payload.append(commands)
+            size += len(commands)
+        self._commands = fitted(self._gpu, self._commands, np.concatenate(payload))
+        return runs
+
+    def release(self) -> None:
+        self._frames.release()
+        self._commands.release()
 
 
 class ShadowPass:
-    """Owns the atlas.  ``lights`` are rows of the light table; each keeps its place in the atlas for good."""
+    """Owns the atlas.  Each light of ``spec.shadowed`` keeps its place in the atlas."""
 
-    def __init__(
-        self,
-        gpu: Gpu,
-        shaders: ShaderCache,
-        scene: Scene,
-        lights: list[int],
-        bounds: tuple[Array, float],
-        *,
-        resolution: int,
-        colored_materials: frozenset[int],
-        draws: tuple[Draw, ...],
-    ):
-        self._gpu, self._shaders, self._scene = gpu, shaders, scene
-        self._lights, self._bounds = lights, bounds
-        self._resolution, self._colored = resolution, colored_materials
+    def __init__(self, context: GpuContext, spec: FrameSpec, draws: tuple[Draw, ...]):
+        (declaration,) = shadow_maps(spec)
+        gpu = self._gpu = context.gpu
+        self._spec = spec
+        self._resolution = spec.settings.lighting.shadow_size
         self.redrawn = 0  # faces drawn in the last run
-        faces = faces_of(scene, None, lights, bounds, resolution)
-        self.first_faces = {face.light: i for i, face in reversed(list(enumerate(faces)))}  # row -> first of its faces
-        self._offsets, size = pack(faces)
-        _require_room(gpu, faces, size)
-        self._held = HeldFaces(len(faces))
-        self.atlas = gpu.depth_texture(size)
+        faces = spec.light_faces(self._resolution)
+        self._first_faces = first_faces(faces)
+        self._offsets, _ = pack(faces)
+        self._cache = ShadowMapCache(len(faces))
+        self.atlas = context.allocate_all([declaration])["shadow_atlas"]
         self.atlas.compare_func = ""
         self.atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._framebuffer = gpu.ctx.framebuffer(depth_attachment=self.atlas)
         self._framebuffer.clear(depth=0.0)
         self.rows = FACE.zeros(max(len(faces), 1))
-        self.faces = gpu.ctx.texture((len(FACE.fields), len(self.rows)), 4, dtype="f4")
+        self._table = gpu.ctx.texture((len(FACE.fields), len(self.rows)), 4, dtype="f4")
+        self._raster = context.raster(declaration)
         self._drawer = FaceDrawer(gpu)
-        self._anchor = AnchoredRecords(gpu, draws, bounds[0])
-
-    @property
-    def bytes(self) -> int:
-        return 4 * self.atlas.width * self.atlas.height
+        self._anchor = AnchoredRecords(gpu, draws, spec.facts.bounds[0])
 
     def depths(self) -> Array:
         """The atlas, (h, w) float32 reversed Z, row 0 at the bottom."""
         return np.frombuffer(self.atlas.read(), np.float32).reshape(self.atlas.height, self.atlas.width)
 
-    def run(
-        self,
-        state: FrameState,
-        view: View,
-        light_rows: Array,
-        scene: SceneBuffers,
-        materials: MaterialTable,
-        casters: Casters,
-        placement: Placement,
-    ) -> None:
+    def run(self, frame: FrameContext) -> None:
         """Redraw stale faces and fill in the face table and the lights' shadow fields for this frame's camera."""
-        faces = faces_of(self._scene, state, self._lights, self._bounds, self._resolution)
+        spec, light_rows = self._spec, frame.light_rows
+        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution)
         light_rows["color"][:, 3] = -1.0
         stale: list[tuple[Face, tuple[int, int], Array]] = []
         parts: list[Rect] = []
-        for row, first in self.first_faces.items():
+        for row, first in self._first_faces.items():
             light_rows["color"][row, 3] = first
         for i, face in enumerate(faces):
-            self._fill(i, face, view)
+            self._fill(i, face, frame)
             if not np.any(light_rows["color"][face.light, :3]):
-                continue  # off: nobody asks its map
-            renewed = self._held.renew(i, face, casters)
-            if renewed is not None:
-                parts.append(renewed[0])
-                stale.append((face, self._offsets[i], renewed[1]))
-        self.faces.write(self.rows.tobytes())
+                continue  # off: nothing reads its map
+            dirty = self._cache.update(i, face, frame.casters)
+            if dirty is not None:
+                parts.append(dirty[0])
+                stale.append((face, self._offsets[i], dirty[1]))
+        self._table.write(self.rows.tobytes())
+        frame.tables |= {"shadow_atlas": self.atlas, "shadow_faces": self._table, "shadow_face_rows": self.rows}
         self.redrawn = len(stale)
         if stale:
-            self._anchor.update(placement, scene.order)
-        program_of = partial(self._program, materials=materials)
-        anchored = {"anchor": self._anchor, "parts": parts}
-        self._drawer.draw(stale, self._framebuffer, view, scene, materials, program_of, **anchored)
+            self._anchor.update(frame.placement, frame.buffers.order)
 
-    def _fill(self, i: int, face: Face, view: View) -> None:
+        def variant(group: Group) -> Variant:
+            key = frame.materials.keys[group.material + 1]
+            return _variant(key, group.posed, group.material in spec.colored)
+
+        self._drawer.draw(frame, stale, self._framebuffer, self._raster, variant, anchor=self._anchor, parts=parts)
+        self._gpu.hazards.wrote([self.atlas], drawn=True)
+
+    def _fill(self, i: int, face: Face, frame: FrameContext) -> None:
         row, (x, y) = self.rows[i], self._offsets[i]
-        row["origin"] = (*(face.origin - view.position), float(face.parallel))
+        row["origin"] = (*(face.origin - frame.view.position), float(face.parallel))
         row["right"], row["up"] = (*(face.right / face.half), x), (*(face.up / face.half), y)
         row["forward"] = (*face.forward, face.near)
         row["extent"][:2] = face.resolution, 2.0 * face.half / face.resolution
 
-    def _program(self, group: Group, materials: MaterialTable) -> Program:
-        key = materials.keys[group.material + 1]
-        slots = tuple(s for s in key.slots if s == "base_color") if key.alpha_test else ()
-        defines = variant(
-            MaterialKey(slots, key.alpha_test, True),
-            group.posed,
-            (),
-            key.alpha_test and group.material in self._colored,
-        )
-        program = self._shaders.render(
-            "gbuffer/gbuffer.vert.glsl", "shadow/shadow.frag.glsl", defines, geometry_preamble()
-        )
-        return Program(program, slots)
-
     def release(self) -> None:
-        for item in (self._framebuffer, self.atlas, self.faces, self._drawer, self._anchor):
+        for item in (self._framebuffer, self.atlas, self._table, self._drawer, self._anchor):
             item.release()
-
-
-def _require_room(gpu: Gpu, faces: list[Face], size: tuple[int, int]) -> None:
-    """Raise GraphicsError where the atlas is larger than a texture of the device may be, or than memory is free."""
-    hint = "lower --shadow-size or --shadow-lights"
-    largest = max((f.resolution for f in faces), default=0)
-    what = f"{len(faces)} shadow map{'s' * (len(faces) != 1)} of up to {largest} texels"
-    limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
-    if max(size) > limit:
-        atlas = f"{size[0]}x{size[1]} texels"
-        raise GraphicsError(f"{what} would need {atlas}, this device's textures end at {limit}", hint=hint)
-    require_memory(gpu, 4 * size[0] * size[1], f"an atlas of {what}", hint)

@@ -1,0 +1,44 @@
+"""One drawn frame, as the passes that follow the geometry pass need it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import FrameState, View
+from taubench_gl.frame.casters import Casters
+from taubench_gl.frame.materials import MaterialTable
+from taubench_gl.frame.records import Placement
+from taubench_gl.frame.scene_buffers import SceneBuffers
+from taubench_gl.frame.targets import History, Targets
+
+
+@dataclass(slots=True)
+class FrameContext:
+    """What a frame was drawn from, its channels, and what its passes hand on to each other."""
+
+    state: FrameState
+    view: View
+    placement: Placement
+    buffers: SceneBuffers
+    materials: MaterialTable
+    history: History
+    number: int = 0  # of the frame, for shading that differs from frame to frame
+    light_rows: np.ndarray | None = None  # LIGHT records of this frame
+    casters: Casters | None = None
+    tables: dict[str, Any] = field(default_factory=dict)  # textures and buffers that are no channels, by name
+
+    @property
+    def targets(self) -> Targets:
+        """Render targets of this frame."""
+        return self.history.current
+
+    @property
+    def resources(self) -> Mapping[str, moderngl.Texture | moderngl.Buffer]:
+        """Everything a pass may declare: channels, channels of the frame before as history_<name>, tables."""
+        previous = self.history.previous.textures
+        return {**self.targets.textures, **{f"history_{n}": t for n, t in previous.items()}, **self.tables}

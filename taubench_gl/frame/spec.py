@@ -1,0 +1,168 @@
+"""What the passes of a frame are declared from: scene, settings, enabled effects.  No OpenGL."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, Poser, bounding_box, bounding_sphere, choose_camera
+from taubench_gl.animation.pose import is_skinned
+from taubench_gl.channels import CHANNELS, stored_dtype
+from taubench_gl.effects.decide import indirect_method
+from taubench_gl.frame.lights import light_kinds, significant_lights
+from taubench_gl.frame.material_slots import MaterialKey, material_key
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.shadow_faces import Face, faces_of
+from taubench_gl.frame.tuning import Tuning
+from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, WRITE, Use
+from taubench_gl.scene.model import Material, Primitive, Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+BOUND_TIMES = 9
+"""Times, evenly over the animation with both ends, at which bounds and the significance of lights are taken."""
+
+BOUND_MARGIN = 1.05
+"""Factor on the radius of the scene's bounds: what moves between those times."""
+
+EXACT, ON_GPU = Shading(), Tuning()
+_FORMATS = {("f4", 4): "rgba32f", ("f2", 4): "rgba16f", ("f4", 2): "rg32f", ("u4", 1): "r32ui", ("u4", 2): "rg32ui"}
+
+
+def bound_times(scene: Scene) -> Array:
+    """(T,) seconds."""
+    return np.linspace(0.0, scene.duration, BOUND_TIMES) if scene.duration > 0 else np.zeros(1)
+
+
+class SceneFacts:
+    """Facts of a scene and its camera over the whole animation, each found when first needed."""
+
+    def __init__(self, scene: Scene, camera: CameraTrack | None = None, poser: Poser | None = None):
+        self.scene, self._camera = scene, camera
+        self.poser = poser or Poser(scene)
+
+    @cached_property
+    def _times(self) -> Array:
+        return bound_times(self.scene)
+
+    @cached_property
+    def ranked_lights(self) -> list[int]:
+        """Rows of the light table, the most significant first."""
+        camera = self._camera or choose_camera(self.scene)
+        return significant_lights(self.scene, self.poser, camera, self._times)
+
+    @cached_property
+    def bounds(self) -> tuple[Array, float]:
+        """Center (3,) and radius of everything that casts or receives light, world."""
+        center, radius = bounding_sphere(self.poser, self._times)
+        return center, radius * BOUND_MARGIN
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Low and high corner (3,) of all geometry, world."""
+        return bounding_box(self.poser, self._times)
+
+    @cached_property
+    def drawn(self) -> list[tuple[int, Primitive]]:
+        """(node, primitive) of everything that is drawn, in node order; instances are not repeated."""
+        scene = self.scene
+        return [
+            (node, p)
+            for node in scene.mesh_nodes.tolist()
+            for p in scene.meshes[scene.nodes.mesh[node]].primitives
+            if len(p.triangles)
+        ]
+
+
+@dataclass(frozen=True)
+class FrameSpec:
+    """One way to render a scene."""
+
+    facts: SceneFacts
+    settings: Settings
+    enabled: frozenset[str]  # effects
+    shading: Shading = EXACT
+    extra: tuple[str, ...] = ()  # channels besides those that passes read
+    tuning: Tuning = ON_GPU
+
+    @property
+    def scene(self) -> Scene:
+        return self.facts.scene
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Pixels."""
+        return self.settings.sequence.width, self.settings.sequence.height
+
+    @property
+    def indirect_method(self) -> str:
+        return indirect_method(self.settings)
+
+    @cached_property
+    def light_kinds(self) -> tuple[int, ...]:
+        """``LIGHT.direction.w`` of every row of the light table."""
+        return light_kinds(self.scene)
+
+    @cached_property
+    def shadowed(self) -> list[int]:
+        """Rows of the light table that get shadow maps, ascending; none without shadows."""
+        if "shadows" not in self.enabled:
+            return []
+        return sorted(self.facts.ranked_lights[: self.settings.lighting.shadow_lights])
+
+    def light_faces(self, resolution: int) -> list[Face]:
+        """Faces of the shadowed lights at ``resolution`` texels: their number, owners and sizes, not their places."""
+        return faces_of(self.scene, None, self.shadowed, (np.zeros(3), 1.0), resolution)
+
+    # --- channels
+    def channels(self, *names: str, images: bool = False, history: bool = False) -> list[Use]:
+        """Channels that a pass reads, through samplers or as ``images``; with ``history`` as history_<name>."""
+        out = []
+        for name in names:
+            dtype, components = stored_dtype(name, self.settings.device.storage), CHANNELS[name].components
+            sampler = "usampler2D" if dtype == "u4" else "sampler2D"
+            kind = _FORMATS[dtype, components] if images else sampler
+            prefix = "history_" if history else ""
+            out.append(Use(IMAGE if images else TEXTURE, prefix + name, kind, READ, name, history))
+        return out
+
+    def outputs(self, *names: str) -> list[Use]:
+        """Channels that a pass writes, as <name>_out."""
+        out = []
+        for name in names:
+            dtype = stored_dtype(name, self.settings.device.storage)
+            out.append(Use(IMAGE, f"{name}_out", _FORMATS[dtype, CHANNELS[name].components], WRITE, name))
+        return out
+
+    # --- what is drawn
+    def material(self, primitive: Primitive) -> Material:
+        material = self.scene.materials[primitive.material] if primitive.material >= 0 else Material()
+        return material if "alpha_mask" in self.enabled else dataclasses.replace(material, alpha_mode="OPAQUE")
+
+    def material_key(self, primitive: Primitive, channels: Iterable[str]) -> MaterialKey:
+        return material_key(self.material(primitive), channels, normal_maps="normal_maps" in self.enabled)
+
+    def material_keys(self, channels: Iterable[str]) -> list[MaterialKey]:
+        """Keys of glTF's default material and then of every material of the scene, as MaterialTable orders them."""
+        channels, maps = tuple(channels), "normal_maps" in self.enabled
+        return [material_key(m, channels, normal_maps=maps) for m in (Material(), *self.scene.materials)]
+
+    def is_posed(self, node: int, p: Primitive) -> bool:
+        """Whether the deform pass moves the vertices: skinned or morphed, where that is enabled."""
+        skinned, morphed = is_skinned(self.scene, node, p), bool(p.targets)
+        return (skinned and "skinning" in self.enabled) or (morphed and "morphing" in self.enabled)
+
+    @cached_property
+    def draw_kinds(self) -> list[tuple[bool, Primitive]]:
+        """(posed, primitive) of what is drawn, one for each pair of posed and material."""
+        kinds = {(self.is_posed(node, p), p.material): p for node, p in self.facts.drawn}
+        return [(posed, p) for (posed, _), p in kinds.items()]
+
+    @cached_property
+    def colored(self) -> frozenset[int]:
+        """Materials (-1: default) of primitives with vertex colors."""
+        return frozenset(p.material for m in self.scene.meshes for p in m.primitives if p.colors is not None)
