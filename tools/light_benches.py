@@ -68,15 +68,15 @@ def lights(gpu: Gpu, options: Options) -> Result:
     size = f"{settings.sequence.width}x{settings.sequence.height}"
     notes = [f"40 x 40 m of rolling ground, {size}, light error {settings.lighting.light_error:g}"]
     for measured, (name, subject) in zip(rows, subjects.items(), strict=True):
-        lighting = subject.source.light.lighting
-        counts = lighting.tile_counts()
+        light = subject.source.light
+        counts = light.tile_counts()
         if counts is None:
             continue
         ratio = measured.median_ms / rows[0].median_ms
         kept = counts[counts > 0]
         notes.append(
             f"{name}: {ratio:.2f} x the time of 16 lights; a tile keeps {kept.mean():.0f} on average, at most "
-            f"{kept.max()}; light lists take {lighting.bytes / 2**20:.1f} MiB"
+            f"{kept.max()}; light lists take {light.memory['light lists'] / 2**20:.1f} MiB"
         )
     for subject in subjects.values():
         subject.release()
@@ -112,7 +112,7 @@ def valley(gpu: Gpu, options: Options) -> Result:
             notes.append(
                 f"{shadows} with shadows: {rows[-1].median_ms / rows[-2].median_ms:.2f} x the time of 16 lights"
             )
-            notes.append(f"light lists take {subjects['690'].source.light.lighting.bytes / 2**20:.1f} MiB")
+            notes.append(f"light lists take {subjects['690'].source.light.memory['light lists'] / 2**20:.1f} MiB")
             for subject in subjects.values():
                 subject.release()
     return Result("The valley stand-in's lights", rows, notes)

@@ -50,8 +50,8 @@ class MaskBench:
         scene = load_scene(path)
         self.mode, self.size = mode, size
         self.channels = ("position", "normal", "prev_position") if mode == "motion" else ("position", "normal")
-        self.renderer = Renderer(gpu, scene, choose_camera(scene), size, self.channels)
         self.context = GpuContext(gpu)
+        self.renderer = Renderer(self.context, scene, choose_camera(scene), size, self.channels)
         self.evaluator = PairEvaluator(self.context, ChannelPair(size, reprojection=mode), Settings())
         self.thresholds = Settings().metrics.thresholds
         self.torch = torch
@@ -100,7 +100,7 @@ class MaskBench:
             raise SystemExit(f"tools/bench: masks and {name} differ in {differ} counts; no timing means anything")
 
     def release(self) -> None:
-        for part in (self.evaluator, self.context, self.renderer, self.renderer.shaders):
+        for part in (self.evaluator, self.renderer, self.context):
             part.release()
 
 
@@ -186,7 +186,9 @@ def geometry(gpu: Gpu, options: Options) -> Result:
     camera = Walk() if path.name.startswith("Sponza") else choose_camera(scene)
     sets = {"2 channels": EIGHT[:2], "5 channels": EIGHT[:5], f"{len(EIGHT)} channels": EIGHT}
     timers = {name: PassTimer(gpu) for name in sets}
-    renderers = {n: Renderer(gpu, scene, camera, options.size, c, timer=timers[n]) for n, c in sets.items()}
+    renderers = {
+        n: Renderer(GpuContext(gpu, timer=timers[n]), scene, camera, options.size, c) for n, c in sets.items()
+    }
     for frame in range(7 * options.repeats + 1):
         for renderer in renderers.values():  # interleaved; the first round warms up
             renderer.draw(frame % 7 / FPS, (frame % 7 - 1) / FPS)
@@ -199,7 +201,7 @@ def geometry(gpu: Gpu, options: Options) -> Result:
     held = {name: renderer.bytes / 2**20 for name, renderer in renderers.items()}
     for renderer in renderers.values():
         renderer.release()
-        renderer.shaders.release()
+        renderer.context.release()
     gpu.collect()
     triangles = sum(len(p.triangles) for m in scene.meshes for p in m.primitives)
     memory = ", ".join(f"{name.split()[0]} channels {mib:.0f} MiB" for name, mib in held.items())

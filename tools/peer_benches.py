@@ -50,8 +50,8 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
         claims = tuple(unmeasured(what, "<=", 0.3, "no pyrender") for what in CLAIMS.values())
         return Result(title, [missing(PYRENDER, peer.missing)], [], claims=claims)
     scene, camera = load_scene(path), Walk()
-    renderer = Renderer(gpu, scene, camera, options.size, EIGHT)
     context = GpuContext(gpu)
+    renderer = Renderer(context, scene, camera, options.size, EIGHT)
     evaluator = PairEvaluator(context, ChannelPair(options.size), Settings())
     watch, covered = Stopwatch(gpu), []
 
@@ -77,7 +77,7 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
         covered.append((told["covered"], float((renderer.read("position")[..., 3] > 0).mean())))
     rows = [row(name, watch.samples[name][1:]) for name in (PYRENDER, OURS, MASKED, READ)]
     theirs, mine = 100 * np.mean(covered, axis=0)
-    for part in (evaluator, context, renderer, renderer.shaders):
+    for part in (evaluator, renderer, context):
         part.release()
     peer.close()
     gpu.collect()

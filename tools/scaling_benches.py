@@ -60,7 +60,7 @@ class Walker:
     """Draws the next frame of a scene at every call."""
 
     def __init__(self, gpu: Gpu, scene: Scene, size: tuple[int, int], channels=("position", "normal"), camera=None):
-        self.renderer = Renderer(gpu, scene, camera or choose_camera(scene), size, channels)
+        self.renderer = Renderer(GpuContext(gpu), scene, camera or choose_camera(scene), size, channels)
         self._frame = 0
 
     def __call__(self) -> None:
@@ -70,7 +70,7 @@ class Walker:
 
     def release(self) -> None:
         self.renderer.release()
-        self.renderer.shaders.release()
+        self.renderer.context.release()
 
 
 def frames_in_turn(gpu: Gpu, walkers: list[Walker], rounds: int) -> list[list[float]]:

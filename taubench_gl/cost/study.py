@@ -12,7 +12,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, Poser, choose_camera
+from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import methods
 from taubench_gl.cost.analysis import validate
@@ -33,7 +33,7 @@ from taubench_gl.cost.timing import SWEEPS, Clock, OpenConfiguration, Pool, Stud
 from taubench_gl.effects.decide import decide
 from taubench_gl.errors import SettingsError, note_renamed
 from taubench_gl.evaluation import frame_range
-from taubench_gl.frame.plan import bound_times, significant_lights
+from taubench_gl.frame.spec import SceneFacts
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, TimerVerdict, probe_timer
 from taubench_gl.pathtraced.compare import noise_floor_percent
@@ -191,7 +191,7 @@ def _subject(
     if len(frames) < 2:
         raise SettingsError("the scene gives no pair of frames", hint="give more --frames, or an animated scene")
     gpu = open_gpu(baseline.device.backend, baseline.device.device)
-    ranked = tuple(significant_lights(scene, Poser(scene), camera, bound_times(scene)))
+    ranked = tuple(SceneFacts(scene, camera).ranked_lights)
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
     plan = make_plan(context, names, bare=bool(chosen_methods))

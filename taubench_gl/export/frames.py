@@ -182,12 +182,8 @@ class FrameSource:
         frame, fps, renderer = submitted.number, self._settings.sequence.fps, self.source.renderer
         last = frame + 1 >= self._count
         here, there = self.view(frame), self.view(frame if last else frame + 1)
-        own, renderer.history = renderer.history, self._ahead
-        try:
-            renderer.draw((frame + 1) / fps, frame / fps, there.jitter_px)
-            renderer.draw(frame / fps, (frame + 1) / fps, here.jitter_px)
-        finally:
-            renderer.history = own
+        renderer.draw((frame + 1) / fps, frame / fps, there.jitter_px, history=self._ahead)
+        renderer.draw(frame / fps, (frame + 1) / fps, here.jitter_px, history=self._ahead)
         pair = reprojection(here, there, *self.source.size, jitter=False)
         self._motion.submit(
             pair,

@@ -29,8 +29,10 @@ class LightStage:
     def __init__(self, renderer: Renderer, spec: FrameSpec):
         context, scene = renderer.context, renderer.scene
         self._context, self._renderer, self._spec = context, renderer, spec
-        self.bytes = sum(r.bytes for declare in LIGHT for p in declare(spec) for r in p.resources)
-        """GPU memory of what the passes allocate, bytes."""
+        self.memory: dict[str, int] = {}
+        """GPU memory that the passes allocate, by name, bytes."""
+        for resource in (r for declare in LIGHT for p in declare(spec) for r in p.resources):
+            self.memory[resource.label] = self.memory.get(resource.label, 0) + resource.bytes
         self.table = LightTable(scene)
         self._light_texture = LightTexture(context.gpu, len(self.table))
         self._owned: dict[str, Any] = {}
@@ -81,6 +83,10 @@ class LightStage:
             with timer.measure(compiled.declaration.name):
                 compiled.run(frame, frame.resources)
         self._context.gpu.hazards.publish()
+
+    @property
+    def bytes(self) -> int:
+        return sum(self.memory.values())
 
     @property
     def redrawn_faces(self) -> int:

@@ -28,8 +28,8 @@ class GpuContext:
     def __init__(self, gpu: Gpu, shaders: ShaderCache | None = None, timer: PassTimer | None = None):
         """``timer``: None measures nothing and never waits."""
         self.gpu = gpu
-        self.shaders = shaders or ShaderCache(gpu.ctx)
-        self.timer = timer or PassTimer(gpu, enabled=False)
+        self.shaders = ShaderCache(gpu.ctx) if shaders is None else shaders
+        self.timer = PassTimer(gpu, enabled=False) if timer is None else timer
         self._owned = shaders is None
 
     def allocate(self, resource: Resource) -> moderngl.Texture | moderngl.Buffer:
@@ -37,7 +37,7 @@ class GpuContext:
 
         Raises GraphicsError where the device has no room for it.
         """
-        _require_room(self.gpu, resource)
+        require_room(self.gpu, resource)
         if resource.size is None:
             return self.gpu.ctx.buffer(reserve=resource.bytes)
         if resource.dtype == "depth":
@@ -62,7 +62,8 @@ class GpuContext:
             self.shaders.release()
 
 
-def _require_room(gpu: Gpu, resource: Resource) -> None:
+def require_room(gpu: Gpu, resource: Resource) -> None:
+    """Raise GraphicsError where the device has no room for ``resource``."""
     what, hint = resource.what or resource.label, resource.hint
     if resource.size is not None:
         limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]

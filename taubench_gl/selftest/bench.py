@@ -13,7 +13,7 @@ from taubench_gl.animation import CameraTrack, View, choose_camera
 from taubench_gl.animation import pairs as pairing
 from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
 from taubench_gl.frame.passes.masks import Counts
-from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -81,13 +81,13 @@ class Bench:
         size = size or self.size
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
         camera = camera or choose_camera(scene)
-        renderer = Renderer(self.gpu, scene, camera, size, names, shaders=self.shaders)
+        renderer = Renderer(GpuContext(self.gpu, self.shaders), scene, camera, size, names)
         before, now = times
         try:
             renderer.draw(before, before)
-            previous_view = renderer.drawn.view
+            previous_view = renderer.frame.view
             renderer.draw(now, before)
-            view = renderer.drawn.view
+            view = renderer.frame.view
             pair = pairing.reprojection(view, previous_view, *size)
             textures = renderer.history.current.textures, renderer.history.previous.textures
             drawn = ChannelPair(size, *textures, reprojection=reprojection)
@@ -112,10 +112,12 @@ class Bench:
         """Channels (h, w, n) of one frame by name, and its view."""
         size, camera = size or self.size, camera or choose_camera(scene)
         names = {"position", "normal", *extra}
-        renderer = Renderer(self.gpu, scene, camera, size, names, culling=culling, shaders=self.shaders)
+        renderer = Renderer(
+            GpuContext(self.gpu, self.shaders), scene, camera, size, names, RasterOptions(culling=culling)
+        )
         try:
             renderer.draw(time, time)
-            return {n: renderer.read(n) for n in renderer.channels}, renderer.drawn.view
+            return {n: renderer.read(n) for n in renderer.channels}, renderer.frame.view
         finally:
             renderer.release()
 

@@ -19,8 +19,8 @@ from taubench_gl.conventions import FEATURE_BIT, FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
 from taubench_gl.evaluation import frame_range, require_triangles
-from taubench_gl.frame.plan import bound_times
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import bound_times
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
 from taubench_gl.pathtraced.sequence import is_sequence

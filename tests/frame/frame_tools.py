@@ -12,10 +12,10 @@ from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
 from taubench_gl.frame.passes.masks import Counts, MaskPass
-from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.scene.model import Camera, Channel, Image, Material, Primitive, Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box
@@ -131,11 +131,9 @@ def draw_pair(
 ) -> PairResult:
     """Draw the frames at ``times`` (previous, current), compare them, and read everything back."""
     channels = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
-    renderer = Renderer(gpu, scene, camera, size, channels, culling=culling)
-    shaders = ShaderCache(gpu.ctx)
-    masks = MaskPass(
-        gpu, shaders, size, reprojection=reprojection, sampling=sampling, write_mask=True, write_motion=True
-    )
+    context = GpuContext(gpu)
+    renderer = Renderer(context, scene, camera, size, channels, RasterOptions(culling=culling))
+    masks = MaskPass(context, size, reprojection=reprojection, sampling=sampling, write_mask=True, write_motion=True)
     try:
         step = times[1] - times[0]
         renderer.draw(times[0], times[0] - step)
@@ -159,21 +157,20 @@ def draw_pair(
         )
     finally:
         masks.release()
-        shaders.release()
         renderer.release()
-        renderer.shaders.release()
+        context.release()
         gpu.collect()
 
 
 def draw_frame(gpu: Gpu, scene: Scene, camera, size, channels, *, time: float = 0.0, culling: str = "gltf"):
     """Channels of one frame, {name: (h, w, n)}, and its view."""
-    renderer = Renderer(gpu, scene, camera, size, set(channels), culling=culling)
+    renderer = Renderer(GpuContext(gpu), scene, camera, size, set(channels), RasterOptions(culling=culling))
     try:
         renderer.draw(time, time - 1 / 24)
         return {n: renderer.read(n) for n in renderer.channels}, renderer.view(time)[1]
     finally:
         renderer.release()
-        renderer.shaders.release()
+        renderer.context.release()
         gpu.collect()
 
 

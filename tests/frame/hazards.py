@@ -1,7 +1,7 @@
-"""What GL leaves to whoever issues commands: barriers between shader writes and later reads, and units told apart.
+"""What GL leaves to the caller: barriers between shader writes and later reads, and one unit for each image.
 
-Mesa's llvmpipe ends a dispatch before it returns, so a missing barrier shows in no picture here; a GPU may read what
-was there before.  ``Hazards`` watches the calls instead, and follows of every texture and buffer which ways of reading
+Mesa's llvmpipe ends a dispatch before it returns, so a missing barrier shows in no image here; a GPU may read the old
+contents.  ``Hazards`` watches the calls instead, and follows of every texture and buffer which ways of reading
 it no barrier has made safe yet.
 """
 
@@ -15,6 +15,8 @@ import moderngl
 import pytest
 
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.declare import BUFFER
+from taubench_gl.gpu.passes import CompiledCompute
 
 IMAGE, FETCH = moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT, moderngl.TEXTURE_FETCH_BARRIER_BIT
 STORAGE, ATTRIBUTE = moderngl.SHADER_STORAGE_BARRIER_BIT, moderngl.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
@@ -42,7 +44,7 @@ class Bindings:
 
 
 def bindings_of(gpu: Gpu, program: int) -> Bindings:
-    """As GL itself tells; units of samplers are those set last."""
+    """As GL itself reports them; units of samplers are those set last."""
 
     def call(name: str, result: Any, *arguments: Any) -> Any:
         kinds = [ctypes.c_uint if isinstance(a, int) else ctypes.c_void_p for a in arguments]
@@ -72,9 +74,10 @@ def bindings_of(gpu: Gpu, program: int) -> Bindings:
 
 
 class Hazards:
-    """Watches every call of moderngl until the test ends; ``faults`` says what was read too early.
+    """Watches every call of moderngl until the test ends; ``faults`` lists what was read too early.
 
-    A program counts as writing every storage buffer that it names, and every image bound for writing.
+    A program counts as writing every storage buffer that it names, unless its pass declares it as read, and every image
+    bound for writing.
     """
 
     def __init__(self, gpu: Gpu, monkeypatch: pytest.MonkeyPatch):
@@ -104,6 +107,21 @@ class Hazards:
         watch[moderngl.Buffer, "clear"] = watch[moderngl.Buffer, "write"]
         for (kind, name), before in watch.items():
             monkeypatch.setattr(kind, name, self._watched(getattr(kind, name), before))
+        self._readonly: set[int] = set()  # bindings of storage buffers that the running pass cannot write
+        monkeypatch.setattr(CompiledCompute, "run", self._declared(CompiledCompute.run))
+
+    def _declared(self, run):
+        """Buffers that a pass declares as read are ``readonly`` in its shader, so it does not write them."""
+
+        def call(compiled: CompiledCompute, *arguments, **named):
+            bindings = compiled.declaration.bindings()
+            self._readonly = {b for use, b in bindings if use.form == BUFFER and not use.writes}
+            try:
+                return run(compiled, *arguments, **named)
+            finally:
+                self._readonly = set()
+
+        return call
 
     @staticmethod
     def _watched(method, before):
@@ -159,7 +177,8 @@ class Hazards:
             texture, _, write = self._images[unit]
             if write:
                 self._unsafe[texture] = STORED_TEXTURE
-        self._unsafe |= {self._storage[binding]: STORED_BUFFER for binding in named.storage}
+        written = set(named.storage) - self._readonly
+        self._unsafe |= {self._storage[binding]: STORED_BUFFER for binding in written}
 
     def _see_target(self, target: moderngl.Framebuffer, who: str) -> None:
         for texture in _attachments(target):

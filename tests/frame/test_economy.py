@@ -18,7 +18,7 @@ from taubench_gl.frame.draw_bounds import in_view
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
@@ -88,7 +88,7 @@ def test_what_the_camera_cannot_see_changes_no_pixel(gpu: Gpu, name: str, reques
         scene = load_scene(request.getfixturevalue("data") / name)
         points = np.concatenate([p.positions for m in scene.meshes for p in m.primitives])
         camera = circling(points.mean(axis=0), 0.1)
-    culled, whole = (Renderer(gpu, scene, camera, SIZE, CHANNELS) for _ in range(2))
+    culled, whole = (Renderer(GpuContext(gpu), scene, camera, SIZE, CHANNELS) for _ in range(2))
     whole._seen = lambda view, placement: np.ones(len(whole.draws), dtype=bool)
     left_out = 0
     for frame in range(8):
@@ -111,20 +111,20 @@ def test_frames_out_of_order_have_the_same_bits(gpu: Gpu, data: Path) -> None:
         return bits(renderer)
 
     frames = list(range(7))
-    renderer = Renderer(gpu, scene, camera, SIZE, CHANNELS)
+    renderer = Renderer(GpuContext(gpu), scene, camera, SIZE, CHANNELS)
     in_order = {frame: drawn(renderer, frame) for frame in frames}
     assert len({tuple(b.values()) for b in in_order.values()}) == len(frames)
     for frame in (3, 3, 1, 6, 2, 5, 4, 0, 1):
         assert drawn(renderer, frame) == in_order[frame]
     renderer.release()
     for frame in (4, 2):
-        alone = Renderer(gpu, scene, camera, SIZE, CHANNELS)
+        alone = Renderer(GpuContext(gpu), scene, camera, SIZE, CHANNELS)
         assert drawn(alone, frame) == in_order[frame]
         alone.release()
 
 
 def test_kept_poses_cannot_be_changed_from_outside(gpu: Gpu) -> None:
-    renderer = Renderer(gpu, field(), circling((0, 0, 0), 0.2), SIZE, CHANNELS)
+    renderer = Renderer(GpuContext(gpu), field(), circling((0, 0, 0), 0.2), SIZE, CHANNELS)
     state, _ = renderer.view(0.5)
     with pytest.raises(ValueError, match="read-only"):
         state.world[0] = 0.0
@@ -148,7 +148,7 @@ class Writes:
 
 def test_only_what_moved_is_uploaded(gpu: Gpu) -> None:
     still = FormulaCamera(LENS, lambda t: (np.array([0.0, 0.0, 8.0]), np.eye(3)))
-    renderer = Renderer(gpu, field(), still, SIZE, ("position", "normal"))
+    renderer = Renderer(GpuContext(gpu), field(), still, SIZE, ("position", "normal"))
     renderer.draw(0.25, 0.0)
     watched = renderer.buffers.records = Writes(renderer.buffers.records)
     renderer.draw(0.25, 0.0)
@@ -163,9 +163,9 @@ def test_only_what_moved_is_uploaded(gpu: Gpu) -> None:
 
 def test_counts_may_be_read_one_run_late(gpu: Gpu) -> None:
     scene, camera = field(), circling((0, 0, 0), 0.2)
-    renderer = Renderer(gpu, scene, camera, SIZE, ("position", "normal"))
-    shaders = ShaderCache(gpu.ctx)
-    at_once, late = MaskPass(gpu, shaders, SIZE), MaskPass(gpu, shaders, SIZE)
+    renderer = Renderer(GpuContext(gpu), scene, camera, SIZE, ("position", "normal"))
+    context = GpuContext(gpu)
+    at_once, late = MaskPass(context, SIZE), MaskPass(context, SIZE)
     now, then = [], []
     renderer.draw(0.0, 0.0)
     for frame in range(1, 6):
@@ -185,7 +185,7 @@ def test_counts_may_be_read_one_run_late(gpu: Gpu) -> None:
     for lost in (run - 2, run + 1, 0):
         with pytest.raises(ValueError, match="only the last two"):
             late.read(lost)
-    for part in (at_once, late, shaders, renderer):
+    for part in (at_once, late, context, renderer):
         part.release()
 
 
@@ -228,9 +228,9 @@ def test_a_long_run_times_a_sample_of_its_passes() -> None:
 def test_frames_leave_nothing_behind(gpu: Gpu, data: Path) -> None:
     """Neither GL names nor Python memory grow with the number of frames."""
     scene = load_scene(data / SCENES[0])
-    renderer = Renderer(gpu, scene, choose_camera(scene), SIZE, CHANNELS)
-    shaders = ShaderCache(gpu.ctx)
-    masks = MaskPass(gpu, shaders, SIZE, reprojection="motion")
+    renderer = Renderer(GpuContext(gpu), scene, choose_camera(scene), SIZE, CHANNELS)
+    context = GpuContext(gpu)
+    masks = MaskPass(context, SIZE, reprojection="motion")
 
     def walk(frames: range) -> None:
         for frame in frames:
@@ -260,5 +260,5 @@ def test_frames_leave_nothing_behind(gpu: Gpu, data: Path) -> None:
     tracemalloc.stop()
     assert next_names() == tuple(2 * b - a for a, b in zip(earlier, before, strict=True))
     assert grown < 20_000  # bytes, over 44 frames
-    for part in (masks, shaders, renderer):
+    for part in (masks, context, renderer):
         part.release()

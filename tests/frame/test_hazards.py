@@ -22,7 +22,7 @@ SIZE = (48, 32)
 
 
 def glowing_card() -> Scene:
-    """Nothing but a light of its own: no direct light comes between drawing and colour."""
+    """An emitter and no light: no direct light comes between drawing and color."""
     b = SceneBuilder()
     b.node(mesh=b.mesh(quad(material=b.material(emissive=(1.0, 0.5, 0.25)))), translation=(0.0, 0.0, -3.0))
     b.camera()
@@ -34,8 +34,7 @@ def run(gpu, scene: Scene, *, shading: Shading | None = None, extra: tuple[str, 
     settings = Settings.of(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
     source = RasterSource(gpu, scene, choose_camera(scene), settings, shading=shading, extra=extra)
     masks = MaskPass(
-        gpu,
-        source.renderer.shaders,
+        source.context,
         SIZE,
         reprojection=source.reprojection,
         radiance=source.radiance if shading is None else (),
@@ -61,11 +60,11 @@ def run(gpu, scene: Scene, *, shading: Shading | None = None, extra: tuple[str, 
 CASES = {
     "geometry alone": (lambda: busy_room(), {"columns": ("frustum", "position", "normal")}),
     "half storage": (lambda: busy_room(lamps=2), {"columns": ALL, "storage": "half"}),
-    "a glow alone": (glowing_card, {"columns": ALL}),
+    "emission alone": (glowing_card, {"columns": ALL}),
     "few lights": (lambda: busy_room(lamps=2), {"columns": ALL, "sky": (0.1, 0.1, 0.1)}),
-    "more lights than are listed": (lambda: busy_room(lamps=20), {"columns": ALL, "extra": LOBES}),
+    "more lights than are unrolled": (lambda: busy_room(lamps=20), {"columns": ALL, "extra": LOBES}),
     "no visibility": (lambda: busy_room(lamps=2), {"columns": ALL, "indirect": "rsm"}),
-    "random lights": (
+    "stochastic light": (
         lambda: busy_room(lamps=20),
         {"columns": ALL, "shading": Shading(light_samples=1, indirect_samples=1)},
     ),
@@ -82,7 +81,7 @@ def test_every_read_is_behind_its_barrier(gpu, monkeypatch, case):
     assert not watched.faults, sorted(set(watched.faults))
 
 
-def test_the_watch_tells_a_missing_barrier_from_one_of_the_wrong_kind(gpu, monkeypatch):
+def test_the_watch_finds_a_missing_barrier_and_one_of_the_wrong_kind(gpu, monkeypatch):
     watched = Hazards(gpu, monkeypatch)
     ctx = gpu.ctx
     texture, buffer = ctx.texture((8, 8), 4, dtype="f4"), ctx.buffer(reserve=256)
@@ -98,7 +97,7 @@ def test_the_watch_tells_a_missing_barrier_from_one_of_the_wrong_kind(gpu, monke
     texture.bind_to_image(5)
     buffer.bind_to_storage_buffer(3)
 
-    def told(barriers: int | None) -> set[str]:
+    def faults_with(barriers: int | None) -> set[str]:
         watched.faults.clear()
         program.run()
         if barriers is not None:
@@ -109,10 +108,10 @@ def test_the_watch_tells_a_missing_barrier_from_one_of_the_wrong_kind(gpu, monke
         return faults
 
     image, sums = "image picture read without a barrier", "storage buffer 3 read without a barrier"
-    assert told(None) == {image, sums}
-    assert told(0x20) == {sums}  # GL_SHADER_IMAGE_ACCESS_BARRIER_BIT
-    assert told(0x2000) == {image}  # GL_SHADER_STORAGE_BARRIER_BIT
-    assert told(0xFFFFFFFF) == set()
+    assert faults_with(None) == {image, sums}
+    assert faults_with(0x20) == {sums}  # GL_SHADER_IMAGE_ACCESS_BARRIER_BIT
+    assert faults_with(0x2000) == {image}  # GL_SHADER_STORAGE_BARRIER_BIT
+    assert faults_with(0xFFFFFFFF) == set()
     program.run()
     buffer.read()
     assert "a copy of a buffer without a barrier" in watched.faults
@@ -121,7 +120,7 @@ def test_the_watch_tells_a_missing_barrier_from_one_of_the_wrong_kind(gpu, monke
         item.release()
 
 
-def test_the_watch_tells_images_that_share_a_unit(gpu, monkeypatch):
+def test_the_watch_finds_images_that_share_a_unit(gpu, monkeypatch):
     watched = Hazards(gpu, monkeypatch)
     texture = gpu.ctx.texture((8, 8), 4, dtype="f4")
     program = gpu.ctx.compute_shader("""#version 450

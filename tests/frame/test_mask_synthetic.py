@@ -18,7 +18,7 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import FEATURES, NO_HISTORY, NOT_COMPARABLE, Reason
 from taubench_gl.frame.passes.masks import RADIANCE, MaskPass
 from taubench_gl.frame.targets import read_channel, write_channel
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera
@@ -74,8 +74,8 @@ def judge(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", ra
             texture = gpu.ctx.texture(SIZE, info.components, dtype=info.dtype)
             write_channel(texture, name, values)
             textures[-1][name] = texture
-    shaders = ShaderCache(gpu.ctx)
-    masks = MaskPass(gpu, shaders, SIZE, reprojection=reprojection, sampling=sampling, radiance=radiance,
+    context = GpuContext(gpu)
+    masks = MaskPass(context, SIZE, reprojection=reprojection, sampling=sampling, radiance=radiance,
                      cuts="ids" in now, write_mask=True, write_motion=True)  # fmt: skip
     masks.run(pair, THRESHOLDS, *textures, declared=declared)
     counts = masks.read()
@@ -88,7 +88,7 @@ def judge(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", ra
         history={n: read_channel(t, n) for n, t in textures[1].items()},
     )
     masks.release()
-    shaders.release()
+    context.release()
     for texture in (*textures[0].values(), *textures[1].values()):
         texture.release()
     return result

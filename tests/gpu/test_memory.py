@@ -14,7 +14,7 @@ def test_history_that_does_not_fit(gpu, monkeypatch):
         pytest.skip("only software rendering lives in the machine's own memory")
     monkeypatch.setattr(memory, "available_bytes", lambda: 1_000_000)
     objects = len(gpu.ctx.objects)
-    with pytest.raises(GraphicsError, match=r"a picture of 256x256 pixels needs 0\.0 GB.*lower --size"):
+    with pytest.raises(GraphicsError, match="256x256"):
         History(gpu, (256, 256), ("position", "normal"))
     assert len(gpu.ctx.objects) == objects
     History(gpu, (16, 16), ("position", "normal")).release()

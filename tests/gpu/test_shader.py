@@ -94,30 +94,35 @@ def test_drivers_write_line_numbers_in_several_ways() -> None:
 
 
 def test_a_program_is_compiled_once(gpu) -> None:
-    from taubench_gl.frame.passes.masks import preamble
+    from taubench_gl.frame.passes.masks import MaskOptions, mask_pass
+    from taubench_gl.frame.tuning import Tuning
 
     cache = ShaderCache(gpu.ctx)
-    defines = dict.fromkeys(("MOTION", "BILINEAR", "HAS_DIRECT", "HAS_INDIRECT", "HAS_COLOR"), False)
-    defines |= {"WRITE_MASK": False, "WRITE_MOTION": False, "GROUP_X": 8, "GROUP_Y": 8, "PIXELS_EACH": 4}
-    defines |= {"SOFTWARE": False, "GEOMETRY_IMAGES": False}
-    first = cache.compute("masks/masks.comp.glsl", defines, preamble())
-    assert cache.compute("masks/masks.comp.glsl", dict(reversed(defines.items())), preamble()) is first
-    assert cache.compute("masks/masks.comp.glsl", defines | {"MOTION": True}, preamble()) is not first
+    still, motion = (mask_pass(MaskOptions(reprojection=mode), (8, 8), Tuning()) for mode in ("camera", "motion"))
+    first = cache.compute("masks/masks.comp.glsl", still.defines, still.interface())
+    again = dict(reversed(still.defines.items()))
+    assert cache.compute("masks/masks.comp.glsl", again, still.interface()) is first
+    assert cache.compute("masks/masks.comp.glsl", motion.defines, motion.interface()) is not first
     assert len(cache) == 2
     cache.release()
     assert len(cache) == 0
 
 
 def test_every_mask_variant_compiles(gpu) -> None:
-    from taubench_gl.frame.passes.masks import preamble
+    from taubench_gl.frame.passes.masks import RADIANCE, MaskOptions, mask_pass
+    from taubench_gl.frame.tuning import Tuning
 
     cache = ShaderCache(gpu.ctx)
-    switches = ("MOTION", "BILINEAR", "HAS_DIRECT", "HAS_INDIRECT", "HAS_COLOR")
-    for values in itertools.product((False, True), repeat=len(switches)):
-        defines = dict(zip(switches, values, strict=True))
-        defines |= {"WRITE_MASK": values[0], "WRITE_MOTION": values[1], "GROUP_X": 8, "GROUP_Y": 8, "PIXELS_EACH": 4}
-        defines |= {"SOFTWARE": values[2], "GEOMETRY_IMAGES": values[1]}
-        cache.compute("masks/masks.comp.glsl", defines, preamble())
+    for motion, bilinear, *light in itertools.product((False, True), repeat=5):
+        options = MaskOptions(
+            reprojection="motion" if motion else "camera",
+            sampling="bilinear" if bilinear else "nearest",
+            radiance=tuple(itertools.compress(RADIANCE, light)),
+            write_mask=motion,
+            write_motion=bilinear,
+        )
+        declared = mask_pass(options, (8, 8), Tuning(software=light[0]), images=bilinear)
+        cache.compute("masks/masks.comp.glsl", declared.defines, declared.interface())
     assert len(cache) == 32
     cache.release()
 

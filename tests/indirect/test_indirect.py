@@ -150,7 +150,7 @@ def test_bounces_count_a_wall_once_however_many_lights_see_it(lit, off):
     assert measured == pytest.approx(expected, rel=0.1)
 
 
-def test_a_light_that_is_off_has_no_virtual_lights():
+def test_a_light_that_is_off_has_no_vpls():
     s = floor_and_ceiling_builder()
     s.light(kind="point", intensity=0.0, translation=(0.3, 0.8, 0.0))
     s.camera(translation=(-1.5, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
@@ -159,7 +159,7 @@ def test_a_light_that_is_off_has_no_virtual_lights():
         settings = Settings.of(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=700)
         source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
         source.advance(0)
-        lights = source.light.virtual_lights()
+        lights = source.light.vpls()
         source.release()
     spot, point = lights[:100], lights[100:]  # one face and six, 10 x 10 texels each
     assert np.any(spot["position"][:, 3] > 0.0)
@@ -216,7 +216,7 @@ def test_every_face_of_a_light_away_from_the_camera_counts(kind, solid_angle):
         settings = Settings.of(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=2400)
         source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
         source.advance(0)
-        flux = source.light.virtual_lights()["flux"][:, 0].sum()
+        flux = source.light.vpls()["flux"][:, 0].sum()
         source.release()
     assert flux == pytest.approx(solid_angle * ALBEDO, rel=0.01)
 

@@ -91,8 +91,8 @@ class Census:
             with opened(gpu, scene, **settings) as source:
                 shoot(source, 0)
                 self.channels = source.channels
-                self.shaders = sorted(name.split(" [")[0] for name in source.renderer.shaders.names)
-                self.variants = source.renderer.shaders.names
+                self.shaders = sorted(name.split(" [")[0] for name in source.context.shaders.names)
+                self.variants = source.context.shaders.names
                 self.bytes = source.describe()["memory"]["gpu_bytes"]
         finally:
             for kind in kinds:

@@ -7,8 +7,9 @@ import pytest
 from light_tools import DIRECT_ONLY, lambert, opened, shoot
 
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.passes.lighting import MAX_LIGHTS, TILE, LightingPass
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.frame.passes.lighting import TILE, direct_light
+from taubench_gl.frame.spec import FrameSpec, SceneFacts
+from taubench_gl.frame.tuning import MAX_LIGHTS
 from taubench_gl.metrics.lighting import evaluate_brdf, kept_lights, largest_brdf, light_bounds, tile_boxes
 from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
 from taubench_gl.settings import Settings
@@ -26,10 +27,10 @@ def test_what_is_left_out_stays_below_the_given_error(gpu, field, light_error):
     """All 690 lights against the culled ones, per pixel and channel; and culling is worth it."""
     with opened(gpu, field, light_error=light_error, **SIZE) as source:
         culled = shoot(source, 3)
-        kept = source.light.lighting.tile_counts()
+        kept = source.light.tile_counts()
     with opened(gpu, field, light_error=0.0, **SIZE) as source:
         every = shoot(source, 3)
-        most = source.light.lighting.tile_counts()
+        most = source.light.tile_counts()
     left_out = every.direct - culled.direct
     rounding = 1e-5 * every.direct.max()
     assert left_out.min() >= -rounding and left_out.max() <= light_error + rounding
@@ -44,7 +45,7 @@ def test_unlimited_lights_are_bounded_too(gpu):
     for light_error in (0.0, 2e-2):
         with opened(gpu, field, light_error=light_error, **SIZE) as source:
             pictures.append(shoot(source, 3).direct)
-            kept = source.light.lighting.tile_counts()
+            kept = source.light.tile_counts()
     left_out = pictures[0] - pictures[1]
     assert 0 < left_out.max() <= 2e-2 + 1e-5 and left_out.min() >= -1e-5
     assert kept.max() < 690
@@ -54,7 +55,7 @@ def test_unlimited_lights_are_bounded_too(gpu):
 def test_kept_lists_are_those_of_the_twin(gpu, field, light_error):
     with opened(gpu, field, light_error=light_error, **SIZE) as source:
         shot = shoot(source, 3)
-        lists = source.light.lighting.tile_lists()
+        lists = source.light.tile_lists()
         rows = source.light.table.rows
     channels = (shot[name][::-1] for name in ("position", "normal", "base_color", "material"))
     low, high, brdf = tile_boxes(shot["position"][::-1], largest_brdf(*channels), TILE)
@@ -102,7 +103,7 @@ def test_a_shiny_floor_keeps_more(gpu):
         b.camera(translation=(0.0, 0.0, 8.0))
         with opened(gpu, b.build(), light_error=1e-2, **SIZE) as source:
             shoot(source)
-            counts.append(source.light.lighting.tile_counts().mean())
+            counts.append(source.light.tile_counts().mean())
     assert counts[0] < 0.8 * counts[1]
 
 
@@ -132,9 +133,11 @@ def test_a_black_or_hidden_light_is_in_no_list(gpu):
     b.camera(translation=(0.0, 0.0, 4.0))
     with opened(gpu, b.build(), light_error=0.0, **SIZE) as source:
         shoot(source)
-        assert source.light.lighting.tile_counts().max() == 1
+        assert source.light.tile_counts().max() == 1
 
 
-def test_more_lights_than_a_loop_may_turn_are_refused(gpu):
-    with pytest.raises(GraphicsError, match="lights"):
-        LightingPass(gpu, ShaderCache(gpu.ctx), (8, 8), MAX_LIGHTS + 1, Settings(), frozenset({"direct"}))
+def test_more_lights_than_a_loop_can_count_are_refused():
+    spec = FrameSpec(SceneFacts(lamp_field(2, 2, cells=2)), Settings(), frozenset({"direct"}))
+    spec.__dict__["light_kinds"] = (0,) * (MAX_LIGHTS + 1)
+    with pytest.raises(GraphicsError):
+        direct_light(spec)

@@ -1,4 +1,4 @@
-"""Redrawing part of a shadow map: the texels a sphere covers, and maps kept over frames against maps drawn anew."""
+"""Redrawing part of a shadow map: the texels a sphere covers, and maps kept over frames against maps drawn expected."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import pytest
 from light_tools import opened, shoot
 from test_shadow_cache import SIZE, street
 
-from taubench_gl.frame.listed_lights import MAX_LISTED, Listing, list_lights
+from taubench_gl.frame.lights import UnrolledLights, unrolled_lights
 from taubench_gl.frame.shadow_faces import light_faces
+from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Light
 
 
@@ -40,7 +41,7 @@ def test_no_point_of_a_sphere_falls_outside_what_it_covers(kind):
 
 
 @pytest.mark.parametrize("move_light", [False, True])
-def test_maps_kept_over_frames_are_those_drawn_anew(gpu, move_light):
+def test_maps_kept_over_frames_are_those_drawn_expected(gpu, move_light):
     """Bit by bit, while a box moves through them: what is not redrawn must have been true."""
     scene = street(move_box=True, move_light=move_light)
     with opened(gpu, scene, **SIZE) as kept:
@@ -48,15 +49,14 @@ def test_maps_kept_over_frames_are_those_drawn_anew(gpu, move_light):
             shoot(kept, frame)
             with opened(gpu, scene, **SIZE) as fresh:
                 shoot(fresh, frame)
-                anew = fresh.light.shadow_depths().copy()
-            assert np.array_equal(kept.light.shadow_depths(), anew)
+                expected = fresh.light.shadow_depths().copy()
+            assert np.array_equal(kept.light.shadow_depths(), expected)
             assert kept.light.redrawn_faces == (8 if move_light or frame == 0 else 3)
 
 
-def test_who_is_listed():
-    """All of a few lights; of many those with shadow maps; nobody where these are many too."""
-    assert list_lights((0, 2), {1: 0}, 1) == Listing((0, 1), (0, 2), (-1, 0), 1)
-    many = (0,) * (MAX_LISTED + 1)
-    assert list_lights(many, {5: 6, 2: 0}, 12) == Listing((2, 5), (0, 0), (0, 6), 12)
-    assert list_lights(many, {i: 6 * i for i in range(len(many))}, 54) == Listing()
-    assert list_lights(many, {}, 0) == Listing()
+def test_all_of_a_few_lights_are_unrolled_of_many_those_with_shadow_maps():
+    assert unrolled_lights((0, 2), {1: 0}) == UnrolledLights((0, 1), (0, 2), (-1, 0))
+    many = (0,) * (MAX_UNROLLED + 1)
+    assert unrolled_lights(many, {5: 6, 2: 0}) == UnrolledLights((2, 5), (0, 0), (0, 6))
+    assert unrolled_lights(many, {i: 6 * i for i in range(len(many))}) == UnrolledLights()
+    assert unrolled_lights(many, {}) == UnrolledLights()

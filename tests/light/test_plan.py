@@ -1,18 +1,26 @@
-"""What the plan says before anything is drawn is what a frame then is: channels, shaders, textures, bytes."""
+"""What is declared before anything is drawn is what a frame then is: channels, shaders, textures, bytes."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 from light_tools import opened, shoot
 from test_effects_on_demand import everything
 
+from taubench_gl.animation import choose_camera
 from taubench_gl.apps.inspect_command import describe
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.frame.plan import FramePlan, frame_channels
+from taubench_gl.frame.passes.lighting import LOBES
+from taubench_gl.frame.plan import DEPENDS, FramePlan, frame_channels, frame_passes, frame_spec
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.spec import SceneFacts
+from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
 from taubench_gl.scene import load_scene
 from taubench_gl.selftest.scenes import busy_room, lamp_field
 from taubench_gl.settings import Settings
@@ -54,23 +62,92 @@ def test_the_demo_is_planned_right(gpu):
 def check(gpu, scene, asked) -> None:
     settings = Settings.of(**asked)
     plan = FramePlan(scene, settings)
-    needs = plan.needs(plan.effects)
+    resources = plan.resources()
     with opened(gpu, scene, **asked) as source:
         shoot(source, 0)
         assert source.effects == plan.effects
-        assert source.channels == frame_channels(plan.effects)
-        made = Counter(name.split(" [")[0] for name in source.renderer.shaders.names)
-        pools = source.renderer.buffers.bytes - needs.memory.get("previous vertices", 0)
+        assert source.channels == frame_channels(plan.spec())
+        made = Counter(name.split(" [")[0] for name in source.context.shaders.names)
+        pools = source.renderer.buffers.bytes - resources.memory.get("previous vertices", 0)
         held = source.describe()["memory"]["gpu_bytes"]
-    planned = Counter(name.split(" [")[0] for name in needs.shaders if not name.startswith("masks/"))
-    if "indirect/voxelize.frag.glsl" in planned:
-        made = Counter({n.split(" + ")[-1] if "voxelize" in n else n: c for n, c in made.items()})
-        made["indirect/voxelize.frag.glsl"] = 1  # of posed and of fixed draws
+    planned = Counter(name.split(" [")[0] for name in resources.shaders if not name.startswith("masks/"))
     assert made == planned
-    assert sum(needs.memory.values()) + pools == held
+    assert sum(resources.memory.values()) + pools == held
 
 
-def test_inspect_tells_effects_as_json():
+@pytest.mark.parametrize(
+    ("settings", "shading"),
+    [
+        ({}, None),
+        ({"reprojection": "motion", "indirect": "rsm", "sky": (0.1, 0.1, 0.1)}, None),
+        ({"indirect": "rsm"}, Shading(light_samples=1, indirect_samples=1)),
+        ({"indirect": "rsm"}, Shading(gather_each=True)),
+    ],
+    ids=["probes", "rsm, sky and motion", "stochastic", "gather each"],
+)
+def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
+    """The interface of a shader is generated, so it cannot use what is not declared; nor is more declared."""
+    scene = busy_room(lamps=20)
+    source = RasterSource(gpu, scene, choose_camera(scene), Settings.of(**SIZE, **settings), shading=shading)
+    try:
+        source.advance(0)
+        spec = frame_spec(
+            SceneFacts(scene), Settings.of(**SIZE, **settings), source.effects, shading=shading, software=gpu.software
+        )
+        compute = [p for p in frame_passes(spec) if isinstance(p, ComputePass) and p.name != "masks"]
+        programs = {key[0][0]: [] for key in source.context.shaders._programs}
+        for key, program in source.context.shaders._programs.items():
+            programs[key[0][0]].append((dict(key[1]), program))
+        for p in compute:
+            (program,) = (q for defines, q in programs[p.shaders[0]] if defines == p.defines)
+            for use in p.uses:
+                if use.form in (TEXTURE, IMAGE):
+                    assert use.name in program, (p.name, p.shaders, use.name)
+    finally:
+        source.release()
+        gpu.collect()
+
+
+@pytest.mark.parametrize(
+    "columns", [COLUMNS, ("frustum",), ("direct",), ("indirect",), ("color",), ("position", "normal")]
+)
+@pytest.mark.parametrize("effects", ["auto", "all"])
+@pytest.mark.parametrize("mode", ["camera", "motion"])
+@pytest.mark.parametrize(
+    "make", [partial(busy_room, lamps=20), lambda: load_scene(ASSETS / "demo.glb")], ids=["room", "demo"]
+)
+def test_every_frame_can_run(columns, effects, mode, make):
+    settings = Settings.of(**SIZE, columns=columns, effects=effects, reprojection=mode)
+    scene = make()
+    plan = FramePlan(scene, settings)
+    spec = frame_spec(SceneFacts(scene), settings, plan.effects, extra=("base_color",))
+    names = [p.name for p in frame_passes(spec)]  # raises where a pass reads what none has written
+    assert names[-1] == "masks" and "base_color" in frame_channels(spec)
+    assert {"direct", "indirect", "color"} & set(names) == {
+        n for n in ("direct", "indirect", "color") if plan.effects[n].enabled
+    }
+
+
+def test_one_lobe_makes_direct_light_write_both():
+    plan = FramePlan(busy_room(lamps=2), Settings.of(**SIZE))
+    assert not set(LOBES) & set(frame_channels(plan.spec()))
+    assert set(LOBES) <= set(frame_channels(replace(plan.spec(), extra=("direct_glossy",))))
+
+
+def test_what_effects_depend_on():
+    on_direct = {"shadows", "light_culling", "glossy", "sky", "point_lights", "spot_lights", "directional_lights"}
+    assert {effect for effect, needed in DEPENDS.items() if "direct" in needed} == on_direct | {"indirect"}
+    assert {effect for effect, needed in DEPENDS.items() if "shadows" in needed} == {"indirect"}
+    assert not DEPENDS["direct"] and not DEPENDS["normal_maps"]
+
+
+def test_a_channel_is_allocated_only_where_a_pass_reads_or_writes_it():
+    plan = FramePlan(everything(), Settings.of(**SIZE, columns=("frustum", "position")))
+    assert frame_channels(plan.spec()) == ("position", "normal")
+    assert frame_channels(replace(plan.spec(), extra=("ids",))) == ("position", "normal", "ids")
+
+
+def test_inspect_reports_effects_as_json():
     facts = json.loads(json.dumps(describe(everything(), Settings.of(**SIZE))))
     assert facts["effects"]["shadows"]["on"] is True and facts["effects"]["shadows"]["gpu_bytes"] > 0
     assert facts["effects"]["skinning"] == {
@@ -79,11 +156,20 @@ def test_inspect_tells_effects_as_json():
     }  # fmt: skip
 
 
+def test_inspect_needs_no_context(monkeypatch):
+    monkeypatch.setattr("moderngl.create_context", None)
+    assert describe(everything(), Settings.of(**SIZE))["effects"]["direct"]["passes"]
+
+
 def test_costs_are_what_a_frame_loses_without_the_effect():
     costs = FramePlan(everything(), Settings.of(**SIZE)).costs()
     pixels = SIZE["width"] * SIZE["height"]
     assert costs["color"]["on"] and costs["color"]["passes"] == ["color"]
-    assert costs["shadows"]["textures"] == ["indirect", "indirect buffers", "shadow atlas"]  # indirect rests on shadows
+    assert costs["shadows"]["textures"] == [
+        "indirect",
+        "indirect buffers",
+        "shadow atlas",
+    ]  # indirect depends on shadows
     assert costs["previous_pose"] == {
         "on": False,
         "reason": "the reprojection is 'camera'",

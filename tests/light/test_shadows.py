@@ -14,9 +14,9 @@ from light_tools import FLAT, facing, floor, lambert, look, look_down, opened, p
 from shadow_tools import Case, on_plane, visibility
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.frame.listed_lights import MAX_LISTED
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
 from taubench_gl.settings import Settings
@@ -64,7 +64,7 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
 def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu):
     """A light that is compiled into the shader, more than are, and lights drawn at random."""
     case, found = Case("wide spot", 20.0, 115.0), []
-    for parts, shading in ((1, None), (MAX_LISTED + 1, None), (1, Shading(light_samples=1, indirect_samples=1))):
+    for parts, shading in ((1, None), (MAX_UNROLLED + 1, None), (1, Shading(light_samples=1, indirect_samples=1))):
         scene = case.scene(parts=parts)
         settings = Settings.of(width=96, height=96, shadow_size=SIZE, shadow_lights=parts, shadow_filter="hard")
         source = RasterSource(gpu, scene, choose_camera(scene), settings, shading=shading)

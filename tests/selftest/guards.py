@@ -112,8 +112,8 @@ def _current_pose_as_previous() -> Iterator[None]:
     """The current pose relative to the previous camera, as many engines have it."""
     run = deform.DeformPass.run
 
-    def posed(one: Any, state: FrameState, view: View, before: FrameState, before_view: View, buffers: Any) -> Array:
-        return run(one, state, view, state, before_view, buffers)
+    def posed(one: Any, now: tuple[FrameState, View], before: tuple[FrameState, View], pool: Any) -> Array:
+        return run(one, now, (now[0], before[1]), pool)
 
     with _replaced((deform.DeformPass, "run", posed)):
         yield
@@ -210,13 +210,13 @@ def _weights_as_stored(document: Any, fixes: Any, arrays: dict[str, Array], poin
 
 
 def _sixteen_bit_indices() -> AbstractContextManager[None]:
-    make = geometry.make_soup
+    make = geometry.make_vertex_data
 
-    def wrapped(*arguments: Any, **keywords: Any) -> geometry.Soup:
-        soup = make(*arguments, **keywords)
-        return dataclasses.replace(soup, triangles=soup.triangles & np.uint32(0xFFFF))
+    def wrapped(*arguments: Any, **keywords: Any) -> geometry.VertexData:
+        made = make(*arguments, **keywords)
+        return dataclasses.replace(made, triangles=made.triangles & np.uint32(0xFFFF))
 
-    return _replaced((geometry, "make_soup", wrapped))
+    return _replaced((geometry, "make_vertex_data", wrapped))
 
 
 def _fronts_not_turned() -> AbstractContextManager[None]:

@@ -77,28 +77,30 @@ def scene_center(spec: FrameSpec) -> Array:
     return 0.5 * (low + high)
 
 
-def indirect_layout(spec: FrameSpec) -> Array:
-    """An INDIRECT record with grid, probes and sizes."""
-    center, (low, high) = scene_center(spec), spec.facts.box
-    low, high = low - center, high - center
+def indirect_layout(box: tuple[Array, Array], size: tuple[int, int], probes: int) -> Array:
+    """An INDIRECT record with grid, probes and sizes.
+
+    ``box``: low and high corner (3,) of all geometry, world; ``size``: pixels; ``probes``: about so many.
+    """
+    center = 0.5 * (box[0] + box[1])
+    low, high = box[0] - center, box[1] - center
     extent = np.maximum(high - low, 1e-6 * max(float((high - low).max()), 1e-6))
     record = INDIRECT.zeros()
     voxel = float(extent.max()) * 1.02 / (GRID - 2)
     record["grid_origin"] = (*(low - voxel), voxel)
     # As cubic as the number of probes allows: one spacing for all axes.
-    spacing = float((extent.prod() / max(spec.settings.lighting.probes, 8)) ** (1.0 / 3.0))
+    spacing = float((extent.prod() / max(probes, 8)) ** (1.0 / 3.0))
     spacing = max(spacing, float(extent.max()) / 64.0)
     counts = np.clip(np.ceil(extent / spacing).astype(int), 2, 64)
     step = extent / counts  # probes at cell centers: none lies on the outer walls
     record["probe_origin"][:3], record["probe_step"][:3] = low + 0.5 * step, step
     record["probe_counts"][:3] = counts
-    record["size"] = (*spec.size, *_small(spec))
-    record["counts"] = (vpl_count(spec), 0, len(rsm_faces(spec)), 0)
+    record["size"] = (*size, *_small(size))
     return record
 
 
-def _small(spec: FrameSpec) -> tuple[int, int]:
-    return -(-spec.size[0] // SCALE), -(-spec.size[1] // SCALE)
+def _small(size: tuple[int, int]) -> tuple[int, int]:
+    return -(-size[0] // SCALE), -(-size[1] // SCALE)
 
 
 def rsm_resolution(spec: FrameSpec) -> int:
@@ -139,8 +141,8 @@ class Declarations:
     """The passes of one ``spec``, by what they do."""
 
     def __init__(self, spec: FrameSpec):
-        self._spec, self.layout = spec, indirect_layout(spec)
-        self.center, self.count = scene_center(spec), int(self.layout["counts"][0])
+        self._spec, self.layout = spec, indirect_layout(spec.facts.box, spec.size, spec.settings.lighting.probes)
+        self.center, self.count = scene_center(spec), vpl_count(spec)
         self.probes = spec.indirect_method == "probes"
 
     def all(self) -> list[Pass]:
@@ -158,8 +160,7 @@ class Declarations:
     def values(self, frame: FrameContext) -> dict:
         """Fields of the INDIRECT record."""
         out = {field.name: self.layout[field.name] for field in INDIRECT.fields}
-        vpls, _, faces, _ = self.layout["counts"]
-        out["counts"] = vpls, phase(self._spec.shading.rate, frame.number), faces, 0
+        out["counts"] = self.count, phase(self._spec.shading.rate, frame.number), len(rsm_faces(self._spec)), 0
         out["scene_from_relative"] = (*(frame.view.position - self.center), 0.0)
         return out
 
@@ -285,8 +286,8 @@ class Declarations:
             .use(*self._spec.channels("position", "normal", images=True))
             .image("vpls")
             .image("irradiance_out", access=WRITE, resource="irradiance")
-            .allocate(Resource.texture("irradiance", _small(self._spec), label=_LABEL))
-            .dispatch(_small(self._spec), self._spec.tuning.pixel_group),
+            .allocate(Resource.texture("irradiance", _small(self._spec.size), label=_LABEL))
+            .dispatch(_small(self._spec.size), self._spec.tuning.pixel_group),
         )
 
     def apply(self) -> ComputePass:

@@ -13,8 +13,7 @@ from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import MAX_LIGHTS
 from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
-from taubench_gl.metrics.lighting import ALBEDO_TABLE, MIN_ALPHA
-from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
+from taubench_gl.metrics.lighting import ALBEDO_TABLE, MIN_ALPHA, MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.metrics.stochastic import light_choice
 from taubench_gl.settings import TONE_MAPS

@@ -148,7 +148,7 @@ class MaskPass:
     def for_source(cls, context: GpuContext, source: ComparedSource, settings: Settings, **changed: Any) -> MaskPass:
         """The mask pass of ``source`` with the metric of ``settings``.
 
-        ``changed``: fields of MaskOptions that differ from what source and settings say, such as ``write_mask``.
+        ``changed``: fields of MaskOptions that differ from those of source and settings; None: no change.
         """
         options = {
             "reprojection": source.reprojection,
@@ -156,7 +156,7 @@ class MaskPass:
             "radiance": source.radiance,
             "cuts": source.cuts,
         }
-        return cls(context, source.size, **(options | changed))
+        return cls(context, source.size, **(options | {k: v for k, v in changed.items() if v is not None}))
 
     def run(
         self,

@@ -12,6 +12,7 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.material_slots import has_plain_uv
 from taubench_gl.frame.passes import gbuffer
 from taubench_gl.frame.renderer import Renderer
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene.model import Camera, Material, Sampler, Texture
 
 SIZE = (160, 96)
@@ -21,10 +22,10 @@ CHECKER = picture(np.random.default_rng(3).integers(0, 256, (16, 16, 4)))
 
 
 def frames(gpu, scene, camera, *, per_triangle: int | None = None, times=(0.0,), monkeypatch=None):
-    """Channels at ``times``, and of the last frame (samples drawn, triangles shown, whether depth was laid down)."""
+    """Channels at ``times``; of the last frame: samples drawn, triangles shown, whether there was a pre-pass."""
     if per_triangle is not None:
         monkeypatch.setattr(gbuffer, "PIXELS_PER_TRIANGLE", per_triangle)
-    renderer = Renderer(gpu, scene, camera, SIZE, NAMES)
+    renderer = Renderer(GpuContext(gpu), scene, camera, SIZE, NAMES)
     out = {}
     try:
         for time in times:
@@ -32,16 +33,16 @@ def frames(gpu, scene, camera, *, per_triangle: int | None = None, times=(0.0,),
             with query:
                 renderer.draw(time, time - 1 / 24)
             out |= {(time, n): renderer.read(n) for n in renderer.channels}
-        facts = query.samples, renderer.buffers.shown_triangles, len(renderer._gbuffer._plain) > 0
+        facts = query.samples, renderer.buffers.shown_triangles, len(renderer._gbuffer._own) > 0
         return out, facts
     finally:
         renderer.release()
-        renderer.shaders.release()
+        renderer.context.release()
         gpu.collect()
 
 
 def both(gpu, scene, camera, monkeypatch, **asked):
-    """Frames with and without depth laid down first; the facts of both."""
+    """Frames with and without a depth pre-pass; the facts of both."""
     with_it, on = frames(gpu, scene, camera, per_triangle=0, monkeypatch=monkeypatch, **asked)
     without, off = frames(gpu, scene, camera, per_triangle=10**9, monkeypatch=monkeypatch, **asked)
     assert on[2] and not off[2]
@@ -50,7 +51,7 @@ def both(gpu, scene, camera, monkeypatch, **asked):
     return without, on, off
 
 
-def soup(rng, count: int, size: float):
+def crossing(rng, count: int, size: float):
     """Triangles in all directions in front of the camera, many of them thin or edge-on, many through each other."""
     middle = rng.uniform((-4, -3, -9), (4, 3, -1), (count, 1, 3))
     arms = rng.normal(size=(count, 3, 3)) * size * 10 ** rng.uniform(-2, 0, (count, 1, 3))
@@ -63,7 +64,7 @@ def test_no_bit_changes_among_crossing_triangles(gpu, monkeypatch, seed):
     rng = np.random.default_rng(seed)
     turns = [np.eye(4), np.diag([-1.0, 1, 1, 1]), np.diag([1.0, 1, 0.01, 1])]  # one mirrored, one nearly flat
     turns[2][2, 3] = -3.0
-    parts = [soup(rng, 60, size) for size in (2.0, 0.5, 4.0)]
+    parts = [crossing(rng, 60, size) for size in (2.0, 0.5, 4.0)]
     scene = make_scene(*parts, matrices=turns, materials=(Material(double_sided=True),))
     camera = FormulaCamera(LENS, lambda t: ((0.3 * t, 0.1 * t, 0.0), np.eye(3)))
     channels, _, _ = both(gpu, scene, camera, monkeypatch, times=(0.0, 0.7))
@@ -71,7 +72,7 @@ def test_no_bit_changes_among_crossing_triangles(gpu, monkeypatch, seed):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 5.0, 500.0])
-def test_of_surfaces_in_one_place_the_first_stays(gpu, monkeypatch, tilt):
+def test_of_coincident_surfaces_the_first_drawn_is_kept(gpu, monkeypatch, tilt):
     """Twice the same wall, one slanted until it is seen nearly along itself."""
     wall = quad((-3, -2, -3), (6, 0, -tilt), (0, 4, 0), material=0)
     paints = (Material(base_color=(1, 0, 0, 1)), Material(base_color=(0, 1, 0, 1)))
@@ -81,7 +82,7 @@ def test_of_surfaces_in_one_place_the_first_stays(gpu, monkeypatch, tilt):
     assert seen.any() and (channels[0.0, "base_color"][seen][:, 0] == 1.0).all()
 
 
-def test_what_an_alpha_mask_cuts_out_shows_what_is_behind(gpu, monkeypatch):
+def test_holes_of_an_alpha_mask_show_the_surface_behind(gpu, monkeypatch):
     front = quad((-1, -1, -2), (2, 0, 0), (0, 2, 0), material=0)
     back = quad((-4, -4, -4), (8, 0, 0), (0, 8, 0), material=1)
     masked = Material(base_color_texture=Texture(0), alpha_mode="MASK")
@@ -92,7 +93,7 @@ def test_what_an_alpha_mask_cuts_out_shows_what_is_behind(gpu, monkeypatch):
 
 
 def test_hidden_surfaces_cost_no_channels(gpu, monkeypatch):
-    """Five walls, the farthest drawn first: each fills the picture, each is drawn unless depth is there already."""
+    """Five walls that fill the image, the farthest drawn first: without a pre-pass all are shaded."""
     walls = [quad((-20, -20, -z), (40, 0, 0), (0, 40, 0), material=0) for z in (10, 8, 6, 4, 2)]
     scene = make_scene(*walls, materials=(Material(),))
     _, on, off = both(gpu, scene, still_camera(LENS), monkeypatch)
@@ -103,7 +104,7 @@ def test_hidden_surfaces_cost_no_channels(gpu, monkeypatch):
 
 def test_many_small_triangles_are_drawn_once(gpu):
     rng = np.random.default_rng(1)
-    few, many = (make_scene(soup(rng, n, 0.5), materials=(Material(),)) for n in (20, SIZE[0] * SIZE[1]))
+    few, many = (make_scene(crossing(rng, n, 0.5), materials=(Material(),)) for n in (20, SIZE[0] * SIZE[1]))
     assert frames(gpu, few, still_camera(LENS))[1][2]
     assert not frames(gpu, many, still_camera(LENS))[1][2]
 
@@ -130,8 +131,8 @@ def test_which_textures_lie_on_plain_coordinates(texture, plain):
     assert has_plain_uv(material, ("base_color",))  # only what is sampled counts
 
 
-def test_plain_coordinates_give_the_bits_of_the_general_way(gpu):
-    """The same coordinates as the second set go the general way."""
+def test_plain_coordinates_give_the_bits_of_general_ones(gpu):
+    """The second set of coordinates takes the general path of the shader."""
     out = []
     for texcoord in (0, 1):
         floor = quad((-30, -1, 0), (60, 0, 0), (0, 0, -60), material=0)

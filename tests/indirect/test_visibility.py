@@ -11,7 +11,7 @@ import pytest
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.frame.geometry import build_geometry
-from taubench_gl.frame.indirect_layout import BRICKS, GRID, fixed_draws, indirect_layout
+from taubench_gl.frame.passes.indirect import BRICKS, GRID, fixed_draws, indirect_layout
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.scene.model import Channel, Scene
@@ -59,7 +59,7 @@ def test_the_grid_is_empty_along_its_sides(extent, center):
     of the opposite side: no surface may lie there.  In float64 from the record; at the low side but for its rounding.
     """
     half = 0.5 * np.array(extent)
-    record = indirect_layout((center - half, center + half), (64, 48), SETTINGS)
+    record = indirect_layout((center - half, center + half), (64, 48), SETTINGS.lighting.probes)
     low, voxel = record["grid_origin"][:3].astype(np.float64), float(record["grid_origin"][3])
     assert np.all((-half - low) / voxel > 1.0 - 1e-4)
     assert np.all((half - low) / voxel < GRID - 2)
@@ -68,9 +68,9 @@ def test_the_grid_is_empty_along_its_sides(extent, center):
 def test_bricks_hold_the_voxels_and_the_way_to_the_next(gpu):
     source = source_of(gpu, crowded())
     source.advance(5)
-    grid = source.light.indirect.grid
-    voxels = grid.occupancy()
-    texels = np.frombuffer(grid.bricks.read(), np.uint32).reshape(BRICKS, BRICKS, BRICKS, 4)
+    indirect = source.light.indirect
+    voxels = indirect.grid.occupancy()
+    texels = np.frombuffer(indirect.tables["bricks"].read(), np.uint32).reshape(BRICKS, BRICKS, BRICKS, 4)
     source.release()
     bits = np.unpackbits(np.ascontiguousarray(texels[..., :2]).view(np.uint8), axis=-1, bitorder="little")
     cells = bits.reshape(BRICKS, BRICKS, BRICKS, 4, 4, 4).transpose(0, 3, 1, 4, 2, 5).reshape(GRID, GRID, GRID)
@@ -95,7 +95,7 @@ def test_rays_that_stride_see_what_an_exact_test_of_every_voxel_sees(gpu):
     source.advance(5)
     indirect = source.light.indirect
     seen, cells = indirect.grid.visibility(), np.argwhere(indirect.grid.occupancy())[:, ::-1].astype(np.float64)
-    record, lights = indirect.record, source.light.virtual_lights()
+    record, lights = indirect.record(source.renderer.frame), source.light.vpls()
     source.release()
     counts = record["probe_counts"][:3]
     low, voxel = record["grid_origin"][:3].astype(np.float64), float(record["grid_origin"][3])

@@ -13,7 +13,7 @@ from taubench_gl.conventions import FEATURES
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.targets import read_channel
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -30,13 +30,12 @@ def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: st
     settings = Settings.of(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)
     source = RasterSource(gpu, scene, choose_camera(scene), settings)
     views = [source.advance(10), source.advance(14)]
-    shaders = ShaderCache(gpu.ctx)
     pair = reprojection(views[1], views[0], *SIZE)
     thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
     found = []
     for software in (True, False):
         masks = MaskPass(
-            dataclasses.replace(gpu, software=software), shaders, SIZE, reprojection=mode, sampling=sampling,
+            GpuContext(dataclasses.replace(gpu, software=software)), SIZE, reprojection=mode, sampling=sampling,
             radiance=source.radiance, cuts=source.cuts, write_mask=True, write_motion=True,
         )  # fmt: skip
         run = masks.run(pair, thresholds, source.current, source.previous)
@@ -51,5 +50,4 @@ def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: st
     )
     assert np.array_equal(one.mask_histogram, other.mask_histogram) and np.array_equal(one.histograms, other.histograms)
     assert np.array_equal(mask, images[0]) and motion.tobytes() == images[1].tobytes()
-    shaders.release()
     source.release()
