@@ -96,7 +96,7 @@ class ViewerEngine:
     def update(self, state: ViewerState) -> None:
         """Update pair, masks and image to ``state``; unchanged parts are not rendered."""
         self._plan(state)
-        previous, current = self._choose(state)
+        previous, current = self._choose_pair(state)
         changed = self.feed.show(previous, current)
         self.shots = previous, current
         first = self._first(state, previous, current)
@@ -105,7 +105,7 @@ class ViewerEngine:
             self.drawn.pairs += changed
             self._evaluate(state, previous, current, first)
             self._mask_key = mask_key
-        self._show(state)
+        self._update_image(state)
 
     def _plan(self, state: ViewerState) -> None:
         shown = VISUALIZATIONS.get(state.channel)
@@ -120,7 +120,7 @@ class ViewerEngine:
                 state.message = f"the source has no {state.channel.replace('_', ' ')} channel"
                 state.channel = state.channels[0]
 
-    def _choose(self, state: ViewerState) -> tuple[Shot, Shot]:
+    def _choose_pair(self, state: ViewerState) -> tuple[Shot, Shot]:
         """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view."""
         if not self.feed.free:
             state.camera, state.freeze_current, state.freeze_previous = "file", False, False
@@ -161,7 +161,7 @@ class ViewerEngine:
         self.counts = counts_of(counts.mask_histogram)
         self.drawn.masks += 1
 
-    def _show(self, state: ViewerState) -> None:
+    def _update_image(self, state: ViewerState) -> None:
         observed = state.freeze_current
         shown = self._last if observed else self.shots[1]
         key = (
@@ -196,17 +196,17 @@ class ViewerEngine:
                     texture,
                     source.current["position"],
                     self._evaluator.mask_texture,
-                    state.low,
-                    state.high,
-                    state.active_overlays(),
-                    state.opacity,
-                    state.comparison,
-                    other,
-                    state.split,
-                    state.gain,
-                    frozen,
-                    self.pair.prev_clip_from_prev,
-                    self.pair.camera_delta,
+                    low=state.low,
+                    high=state.high,
+                    shown=state.active_overlays(),
+                    opacity=state.opacity,
+                    comparison=state.comparison,
+                    other=other,
+                    split=state.split,
+                    gain=state.gain,
+                    frozen=frozen,
+                    prev_clip_from_prev=self.pair.prev_clip_from_prev,
+                    camera_delta=self.pair.camera_delta,
                 )
             )
             self._lines(state, shown.view, source)
@@ -275,7 +275,7 @@ class ViewerEngine:
         return self._evaluator.motion()
 
     def mask(self) -> Array:
-        """Reason words, (h, w) uint32, row 0 at the top."""
+        """Reason masks, (h, w) uint32, row 0 at the top."""
         return self._evaluator.mask()
 
     def object_motion(self) -> Array:
