@@ -28,7 +28,7 @@ Textures = Mapping[str, Any]
 """Channel name -> GL texture."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ChannelPair:
     """Channels of two frames that no Source holds, such as uploaded arrays, in the form of a source."""
 
