@@ -18,7 +18,7 @@ from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.frame_store import FrameRecorder
 from taubench_gl.report.run_page import REPORT_FILE, ReportRun, write_html_report
-from taubench_gl.run import FRAMES_FILE, Progress, Run
+from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -83,7 +83,7 @@ class _Saver:
 
     def __call__(self, pair: Pair) -> None:
         self._measured = {name for name in FEATURE_BIT if pair.row[name] is not None}
-        discarded = sum(pair.row[name] or 0 for name in ("frustum", *FEATURE_BIT))
+        discarded = total_discards(pair.row)
         if self._worst is None or discarded > self._worst[0]:
             self._worst = (discarded, pair.frame, pair.mask(), shaded(pair))
         if self._recorder is not None:

@@ -92,7 +92,7 @@ CONCEPTS: Mapping[str, Term] = _by_key(
         "false_negative", "false negative", "A pixel that a method rejects although no reference mask discards it", "",
         "docs/reuse-evaluation.md",
     ),
-    Term("worst_frame", "worst frame", "The frame of the pair with the highest discard rate"),
+    Term("worst_frame", "worst frame", "The current frame of the pair with the most discards, summed over the columns"),
     Term(
         "noise_floor", "noise floor",
         "Discard rate between two path-traced renders of the same frames with different seeds: noise alone", "%",

@@ -52,6 +52,11 @@ _KINDS = (
 """(key, type, its name) that ``load_run`` checks where the key is present: outer keys first."""
 
 
+def total_discards(row: Mapping[str, Any]) -> int:
+    """Discards of a row of frames.csv, summed over the columns of Table 4; the worst frame has the most."""
+    return sum(row.get(name) or 0 for name in COLUMNS)
+
+
 @dataclass(frozen=True, slots=True)
 class Progress:
     """Reported once per evaluated pair.  ``frame_seconds`` is the wall-clock time of this pair."""

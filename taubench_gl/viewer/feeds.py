@@ -15,7 +15,7 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View, bounding_sphere, choose_camera
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURE_BIT, FEATURES
+from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
 from taubench_gl.evaluation import frame_range, require_triangles
@@ -25,7 +25,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
-from taubench_gl.run import SUMMARY_FILE, Run, load_run
+from taubench_gl.run import SUMMARY_FILE, Run, load_run, total_discards
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -297,9 +297,7 @@ def scene_path(out: Path | None, path: str) -> str:
 def worst_frame(run: Run) -> int | None:
     """The worst frame of a run, the one of its mask.png; None without pairs."""
     rows = [row for row in run.frames if row.get("frame") is not None]
-    if not rows:
-        return None
-    return int(max(rows, key=lambda row: sum(row.get(n) or 0 for n in ("frustum", *FEATURE_BIT)))["frame"])
+    return int(max(rows, key=total_discards)["frame"]) if rows else None
 
 
 def _run_note(run: Run, sha256: str | None) -> str:
