@@ -31,7 +31,7 @@ def plot_fronts(study: Study, folder: Path) -> list[Path]:
         figure, axes = new_figure(8.6, 5.2)
         front = _draw_front(axes, study, name)
         _name_points(axes, front)
-        axes.set_title(_title(study, f"Accuracy against time, {_front_title(study, name)}"), fontsize=10)
+        figure.suptitle(_title(study, f"Accuracy against time, {_front_title(study, name)}"), fontsize=10)
         written += save_figure(figure, folder / f"front_{name}")
     if study["columns"]:
         written += save_figure(_all_fronts(study), folder / "fronts")
@@ -43,7 +43,7 @@ def plot_fronts(study: Study, folder: Path) -> list[Path]:
         axes.set(xlabel="ms per frame, shading and method (log)", ylabel=measure)
         axes.set_ylim(0.0, 1.15 * max([1e-9, *errors.values()]))
         _name_points(axes, front)
-        axes.set_title(_title(study, f"Reuse methods, {measure}", points[0]), fontsize=10)
+        figure.suptitle(_title(study, f"Reuse methods, {measure}", points[0]), fontsize=10)
         written += save_figure(figure, folder / f"methods_{measure}")
     return written
 
