@@ -1,4 +1,4 @@
-// What every reuse method finds in place besides its own inputs: colour spaces, neighborhood boxes, taps, kernels.
+// Functions for all reuse methods: color spaces, boxes, taps, kernels.
 // Reference  metrics.reuse_methods
 #include "common/numbers.glsl"
 
@@ -13,8 +13,8 @@ vec3 ycocg_from_rgb(vec3 c) {
 }
 vec3 rgb_from_ycocg(vec3 c) { return vec3(c.x + c.y - c.z, c.x + c.z, c.x - c.y - c.z); }
 
-// Towards the middle of the box until inside it (Pedersen 2016, "Temporal Reprojection Anti-Aliasing in INSIDE"): keeps
-// the direction of the difference, where a clamp bends it to the nearest face.
+// Moves a color towards the center of the box until it is inside (Pedersen 2016, "Temporal Reprojection Anti-Aliasing in
+// INSIDE").  Keeps the direction of the difference; a clamp changes it.
 vec3 clip_to_box(vec3 low, vec3 high, vec3 c) {
     vec3 middle = 0.5 * (high + low), extent = 0.5 * (high - low) + 1.0e-7;
     vec3 offset = c - middle;
@@ -23,7 +23,7 @@ vec3 clip_to_box(vec3 low, vec3 high, vec3 c) {
     return farthest > 1.0 ? middle + offset / farthest : c;
 }
 
-// Keys 1981, a = -1/2 (Catmull-Rom): weights of the taps at -1, 0, 1, 2 for a point f in [0, 1) behind tap 0.
+// Keys 1981, a = -1/2 (Catmull-Rom): weights of the taps at -1, 0, 1, 2 for a point f in [0, 1) after tap 0.
 vec4 catmull_rom_weights(float f) {
     float f2 = f * f, f3 = f2 * f;
     return vec4(-0.5 * f3 + f2 - 0.5 * f, 1.5 * f3 - 2.5 * f2 + 1.0, -1.5 * f3 + 2.0 * f2 + 0.5 * f, 0.5 * f3 - 0.5 * f2);
@@ -31,7 +31,7 @@ vec4 catmull_rom_weights(float f) {
 
 struct Tap { ivec2 at; float weight; };
 
-// Tap i = 0 .. 3 of the bilinear footprint of ``at``, weights adding up to 1.
+// Tap i = 0 .. 3 of the bilinear footprint of ``at``; the weights add up to 1.
 Tap bilinear_tap(vec2 at, int i) {
     ivec2 offset = ivec2(i & 1, i >> 1);
     vec2 f = at - floor(at);

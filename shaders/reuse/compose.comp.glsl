@@ -1,7 +1,7 @@
-// What a method reuses: exposed linear radiance, from light and emission, or the sky's.  A pixel that was not shaded in
-// this frame takes the radiance of its nearest neighbor that was.
+// Exposed linear radiance of light and emission, or of the sky.  A pixel that was not shaded in this frame gets the
+// radiance of its nearest shaded neighbor.
 //
-// Reads    position, direct indirect emission where there are.
+// Reads    position; direct, indirect, emission where available
 // Writes   radiance: rgb exposed, a 1 where shaded and 0 where filled; ACCUMULATE adds a share of rgb instead.
 // Reference metrics.shading_rate.nearest_shaded, metrics.color (its exposure)
 #include "common/shading_rate.glsl"
@@ -25,7 +25,7 @@ uniform sampler2D indirect;
 uniform sampler2D emission;
 #endif
 #if ACCUMULATE
-uniform float share; // negative: the first sample, which replaces what is there
+uniform float share; // negative: the first sample, which replaces the stored value
 layout(rgba32f, binding = 0) uniform image2D radiance_out;
 #else
 layout(rgba32f, binding = 0) writeonly uniform image2D radiance_out;

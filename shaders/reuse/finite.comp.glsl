@@ -1,6 +1,7 @@
-// Pixels of a reuse method's result that are NaN or infinite although the radiance they were made from is not.
+// Counts pixels of a result that are NaN or infinite where the input radiance is finite.
 //
-// Reads    result, radiance.   Counts   found.x: such pixels; found.y: the smallest index y * width + x among them.
+// Reads    result, radiance
+// Counts   found.x: such pixels; found.y: their smallest index y * width + x
 #include "common/numbers.glsl"
 
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
@@ -9,13 +10,13 @@ layout(std430, binding = 0) coherent buffer Found { uint found[3]; };
 
 uniform sampler2D result;
 uniform sampler2D radiance;
-uniform bool judge_radiance;
+uniform bool has_radiance;
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy), size = textureSize(result, 0);
     if (any(greaterThanEqual(pixel, size))) return;
     if (!non_finite(texelFetch(result, pixel, 0))) return;
-    if (judge_radiance && non_finite(texelFetch(radiance, pixel, 0).rgb)) return;
+    if (has_radiance && non_finite(texelFetch(radiance, pixel, 0).rgb)) return;
     atomicAdd(found[0], 1u);
     atomicMin(found[1], uint(pixel.y * size.x + pixel.x));
 }

@@ -55,10 +55,10 @@ Examples:
 def list_methods(as_json: bool) -> None:
     """The methods that have a name: shipped, and installed by other packages."""
     from taubench_gl.errors import MethodError
-    from taubench_gl.reuse.loading import installed_methods, load_method, shipped_methods
+    from taubench_gl.reuse.loading import builtin_methods, installed_methods, load_method
 
     rows = {}
-    for name in (*shipped_methods(), *installed_methods()):
+    for name in (*builtin_methods(), *installed_methods()):
         try:
             rows[name] = load_method(name).title
         except MethodError as error:

@@ -28,7 +28,7 @@ from taubench_gl.settings import Settings
 if TYPE_CHECKING:
     from taubench_gl.reuse.evaluate import Evaluation
     from taubench_gl.reuse.evaluate_output import ReuseFolder
-    from taubench_gl.reuse.inputs_kind import InputKind
+    from taubench_gl.reuse.input_kind import InputKind
 
 EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
 FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
@@ -230,7 +230,7 @@ def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
 
 
 def _input(options: dict[str, Any]) -> InputKind:
-    from taubench_gl.reuse.inputs_kind import parse_input
+    from taubench_gl.reuse.input_kind import parse_input
 
     lights, bounces = options.pop("noise_lights"), options.pop("noise_bounces")
     return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=bounces, seed=options.pop("seed"))

@@ -19,7 +19,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.reuse.contract import Method
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
 from taubench_gl.reuse.fit import parse_range
-from taubench_gl.reuse.inputs_kind import parse_input
+from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import MEASURES
 from taubench_gl.scene.model import Scene

@@ -51,7 +51,7 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
         kind += f" ({given['light_samples']} lights, {given['indirect_samples']} VPLs, seed {given['seed']})"
     against = f"{reference['samples']} samples per pixel" if reference["kind"] == "max" else reference["path"]
     first = f"{summary['scene']['name']}: {s['width']}x{s['height']}, {s['fps']:g} fps, "
-    first += f"means over frames {s['first_frame'] + 1} to {s['last_frame']} (N = {summary['judged_frames']}); "
+    first += f"means over frames {s['first_frame'] + 1} to {s['last_frame']} (N = {summary['evaluated_frames']}); "
     return (f"{first}input: {kind}; reference: {reference['kind']}, {against}.", *given["notes"])
 
 
@@ -107,9 +107,9 @@ def _class_measure(method: Summary) -> str:
 
 
 def _class_source(summary: Summary) -> str:
-    if summary["judged_by"] == "truth":
-        return "Wrongly reused, wrongly rejected and the pixel classes refer to the masks of the noise-free frames."
-    return "The pixel classes refer to geometry alone, because there are no noise-free masks."
+    if summary["mask_source"] == "exact":
+        return "Wrongly reused, wrongly rejected and the pixel classes refer to the masks of the exact (noise-free) frames."
+    return "The pixel classes refer to geometry alone, because there are no masks of exact frames."
 
 
 def _number(value: Any) -> Any:

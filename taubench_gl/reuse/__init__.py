@@ -1,4 +1,4 @@
-"""Temporal reuse methods: the contract, the shipped methods, what they are fed and how they are judged."""
+"""Temporal reuse methods: their contract, built-in methods, inputs, and evaluation."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 _LAZY = {
     "Evaluation": "taubench_gl.reuse.evaluate",
     "Fit": "taubench_gl.reuse.fit",
-    "InputKind": "taubench_gl.reuse.inputs_kind",
+    "InputKind": "taubench_gl.reuse.input_kind",
     "MethodSpec": "taubench_gl.reuse.evaluate",
     "evaluate_methods": "taubench_gl.reuse.evaluate",
     "fit_setting": "taubench_gl.reuse.fit",
-    "parse_input": "taubench_gl.reuse.inputs_kind",
+    "parse_input": "taubench_gl.reuse.input_kind",
 }
 """Resolved on first use: listing methods needs neither OpenGL nor image libraries."""
 

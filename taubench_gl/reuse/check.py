@@ -1,4 +1,5 @@
-"""Trying a method out on a small synthetic sequence: does it load, compile, run, and give numbers?"""
+"""``reuse check``: loads, compiles and runs a method on a small synthetic sequence; ``reuse new``: writes an
+example."""
 
 from __future__ import annotations
 
@@ -12,8 +13,8 @@ from taubench_gl.errors import OutputError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.outputs import cannot_write
 from taubench_gl.paths import PACKAGE
-from taubench_gl.reuse.arrays import read_result
 from taubench_gl.reuse.contract import Method, Value
+from taubench_gl.reuse.frame import read_result
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
@@ -24,21 +25,21 @@ _TEMPLATE = PACKAGE / "reuse" / "template"
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
-    """What a trial run showed.  Errors are root mean squares of linear radiance against the noise-free frames."""
+    """Result of a test run.  Errors are RMS errors of linear radiance against the noise-free frames."""
 
     method: Method
     frames: int
     size: tuple[int, int]
     error: float
     error_without_reuse: float
-    reused: float | None  # mean weight of history, None where the method does not say
+    reused: float | None  # mean weight of history, None if not reported
 
 
 def check_method(
-    gpu: Gpu, wanted: str | Path | type | Method, settings: Mapping[str, Value] | None = None
+    gpu: Gpu, source: str | Path | type | Method, settings: Mapping[str, Value] | None = None
 ) -> CheckReport:
-    """Run ``wanted`` over FRAMES frames of noise 0.3 with a cut in them.  Raises MethodError, one line."""
-    method = load_method(wanted)
+    """Run a method, as for ``load_method``, over FRAMES noisy frames with a cut.  Raises MethodError."""
+    method = load_method(source)
     with MethodRunner(gpu, method, SIZE, settings) as runner:
         uploader = Uploader(gpu, SIZE)
         try:
@@ -50,25 +51,25 @@ def check_method(
                 reused.append(result[..., 3])
         finally:
             uploader.release()
-    told = np.stack(reused)
+    weight = np.stack(reused)
     return CheckReport(
         method=method,
         frames=FRAMES,
         size=SIZE,
         error=float(np.sqrt(np.mean(squares))),
         error_without_reuse=float(np.sqrt(np.mean(plain))),
-        reused=None if (told < 0).all() else float(told[told >= 0].mean(dtype=np.float64)),
+        reused=None if (weight < 0).all() else float(weight[weight >= 0].mean(dtype=np.float64)),
     )
 
 
 def write_example(path: Path, python: bool = False) -> list[Path]:
     """A working method at ``path``: a folder with method.toml and GLSL, or for ``python`` one file.
 
-    -> the files written.  Raises OutputError where something is there already, or cannot be written.
+    -> the files.  Raises OutputError if the path exists or cannot be written.
     """
     path = path.with_name(f"{path.name}.py") if python and path.suffix != ".py" else path
     if path.exists():
-        raise OutputError("is there already", where=str(path), hint="choose another name")
+        raise OutputError("exists", where=str(path), hint="choose another name")
     templates = {"method.py": path} if python else {name: path / name for name in ("method.toml", "reuse.glsl")}
     made: list[Path] = []
     try:

@@ -1,7 +1,7 @@
-"""What a reuse method is: the inputs it reads, the history it keeps, its settings and its passes.  Plain data, no GL.
+"""The description of a reuse method: inputs, history, settings and passes.  Plain data, no GL.
 
-A method is a folder with ``method.toml`` and GLSL files (``toml_method``) or a Python class (``python_method``); both
-become a ``Method``.  docs/reuse.md teaches the contract.
+A method is a folder with ``method.toml`` and GLSL files (``toml_method``) or a Python class (``python_method``).  Both
+become a ``Method``.  docs/reuse.md documents the contract.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from taubench_gl.errors import MethodError
-from taubench_gl.reuse.frame import INPUTS
+from taubench_gl.errors import MethodError, note_renamed
+from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
 
 Value = float | int | bool | str
 
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A texture format a method may keep.  ``dtype`` as moderngl names it, ``glsl`` the type of one value."""
+    """A texture format for histories and buffers.  ``dtype`` of moderngl; ``glsl``: type of one value."""
 
     name: str
     components: int
@@ -52,10 +52,10 @@ FORMATS: dict[str, Format] = {
 RESULT = "result"
 RESULT_FORMAT = FORMATS["rgba32f"]
 """rgb: linear radiance, exposure applied.  a: weight of history in the pixel, 0 .. 1, or -1 where the method does not
-say (``write_result(p, vec3)``)."""
+report it (``write_result(p, vec3)``)."""
 
 MAX_WRITES, MAX_READS = 8, 16
-"""Images and textures that every GL 4.5 driver gives a compute shader."""
+"""Images and textures that every GL 4.5 driver provides to a compute shader."""
 
 MAX_REPEAT = 64
 
@@ -72,18 +72,19 @@ _WORDS = (
 )
 _GLSL_WORDS = frozenset(_WORDS.split())
 _OUR_WORDS = (
-    "frame iteration result reuse tap luminance inside in_picture previous_px reusable reusable_in_truth "
-    "nearest_surface bilinear_tap catmull_rom_weights clip_to_box ycocg_from_rgb rgb_from_ycocg non_finite"
+    "frame iteration result reuse tap luminance inside in_image previous_px reusable reusable_exact in_picture "
+    "reusable_in_truth nearest_surface bilinear_tap catmull_rom_weights clip_to_box ycocg_from_rgb rgb_from_ycocg "
+    "non_finite"
 )
 _OURS = frozenset(_OUR_WORDS.split())
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One number or choice a user may change; in GLSL a uniform of this name.
+    """One parameter of a method; in GLSL a uniform of this name.
 
-    ``kind``: float, int, bool, or choice (GLSL: int, the index into ``choices``).  ``scale``: how a search should step
-    through [minimum, maximum], linear or log.
+    ``kind``: float, int, bool, or choice (GLSL: int, the index into ``choices``).  ``scale``: linear or log, the
+    spacing of a search in [minimum, maximum].
     """
 
     name: str
@@ -97,12 +98,12 @@ class Setting:
 
     @property
     def allowed(self) -> str:
-        """What may be given, in words."""
+        """The allowed values, in words."""
         if self.kind == "choice":
             return "one of " + ", ".join(self.choices)
         if self.kind == "bool":
             return "true or false"
-        what = "a whole number" if self.kind == "int" else "a number"
+        what = "an integer" if self.kind == "int" else "a number"
         low, high = self.minimum, self.maximum
         if low is not None and high is not None:
             return f"{what} from {low:g} to {high:g}"
@@ -110,8 +111,8 @@ class Setting:
             return f"{what} of at least {low:g}"
         return what if high is None else f"{what} of at most {high:g}"
 
-    def fault(self, value: object) -> str | None:
-        """Why ``value`` cannot be meant, or None."""
+    def error(self, value: object) -> str | None:
+        """Why ``value`` is invalid, or None."""
         if self.kind in ("bool", "choice"):
             good = isinstance(value, bool) if self.kind == "bool" else value in self.choices
         else:
@@ -122,7 +123,7 @@ class Setting:
         return None if good else f"{value!r} is not {self.allowed}"
 
     def parse(self, text: str) -> Value:
-        """The value of text from a command line.  Raises MethodError."""
+        """The value of a text from the command line.  Raises MethodError."""
         value: Value | str = text.strip()
         if self.kind == "bool":
             value = {"true": True, "false": False, "1": True, "0": False}.get(text.strip().lower(), text)
@@ -132,13 +133,13 @@ class Setting:
                 value = int(value) if self.kind == "int" and value.is_integer() else value
             except ValueError:
                 pass
-        fault = self.fault(value)
-        if fault:
-            raise MethodError(f"setting {self.name}: {fault}")
+        error = self.error(value)
+        if error:
+            raise MethodError(f"setting {self.name}: {error}")
         return value
 
     def number(self, value: Value) -> float | int | bool:
-        """``value`` as the uniform has it."""
+        """``value`` as the value of the uniform."""
         return self.choices.index(value) if self.kind == "choice" else value
 
 
@@ -146,8 +147,8 @@ class Setting:
 class PassInfo:
     """One dispatch over all pixels, ``repeat`` times.
 
-    ``reads``: inputs, ``prev_<history>``, and histories or buffers written before.  What a pass both reads and writes
-    it reads as it was before this turn.  ``repeat`` may name an int setting.
+    ``reads``: inputs, ``prev_<history>``, and histories or buffers written by earlier passes.  A name in both ``reads``
+    and ``writes`` is read as it was before this dispatch.  ``repeat`` can be the name of an int setting.
     """
 
     shader: str
@@ -158,11 +159,11 @@ class PassInfo:
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """A valid reuse method, ready for ``MethodRunner``.
+    """A valid reuse method, input of ``MethodRunner``.
 
-    ``reads``: names of INPUTS.  ``history``, ``buffers``: name -> Format.  ``keyframe``: every how many frames the
-    frame in hand becomes the key frame (``frame.key_*`` in GLSL), or the int setting that says so; None: no key frames.
-    ``factory`` is the class of a Python method, ``folder`` where a GLSL method's shaders lie.
+    ``reads``: names of INPUTS.  ``history``, ``buffers``: name -> Format.  ``keyframe``: interval in frames at which
+    the current frame becomes the key frame (``frame.key_*`` in GLSL), or the name of an int setting; None: no key
+    frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method.
     """
 
     name: str
@@ -179,20 +180,20 @@ class Method:
     where: str = ""
 
     def values(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
-        """Every setting's value, ``given`` over the defaults.  Raises MethodError naming all faults at once."""
-        faults = []
+        """The value of every setting: ``given``, else the default.  Raises MethodError, which lists all errors."""
+        errors = []
         for name, value in (given or {}).items():
             if name not in self.settings:
-                faults.append(f"no setting is named {name!r}{suggestion(name, self.settings, 'it has no settings')}")
-            elif fault := self.settings[name].fault(value):
-                faults.append(f"setting {name}: {fault}")
-        if faults:
-            raise MethodError("; ".join(faults), where=self.label)
+                errors.append(f"there is no setting {name!r}{suggestion(name, self.settings, 'it has no settings')}")
+            elif error := self.settings[name].error(value):
+                errors.append(f"setting {name}: {error}")
+        if errors:
+            raise MethodError("; ".join(errors), where=self.label)
         return {name: _typed(setting, (given or {}).get(name, setting.default))
                 for name, setting in self.settings.items()}  # fmt: skip
 
     def number(self, value: int | str | None, values: Mapping[str, Value]) -> int | None:
-        """``value`` itself, or what the setting it names has."""
+        """``value``, or the value of the setting with this name."""
         return int(values[value]) if isinstance(value, str) else value
 
     @property
@@ -201,11 +202,11 @@ class Method:
 
     @property
     def spares(self) -> frozenset[str]:
-        """Histories and buffers that a pass reads and writes in one turn: they need one texture more."""
+        """Histories and buffers that one pass reads and writes: they need an additional texture."""
         return frozenset(name for p in self.passes for name in p.writes if name in p.reads)
 
     def bytes(self, size: tuple[int, int]) -> int:
-        """Textures this method needs at ``size``, its result and history included; those of its inputs are not."""
+        """Bytes of the textures of this method at ``size``: history, buffers and result, without inputs."""
         kept = {**self.history, **self.buffers, RESULT: RESULT_FORMAT}
         per_pixel = sum(f.bytes * (1 + (n in self.history) + (n in self.spares)) for n, f in kept.items())
         return size[0] * size[1] * per_pixel
@@ -216,68 +217,76 @@ def _typed(setting: Setting, value: Value) -> Value:
 
 
 def suggestion(name: str, known: Iterable[str], none: str = "") -> str:
-    """`` (did you mean X? there are A, B)`` for an unknown ``name``."""
+    """`` (did you mean X? available: A, B)`` for an unknown ``name``."""
     known = sorted(known)
     if not known:
         return f" ({none})" if none else ""
     close = difflib.get_close_matches(name, known, n=1)
     listed = ", ".join(known)
-    return f" (did you mean {close[0]!r}? there are {listed})" if close else f" (there are {listed})"
+    return f" (did you mean {close[0]!r}? available: {listed})" if close else f" (available: {listed})"
 
 
-def name_fault(name: object, what: str, taken: Iterable[str] = ()) -> str | None:
-    """Why ``name`` cannot name a history, buffer or setting, or None: it becomes part of the shader."""
+def name_error(name: object, what: str, taken: Iterable[str] = ()) -> str | None:
+    """Why ``name`` is not a valid name for a history, buffer or setting, or None.  It becomes part of the shader."""
     if not isinstance(name, str) or not _NAME.fullmatch(name) or "__" in name:
-        return f"{name!r} cannot name a {what}: small letters, digits and single _ only, a letter first, 40 at most"
+        return f"{name!r} is not a name for a {what}: lower-case letters, digits, single _; 40 characters"
     if name in _GLSL_WORDS or name in _OURS or name.startswith("gl_"):
-        return f"{name!r} cannot name a {what}: the word is taken in GLSL or by what every shader is given"
+        return f"{name!r} is not a name for a {what}: it is reserved in GLSL or in the generated shader"
     if name.startswith("prev_"):
-        return f"{name!r} cannot name a {what}: prev_ is the last frame's value of a history"
+        return f"{name!r} is not a name for a {what}: prev_ denotes the history of the previous frame"
     if name in INPUTS or f"prev_{name}" in INPUTS:
-        return f"{name!r} cannot name a {what}: an input has that name"
+        return f"{name!r} is not a name for a {what}: it is the name of an input"
     if name in taken:
-        return f"{name!r} is given twice"
+        return f"{name!r} is declared twice"
     return None
 
 
-def input_fault(name: object) -> str | None:
-    """Why ``name`` is no input, or None."""
-    if isinstance(name, str) and name in INPUTS:
-        return None
-    return f"no input is named {name!r}{suggestion(str(name), INPUTS)}"
+def parse_reads(names: Iterable[object]) -> tuple[tuple[str, ...], list[str]]:
+    """Names of INPUTS without duplicates, former names replaced, and an error for every unknown name."""
+    found: dict[str, None] = {}
+    errors = []
+    for name in names:
+        if isinstance(name, str) and name in FORMER_INPUTS:
+            note_renamed(f"input {name}", FORMER_INPUTS[name])
+            name = FORMER_INPUTS[name]
+        if isinstance(name, str) and name in INPUTS:
+            found[name] = None
+        else:
+            errors.append(f"reads: there is no input {name!r}{suggestion(str(name), INPUTS)}")
+    return tuple(found), errors
 
 
 def parse_setting(name: str, raw: object) -> tuple[Setting | None, list[str]]:
-    """A setting from ``0.1`` or ``{default, min, max, choices, scale, doc}``: it, or None and every fault."""
+    """A setting from ``0.1`` or ``{default, min, max, choices, scale, doc}``.  -> the setting or None, all errors."""
     table = raw if isinstance(raw, Mapping) else {"default": raw}
-    faults = [f"{key}: unknown key (allowed: default, min, max, choices, scale, doc)"
+    errors = [f"{key}: unknown key (allowed: default, min, max, choices, scale, doc)"
               for key in table if key not in ("default", "min", "max", "choices", "scale", "doc")]  # fmt: skip
     if "default" not in table:
-        return None, [*faults, "default: is missing (a number, true, false, or one of choices)"]
+        return None, [*errors, "default: is missing (a number, true, false, or one of choices)"]
     default, choices = table["default"], table.get("choices", ())
     if not isinstance(choices, (list, tuple)) or not all(isinstance(c, str) and _NAME.fullmatch(c) for c in choices):
-        return None, [*faults, "choices: not a list of words in small letters"]
+        return None, [*errors, "choices: not a list of lower-case words"]
     kind = _kind(default, bool(choices))
     if kind is None:
-        return None, [*faults, f"default: {default!r} is not a number, true or false, nor are there choices"]
+        return None, [*errors, f"default: {default!r} is not a number, true or false, and there are no choices"]
     for key in ("min", "max"):
         bound = table.get(key)
         if bound is None:
             continue
         if kind not in ("float", "int") or isinstance(bound, bool) or not isinstance(bound, (int, float)):
-            return None, [*faults, f"{key}: {bound!r} is not a number for a setting that is a number"]
+            return None, [*errors, f"{key}: {bound!r} is not a number, or the setting is not a number"]
     scale = table.get("scale", "linear")
     if scale not in ("linear", "log"):
-        faults.append(f"scale: {scale!r} is not linear or log")
+        errors.append(f"scale: {scale!r} is not linear or log")
     if not isinstance(table.get("doc", ""), str):
-        faults.append(f"doc: {table['doc']!r} is not text")
+        errors.append(f"doc: {table['doc']!r} is not text")
     setting = Setting(name, kind, default, table.get("min"), table.get("max"), tuple(choices), scale,
                       str(table.get("doc", "")))  # fmt: skip
     if scale == "log" and not (setting.minimum or 0) > 0:
-        faults.append("scale: log needs a min above 0")
-    if fault := setting.fault(default):
-        faults.append(f"default: {fault}")
-    return (None, faults) if faults else (setting, [])
+        errors.append("scale: log needs a min above 0")
+    if error := setting.error(default):
+        errors.append(f"default: {error}")
+    return (None, errors) if errors else (setting, [])
 
 
 def _kind(default: object, choices: bool) -> str | None:

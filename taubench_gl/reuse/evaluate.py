@@ -1,35 +1,104 @@
-"""Reuse methods side by side: the same frames to all of them, one reference, every picture judged.
+"""Evaluation of reuse methods: equal frames for all methods, one reference, scores of every image.
 
-``evaluate_methods`` asks for it; the frames are walked in ``evaluate_bench``.
+All methods are resident and process each frame in turn, so that a temporary slowdown of the machine affects all of
+them.  The order rotates from frame to frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, choose_camera
-from taubench_gl.errors import SettingsError
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, Poser, choose_camera
+from taubench_gl.errors import GraphicsError, MethodError, SettingsError
+from taubench_gl.evaluation import frame_range
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
-from taubench_gl.reuse.evaluate_bench import SCHEMA, Bench, JudgedFrame, MethodSpec, method_settings
-from taubench_gl.reuse.inputs_kind import InputKind, parse_input
-from taubench_gl.reuse.quality import CHOICES
+from taubench_gl.reuse.contract import Method, Value
+from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.input_kind import InputKind, parse_input
+from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.quality import CHOICES, MEASURES, display
+from taubench_gl.reuse.references import FileReference, SupersampledReference
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.scores import CLASSES, Displayed, FrameReference, MethodRecord, classify
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
-__all__ = ["SCHEMA", "Evaluation", "JudgedFrame", "MethodSpec", "evaluate_methods", "method_settings"]
+Array = np.ndarray
+
+SCHEMA = "taubench-gl/reuse/2"
+
+REQUIRED = {"ssim": ("skimage", "scikit-image"), "flip": ("flip_evaluator", "flip-evaluator")}
+"""Metrics that need another package: module and package."""
+
+_EVALUATION_READS = ("mask", "motion", "exact_mask")
 
 
-NEEDS = {"ssim": ("skimage", "scikit-image"), "flip": ("flip_evaluator", "flip-evaluator")}
-"""Metrics that other packages compute: module and package."""
+@dataclass(frozen=True, slots=True)
+class MethodSpec:
+    """A method and its settings.  ``label`` identifies it in all outputs."""
+
+    label: str
+    method: str | Path | type | Method
+    settings: Mapping[str, Value | str] = field(default_factory=dict)  # strings are parsed by the method's settings
+
+    @classmethod
+    def parse(cls, text: str) -> MethodSpec:
+        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder or file.  Raises SettingsError."""
+        name, *given = text.split("@")
+        pairs = [part.partition("=") for part in given]
+        if not name or any(not equals or not key for key, equals, _ in pairs):
+            raise SettingsError(f"{text!r} is not a method", hint="give NAME or NAME@setting=value")
+        return cls(text, name, {key.strip(): value for key, _, value in pairs})
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationRequest:
+    """What to evaluate methods on.
+
+    ``input``: an InputKind, or text for ``parse_input``; ``reference``: ``max`` (exact light, ``reference_samples`` per
+    pixel) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``: frames declared to have no history; ``mapping``:
+    names of the passes of EXR files.
+    """
+
+    input: str | InputKind = "full"
+    reference: str = "max"
+    reference_samples: int = 16
+    metrics: Collection[str] = CHOICES
+    cuts: Collection[int] = ()
+    mapping: str | None = None
+
+    @property
+    def kind(self) -> InputKind:
+        return parse_input(self.input) if isinstance(self.input, str) else self.input
+
+    def check(self) -> None:
+        """Raises SettingsError for invalid values and for metrics whose package is missing."""
+        for name in self.metrics:
+            if name not in CHOICES:
+                raise SettingsError(f"there is no metric {name!r}", hint=f"choose from {', '.join(CHOICES)}")
+            module, package = REQUIRED.get(name, ("", ""))
+            if module and find_spec(module) is None:
+                hint = f"pip install 'taubench-gl[reuse]', or choose metrics other than {name}, such as psnr,relmse"
+                raise SettingsError(f"metric {name} needs {package}", hint=hint)
+        if self.reference != "max" and not is_sequence(self.reference):
+            raise SettingsError(f"reference is {self.reference!r}", hint="give max or exr:DIR")
+        if self.kind.files is not None and self.reference == "max":
+            raise SettingsError("path-traced input has no 'max' reference", hint="give --reference exr:DIR")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +110,20 @@ class Evaluation:
 
     @property
     def failed(self) -> dict[str, str]:
-        """Label -> one line, of methods that could not be run to the end."""
+        """Label -> one line, for methods that failed."""
         return {label: m["failed"] for label, m in self.summary["methods"].items() if m["failed"]}
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluatedFrame:
+    """One frame of an evaluation: images (h, w, 3) in [0, 1], error maps (h, w), row 0 at the top."""
+
+    frame: int
+    input: Array
+    reference: Array
+    images: Mapping[str, Array]
+    errors: Mapping[str, Array]
+    rows: Mapping[str, Mapping[str, Any]]
 
 
 def evaluate_methods(
@@ -50,58 +131,230 @@ def evaluate_methods(
     methods: Sequence[str | MethodSpec],
     settings: Settings | None = None,
     *,
-    input: str | InputKind = "full",
-    reference: str = "max",
-    reference_samples: int = 16,
-    metrics: Collection[str] = CHOICES,
-    cuts: Collection[int] = (),
-    mapping: str | None = None,
     camera: CameraTrack | None = None,
     progress: Callable[[Progress], None] | None = None,
-    on_frame: Callable[[JudgedFrame], None] | None = None,
+    on_frame: Callable[[EvaluatedFrame], None] | None = None,
+    **request: Any,
 ) -> Evaluation:
-    """Run ``methods`` over the frames of ``scene`` and judge every picture.
+    """Run ``methods`` over the frames of ``scene`` and score every image.
 
-    ``input`` as ``parse_input`` reads it; ``reference``: ``max`` (our own best, ``reference_samples`` per pixel) or
-    ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``: frames declared to have no history; ``mapping``: names of the
-    passes of EXR files.  A method that fails is told of in ``Evaluation.failed`` and harms no other.  Raises
-    TaubenchError for what stops them all, and where no method can be run at all.
+    ``request``: fields of ``EvaluationRequest``.  A method that fails is listed in ``Evaluation.failed`` and does not
+    affect the others.  Raises TaubenchError for an invalid request and if every method fails to load or compile.
     """
     settings = settings or Settings.of(reprojection="motion")
-    kind = parse_input(input) if isinstance(input, str) else input
+    options = EvaluationRequest(**request)
     specs = [MethodSpec.parse(m) if isinstance(m, str) else m for m in methods]
-    check_request(specs, metrics, reference)
+    _check_labels([spec.label for spec in specs])
+    options.check()
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
     camera = camera or choose_camera(scene, settings.sequence.camera)
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
-        bench = Bench(gpu, scene, camera, settings, kind, specs, reference, reference_samples, metrics, cuts, mapping)
+        run = _Evaluator(InputRequest(gpu, scene, camera, settings, options.kind, Poser(scene)), specs, options)
         try:
-            bench.run(progress, on_frame)
+            run.run(progress, on_frame)
             gpu.check("reuse evaluation")
-            summary = bench.summary() | {"provenance": provenance(gpu, PassTimer.clock)}
-            rows = [row for step in zip(*(r.rows for r in bench.records.values() if not r.failed)) for row in step]
+            summary = run.summary() | {"provenance": provenance(gpu, PassTimer.clock)}
+            rows = [row for step in zip(*(r.rows for r in run.records.values() if not r.failed)) for row in step]
         finally:
-            bench.release()
+            run.release()
             gpu.collect()
     return Evaluation(summary, rows)
 
 
-def check_request(specs: Sequence[MethodSpec], metrics: Collection[str], reference: str) -> None:
-    """Raises SettingsError for a request that cannot be meant."""
-    labels = [spec.label for spec in specs]
+def _check_labels(labels: Sequence[str]) -> None:
     if not labels:
-        raise SettingsError("no method was named", hint="see 'taubench-gl reuse list'")
+        raise SettingsError("there is no method to evaluate", hint="see 'taubench-gl reuse list'")
     if len(set(labels)) < len(labels):
         twice = next(label for label in labels if labels.count(label) > 1)
-        raise SettingsError(f"method {twice!r} is named twice", hint="give it other settings, NAME@setting=value")
-    for name in metrics:
-        if name not in CHOICES:
-            raise SettingsError(f"no metric is named {name!r}", hint=f"choose from {', '.join(CHOICES)}")
-        module, package = NEEDS.get(name, ("", ""))
-        if module and find_spec(module) is None:
-            hint = f"pip install 'taubench-gl[reuse]', or choose others than {name}, such as psnr,relmse"
-            raise SettingsError(f"metric {name} needs {package}", hint=hint)
-    if reference != "max" and not is_sequence(reference):
-        raise SettingsError(f"reference is {reference!r}", hint="give max or exr:DIR")
+        raise SettingsError(f"method {twice!r} is given twice", hint="use other settings, NAME@setting=value")
+
+
+class _Evaluator:
+    """The inputs, the reference and the runners of one evaluation, and the loop over its frames."""
+
+    def __init__(self, inputs: InputRequest, specs: Sequence[MethodSpec], request: EvaluationRequest):
+        self._gpu, self._scene, self._settings = inputs.gpu, inputs.scene, inputs.settings
+        self._reference = self._inputs = None
+        self._shading: list[float] = []
+        self.runners: dict[str, MethodRunner] = {}
+        self.records: dict[str, MethodRecord] = {}
+        self._facts: dict[str, dict[str, Any]] = {}
+        loaded = self._load(specs, frozenset(request.metrics))
+        self._require(len(loaded) > 0)
+        reads = {name for _, method in loaded for name in method.reads} | set(_EVALUATION_READS)
+        try:
+            self._open_inputs(inputs, reads, request)
+            if unknown := sorted(set(request.cuts) - set(self.frames)):
+                ends = f"{self.frames[0]} to {self.frames[-1]}"
+                raise SettingsError(f"cut {unknown[0]} is not among the frames", hint=f"the frames are {ends}")
+            if len(self.frames) < 2:
+                raise SettingsError("one frame has no history to reuse", hint="select at least two --frames")
+            if request.reference == "max":
+                self._reference = SupersampledReference(inputs, request.reference_samples)
+            else:
+                self._reference = FileReference(
+                    request.reference, self._inputs.size, self.frames, self._settings, request.mapping
+                )
+            self._open_runners(loaded)
+            self._require(len(self.runners) > 0)
+        except BaseException:
+            self.release()
+            raise
+        self._mask_source = "exact" if self._inputs.exact_mask is not None else "geometry"
+        for record in self.records.values():
+            record.exact_mask = self._mask_source == "exact"
+
+    def _load(self, specs: Sequence[MethodSpec], metrics: frozenset[str]) -> list[tuple[MethodSpec, Method]]:
+        loaded = []
+        for spec in specs:
+            self.records[spec.label] = MethodRecord(spec.label, metrics, True)
+            self._facts[spec.label] = {"title": None, "cite": [], "settings": None, "memory_bytes": None}
+            with self._isolated(spec.label):
+                method = load_method(spec.method)
+                self._facts[spec.label] |= {"title": method.title, "cite": list(method.cite)}
+                loaded.append((spec, method))
+        return loaded
+
+    def _open_inputs(self, inputs: InputRequest, reads: Collection[str], request: EvaluationRequest) -> None:
+        if inputs.kind.files is not None:
+            self._inputs = FileInputs(
+                inputs, reads, cuts=request.cuts, exact=request.reference, mapping=request.mapping
+            )
+            self.frames = self._inputs.frames(self._settings.sequence.frames)
+        else:
+            self.frames = frame_range(inputs.scene, inputs.camera, self._settings)
+            self._inputs = RasterInputs(inputs, reads, cuts=request.cuts, exact=True)
+
+    def _open_runners(self, loaded: Sequence[tuple[MethodSpec, Method]]) -> None:
+        for spec, method in loaded:
+            with self._isolated(spec.label):
+                values = method_settings(method, spec.settings)
+                timer = PassTimer(self._gpu)
+                runner = MethodRunner(self._gpu, method, self._inputs.size, values, timer=timer)
+                self.runners[spec.label] = runner
+                self._facts[spec.label] |= {"settings": dict(runner.values), "memory_bytes": runner.bytes}
+
+    def _require(self, some: bool) -> None:
+        """Raises MethodError with the failures of all methods if none is left."""
+        if not some:
+            raise MethodError("; ".join(str(record.failed) for record in self.records.values()))
+
+    @contextmanager
+    def _isolated(self, label: str) -> Iterator[None]:
+        """A MethodError, or a lack of GPU memory, ends this method only."""
+        try:
+            yield
+        except (MethodError, GraphicsError) as error:
+            self.records[label].failed = str(error)
+            runner = self.runners.pop(label, None)
+            if runner is not None:
+                runner.release()
+
+    def run(
+        self, progress: Callable[[Progress], None] | None, on_frame: Callable[[EvaluatedFrame], None] | None
+    ) -> None:
+        previous: Displayed | None = None
+        for done, frame in enumerate(self.frames):
+            if not self.runners:
+                return  # all methods have failed
+            started = time.perf_counter()
+            inputs = self._inputs.advance(frame)
+            shading = self._inputs.shading_ms()
+            if shading is not None and done:
+                self._shading.append(shading)
+            results = self._step_all(inputs, done)
+            reference = self._frame_reference(frame, inputs, previous)
+            previous = reference.image
+            self._score(reference, inputs, results, on_frame)
+            if progress is not None and done:
+                progress(Progress(self._scene.name, done, len(self.frames) - 1, time.perf_counter() - started))
+
+    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, Array]:
+        """Results of all methods, (h, w, 4).  The order rotates by one method per frame."""
+        labels = list(self.runners)
+        shift = turn % len(labels)
+        out = {}
+        for label in labels[shift:] + labels[:shift]:
+            with self._isolated(label):
+                out[label] = read_result(self.runners[label].step(inputs))
+        return out
+
+    def _frame_reference(self, frame: int, inputs: FrameInputs, previous: Displayed | None) -> FrameReference:
+        radiance = self._reference.image(frame)
+        valid = np.isfinite(radiance).all(axis=-1)
+        mask = read_channel(self._inputs.exact_mask or inputs.textures["mask"], "mask")[..., 0]
+        motion = read_channel(self._inputs.exact_motion or inputs.textures["motion"], "motion")
+        image = Displayed.of(radiance, valid, self._settings.lighting.tone_map)
+        return FrameReference(frame, image, previous, mask, classify(mask), motion)
+
+    def _score(
+        self,
+        reference: FrameReference,
+        inputs: FrameInputs,
+        results: Mapping[str, Array],
+        on_frame: Callable[[EvaluatedFrame], None] | None,
+    ) -> None:
+        curve = self._settings.lighting.tone_map
+        scored = {
+            label: self.records[label].add(reference, results[label], curve, self._time_ms(label))
+            for label in self.runners
+        }
+        if on_frame is not None:
+            given = read_result(inputs.textures["radiance"])[..., :3]
+            on_frame(
+                EvaluatedFrame(
+                    reference.frame,
+                    display(np.nan_to_num(given), curve),
+                    reference.image.colors,
+                    {label: colors for label, (colors, _) in scored.items()},
+                    {label: error for label, (_, error) in scored.items()},
+                    {label: self.records[label].rows[-1] for label in scored},
+                )
+            )
+
+    def _time_ms(self, label: str) -> float | None:
+        samples = self.runners[label].timer.samples_ms().get(self.runners[label].method.name)
+        return None if samples is None or not len(samples) else float(samples[-1])
+
+    def summary(self) -> dict[str, Any]:
+        scene, settings = self._scene, self._settings.replace(width=self._inputs.size[0], height=self._inputs.size[1])
+        methods = {label: self._facts[label] | record.summary() for label, record in self.records.items()}
+        clock = PassTimer.clock
+        shading = float(np.median(self._shading)) if self._shading else None
+        return {
+            "schema": SCHEMA,
+            "scene": {"name": scene.name, "path": None if scene.path is None else str(scene.path),
+                      "sha256": scene.sha256, "stand_in": scene.stand_in},
+            "settings": settings.as_summary(self.frames),
+            "frames": len(self.frames),
+            "evaluated_frames": len(self.frames) - 1,
+            "input": self._inputs.describe() | {"shading_ms": shading, "clock": clock},
+            "reference": self._reference.describe(),
+            "mask_source": self._mask_source,
+            "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
+            "classes": {name: doc for name, (_, doc) in CLASSES.items()},
+            "clock": clock,
+            "methods": methods,
+        }  # fmt: skip
+
+    def release(self) -> None:
+        for runner in self.runners.values():
+            runner.release()
+        for part in (self._inputs, self._reference):
+            if part is not None:
+                part.release()
+
+
+def method_settings(method: Method, given: Mapping[str, Value | str]) -> dict[str, Value]:
+    """Settings of ``method`` with defaults; strings are parsed.  Raises MethodError, also for unknown names."""
+    out: dict[str, Value] = {}
+    for name, value in given.items():
+        setting = method.settings.get(name)
+        text = isinstance(value, str) and setting is not None and setting.kind != "choice"
+        try:
+            out[name] = setting.parse(value) if text else value
+        except MethodError as error:
+            raise MethodError(error.what, where=method.label) from None
+    return method.values(out)

@@ -1,36 +1,187 @@
-"""The folder of a reuse evaluation: reuse.json, frames.csv, tables, plots, pictures and a video."""
+"""The output folder of an evaluation: reuse.json, frames.csv, tables, plots, side-by-side images and a video."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.errors import SettingsError
-from taubench_gl.outputs import output_folder, write_atomically, write_png
+from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.outputs import cannot_write, new_partial, output_folder, write_atomically, write_png
 from taubench_gl.report.render import write_tables
 from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_tables
-from taubench_gl.reuse.evaluate import Evaluation, JudgedFrame
-from taubench_gl.reuse.evaluate_records import ROW_COLUMNS
-from taubench_gl.reuse.pictures import CODECS, Video, side_by_side
+from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation
+from taubench_gl.reuse.scores import ROW_COLUMNS
+
+Array = np.ndarray
+
+GAP = 4
+MIN_CELL = 200
+"""Narrower cells are enlarged by an integer factor."""
+
+_BACK = (24, 24, 24)
+_CROP_SHARE = 4
+CODECS = {"mp4": ("libx264", ["-crf", "18"]), "webm": ("libvpx-vp9", ["-crf", "24", "-b:v", "0"])}
+
+
+def error_colors(error: Array) -> Array:
+    """Errors in [0, 1] as colors of matplotlib's magma, as usual for FLIP.  (h, w) -> (h, w, 3) uint8."""
+    from matplotlib import colormaps
+
+    return (255.0 * colormaps["magma"](np.clip(error, 0.0, 1.0))[..., :3] + 0.5).astype(np.uint8)
+
+
+def side_by_side(evaluated: EvaluatedFrame, *, crop: bool = False) -> Array:
+    """Columns: input, each method, reference.  Rows: images, error maps and, with ``crop``, an enlarged detail.
+
+    The detail is the window, a quarter of the image wide, where the errors of the methods differ most.
+    -> (H, W, 3) uint8.
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    labels = list(evaluated.images)
+    images = [evaluated.input, *(evaluated.images[n] for n in labels), evaluated.reference]
+    height, width = evaluated.reference.shape[:2]
+    scale = max(1, -(-MIN_CELL // width))
+    window = detail_window(evaluated) if crop else None
+    rows = [[_bytes(p) for p in images]]
+    rows.append([None, *(error_colors(evaluated.errors[n]) for n in labels), None])
+    if window is not None:
+        rows.append([_crop(_bytes(p), window) for p in images])
+    cell_w, cell_h = width * scale, height * scale
+    font = ImageFont.load_default(size=int(np.clip(cell_w / 20, 11, 22)))
+    line = int(1.5 * font.size)
+    canvas = Image.new(
+        "RGB", (len(images) * (cell_w + GAP) - GAP, 2 * line + len(rows) * (cell_h + GAP) - GAP), _BACK
+    )
+    draw = ImageDraw.Draw(canvas)
+    draw.text((GAP, line // 5), f"frame {evaluated.frame}", font=font, fill=(180, 180, 180))
+    for column, name in enumerate(["input", *labels, "reference"]):
+        x = column * (cell_w + GAP)
+        draw.text((x + GAP, line + line // 5), fit_text(name, cell_w - 2 * GAP, font), font=font, fill=(255, 255, 255))
+        for row, cells in enumerate(rows):
+            if cells[column] is not None:
+                image = Image.fromarray(cells[column]).resize((cell_w, cell_h), Image.Resampling.NEAREST)
+                canvas.paste(image, (x, 2 * line + row * (cell_h + GAP)))
+        if window is not None:
+            top, left, h, w = (scale * v for v in window)
+            y = 2 * line
+            draw.rectangle((x + left, y + top, x + left + w - 1, y + top + h - 1), outline=(255, 255, 0))
+    for name in labels:  # mean of the error map
+        x = (1 + labels.index(name)) * (cell_w + GAP)
+        at, text = (x + GAP, 2 * line + cell_h + 2 * GAP), _amount(evaluated, name)
+        draw.rectangle(draw.textbbox(at, text, font=font), fill=_BACK, outline=_BACK, width=GAP)
+        draw.text(at, text, font=font, fill=(255, 255, 255))
+    return np.asarray(canvas)
+
+
+def detail_window(evaluated: EvaluatedFrame) -> tuple[int, int, int, int]:
+    """top, left, height, width of the window with the largest sum of differences between the methods' errors."""
+    maps = np.stack(list(evaluated.errors.values()))
+    spread = maps.max(axis=0) - (maps.min(axis=0) if len(maps) > 1 else 0.0)
+    height, width = spread.shape
+    h, w = max(1, height // _CROP_SHARE), max(1, width // _CROP_SHARE)
+    table = np.pad(spread, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    sums = table[h:, w:] - table[:-h, w:] - table[h:, :-w] + table[:-h, :-w]
+    top, left = np.unravel_index(int(np.argmax(sums)), sums.shape)
+    return int(top), int(left), h, w
+
+
+def fit_text(text: str, width: float, font: Any) -> str:
+    """``text``, truncated to ``width`` pixels."""
+    if font.getlength(text) <= width:
+        return text
+    while text and font.getlength(text + "…") > width:
+        text = text[:-1]
+    return text + "…"
+
+
+class Video:
+    """Encodes frames of one size.  The file exists only once it is complete.  ``kind``: mp4 or webm."""
+
+    def __init__(self, path: Path, fps: float, kind: str = "mp4"):
+        self.path, self._fps, self._kind = path, fps, kind
+        self._partial = new_partial(path, f".{kind}")
+        self._writer: Any = None
+
+    def add(self, image: Array) -> None:
+        """(h, w, 3) uint8; odd sizes are padded with a black row or column, as 4:2:0 needs.  Raises OutputError."""
+        import imageio_ffmpeg
+
+        height, width = image.shape[:2]
+        image = np.pad(image, ((0, height % 2), (0, width % 2), (0, 0)))
+        try:
+            if self._writer is None:
+                codec, more = CODECS[self._kind]
+                self._writer = imageio_ffmpeg.write_frames(
+                    str(self._partial), image.shape[1::-1], fps=self._fps, codec=codec, macro_block_size=1,
+                    output_params=more, ffmpeg_log_level="error",
+                )  # fmt: skip
+                self._writer.send(None)
+            self._writer.send(np.ascontiguousarray(image))
+        except OSError as error:
+            raise OutputError(f"the video cannot be written: {_first_line(error)}", where=str(self.path)) from None
+
+    def close(self) -> Path | None:
+        """Finish the file.  -> its path, None without frames.  Raises OutputError."""
+        if self._writer is None:
+            return None
+        self._writer.close()
+        self._writer = None
+        try:
+            os.replace(self._partial, self.path)
+        except OSError as error:
+            raise cannot_write(self.path, error) from None
+        return self.path
+
+    def __enter__(self) -> Video:
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._writer is not None:  # not closed: an error occurred
+            self._writer.close()
+            self._writer = None
+        self._partial.unlink(missing_ok=True)
+
+
+def _amount(evaluated: EvaluatedFrame, label: str) -> str:
+    row = evaluated.rows[label]
+    if row["flip"] is not None:
+        return f"FLIP {row['flip']:.3f}"
+    return "equal" if row["psnr_db"] is None else f"{row['psnr_db']:.1f} dB"
+
+
+def _crop(image: Array, window: Sequence[int]) -> Array:
+    top, left, h, w = window
+    return image[top : top + h, left : left + w]
+
+
+def _bytes(shown: Array) -> Array:
+    return (255.0 * np.clip(np.nan_to_num(shown), 0.0, 1.0) + 0.5).astype(np.uint8)
+
+
+def _first_line(error: OSError) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]
+
 
 VIDEOS = (*CODECS, "none")
 
 
 class ReuseFolder:
-    """Collects an evaluation while it runs (``on_frame``) and writes the rest at the end (``finish``).
+    """Records an evaluation while it runs (``on_frame``) and writes the results at the end (``finish``).
 
-    A video grows as frames come; ``side_by_side.png`` shows the frame with the largest mean error, of those with
-    history: in the first all methods show the same.  Used in a ``with`` block: what is left half-written by an error or
-    an interrupt is taken away.  An interrupt (Ctrl-C) keeps the rows of the frames that were judged, in frames.csv
-    without a reuse.json beside it.
+    ``side_by_side.png`` shows the worst frame: the one with the largest mean error, except for the first, which has no
+    history.  Use as a context manager: incomplete files are removed after an error.  An interrupt (Ctrl-C) writes the
+    rows of the evaluated frames to frames.csv, without reuse.json.
     """
 
     def __init__(self, out: str | Path, fps: float, video: str = "mp4"):
@@ -43,44 +194,44 @@ class ReuseFolder:
         self._made = not self.out.exists()
         output_folder(self.out)
         self._video = None if video == "none" else Video(self.out / f"side_by_side.{video}", fps, video)
-        self._worst, self._worst_picture = -1.0, None
+        self._worst, self._worst_image = -1.0, None
         self._rows: list[dict[str, Any]] = []
-        self.kept = 0  # frames whose rows are in frames.csv, once that is written
+        self.written_frames = 0  # frames in frames.csv, once it is written
         self._shape: tuple[int, ...] | None = None
 
-    def on_frame(self, judged: JudgedFrame) -> None:
-        """Look at one frame; give this to ``evaluate_methods``."""
-        self._rows += (dict(row) for row in judged.rows.values())
-        if not judged.pictures:
+    def on_frame(self, evaluated: EvaluatedFrame) -> None:
+        """Add one frame; pass this to ``evaluate_methods``."""
+        self._rows += (dict(row) for row in evaluated.rows.values())
+        if not evaluated.images:
             return
         if self._video is not None:
-            picture = side_by_side(judged)
-            self._shape = self._shape or picture.shape
-            if picture.shape == self._shape:  # a method that failed on the way leaves a narrower picture
-                self._video.add(picture)
+            image = side_by_side(evaluated)
+            self._shape = self._shape or image.shape
+            if image.shape == self._shape:  # the image is narrower after a method has failed
+                self._video.add(image)
             else:
                 fitted = np.zeros(self._shape, dtype=np.uint8)
-                fitted[:, : picture.shape[1]] = picture
+                fitted[:, : image.shape[1]] = image
                 self._video.add(fitted)
-        error = float(np.mean([e.mean() for e in judged.errors.values()]))
-        first = self._worst_picture is None  # no method has history in it: it is kept only until another comes
+        error = float(np.mean([e.mean() for e in evaluated.errors.values()]))
+        first = self._worst_image is None  # without history: any later frame replaces it
         if first or error > self._worst:
-            self._worst, self._worst_picture = -1.0 if first else error, side_by_side(judged, crop=True)
+            self._worst, self._worst_image = -1.0 if first else error, side_by_side(evaluated, crop=True)
 
     def finish(self, evaluation: Evaluation) -> list[Path]:
-        """Write everything, numbers first: a full disk costs pictures.  Returns the files.  Raises OutputError."""
+        """Write all files, numbers before images in case the disk fills up.  -> the files.  Raises OutputError."""
         out = self.out
         written = [out / "frames.csv", out / "reuse.json"]
         write_atomically(written[0], rows_csv(evaluation.rows, ROW_COLUMNS))
         write_atomically(written[1], as_json(evaluation.summary))
-        self.kept = len({row["frame"] for row in evaluation.rows})
-        self._rows.clear()  # they are all on disk: an interrupt from here on takes nothing away
+        self.written_frames = len({row["frame"] for row in evaluation.rows})
+        self._rows.clear()  # all on disk: an interrupt from here on loses nothing
         written += write_tables(out, reuse_tables(evaluation.summary))
         if self._video is not None:
             written += [path for path in (self._video.close(),) if path is not None]
-        if self._worst_picture is not None:
+        if self._worst_image is not None:
             written.append(out / "side_by_side.png")
-            write_png(written[-1], self._worst_picture)
+            write_png(written[-1], self._worst_image)
         return written + plot_reuse(evaluation.summary, evaluation.rows, out)
 
     def __enter__(self) -> ReuseFolder:
@@ -90,15 +241,15 @@ class ReuseFolder:
         if self._video is not None:
             self._video.__exit__(*error)
         if isinstance(error[1], KeyboardInterrupt) and self._rows:
-            (self.out / "reuse.json").unlink(missing_ok=True)  # an earlier evaluation's
+            (self.out / "reuse.json").unlink(missing_ok=True)  # of an earlier evaluation
             write_atomically(self.out / "frames.csv", rows_csv(self._rows, ROW_COLUMNS))
-            self.kept = len({row["frame"] for row in self._rows})
+            self.written_frames = len({row["frame"] for row in self._rows})
         if error[0] is not None and self._made and not any(self.out.iterdir()):
             self.out.rmdir()
 
 
 def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
-    """fit.json, curve.csv, tables and the curve's plot into ``out``.  Returns the files.  Raises OutputError."""
+    """Write fit.json, curve.csv, tables and a plot to ``out``.  -> the files.  Raises OutputError."""
     out = Path(out)
     output_folder(out)
     written = [out / "curve.csv", out / "fit.json"]
@@ -111,7 +262,7 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
 
 @contextmanager
 def new_folder(out: Path | None) -> Iterator[None]:
-    """``out`` is there before anything long begins, and gone again if that fails with nothing in it; None: nothing.
+    """Create ``out`` before a long computation and remove it, if empty, when that fails.  None: do nothing.
 
     Raises OutputError.
     """
@@ -127,7 +278,7 @@ def new_folder(out: Path | None) -> Iterator[None]:
 
 
 def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
-    """CSV with all digits; None is an empty cell."""
+    """CSV with full precision; None is an empty cell."""
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()

@@ -1,4 +1,5 @@
-"""The settings of a method, rejection thresholds say, with the least error on a scene: a grid, then finer grids."""
+"""Search for the settings of a method, such as rejection thresholds, with the smallest error: a grid, then finer
+grids."""
 
 from __future__ import annotations
 
@@ -15,56 +16,56 @@ from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.provenance import git_commit
 from taubench_gl.reuse.contract import Method, Setting, Value
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
-from taubench_gl.reuse.evaluate_records import EQUAL
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.reuse.scores import EQUAL
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
-SCHEMA = "taubench-gl/reuse-fit/1"
+SCHEMA = "taubench-gl/reuse-fit/2"
 METRICS = {name.removesuffix("_db"): name for name in MEASURES}
-"""As a user names them -> keys of MEASURES."""
+"""Names of metrics for users -> keys of MEASURES."""
 
 DEFAULT_METRIC = "flip"
-"""Bounded per pixel: one firefly cannot decide a fit, as it can with relMSE."""
+"""Bounded per pixel: a single firefly cannot dominate a fit, as it can with relMSE."""
 
 DEFAULT_STEPS = 9
 MAX_POINTS = 4096
-TOGETHER = 12
-"""Points that are run side by side over the same frames; each keeps history of its own."""
+BATCH = 12
+"""Points that are evaluated at once over the same frames."""
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Values of one setting to try: ``steps`` from ``low`` to ``high``, both included, linear or log as the setting."""
+    """Values of one setting: ``steps`` from ``low`` to ``high``, both included, on a linear or log scale."""
 
     name: str
     low: float
     high: float
     steps: int
     scale: str
-    whole: bool
+    integer: bool
 
     @property
     def values(self) -> tuple[float, ...]:
-        """In ascending order; whole numbers once each."""
+        """In ascending order; integers without duplicates."""
         if self.steps == 1:
             return (self.low,)
         between = np.geomspace if self.scale == "log" else np.linspace
         values = between(self.low, self.high, self.steps)
-        values[[0, -1]] = self.low, self.high  # geomspace rounds its ends
-        if self.whole:
+        values[[0, -1]] = self.low, self.high  # geomspace rounds the ends
+        if self.integer:
             return tuple(sorted({int(v) for v in np.round(values)}))
         return tuple(float(v) for v in values)
 
     def around(self, value: float) -> Range:
-        """The same number of values between the neighbors of ``value``, within the first range."""
+        """The same number of values between the neighbors of ``value``."""
         grid = self.values
         at = grid.index(value)
         return Range(
-            self.name, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)], self.steps, self.scale, self.whole
+            self.name, grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)], self.steps, self.scale, self.integer
         )
 
 
@@ -76,7 +77,7 @@ class Fit:
 
     @property
     def best(self) -> dict[str, Value]:
-        """Setting -> value with the least error."""
+        """Setting -> best value."""
         return dict(self.summary["best"]["settings"])
 
     @property
@@ -85,16 +86,16 @@ class Fit:
 
 
 def parse_range(text: str, method: Method) -> Range:
-    """``NAME``, ``NAME=lo:hi`` or ``NAME=lo:hi:n``; what is left out is the setting's own range and DEFAULT_STEPS.
+    """``NAME``, ``NAME=lo:hi`` or ``NAME=lo:hi:n``; defaults: the range of the setting, DEFAULT_STEPS.
 
-    Raises MethodError for a setting the method has not, SettingsError for a range that cannot be meant.
+    Raises MethodError for an unknown setting, SettingsError for an invalid range.
     """
     name, _, rest = text.partition("=")
     name = name.strip()
     method.values({name: method.settings[name].default} if name in method.settings else {name: 0})
     setting = method.settings[name]
     if setting.kind not in ("float", "int"):
-        raise SettingsError(f"setting {name} is no number", hint="a fit searches numbers")
+        raise SettingsError(f"setting {name} is not a number", hint="a fit searches numbers")
     parts = rest.split(":") if rest else []
     try:
         ends = [float(p) for p in parts[:2]] or [setting.minimum, setting.maximum]
@@ -102,22 +103,22 @@ def parse_range(text: str, method: Method) -> Range:
         if len(ends) != 2 or len(parts) > 3:
             raise ValueError
     except ValueError:
-        raise SettingsError(f"{text!r} is no range", hint="give NAME=lo:hi:n, such as alpha=0.05:0.5:10") from None
+        raise SettingsError(f"{text!r} is not a range", hint="give NAME=lo:hi:n, such as alpha=0.05:0.5:10") from None
     return _checked(Range(name, *ends, steps, setting.scale, setting.kind == "int"), setting)
 
 
-def _checked(wanted: Range, setting: Setting) -> Range:
-    low, high = wanted.low, wanted.high
+def _checked(requested: Range, setting: Setting) -> Range:
+    low, high = requested.low, requested.high
     if low is None or high is None:
-        raise SettingsError(f"setting {wanted.name} has no range of its own", hint=f"give {wanted.name}=lo:hi")
-    if not (math.isfinite(low) and math.isfinite(high) and low < high) or not 2 <= wanted.steps <= MAX_POINTS:
+        raise SettingsError(f"setting {requested.name} has no range", hint=f"give {requested.name}=lo:hi")
+    if not (math.isfinite(low) and math.isfinite(high) and low < high) or not 2 <= requested.steps <= MAX_POINTS:
         hint = f"give lo < hi, and 2 to {MAX_POINTS} steps"
-        raise SettingsError(f"range of {wanted.name} is {low:g} to {high:g} in {wanted.steps}", hint=hint)
+        raise SettingsError(f"range of {requested.name} is {low:g} to {high:g} in {requested.steps}", hint=hint)
     for value in (low, high):
-        typed = int(value) if wanted.whole and float(value).is_integer() else value
-        if fault := setting.fault(typed):
-            raise SettingsError(f"range of {wanted.name}: {fault}")
-    return wanted
+        typed = int(value) if requested.integer and float(value).is_integer() else value
+        if error := setting.error(typed):
+            raise SettingsError(f"range of {requested.name}: {error}")
+    return requested
 
 
 def fit_setting(
@@ -131,13 +132,13 @@ def fit_setting(
     progress: Callable[[Progress], None] | None = None,
     **evaluation: Any,
 ) -> Fit:
-    """The point of ``ranges`` with the least (for PSNR and SSIM: greatest) mean ``metric`` of METRICS.
+    """The point of ``ranges`` with the smallest (for PSNR and SSIM: largest) mean ``metric`` of METRICS.
 
-    The whole grid is tried, then ``refine`` times the grid between the best point's neighbors.  ``evaluation``: as
-    ``evaluate_methods`` takes, such as ``input``, ``reference``, ``camera``.  Raises TaubenchError.
+    Evaluates the whole grid, then ``refine`` times a grid between the neighbors of the best point.  ``evaluation``:
+    arguments of ``evaluate_methods``, such as ``input``, ``reference``, ``camera``.  Raises TaubenchError.
     """
     if metric not in METRICS:
-        raise SettingsError(f"no metric is named {metric!r}", hint=f"choose from {', '.join(METRICS)}")
+        raise SettingsError(f"there is no metric {metric!r}", hint=f"choose from {', '.join(METRICS)}")
     if refine < 0:
         raise SettingsError(f"refine is {refine}", hint="give 0 or more")
     spec = MethodSpec.parse(method) if isinstance(method, str) else method
@@ -146,9 +147,9 @@ def fit_setting(
     fixed = method_settings(loaded, spec.settings)
     chosen = [parse_range(r, loaded) if isinstance(r, str) else r for r in ranges]
     if not chosen:
-        raise SettingsError("no setting to fit was named", hint=f"{loaded.label} has {', '.join(loaded.settings)}")
+        raise SettingsError("there is no setting to fit", hint=f"{loaded.label} has {', '.join(loaded.settings)}")
     if len({r.name for r in chosen}) < len(chosen):
-        raise SettingsError("a setting is named twice")
+        raise SettingsError("a setting is given twice")
     if math.prod(len(r.values) for r in chosen) > MAX_POINTS:
         raise SettingsError(f"the grid has more than {MAX_POINTS} points", hint="give fewer steps")
     if not isinstance(scene, Scene):
@@ -165,18 +166,18 @@ def fit_setting(
         if turn < refine:
             best = search.best(grids)
             grids = [r.around(best[r.name]) for r in grids]
-            if all(len(r.values) <= 2 and r.whole for r in grids):
-                break  # whole numbers: there is nothing between neighbors
+            if all(len(r.values) <= 2 and r.integer for r in grids):
+                break  # integers: no values between neighbors
     return Fit(search.summary(spec.label, chosen, default, refine))
 
 
 def _quality(point: dict[str, Any]) -> float | None:
-    """The point's value; infinite for a PSNR of equal pictures, which has no place in JSON; None where it failed."""
+    """The value of the point; infinite for the PSNR of equal images, which JSON cannot store; None if it failed."""
     return math.inf if point["failed"] == EQUAL else point["value"]
 
 
 class _Search:
-    """Tries points, each once, and remembers what came of them."""
+    """Evaluates points, each once, and records their values."""
 
     def __init__(
         self,
@@ -195,11 +196,11 @@ class _Search:
         self._last: dict[str, Any] = {}
 
     def run(self, points: Sequence[dict[str, Value]]) -> None:
-        """Evaluate those that are new, TOGETHER at a time."""
-        tried = [p["settings"] for p in self.points]
-        new = [p for i, p in enumerate(points) if p not in tried and p not in points[:i]]
-        for first in range(0, len(new), TOGETHER):
-            self._run_some(new[first : first + TOGETHER])
+        """Evaluate new points, BATCH at a time."""
+        known = [p["settings"] for p in self.points]
+        new = [p for i, p in enumerate(points) if p not in known and p not in points[:i]]
+        for first in range(0, len(new), BATCH):
+            self._run_some(new[first : first + BATCH])
 
     def _run_some(self, points: Sequence[dict[str, Value]]) -> None:
         specs = [MethodSpec(f"point {i}", self._method, self._fixed | p) for i, p in enumerate(points)]
@@ -208,18 +209,18 @@ class _Search:
         )
         self._last = done.summary
         for spec, point in zip(specs, points, strict=True):
-            told = done.summary["methods"][spec.label]
-            value = None if told["failed"] else told["mean"][METRICS[self._metric]]
-            why = told["failed"] or (None if value is not None else told["reasons"][METRICS[self._metric]])
+            method = done.summary["methods"][spec.label]
+            value = None if method["failed"] else method["mean"][METRICS[self._metric]]
+            why = method["failed"] or (None if value is not None else method["reasons"][METRICS[self._metric]])
             self.points.append({"settings": dict(point), "value": value, "failed": why})
 
     def best(self, ranges: Sequence[Range] = ()) -> dict[str, Value]:
-        """The best point so far; of those on the grid of ``ranges`` where given.  Raises MethodError without any."""
+        """The best point, on the grid of ``ranges`` if given.  Raises MethodError if no point has a value."""
         found = [p for p in self.points if _quality(p) is not None]
         grids = {r.name: r.values for r in ranges}
         found = [p for p in found if all(p["settings"][n] in values for n, values in grids.items())]
         if not found:
-            why = next((p["failed"] for p in self.points if p["failed"]), "no frame could be judged")
+            why = next((p["failed"] for p in self.points if p["failed"]), "no frame was evaluated")
             raise MethodError(f"no point of the grid has a value: {why}")
         return min(found, key=lambda p: self._sign * _quality(p))["settings"]
 
@@ -242,7 +243,7 @@ class _Search:
             "default": {"settings": default, "value": by[tuple(default.items())]},
             "points": sorted(self.points, key=lambda p: [float(v) for v in p["settings"].values()]),
             "notes": self._notes(best, ranges, default),
-            "evaluation": {k: last[k] for k in ("settings", "judged_frames", "input", "reference", "judged_by")},
+            "evaluation": {k: last[k] for k in ("settings", "evaluated_frames", "input", "reference", "mask_source")},
             "provenance": last["provenance"] | {"git": git_commit()},
         }
 
@@ -255,13 +256,13 @@ class _Search:
                 setting = self._method.settings[r.name]
                 bound = setting.minimum if edge == "low" else setting.maximum
                 allowed = bound is not None and float(bound) == float(value)
-                more = "no smaller or larger value is allowed" if allowed else "the optimum may lie beyond: widen it"
+                more = "no smaller or larger value is allowed" if allowed else "the optimum may be outside: widen it"
                 out.append(f"{r.name}: the best value {value:g} is at the {edge} edge of its range; {more}")
         values = [p["value"] for p in self.points if p["value"] is not None]
         if len(values) > 1 and max(values) - min(values) <= 1e-6 * max(abs(max(values)), 1e-12):
-            out.append("the metric does not change over the range: the setting has no effect here")
+            out.append("the metric is constant over the range: the setting has no effect on it")
         if by_equal := [p for p in self.points if p["failed"] == EQUAL]:
-            out.append(f"{len(by_equal)} of the points give pictures {EQUAL}")
+            out.append(f"{len(by_equal)} of the points give images {EQUAL}")
         if best == default:
-            out.append("the default is the best of what was tried")
+            out.append("the default is the best evaluated point")
         return out

@@ -1,9 +1,10 @@
-"""What one frame hands a reuse method: the table of inputs and the record that carries them."""
+"""Inputs of a reuse method for one frame: the table of inputs, the record, and conversion to and from arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -14,7 +15,7 @@ from taubench_gl.metrics.reprojection import Reprojection
 
 @dataclass(frozen=True, slots=True)
 class InputInfo:
-    """One texture a method may read.  ``components`` and ``dtype`` as in ``channels.ChannelInfo``."""
+    """One texture that a method can read.  ``components`` and ``dtype`` as in ``channels.ChannelInfo``."""
 
     name: str
     components: int
@@ -28,50 +29,121 @@ INPUTS: dict[str, InputInfo] = {
     for info in (
         InputInfo(
             "radiance", 4, "f4", "W/(sr m2)",
-            "rgb: this frame's shaded result, linear, exposure applied, as costly or noisy as the input kind makes it; "
-            "a: 1 where the pixel was shaded this frame, 0 where it was filled from its nearest shaded neighbor",
+            "rgb: this frame's radiance, linear, exposure applied, with the noise and resolution of the input kind; "
+            "a: 1 where the pixel was shaded in this frame, 0 where it was filled from its nearest shaded neighbor",
         ),
         InputInfo("position", 4, "f4", "m", "as channels.position: relative to this camera, w: planar depth, 0 = sky"),
         InputInfo("normal", 4, "f4", "1", "as channels.normal"),
-        InputInfo("prev_position", 4, "f4", "m", "as channels.prev_position: the same point one frame ago"),
+        InputInfo("prev_position", 4, "f4", "m", "as channels.prev_position: the same point in the previous frame"),
         InputInfo("base_color", 4, "f2", "1", "as channels.base_color"),
         InputInfo("emission", 4, "f4", "W/(sr m2)", "as channels.emission, exposure not applied"),
         InputInfo("ids", 2, "u4", "1", "as channels.ids"),
-        InputInfo("history_position", 4, "f4", "m", "position of the last frame, relative to the last camera"),
-        InputInfo("history_normal", 4, "f4", "1", "normal of the last frame"),
-        InputInfo("history_ids", 2, "u4", "1", "ids of the last frame"),
+        InputInfo("history_position", 4, "f4", "m", "position of the previous frame, relative to the previous camera"),
+        InputInfo("history_normal", 4, "f4", "1", "normal of the previous frame"),
+        InputInfo("history_ids", 2, "u4", "1", "ids of the previous frame"),
         InputInfo(
             "motion", 2, "f4", "px",
-            "previous - current position of the surface point, +x right, +y up (GL memory), jitter of both frames "
-            "taken out: 0 on a still picture; where behind the previous camera, a large number",
+            "previous - current position of the surface point, +x right, +y up (GL memory), without jitter: 0 for a "
+            "still image; a large number behind the previous camera",
         ),
         InputInfo(
             "mask", 1, "u4", "bits",
-            "conventions.Reason bits a renderer can know: geometry only (FIRST CUT INVALID SKY HISTORY_SKY BEHIND "
+            "conventions.Reason bits that a renderer can know: geometry only (FIRST CUT INVALID SKY HISTORY_SKY BEHIND "
             "OUTSIDE POSITION NORMAL DISOCCLUDED OCCLUDING)",
         ),
         InputInfo(
-            "truth_mask", 1, "u4", "bits",
-            "the same with DIRECT, INDIRECT, COLOR, LIT and SHADOWED of the noise-free frames: for an oracle only",
+            "exact_mask", 1, "u4", "bits",
+            "mask of the exact frames (noise-free, at pixel centers), also with DIRECT, INDIRECT, COLOR, LIT and "
+            "SHADOWED: unknown to a renderer",
         ),
     )
 }  # fmt: skip
-"""Textures by name.  All have the size of the picture; row 0 of GL memory is the bottom."""
+"""Textures by name.  All have the size of the image; row 0 of GL memory is the bottom."""
+
+FORMER_INPUTS = {"truth_mask": "exact_mask"}
+"""Former names of inputs, accepted for one release."""
+
+FAR_AWAY_PX = 1.0e6
+"""``motion`` of points behind the previous camera."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrameInputs:
-    """One frame as a method sees it.  ``textures`` holds at least the inputs the method declared."""
+    """The inputs of one frame.  ``textures`` contains at least the inputs that the method declares."""
 
-    index: int  # 0 for the first frame of the sequence: there is no history yet
+    index: int  # 0 for the first frame of the sequence, which has no history
     time: float  # seconds
     textures: Mapping[str, moderngl.Texture]
-    # Matrices from this frame to the last, float64, jitter left out (the sky rays go through the samples); on frame 0
-    # from itself to itself.
+    # Reprojection to the previous frame, float64, without jitter (sky rays include it); for frame 0 to itself.
     pair: Reprojection
     view: View
     prev_view: View
     jitter_px: np.ndarray  # (2,) sub-pixel offset of this frame's samples, +x right, +y up
     prev_jitter_px: np.ndarray
     exposure: float
-    cut: bool  # the caller knows that this frame has nothing to do with the last
+    cut: bool  # declared by the caller: this frame has no history
+
+
+_NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}
+_FLIP_Y = np.float32([1.0, -1.0])
+
+
+def read_input(texture: moderngl.Texture, name: str) -> np.ndarray:
+    """Input ``name`` of INPUTS as (h, w, components) in its dtype, row 0 at the top; motion is converted to +y down."""
+    info = INPUTS[name]
+    width, height = texture.size
+    out = np.empty((height, width, info.components), dtype=_NUMPY[info.dtype])
+    texture.read_into(out)
+    out = out[::-1]
+    if name == "motion":
+        out = out * _FLIP_Y
+        out[out == 0] = 0.0  # no negative zeros
+    return out
+
+
+def write_input(texture: moderngl.Texture, name: str, values: np.ndarray) -> None:
+    """The inverse: (h, w) or (h, w, <= components), row 0 at the top; missing components are 0."""
+    info = INPUTS[name]
+    width, height = texture.size
+    values = np.asarray(values)
+    values = values[..., None] if values.ndim == 2 else values
+    full = np.zeros((height, width, info.components), dtype=_NUMPY[info.dtype])
+    full[..., : values.shape[-1]] = values[::-1]
+    if name == "motion":
+        full[..., 1] *= -1
+    texture.write(full)
+
+
+def read_result(texture: moderngl.Texture) -> np.ndarray:
+    """A result as (h, w, 4) float32, row 0 at the top: rgb linear radiance x exposure, a the weight of history (-1:
+    not reported)."""
+    width, height = texture.size
+    out = np.empty((height, width, 4), dtype=np.float32)
+    texture.read_into(out)
+    return out[::-1]
+
+
+def frame_arrays(frame: FrameInputs, reads: tuple[str, ...], has_history: bool) -> dict[str, Any]:
+    """The argument of a Python method's ``step``: its inputs as arrays and the numbers of the frame, y down.
+
+    ``index time exposure cut has_history``; ``jitter_px``, ``prev_jitter_px`` (2,); ``clip_from_current``,
+    ``prev_clip_from_prev`` (4, 4) and ``camera_delta`` (3,), float64; ``pair`` (Reprojection), ``view``,
+    ``prev_view`` (View).
+    """
+    arrays: dict[str, Any] = {name: np.ascontiguousarray(read_input(frame.textures[name], name)) for name in reads}
+    arrays |= {former: arrays[name] for former, name in FORMER_INPUTS.items() if name in arrays}
+    return arrays | {
+        "index": frame.index,
+        "time": frame.time,
+        "exposure": frame.exposure,
+        "cut": frame.cut,
+        "has_history": has_history,
+        "jitter_px": np.asarray(frame.jitter_px, dtype=np.float64) * _FLIP_Y,
+        "prev_jitter_px": np.asarray(frame.prev_jitter_px, dtype=np.float64) * _FLIP_Y,
+        "clip_from_current": frame.pair.clip_from_current,
+        "prev_clip_from_prev": frame.pair.prev_clip_from_prev,
+        "camera_delta": frame.pair.camera_delta,
+        "pair": frame.pair,
+        "view": frame.view,
+        "prev_view": frame.prev_view,
+    }

@@ -1,32 +1,38 @@
-"""Frames of a scene as reuse methods see them: one FrameInputs after another, with no more drawn than is read.
+"""The frames of a scene as inputs of reuse methods: one ``FrameInputs`` after another.
 
-Two sources at most.  The *input* source draws what methods get: jittered, noisy, or only in part.  The *truth* source
-draws the same frames exactly, at pixel centres, for ``truth_mask`` and for judging; where the input is exact, they are
-one.
+``RasterInputs`` renders them.  Its *input* source renders what methods get: jittered, noisy, or partly shaded.  Its
+*exact* source renders the same frames without noise, at pixel centers, for ``exact_mask`` and for the evaluation; both
+are one source where the input is exact.  ``FileInputs`` reads path-traced frames.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import moderngl
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser
+from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, Reason
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, Source
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.metrics.shading_rate import cycle
-from taubench_gl.reuse.frame import FrameInputs
-from taubench_gl.reuse.inputs_kind import InputKind
-from taubench_gl.reuse.inputs_passes import LIGHT_CHANNELS, ComposePass, MaskInputs
+from taubench_gl.metrics.reprojection import Reprojection
+from taubench_gl.metrics.shading_rate import RATES, cycle, phase
+from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
+from taubench_gl.pathtraced.passes import PathTracedFrame
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.pathtraced.source import PathTracedSource
+from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, write_input
+from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -34,147 +40,418 @@ Array = np.ndarray
 
 CHANNEL_INPUTS = ("position", "normal", "prev_position", "base_color", "emission", "ids")
 HISTORY_INPUTS = {"history_position": "position", "history_normal": "normal", "history_ids": "ids"}
+LIGHT_CHANNELS = ("direct", "indirect", "emission")
 
 SHADING_PASSES = ("shadows", "direct", "indirect", "stochastic", "compose")
-"""Passes whose time a coarser or noisier input saves."""
+"""Passes that become cheaper with a coarser or noisier input."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputRequest:
+    """What to render: shared by the inputs and the reference of an evaluation.
+
+    ``scene`` and ``camera`` can be None for path-traced files.  ``poser``: of ``scene``, None: a new one.
+    """
+
+    gpu: Gpu
+    scene: Scene | None
+    camera: CameraTrack | None
+    settings: Settings
+    kind: InputKind
+    poser: Poser | None = None
 
 
 class RasterInputs:
-    """Inputs rasterized from a scene.  ``advance`` is called for every frame in order."""
+    """Inputs rasterized from a scene.  Call ``advance`` for every frame in order."""
 
     def __init__(
         self,
-        gpu: Gpu,
-        scene: Scene,
-        camera: CameraTrack,
-        settings: Settings,
-        kind: InputKind,
+        request: InputRequest,
         reads: Collection[str],
         *,
         cuts: Collection[int] = (),
-        truth: bool = False,
-        poser: Poser | None = None,
+        exact: bool = False,
         jitter: Callable[[int], Array] = halton_jitter,
     ):
-        """``reads``: names of INPUTS that frames must hold; ``cuts``: frames declared to begin anew; ``truth``: keep
-        ``truth_mask`` and ``truth_motion`` even if no method reads them."""
+        """``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history; ``exact``:
+        provide ``exact_mask`` and ``exact_motion`` even if no method reads them.  Raises SettingsError."""
+        gpu, kind, settings = request.gpu, request.kind, request.settings
         if kind.rate != "full" and min(settings.sequence.width, settings.sequence.height) < 2:
-            raise SettingsError(f"shading rate {kind.rate!r} needs 2x2 pixels at least", hint="raise --size")
+            raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
         self.gpu, self.kind, self.settings = gpu, kind, light_settings(settings, kind)
         self.reads, self._cuts = frozenset(reads), frozenset(cuts)
         self.size = (settings.sequence.width, settings.sequence.height)
         self.timer = PassTimer(gpu)
-        # One offset until every pixel was shaded once: the rate's period divides Halton's, so that with an offset per
-        # frame a pixel would be sampled in the same half or quarter of its area for ever.
+        # The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an
+        # offset per frame, a pixel would always be sampled in the same half or quarter of its area.
         self._jitter = (lambda frame: jitter(frame // cycle(kind.rate))) if kind.jitter else None
-        poser = poser or Poser(scene)
         extra = tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
         extra += ("ids",) if "history_ids" in self.reads else ()
         shading = None if kind.exact else kind.shading()
-        make = {"settings": self.settings, "poser": poser}
+        common = {"settings": self.settings, "poser": request.poser or Poser(request.scene)}
         self.source = RasterSource(
-            gpu, scene, camera, timer=self.timer, jitter=self._jitter, shading=shading, extra=extra, **make
-        )
-        wants_truth = truth or "truth_mask" in self.reads
-        self.truth: RasterSource | None = None
-        if wants_truth:
-            exact = Shading(gather_each=kind.noisy)
-            self.truth = self.source if kind.exact else RasterSource(gpu, scene, camera, shading=exact, **make)
+            gpu, request.scene, request.camera, timer=self.timer, jitter=self._jitter, shading=shading, extra=extra,
+            **common,
+        )  # fmt: skip
+        needs_exact = exact or "exact_mask" in self.reads
+        self.exact: RasterSource | None = None
+        if needs_exact:
+            unshared = Shading(gather_each=kind.noisy)
+            self.exact = (
+                self.source
+                if kind.exact
+                else RasterSource(gpu, request.scene, request.camera, shading=unshared, **common)
+            )
         self._context = GpuContext(gpu)
         self._compose = ComposePass(
-            gpu, self._context.shaders, self.size, self.settings, lit_channels(self.source), rate=kind.rate
+            self._context, self.size, self.settings, light_channels(self.source), rate=kind.rate
         )
-        self._masks = self._truth_masks = None
+        self._masks = self._exact_masks = None
         if {"mask", "motion"} & self.reads:
             self._masks = MaskInputs(self._context, self.source, self.settings, ())
-        if wants_truth:
-            self._truth_masks = MaskInputs(self._context, self.truth, self.settings, self.truth.radiance)
-        self._index, self._before = 0, None
+        if needs_exact:
+            self._exact_masks = MaskInputs(self._context, self.exact, self.settings, self.exact.radiance)
+        self._index, self._previous = 0, None
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of ``frame``; textures are valid until the next call."""
         view = self.source.advance(frame)
-        if self.truth not in (None, self.source):
-            self.truth.advance(frame)
+        if self.exact not in (None, self.source):
+            self.exact.advance(frame)
         with self.timer.measure("compose"):
             self._compose.run(self.source.current, frame)
-        before = self._before or view
-        cut = frame in self._cuts
-        declared = Reason.FIRST if self._before is None else Reason.CUT if cut else 0
-        size = self.size
-        pair = reprojection(view, before, *size, jitter=False)
+        previous = self._previous or view
+        declared = _declared(self._previous, frame, self._cuts)
+        pair = reprojection(view, previous, *self.size, jitter=False)
         if self._masks is not None:
             self._masks.run(pair, declared)
-        if self._truth_masks is not None:
-            self._truth_masks.run(reprojection(view.centered(), before.centered(), *size), declared)
+        if self._exact_masks is not None:
+            self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.size), declared)
         out = FrameInputs(
             index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
-            prev_view=before, jitter_px=view.jitter_px, prev_jitter_px=before.jitter_px,
-            exposure=self.settings.lighting.exposure, cut=cut,
+            prev_view=previous, jitter_px=view.jitter_px, prev_jitter_px=previous.jitter_px,
+            exposure=self.settings.lighting.exposure, cut=frame in self._cuts,
         )  # fmt: skip
-        self._index, self._before = self._index + 1, view
+        self._index, self._previous = self._index + 1, view
         return out
 
     def _textures(self) -> Mapping[str, moderngl.Texture]:
         current, history = self.source.current, self.source.previous
-        if self._before is None:
-            history = current  # a first frame has no history, but what it is given must be a picture
+        if self._previous is None:
+            history = current  # the first frame has no history, but its inputs must be valid textures
         out = {"radiance": self._compose.radiance}
         out |= {name: current[name] for name in CHANNEL_INPUTS if name in self.reads}
         out |= {name: history[channel] for name, channel in HISTORY_INPUTS.items() if name in self.reads}
         if self._masks is not None:
             out |= {"mask": self._masks.mask, "motion": self._masks.motion}
-        if self._truth_masks is not None:
-            out["truth_mask"] = self._truth_masks.mask
+        if self._exact_masks is not None:
+            out["exact_mask"] = self._exact_masks.mask
         return out
 
     @property
-    def truth_mask(self) -> moderngl.Texture:
-        return self._truth_masks.mask
+    def exact_mask(self) -> moderngl.Texture:
+        return self._exact_masks.mask
 
     @property
-    def truth_motion(self) -> moderngl.Texture:
-        return self._truth_masks.motion
+    def exact_motion(self) -> moderngl.Texture:
+        return self._exact_masks.motion
 
     def shading_ms(self) -> float:
-        """Milliseconds that shading the frame in hand took, as the timer's clock tells."""
+        """Milliseconds spent on shading the current frame, by the clock of the timer."""
         samples = self.timer.samples_ms()
         return float(sum(samples[name][-1] for name in SHADING_PASSES if len(samples.get(name, ()))))
 
     @property
     def bytes(self) -> int:
-        """GPU memory of what methods read: scene, targets, shadow maps and masks; that of the truth is not theirs."""
+        """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
         own = self.source.describe()["memory"]["gpu_bytes"] + self._compose.bytes
         return own + (0 if self._masks is None else self._masks.bytes)
 
     def describe(self) -> dict[str, Any]:
-        """What the result says of its input."""
-        told = self.source.describe()
+        """The block ``input`` of reuse.json."""
+        source = self.source.describe()
         return {
             "kind": self.kind.text,
             "light_samples": self.kind.light_samples or None,
             "indirect_samples": self.kind.indirect_samples or None,
             "seed": self.kind.seed if self.kind.noisy else None,
             "gpu_bytes": self.bytes,
-            "effects": told["effects"],
-            "notes": told["notes"],
+            "effects": source["effects"],
+            "notes": source["notes"],
         }
 
     def release(self) -> None:
-        for part in (self._compose, self._masks, self._truth_masks, self.source):
+        for part in (self._compose, self._masks, self._exact_masks, self.source):
             if part is not None:
                 part.release()
-        if self.truth not in (None, self.source):
-            self.truth.release()
+        if self.exact not in (None, self.source):
+            self.exact.release()
         self._context.release()
 
 
+class FileInputs:
+    """Inputs from path-traced files ``exr:DIR``, whose noise is that of a real renderer.
+
+    Geometry comes from the passes of the files.  Channels that methods read and the files lack (path tracers rarely
+    write previous positions or ids) are rasterized from the scene with the same camera.  The exact mask comes from
+    ``exact`` files of the same frames with many samples; without them there is none, because noise would count as
+    change.
+    """
+
+    exact_mask = exact_motion = None
+
+    def __init__(
+        self,
+        request: InputRequest,
+        reads: Collection[str],
+        *,
+        cuts: Collection[int] = (),
+        exact: str | None = None,
+        mapping: str | None = None,
+    ):
+        """``exact``: ``exr:DIR`` of noise-free frames; ``mapping``: names of passes, as for ``load_mapping``.
+
+        Raises PathTracedError.
+        """
+        gpu, scene, camera, kind = request.gpu, request.scene, request.camera, request.kind
+        sequence = PathTracedSequence.open(kind.files, mapping=mapping)
+        width, height = self.size = sequence.size
+        self.kind, self._cuts = kind, frozenset(cuts)
+        settings = request.settings.replace(width=width, height=height)
+        if "prev_position" not in sequence.index:
+            settings = settings.replace(reprojection="camera")
+        self.settings, self.reads = settings, frozenset(reads)
+        track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
+        self._sequence = _CachedSequence(sequence)
+        self.source = PathTracedSource(gpu, self._sequence, track, settings)
+        self._rasterized = None if scene is None else self._missing_channels(gpu, scene, camera, settings)
+        self._context = GpuContext(gpu)
+        self._masks = MaskInputs(self._context, self.source, settings, ())
+        self._radiance = radiance_texture(gpu, self.size)
+        self.exact = self._exact_masks = None
+        if exact is not None:
+            files = PathTracedSequence.open(exact, mapping=mapping)
+            if files.size != self.size:
+                raise PathTracedError(
+                    f"is {files.size[0]}x{files.size[1]} pixels, the input {width}x{height}", where=exact
+                )
+            self.exact = PathTracedSource(gpu, files, track, settings)
+            self._exact_masks = MaskInputs(self._context, self.exact, settings, self.exact.radiance)
+            self.exact_mask, self.exact_motion = self._exact_masks.mask, self._exact_masks.motion
+        self._index, self._previous = 0, None
+
+    def _missing_channels(
+        self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings
+    ) -> RasterSource | None:
+        """A source of the channels that are read and missing in the files; None if there are none."""
+        read = {HISTORY_INPUTS.get(name, name) for name in self.reads} & set(CHANNEL_INPUTS)
+        missing = tuple(sorted(read - set(self.source.channels)))
+        if not missing:
+            return None
+        geometry = settings.replace(columns=("frustum",), textures="finest")
+        return RasterSource(gpu, scene, camera, geometry, extra=missing)
+
+    def frames(self, requested: tuple[int | None, int | None]) -> range:
+        """Frame numbers of the files within ``requested``.  Raises PathTracedError for gaps."""
+        return self._sequence.select(requested)
+
+    def advance(self, frame: int) -> FrameInputs:
+        """The inputs of ``frame``; textures are valid until the next call."""
+        view = self.source.advance(frame)
+        for other in (self.exact, self._rasterized):
+            if other is not None:
+                other.advance(frame)
+        where = f"{self._sequence.path}, frame {frame}"
+        radiance = combined_radiance(self._sequence.read(frame), self.settings.lighting.exposure, where)
+        shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
+        write_input(self._radiance, "radiance", np.concatenate([radiance, shaded], axis=-1))
+        previous = self._previous or view
+        pair = reprojection(view, previous, *self.size)
+        for masks in (self._masks, self._exact_masks):
+            if masks is not None:
+                masks.run(pair, _declared(self._previous, frame, self._cuts))
+        out = FrameInputs(
+            index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
+            prev_view=previous, jitter_px=np.zeros(2), prev_jitter_px=np.zeros(2),
+            exposure=self.settings.lighting.exposure, cut=frame in self._cuts,
+        )  # fmt: skip
+        self._index, self._previous = self._index + 1, view
+        return out
+
+    def _textures(self) -> dict[str, Any]:
+        current, history = dict(self.source.current), dict(self.source.previous)
+        if self._rasterized is not None:
+            current, history = {**self._rasterized.current, **current}, {**self._rasterized.previous, **history}
+        history = current if self._previous is None else history
+        out = {"radiance": self._radiance, "mask": self._masks.mask, "motion": self._masks.motion}
+        out |= {name: current[name] for name in CHANNEL_INPUTS if name in current}
+        out |= {name: history[c] for name, c in HISTORY_INPUTS.items() if c in history}
+        if self.exact_mask is not None:
+            out["exact_mask"] = self.exact_mask
+        return out
+
+    def shading_ms(self) -> None:
+        """None: the renderer's time is unknown."""
+        return None
+
+    @property
+    def bytes(self) -> int:
+        rasterized = 0 if self._rasterized is None else self._rasterized.describe()["memory"]["gpu_bytes"]
+        return 16 * self.size[0] * self.size[1] + self._masks.bytes + rasterized
+
+    def describe(self) -> dict[str, Any]:
+        """The block ``input`` of reuse.json."""
+        notes = [] if self._exact_masks else ["no exact mask: give noise-free files of the same frames as --reference"]
+        if self._rasterized is not None:
+            missing = sorted(set(self._rasterized.channels) & self.reads - set(self.source.channels))
+            notes.append(f"rasterized, because the files lack it: {', '.join(missing)}")
+        return {
+            "kind": self.kind.text, "light_samples": None, "indirect_samples": None, "seed": None,
+            "gpu_bytes": self.bytes, "effects": {}, "notes": notes,
+        }  # fmt: skip
+
+    def release(self) -> None:
+        for part in (self._masks, self._exact_masks, self.source, self.exact, self._rasterized):
+            if part is not None:
+                part.release()
+        self._radiance.release()
+        self._context.release()
+
+
+class _CachedSequence:
+    """A PathTracedSequence that keeps its last frame: channels and combined pass share one decoding."""
+
+    def __init__(self, sequence: PathTracedSequence):
+        self._sequence, self._last = sequence, (None, None)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._sequence, name)
+
+    def read(self, frame: int, lobes: Collection[str] = ()) -> PathTracedFrame:
+        if self._last[0] != frame:
+            self._last = frame, self._sequence.read(frame, lobes)
+        return self._last[1]
+
+
+class ComposePass:
+    """``radiance`` = (direct + indirect + emission, or the sky) times exposure; unshaded pixels are filled."""
+
+    def __init__(
+        self,
+        context: GpuContext,
+        size: tuple[int, int],
+        settings: Settings,
+        channels: tuple[str, ...],
+        *,
+        rate: str = "full",
+        accumulate: bool = False,
+    ):
+        """``channels``: the LIGHT_CHANNELS of the frames; ``accumulate``: sum weighted samples of one frame."""
+        self._gpu, self._size, self._settings, self._rate = context.gpu, size, settings, rate
+        self._group = (32, 1) if context.gpu.software else (8, 8)
+        self._reads = ("position", *(c for c in LIGHT_CHANNELS if c in channels))
+        defines = {f"HAS_{c.upper()}": c in channels for c in LIGHT_CHANNELS}
+        defines |= {"SHADING_RATE": RATES.index(rate), "ACCUMULATE": accumulate}
+        defines |= {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
+        self._program = context.shaders.compute("reuse/compose.comp.glsl", defines)
+        self._accumulate = accumulate
+        self.radiance = radiance_texture(context.gpu, size)
+
+    @property
+    def bytes(self) -> int:
+        return 16 * self._size[0] * self._size[1]
+
+    def run(self, textures: Mapping[str, moderngl.Texture], frame: int = 0, share: float = 1.0) -> None:
+        """Write ``radiance``.  ``share``: weight of this sample if samples add up, negative for the first sample."""
+        for unit, name in enumerate(self._reads):
+            textures[name].use(unit)
+            self._program[name] = unit
+        lighting = self._settings.lighting
+        self._program["size"] = self._size
+        self._program["sky"], self._program["exposure"] = tuple(lighting.sky), lighting.exposure
+        if self._rate != "full":
+            self._program["phase"] = phase(self._rate, frame)
+        if self._accumulate:
+            self._program["share"] = share
+        self.radiance.bind_to_image(0, read=self._accumulate, write=True)
+        self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
+        self._gpu.ctx.memory_barrier()
+
+    def release(self) -> None:
+        self.radiance.release()
+
+
+class MaskInputs:
+    """``mask`` and ``motion`` of the current frame of a source, without jitter."""
+
+    def __init__(self, context: GpuContext, source: Source, settings: Settings, radiance: tuple[str, ...]):
+        """``radiance``: which of direct, indirect and color to compare; empty: geometry only."""
+        gpu, shaders = context.gpu, context.shaders
+        self._gpu = gpu
+        self._evaluator = PairEvaluator(context, source, settings, images=True, radiance=radiance)
+        self._group = (32, 1) if gpu.software else (8, 8)
+        constants = [f"const uint {bit.name} = {bit.value}u;" for bit in (Reason.BEHIND, Reason.INVALID)]
+        constants.append(f"const float FAR_AWAY_PX = {FAR_AWAY_PX};")
+        defines = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
+        self._fill = shaders.compute("reuse/invalid_motion.comp.glsl", defines, "\n".join(constants))
+        for texture in (self.mask, self.motion):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+    @property
+    def mask(self) -> moderngl.Texture:
+        return self._evaluator.mask_texture
+
+    @property
+    def motion(self) -> moderngl.Texture:
+        return self._evaluator.motion_texture
+
+    @property
+    def bytes(self) -> int:
+        return 12 * self.mask.width * self.mask.height
+
+    def run(self, pair: Reprojection, declared: int) -> None:
+        """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""
+        self._evaluator.submit(pair, declared=declared)
+        self.mask.use(0)
+        self._fill["mask"] = 0
+        self._fill["size"] = self.mask.size
+        self.motion.bind_to_image(0, read=False, write=True)
+        self._fill.run(-(-self.mask.width // self._group[0]), -(-self.mask.height // self._group[1]))
+        self._gpu.ctx.memory_barrier()
+
+    def release(self) -> None:
+        self._evaluator.release()
+
+
+def _declared(previous: View | None, frame: int, cuts: Collection[int]) -> int:
+    """Reason.FIRST, Reason.CUT or 0 for the whole frame."""
+    return Reason.FIRST if previous is None else Reason.CUT if frame in cuts else 0
+
+
+def radiance_texture(gpu: Gpu, size: tuple[int, int]) -> moderngl.Texture:
+    """An rgba32f texture without filtering."""
+    texture = gpu.ctx.texture(size, 4, dtype="f4")
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    return texture
+
+
 def light_settings(settings: Settings, kind: InputKind) -> Settings:
-    """``settings`` as the sources need them: every column on, and for noisy light the rung whose estimate it is."""
-    rung = {"indirect": "rsm"} if kind.noisy and settings.lighting.indirect != "none" else {}
-    return settings.replace(columns=COLUMNS, samples_per_pixel=1, **rung)
+    """``settings`` with every column, and for noisy light with the indirect-light method that it estimates."""
+    method = {"indirect": "rsm"} if kind.noisy and settings.lighting.indirect != "none" else {}
+    return settings.replace(columns=COLUMNS, samples_per_pixel=1, **method)
 
 
-def lit_channels(source: RasterSource) -> tuple[str, ...]:
-    """Of LIGHT_CHANNELS, those that this source's frames have."""
+def light_channels(source: RasterSource) -> tuple[str, ...]:
+    """The LIGHT_CHANNELS of the source's frames."""
     return tuple(c for c in LIGHT_CHANNELS if source.effects[c].enabled)
+
+
+def combined_radiance(frame: PathTracedFrame, exposure: float, where: str) -> Array:
+    """Linear radiance x exposure, (h, w, 3) float32, of a path-traced frame.  Raises PathTracedError without it."""
+    if frame.combined is None:
+        raise PathTracedError(
+            "has no combined pass", where=where, hint="enable it in the renderer, or give --mapping"
+        )
+    if frame.color_encoded:
+        raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
+    return frame.combined[..., :3].astype(np.float32) * np.float32(exposure)

@@ -1,4 +1,4 @@
-"""Finding methods: by shipped name, by entry point ``taubench_gl.methods``, by folder, by file, by class."""
+"""Loading methods: built-in ones, entry points ``taubench_gl.methods``, folders, files and classes."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from taubench_gl.reuse.python_method import method_from_class
 from taubench_gl.reuse.toml_method import FILE, load_folder
 
 ENTRY_POINTS = "taubench_gl.methods"
-SHIPPED = PACKAGE / "reuse" / "methods"
+BUILTIN = PACKAGE / "reuse" / "methods"
 
 
-def shipped_methods() -> tuple[str, ...]:
-    """Names of the methods that come with the package, in alphabetical order."""
-    return tuple(sorted(path.parent.name for path in SHIPPED.glob(f"*/{FILE}")))
+def builtin_methods() -> tuple[str, ...]:
+    """Names of the built-in methods, in alphabetical order."""
+    return tuple(sorted(path.parent.name for path in BUILTIN.glob(f"*/{FILE}")))
 
 
 def installed_methods() -> dict[str, str]:
-    """Entry points of other packages: name -> what it names (``package.module:attribute``)."""
+    """Entry points of other packages: name -> ``package.module:attribute``."""
     return {point.name: point.value for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
 
-def load_method(wanted: str | Path | type | Method) -> Method:
-    """A method, validated, without any GL call.
+def load_method(source: str | Path | type | Method) -> Method:
+    """A validated method, without any GL call.
 
-    ``wanted``: a shipped name, the name of an entry point, a folder with method.toml (or that file), ``file.py`` or
-    ``file.py:Class``, ``module:Class``, or the class itself.  Raises MethodError.
+    ``source``: a built-in name, the name of an entry point, a folder with method.toml (or that file), ``file.py`` or
+    ``file.py:Class``, ``module:Class``, or the class.  Raises MethodError.
     """
-    if isinstance(wanted, Method):
-        return wanted
-    if isinstance(wanted, type):
-        return method_from_class(wanted)
-    text = str(wanted)
-    if isinstance(wanted, str):
-        if text in shipped_methods():
-            return load_folder(SHIPPED / text)
+    if isinstance(source, Method):
+        return source
+    if isinstance(source, type):
+        return method_from_class(source)
+    text = str(source)
+    if isinstance(source, str):
+        if text in builtin_methods():
+            return load_folder(BUILTIN / text)
         if text in installed_methods():
             return _from_entry_point(text)
     path = Path(text)
@@ -57,8 +57,8 @@ def load_method(wanted: str | Path | type | Method) -> Method:
         return _from_file(path if path.suffix == ".py" else Path(file), name if path.suffix != ".py" else None)
     if colon and file and name.isidentifier():
         return method_from_class(_class_in(_import(file, text), name, text), text)
-    known = [*shipped_methods(), *installed_methods()]
-    raise MethodError(f"no method, folder or file {text!r}{suggestion(text, known)}",
+    known = [*builtin_methods(), *installed_methods()]
+    raise MethodError(f"there is no method, folder or file {text!r}{suggestion(text, known)}",
                       hint="a folder needs a method.toml; see 'taubench-gl reuse list'")  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def _from_entry_point(name: str) -> Method:
     where = f"entry point {name} = {point.value}"
     try:
         found = point.load()
-    except Exception as error:  # whatever another package raises while it is imported
+    except Exception as error:  # importing another package can raise anything
         raise MethodError(f"cannot be loaded: {type(error).__name__}: {error}", where=where) from error
     if isinstance(found, Method):
         return replace(found, name=name)
@@ -75,32 +75,32 @@ def _from_entry_point(name: str) -> Method:
         return replace(method_from_class(found, where), name=name)
     if isinstance(found, (str, Path)) and Path(found).is_dir():
         return replace(load_folder(Path(found)), name=name)
-    raise MethodError("is neither a class, a Method nor the path of a folder", where=where)
+    raise MethodError("is not a class, a Method or the path of a folder", where=where)
 
 
 def _import(name: str, where: str) -> ModuleType:
     try:
         return importlib.import_module(name)
-    except (Exception, SystemExit) as error:  # an import runs other people's code
+    except (Exception, SystemExit) as error:  # an import runs unknown code
         raise MethodError(f"module {name} cannot be imported: {type(error).__name__}: {error}", where=where) from error
 
 
 def _from_file(path: Path, name: str | None) -> Method:
     if not path.is_file():
-        raise MethodError("there is no such file", where=str(path))
+        raise MethodError("no such file", where=str(path))
     module_name = f"taubench_gl_method_{path.stem}_{abs(hash(str(path.resolve()))):x}"
     spec = importlib.util.spec_from_file_location(module_name, path)
     module = importlib.util.module_from_spec(spec)
-    sys.modules[module_name] = module  # dataclasses and pickling look their module up
+    sys.modules[module_name] = module  # dataclasses and pickle look up the module
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # a user's file may raise anything, and end the program
+    except (Exception, SystemExit) as error:  # user code can raise anything and exit
         del sys.modules[module_name]
         line = f" (line {error.lineno})" if isinstance(error, SyntaxError) else ""
         raise MethodError(f"cannot be run: {type(error).__name__}: {error}{line}", where=str(path)) from error
     found = _class_in(module, name, str(path))
     method = method_from_class(found, f"{path}:{name}" if name else str(path))
-    # A file with one method is known by the file's name: classes tend to be called Method.
+    # A file with one method has the name of the file: the class is often called Method.
     return method if name or hasattr(found, "name") else replace(method, name=path.stem)
 
 
@@ -119,5 +119,5 @@ def _class_in(module: ModuleType, name: str | None, where: str) -> type:
     raise MethodError(
         "has no class with a step(self, frame)" if not own else f"has several methods ({names})",
         where=where,
-        hint=None if not own else f"say which: {where}:{own[0].__name__}",
+        hint=None if not own else f"select one: {where}:{own[0].__name__}",
     )

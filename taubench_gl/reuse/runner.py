@@ -1,18 +1,18 @@
-"""Running one reuse method over the frames of a sequence.
+"""Runs one reuse method over the frames of a sequence.
 
-    from taubench_gl.reuse.loading import load_method, shipped_methods
+    from taubench_gl.reuse.loading import load_method, builtin_methods
     from taubench_gl.reuse.runner import MethodRunner
 
-    method = load_method("taa_clamp")            # a shipped name, an entry point, a folder, file.py or module:Class
-    method.reads                                 # names of INPUTS that FrameInputs.textures must hold
+    method = load_method("taa_clamp")            # built-in name, entry point, folder, file.py or module:Class
+    method.reads                                 # names of INPUTS that FrameInputs.textures must contain
     method.settings["alpha"]                     # Setting: kind, default, minimum, maximum, choices, scale, doc
     runner = MethodRunner(gpu, method, (1920, 1080), {"alpha": 0.1})
     texture = runner.step(frame)                 # rgba32f; rgb: linear radiance x exposure; valid until the next step
-    read_result(texture)                         # arrays.read_result: (h, w, 4), row 0 at the top
+    read_result(texture)                         # frame.read_result: (h, w, 4), row 0 at the top
 
-The result's alpha is the weight of history in each pixel, 0 .. 1, or -1 where the method does not say.  Everything a
-method can do wrong raises MethodError, one line naming the method; a runner that raised may be released or reset, and
-no other runner is harmed.  Frames are given in order; frame 0, a cut and the first step after ``reset`` start anew.
+Alpha of the result is the weight of history in each pixel, 0 .. 1, or -1 where the method does not report it.  All
+errors of a method raise MethodError, one line with its name.  The runner can then be released or reset; other runners
+are not affected.  Frames are given in order; frame 0, a cut and the first step after ``reset`` have no history.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.frame import FrameInputs
-from taubench_gl.reuse.glsl_passes import GlslPasses
+from taubench_gl.reuse.glsl_method import GlslPasses
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.python_method import PythonSteps
 
 
 class MethodRunner:
-    """One method at one size.  ``timer``: its medians are under the method's name; read-back and upload of a Python
-    method are separate entries, ``NAME: read inputs`` and ``NAME: upload``.
+    """One method at one size.
 
-    ``check``: count non-finite pixels of every result (those whose radiance is finite) and raise MethodError; outside
-    the timed part, costs one 12-byte read-back.  Raises MethodError for wrong settings and shaders that do not compile.
+    ``timer``: the entry of the method has its name; read-back and upload of a Python method are separate entries,
+    ``NAME: read inputs`` and ``NAME: upload``.  ``check``: raise MethodError for results with non-finite pixels whose
+    radiance is finite; this is not timed and costs one 12-byte read-back.  Raises MethodError for wrong settings and
+    shaders that do not compile.
     """
 
     def __init__(
@@ -68,12 +69,12 @@ class MethodRunner:
 
     @property
     def bytes(self) -> int:
-        """GPU memory of history, buffers and result.  What a Python class keeps is its own and not counted."""
+        """GPU memory of history, buffers and result, without the memory of a Python class."""
         return self.method.bytes(self.size)
 
     def step(self, frame: FrameInputs) -> moderngl.Texture:
-        """The method's picture of ``frame``: rgba32f, valid until the next step.  Raises MethodError."""
-        self._demand(frame)
+        """The method's result for ``frame``: rgba32f, valid until the next step.  Raises MethodError."""
+        self._check_inputs(frame)
         has_history = self._steps > 0 and frame.index > 0 and not frame.cut
         if not has_history:
             self._backend.clear()
@@ -87,7 +88,7 @@ class MethodRunner:
             self._check.run(result, frame, self.method)
         return result
 
-    def _demand(self, frame: FrameInputs) -> None:
+    def _check_inputs(self, frame: FrameInputs) -> None:
         missing = [name for name in self.method.reads if name not in frame.textures]
         if missing:
             raise MethodError(f"frame {frame.index} has no {', '.join(missing)}", where=self.method.label)
@@ -95,23 +96,23 @@ class MethodRunner:
             if frame.textures[name].size != self.size:
                 width, height = frame.textures[name].size
                 raise MethodError(
-                    f"frame {frame.index}: {name} is {width}x{height}, this method runs at "
+                    f"frame {frame.index}: {name} is {width}x{height}; this method runs at "
                     f"{self.size[0]}x{self.size[1]}",
                     where=self.method.label,
                     hint="resize the runner first",
                 )
 
     def configure(self, settings: Mapping[str, Value] | None = None) -> None:
-        """Other settings, defaults for those not named, and a fresh start; nothing is compiled again."""
+        """Change settings, others to their defaults, and reset.  Compiles nothing."""
         self.values = self.method.values(settings)
         self.reset()
 
     def reset(self) -> None:
-        """Forget all history: the next step is a first frame."""
+        """Clear all history: the next step is a first frame."""
         self._steps = 0
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Another picture size, and a fresh start."""
+        """Change the image size and reset."""
         self._backend.release()
         self.size = (int(size[0]), int(size[1]))
         if self._check is not None:
@@ -132,7 +133,7 @@ class MethodRunner:
 
 
 class _FiniteCheck:
-    """Counts pixels of a result that are NaN or infinite although the radiance they were given is not."""
+    """Counts NaN and infinite pixels of a result where the input radiance is finite."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]):
         self._gpu, self.size = gpu, size
@@ -150,7 +151,7 @@ class _FiniteCheck:
         for unit, (name, texture) in enumerate({"result": result, "radiance": radiance}.items()):
             texture.use(unit)
             self._program[name] = unit
-        self._program["judge_radiance"] = "radiance" in frame.textures
+        self._program["has_radiance"] = "radiance" in frame.textures
         self._program.run(-(-self.size[0] // self._group[0]), -(-self.size[1] // self._group[1]))
         self._gpu.ctx.memory_barrier()
         count, first, _ = np.frombuffer(self._found.read(), dtype=np.uint32)
@@ -161,7 +162,7 @@ class _FiniteCheck:
                 f"frame {frame.index}: {count} of {self.size[0] * self.size[1]} pixels are NaN or infinite "
                 f"(one at column {x}, row {row})",
                 where=method.label,
-                hint="look for divisions by zero and square roots of negative numbers",
+                hint="check for divisions by zero and square roots of negative numbers",
             )
 
     def release(self) -> None:

@@ -1,6 +1,6 @@
-"""A small world in closed form that has every input a method may read: for ``reuse check`` and for tests.
+"""A small analytic scene with every input of INPUTS, for ``reuse check`` and for tests.
 
-A checkered floor, a ball that moves by itself, sky above; a camera that walks and turns.  No scene file, no rasterizer.
+A checkered floor, a moving ball, sky, and a camera that moves and turns.  Ray-traced in NumPy.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES, Reason
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject
-from taubench_gl.reuse.arrays import write_input
-from taubench_gl.reuse.frame import INPUTS, FrameInputs
+from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, FrameInputs, write_input
 from taubench_gl.scene.model import Camera
 
 Array = np.ndarray
@@ -27,14 +26,12 @@ Array = np.ndarray
 FPS = 24.0
 LENS = Camera(yfov=math.radians(60.0), znear=0.1, zfar=100.0)
 FLOOR_Y, BALL_RADIUS = -1.0, 0.8
-FAR_AWAY_PX = 1.0e6
-"""What ``motion`` holds where the point was behind the previous camera."""
 _THRESHOLDS = dict.fromkeys(FEATURES, DEFAULT_THRESHOLD)
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One frame in arrays: ``inputs`` holds every name of INPUTS, (h, w, components), row 0 at the top."""
+    """One frame as arrays: ``inputs`` contains every name of INPUTS, (h, w, components), row 0 at the top."""
 
     index: int
     inputs: dict[str, Array]
@@ -46,7 +43,7 @@ class Step:
 
 
 def camera_at(time: float, speed: float = 1.0) -> View:
-    """A camera that walks forward and looks around: 1 m/s and 20 degrees per second times ``speed``."""
+    """A camera that moves forward and turns: 1 m/s and 20 degrees per second times ``speed``."""
     yaw, pitch = math.radians(20.0) * speed * time, math.radians(-8.0)
     cy, sy, cx, sx = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
     rotation = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
@@ -54,12 +51,13 @@ def camera_at(time: float, speed: float = 1.0) -> View:
 
 
 def ball_at(time: float, speed: float = 1.0) -> Array:
-    """Centre of the ball, world, metres."""
+    """Center of the ball, world, meters."""
     return np.array([math.sin(2.0 * speed * time), -0.2, -4.0])
 
 
 def draw(view: View, time: float, size: tuple[int, int], speed: float = 1.0) -> dict[str, Array]:
-    """Geometry and noise-free radiance at ``time``; ``world`` and ``ball`` (h, w) tell what a pixel sees."""
+    """Geometry and noise-free radiance at ``time``; ``world``: world positions; ``ball`` (h, w) bool: pixels of the
+    ball."""
     width, height = size
     pair = reprojection(view, view, width, height)
     x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height - 1, -1, -1, dtype=np.float64))
@@ -105,7 +103,7 @@ def synthetic_steps(
     cut_at: int | None = None,
 ) -> Iterator[Step]:
     """``count`` frames at 24 fps.  ``noise``: standard deviation of radiance relative to itself (gamma distributed, so
-    never negative); ``cut_at``: a frame whose camera jumps, declared as a cut; ``speed`` 0: everything stands still."""
+    never negative); ``cut_at``: frame at which the camera jumps, declared as a cut; ``speed`` 0: a still scene."""
     rng = np.random.default_rng(seed)
 
     def view_at(index: int) -> View:
@@ -157,12 +155,12 @@ def _inputs(
         "history_ids": before["ids"],
         "motion": np.nan_to_num(motion, nan=FAR_AWAY_PX),
         "mask": masks[0],
-        "truth_mask": masks[1],
+        "exact_mask": masks[1],
     }
 
 
 class Uploader:
-    """Textures of every input at one size, filled again for each frame.  ``release`` frees them."""
+    """Textures of every input at one size, updated for each frame."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]):
         self.textures: dict[str, moderngl.Texture] = {

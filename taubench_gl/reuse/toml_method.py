@@ -1,4 +1,4 @@
-"""A folder with ``method.toml`` and GLSL files -> Method.  All faults are found before any GL call; told at once."""
+"""A folder with ``method.toml`` and GLSL files -> Method.  Reports all errors together, before any GL call."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from taubench_gl.reuse.contract import (
     Method,
     PassInfo,
     Setting,
-    input_fault,
-    name_fault,
+    name_error,
+    parse_reads,
     parse_setting,
     suggestion,
 )
-from taubench_gl.reuse.frame import INPUTS
+from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
 
 FILE = "method.toml"
 _KEYS = ("name", "title", "cite", "reads", "history", "buffers", "settings", "keyframe", "pass")
@@ -38,19 +38,19 @@ _USE = re.compile(r"\b(fetch|nearest|sample|cubic|write)_([a-z][a-z0-9_]*)\s*\("
 
 
 def load_folder(folder: Path) -> Method:
-    """The method in ``folder``.  Raises MethodError with every fault, each by its TOML key or file and line."""
+    """The method in ``folder``.  Raises MethodError, which lists all errors with TOML key or file and line."""
     path = folder / FILE
     raw = _read_toml(path)
-    method, faults = _Parser(folder, raw).run()
-    if faults:
-        raise MethodError("; ".join(faults), where=str(path))
+    method, errors = _Parser(folder, raw).run()
+    if errors:
+        raise MethodError("; ".join(errors), where=str(path))
     return method
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _MAX_BYTES:
-            raise MethodError("is larger than 1 MiB, which no method description is", where=str(path))
+            raise MethodError("is larger than 1 MiB", where=str(path))
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise MethodError(f"cannot be read: {error.strerror or error}", where=str(path)) from None
@@ -61,16 +61,16 @@ def _read_toml(path: Path) -> dict[str, Any]:
 
 
 class _Parser:
-    """Collects faults instead of stopping at the first."""
+    """Collects all errors."""
 
     def __init__(self, folder: Path, raw: Mapping[str, Any]):
         self.folder, self.raw = folder, raw
-        self.faults: list[str] = []
+        self.errors: list[str] = []
 
     def run(self) -> tuple[Method | None, list[str]]:
         for key in self.raw:
             if key not in _KEYS:
-                self.faults.append(f"{key}: unknown key{suggestion(key, _KEYS)}")
+                self.errors.append(f"{key}: unknown key{suggestion(key, _KEYS)}")
         name = self.text("name", self.folder.resolve().name)
         title = self.text("title", name)
         cite = self.texts("cite")
@@ -79,8 +79,8 @@ class _Parser:
         settings = self.settings({**history, **buffers})
         keyframe = self.count("keyframe", self.raw.get("keyframe"), settings, 1 << 20)
         passes = self.passes(reads, history, buffers, settings)
-        if self.faults:
-            return None, self.faults
+        if self.errors:
+            return None, self.errors
         method = Method(name, title, cite, reads, settings, history, buffers, passes, self.folder, keyframe,
                         where=str(self.folder))  # fmt: skip
         return method, []
@@ -90,7 +90,7 @@ class _Parser:
         value = self.raw.get(key, default)
         if isinstance(value, str) and value.strip():
             return value.strip()
-        self.faults.append(f"{key}: {value!r} is not text")
+        self.errors.append(f"{key}: {value!r} is not text")
         return default
 
     def texts(self, key: str) -> tuple[str, ...]:
@@ -98,7 +98,7 @@ class _Parser:
         value = [value] if isinstance(value, str) else value
         if isinstance(value, list) and all(isinstance(v, str) for v in value):
             return tuple(value)
-        self.faults.append(f"{key}: is not text or a list of texts")
+        self.errors.append(f"{key}: is not text or a list of texts")
         return ()
 
     def table(self, key: str) -> Mapping[str, Any]:
@@ -106,53 +106,54 @@ class _Parser:
         return value if isinstance(value, dict) else {}
 
     def count(self, key: str, value: Any, settings: Mapping[str, Setting], most: int) -> int | str | None:
-        """A whole number from 1 to ``most``, or the name of an int setting within these bounds."""
+        """An integer from 1 to ``most``, or the name of an int setting within these bounds."""
         if value is None or (isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most):
             return value
         if isinstance(value, str) and value in settings:
             s = settings[value]
             if s.kind == "int" and (s.minimum or 0) >= 1 and s.maximum is not None and s.maximum <= most:
                 return value
-            self.faults.append(f"{key}: setting {value!r} must be a whole number with min >= 1 and max <= {most}")
+            self.errors.append(f"{key}: setting {value!r} must be an integer with min >= 1 and max <= {most}")
             return None
         names = [n for n, s in settings.items() if s.kind == "int"]
-        self.faults.append(f"{key}: {value!r} is not a whole number from 1 to {most}, nor one of the int settings "
-                           f"({', '.join(names) or 'there are none'})")  # fmt: skip
+        self.errors.append(f"{key}: {value!r} is not an integer from 1 to {most} and not an int setting "
+                           f"(available: {', '.join(names) or 'none'})")  # fmt: skip
         return None
 
     # -------------------------------------------------------------------------------------------------- declarations
     def reads(self) -> tuple[str, ...]:
         value = self.raw.get("reads")
         if not isinstance(value, list) or not value:
-            self.faults.append(f"reads: a list of inputs is needed, of {', '.join(INPUTS)}")
+            self.errors.append(f"reads: must be a list of inputs (available: {', '.join(INPUTS)})")
             return ()
-        self.faults += [f"reads: {fault}" for name in value if (fault := input_fault(name))]
-        return tuple(dict.fromkeys(name for name in value if isinstance(name, str) and name in INPUTS))
+        reads, errors = parse_reads(value)
+        self.errors += errors
+        return reads
 
     def formats(self, key: str, taken: Mapping[str, Any] | None = None) -> dict[str, Format]:
         if not isinstance(self.raw.get(key, {}), dict):
-            self.faults.append(f'{key}: is not a table such as accumulated = "rgba32f"')
+            self.errors.append(f'{key}: must be a table such as accumulated = "rgba32f"')
         found = {}
         for name, value in self.table(key).items():
-            fault = name_fault(name, "history" if key == "history" else "buffer", taken or ())
-            if fault:
-                self.faults.append(f"{key}: {fault}")
+            error = name_error(name, "history" if key == "history" else "buffer", taken or ())
+            if error:
+                self.errors.append(f"{key}: {error}")
             elif not isinstance(value, str) or value not in FORMATS:
-                self.faults.append(f"{key}.{name}: {value!r} is no format (there are {', '.join(FORMATS)})")
-            if not fault:  # a wrong format is one fault, not one more wherever the name is used
+                self.errors.append(f"{key}.{name}: {value!r} is not a format (available: {', '.join(FORMATS)})")
+            if not error:  # one error for a wrong format, not one for each use of the name
                 found[name] = FORMATS.get(str(value), RESULT_FORMAT)
         return found
 
     def settings(self, taken: Mapping[str, Any]) -> dict[str, Setting]:
         if not isinstance(self.raw.get("settings", {}), dict):
-            self.faults.append("settings: is not a table")
+            self.errors.append("settings: must be a table")
         found = {}
         for name, raw in self.table("settings").items():
-            if fault := name_fault(name, "setting", taken):
-                self.faults.append(f"settings: {fault}")
+            if error := name_error(name, "setting", taken):
+                self.errors.append(f"settings: {error}")
                 continue
-            setting, faults = parse_setting(name, raw)
-            self.faults += [f"settings.{name}.{fault}" for fault in faults]
+            setting, errors = parse_setting(name, raw)
+            self.errors += [f"settings.{name}.{error}" for error in errors]
             if setting:
                 found[name] = setting
         return found
@@ -167,62 +168,63 @@ class _Parser:
     ) -> tuple[PassInfo, ...]:
         raw = self.raw.get("pass")
         if not isinstance(raw, list) or not raw or not all(isinstance(p, dict) for p in raw):
-            self.faults.append("pass: at least one [[pass]] with shader and writes is needed")
+            self.errors.append("pass: at least one [[pass]] with shader and writes is required")
             return ()
         kept = {**history, **buffers, RESULT: RESULT_FORMAT}
         written: list[str] = []
         found = []
         for number, entry in enumerate(raw):
             at = f"pass[{number}]"
-            self.faults += [f"{at}.{key}: unknown key{suggestion(key, _PASS_KEYS)}"
+            self.errors += [f"{at}.{key}: unknown key{suggestion(key, _PASS_KEYS)}"
                             for key in entry if key not in _PASS_KEYS]  # fmt: skip
             writes = self.names(f"{at}.writes", entry.get("writes"), list(kept))
             readable = [*reads, *(f"prev_{name}" for name in history), *written]
-            wanted = entry.get("reads")
-            chosen = tuple(readable) if wanted is None else self.names(f"{at}.reads", wanted, readable, kept)
-            if wanted is None:
+            requested = entry.get("reads")
+            chosen = tuple(readable) if requested is None else self.names(f"{at}.reads", requested, readable, kept)
+            if requested is None:
                 chosen = tuple(n for n in chosen if n not in writes)
             repeat = self.count(f"{at}.repeat", entry.get("repeat", 1), settings, MAX_REPEAT)
             for what, names, most in (("reads", chosen, MAX_READS), ("writes", writes, MAX_WRITES)):
-                if len(names) > most and (what == "writes" or wanted is not None):
-                    self.faults.append(f"{at}.{what}: {len(names)} textures, a pass may have {most}")
+                if len(names) > most and (what == "writes" or requested is not None):
+                    self.errors.append(f"{at}.{what}: {len(names)} textures; the limit per pass is {most}")
             self.shader(at, entry.get("shader"), chosen, writes, (*reads, *kept, *(f"prev_{n}" for n in history)))
             written += [name for name in writes if name not in written]
             found.append(PassInfo(str(entry.get("shader")), chosen, writes, repeat or 1))
         for name in kept:
             if name not in written:
-                what = "history" if name in history else "buffer" if name in buffers else "the picture"
-                self.faults.append(f"pass: no pass writes {name!r} ({what})")
+                what = "history" if name in history else "buffer" if name in buffers else "the image"
+                self.errors.append(f"pass: no pass writes {name!r} ({what})")
         return tuple(found)
 
     def names(self, key: str, value: Any, known: list[str], later: Mapping[str, Any] | None = None) -> tuple[str, ...]:
         if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
-            self.faults.append(f"{key}: a list of names is needed, of {', '.join(known)}")
+            self.errors.append(f"{key}: must be a list of names (available: {', '.join(known)})")
             return ()
+        value = [FORMER_INPUTS.get(name, name) for name in value]
         for name in value:
             if name in known:
                 continue
             if later and name in later:
-                self.faults.append(f"{key}: {name!r} is read before any pass has written it")
+                self.errors.append(f"{key}: {name!r} is read before a pass writes it")
             else:
                 declare = ": add it to the method's reads" if name in INPUTS else suggestion(name, known)
-                self.faults.append(f"{key}: nothing here is named {name!r}{declare}")
+                self.errors.append(f"{key}: unknown name {name!r}{declare}")
         return tuple(dict.fromkeys(name for name in value if name in known))
 
     def shader(self, at: str, value: Any, reads: tuple[str, ...], writes: tuple[str, ...], known: tuple) -> None:
-        """The shader is there, defines ``reuse``, and uses nothing its pass has not declared."""
+        """Check that the shader exists, defines ``reuse``, and uses only what its pass declares."""
         if not isinstance(value, str) or not value:
-            self.faults.append(f"{at}.shader: the name of a GLSL file in this folder is needed")
+            self.errors.append(f"{at}.shader: must be the name of a GLSL file in this folder")
             return
         texts = []
         try:
             texts = list(_shader_texts(self.folder, value))
         except (OSError, UnicodeDecodeError) as error:
             why = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            self.faults.append(f"{at}.shader: {value}: cannot be read: {why}")
+            self.errors.append(f"{at}.shader: {value}: cannot be read: {why}")
             return
         if not any(_ENTRY.search(text) for _, text in texts):
-            self.faults.append(f"{at}.shader: {value} has no function 'void reuse(ivec2 p)'")
+            self.errors.append(f"{at}.shader: {value} has no function 'void reuse(ivec2 p)'")
         for file, text in texts:
             for match in _USE.finditer(text):
                 verb, name = match.groups()
@@ -230,17 +232,17 @@ class _Parser:
                 if name in allowed or name not in (*known, *INPUTS):
                     continue
                 line = text.count("\n", 0, match.start()) + 1
-                self.faults.append(f"{file}:{line}: {match.group(0)[:-1]}: {_missing(verb, name, at)}")
+                self.errors.append(f"{file}:{line}: {match.group(0)[:-1]}: {_missing(verb, name, at)}")
 
 
 def _missing(verb: str, name: str, at: str) -> str:
     if verb == "write":
-        return f"{name!r} is not in {at}.writes" if name not in INPUTS else f"{name!r} is an input, not to be written"
+        return f"{name!r} is not in {at}.writes" if name not in INPUTS else f"{name!r} is a read-only input"
     return f"{name!r} is not in {'the reads of the method' if name in INPUTS else f'{at}.reads'}"
 
 
 def _shader_texts(folder: Path, entry: str, seen: set[str] | None = None) -> Iterator[tuple[str, str]]:
-    """The file and what it includes, comments blanked out (line breaks kept).  Raises OSError, UnicodeDecodeError."""
+    """The file and its includes without comments, line breaks preserved.  Raises OSError, UnicodeDecodeError."""
     seen = set() if seen is None else seen
     if entry in seen:
         return

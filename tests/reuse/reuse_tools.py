@@ -12,9 +12,8 @@ from reuse_scenes import settings as small_settings
 
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import srgb_encode
-from taubench_gl.reuse.arrays import read_result
 from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
-from taubench_gl.reuse.frame import FrameInputs
+from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
 

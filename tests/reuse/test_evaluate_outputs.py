@@ -12,12 +12,10 @@ from reuse_tools import judge
 
 import taubench_gl.reuse
 from taubench_gl.errors import OutputError
-from taubench_gl.reuse.classes import CLASSES
 from taubench_gl.reuse.evaluate import evaluate_methods
-from taubench_gl.reuse.evaluate_output import ReuseFolder
-from taubench_gl.reuse.evaluate_records import ROW_COLUMNS
-from taubench_gl.reuse.pictures import detail_window, side_by_side
+from taubench_gl.reuse.evaluate_output import ReuseFolder, detail_window, side_by_side
 from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS
 
 
 @pytest.fixture(scope="module")

@@ -15,12 +15,10 @@ from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
-from taubench_gl.reuse.arrays import read_input
-from taubench_gl.reuse.frame import INPUTS
-from taubench_gl.reuse.inputs import RasterInputs
-from taubench_gl.reuse.inputs_files import FileInputs
-from taubench_gl.reuse.inputs_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs_reference import FileReference, MaxReference
+from taubench_gl.reuse.frame import INPUTS, read_input
+from taubench_gl.reuse.input_kind import InputKind, parse_input
+from taubench_gl.reuse.inputs import FileInputs, RasterInputs
+from taubench_gl.reuse.references import FileReference, MaxReference
 from taubench_gl.reuse.synthetic import FAR_AWAY_PX
 from taubench_gl.scene import load_scene
 

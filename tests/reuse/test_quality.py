@@ -8,8 +8,7 @@ import pytest
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.metrics.reuse_methods import previous_px, sample_history
 from taubench_gl.reuse import quality
-from taubench_gl.reuse.classes import CLASSES, ClassErrors, classify
-from taubench_gl.reuse.evaluate_records import MethodRecord, Shown, weights
+from taubench_gl.reuse.scores import CLASSES, ClassErrors, MethodRecord, Shown, classify, weights
 
 H, W = 24, 32
 RNG = np.random.default_rng(3)

@@ -227,7 +227,7 @@ def test_an_empty_folder_is_no_method(tmp_path):
 def test_validation_opens_no_context():
     code = (
         "import sys; import moderngl; moderngl.create_context = None; from taubench_gl.reuse.loading import *\n"
-        "for name in shipped_methods(): load_method(name)\n"
+        "for name in builtin_methods(): load_method(name)\n"
         "assert 'glcontext' not in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)

@@ -18,8 +18,8 @@ from taubench_gl.errors import OutputError
 from taubench_gl.reuse.check import check_method, write_example
 from taubench_gl.reuse.contract import FORMATS
 from taubench_gl.reuse.frame import INPUTS
-from taubench_gl.reuse.loading import load_method, shipped_methods
-from taubench_gl.reuse.preamble import FRAME, build_source
+from taubench_gl.reuse.glsl_method import FRAME, build_source
+from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 from taubench_gl.reuse.toml_method import _KEYS, _PASS_KEYS
 
@@ -60,7 +60,7 @@ def test_the_guides_python_method_runs(gpu, tmp_path):
 
 
 def test_the_guide_names_everything_there_is():
-    for name in (*INPUTS, *FORMATS, *shipped_methods(), *_KEYS, *_PASS_KEYS):
+    for name in (*INPUTS, *FORMATS, *builtin_methods(), *_KEYS, *_PASS_KEYS):
         assert re.search(rf"`[^`]*\b{name}\b[^`]*`", GUIDE), name
     for field in FRAME.fields:
         assert f"frame.{field.name}" in GUIDE, field.name
@@ -117,10 +117,10 @@ def test_list_and_show(monkeypatch, tmp_path):
     monkeypatch.setenv("TAUBENCH_BACKEND", "osmesa")  # neither opens a context
     run = CliRunner()
     listed = json.loads(run.invoke(cli, ["reuse", "list", "--json"], catch_exceptions=False).output)
-    assert set(shipped_methods()) <= set(listed)
+    assert set(builtin_methods()) <= set(listed)
     text = run.invoke(cli, ["reuse", "list"], catch_exceptions=False).output
-    assert all(name in text for name in shipped_methods())
-    for name in shipped_methods():
+    assert all(name in text for name in builtin_methods())
+    for name in builtin_methods():
         facts = json.loads(run.invoke(cli, ["reuse", "show", name, "--json"], catch_exceptions=False).output)
         raw = tomllib.loads((load_method(name).folder / "method.toml").read_text())
         assert (

@@ -14,18 +14,18 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.metrics.reuse_methods import neighborhood_box, variance_box, ycocg_from_rgb
 from taubench_gl.metrics.shading_rate import nearest_shaded, shaded
-from taubench_gl.reuse.loading import load_method, shipped_methods
+from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.synthetic import LENS, draw, synthetic_steps
 
 SIZE = (48, 27)
 
 
 def test_every_shipped_method_says_what_it_is():
-    assert set(shipped_methods()) == {
+    assert set(builtin_methods()) == {
         "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_variance", "svgf", "bmfr_temporal",
         "timewarp", "checkerboard", "upsample_2x2", "oracle",
     }  # fmt: skip
-    for name in shipped_methods():
+    for name in builtin_methods():
         method = load_method(name)
         assert method.name == name and method.title != name and method.cite
         for setting in method.settings.values():
@@ -36,7 +36,7 @@ def test_every_shipped_method_says_what_it_is():
             assert (method.folder / info.shader).read_text().startswith("//")
 
 
-@pytest.mark.parametrize("name", shipped_methods())
+@pytest.mark.parametrize("name", builtin_methods())
 def test_a_converged_still_picture_stays_as_it_is(gpu, name):
     """Hard details, down to single pixels: within 1/255 of what a screen shows, in every later frame too."""
     rng = np.random.default_rng(3)

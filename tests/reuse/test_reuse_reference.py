@@ -15,7 +15,7 @@ from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.metrics import reuse_methods as reference
 from taubench_gl.metrics.shading_rate import shaded
 from taubench_gl.paths import SHADERS
-from taubench_gl.reuse.loading import SHIPPED, load_method, shipped_methods
+from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.synthetic import LENS, synthetic_steps
 
 SIZE = (80, 45)
@@ -321,11 +321,11 @@ def test_catmull_rom_reproduces_parabolas():
 def test_references_cited_by_shaders_exist():
     """The header line ``Reference`` of the built-in methods and of the include names functions of metrics."""
     cited = set()
-    for path in [*SHIPPED.glob("*/*.glsl"), SHADERS / "common" / "reuse.glsl"]:
+    for path in [*BUILTIN.glob("*/*.glsl"), SHADERS / "common" / "reuse.glsl"]:
         for line in re.findall(r"Reference\s+(metrics\.\S[^\n]*)", path.read_text()):
             assert line.startswith("metrics.reuse_methods"), f"{path}: {line}"
             for name in re.findall(r"\w+", line.removeprefix("metrics.reuse_methods")):
                 assert hasattr(reference, name), f"{path}: {name}"
                 cited.add(name)
     assert len(cited) >= 12
-    assert all(load_method(name).cite for name in shipped_methods())
+    assert all(load_method(name).cite for name in builtin_methods())

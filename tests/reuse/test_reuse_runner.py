@@ -11,8 +11,7 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, play, still_steps, write_method
 from taubench_gl.conventions import Reason
 from taubench_gl.errors import MethodError
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.reuse.arrays import read_input, read_result, write_input
-from taubench_gl.reuse.frame import INPUTS
+from taubench_gl.reuse.frame import INPUTS, read_input, read_result, write_input
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
 

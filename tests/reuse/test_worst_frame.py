@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.reuse.evaluate import JudgedFrame
-from taubench_gl.reuse.evaluate_output import ReuseFolder
-from taubench_gl.reuse.pictures import side_by_side
+from taubench_gl.reuse.evaluate_output import ReuseFolder, side_by_side
 
 METHODS = ("none", "mine")
 

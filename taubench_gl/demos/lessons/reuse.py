@@ -14,10 +14,10 @@ from taubench_gl.demos.props import Props, checkered
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, note
 from taubench_gl.demos.stage import Stage
 from taubench_gl.metrics.color import display_color
-from taubench_gl.reuse.arrays import read_input, read_result
 from taubench_gl.reuse.evaluate import MethodSpec, method_settings
-from taubench_gl.reuse.inputs import RasterInputs
-from taubench_gl.reuse.inputs_kind import parse_input
+from taubench_gl.reuse.frame import read_input, read_result
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.scene.model import Scene
@@ -68,7 +68,8 @@ def run_methods(stage: Stage) -> dict[str, Trail]:
     specs = {name: MethodSpec.parse(text) for name, (text, _, _) in METHODS.items()}
     methods = {name: load_method(spec.method) for name, spec in specs.items()}
     reads = {read for method in methods.values() for read in method.reads} | {"radiance", "ids"}
-    inputs = RasterInputs(stage.gpu, what, choose_camera(what), settings, parse_input("full"), reads, truth=True)
+    request = InputRequest(stage.gpu, what, choose_camera(what), settings, parse_input("full"))
+    inputs = RasterInputs(request, reads, exact=True)
     runners = {
         name: MethodRunner(stage.gpu, method, stage.size, method_settings(method, specs[name].settings))
         for name, method in methods.items()

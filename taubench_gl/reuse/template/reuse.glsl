@@ -1,9 +1,9 @@
 // Runs once per pixel p; p = (0, 0) is the bottom left pixel.
 void reuse(ivec2 p) {
     vec3 color = fetch_radiance(p).rgb;
-    float history = 0.0; // how much of the result is history
-    if (reusable(p)) {   // there is history, and the geometry at p was visible in the last frame
-        vec2 at = previous_px(p); // where the surface was in the last picture, in pixels
+    float history = 0.0; // weight of history in the result
+    if (reusable(p)) {   // there is history, and the surface at p was visible in the previous frame
+        vec2 at = previous_px(p); // previous position of the surface, in pixels
         color = mix(sample_prev_accumulated(at).rgb, color, alpha);
         history = 1.0 - alpha;
     }

@@ -1,12 +1,12 @@
-// Mean of all frames along the motion, nothing rejected but what was off the last picture.
+// Running mean of all frames along the motion; rejects only history that was off-screen.
 // Paper    Yang et al. 2020, Eq. (1), with a = 1 / n.   Reference  metrics.reuse_methods.running_mean
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     vec2 at = previous_px(p);
     vec4 mean = vec4(0.0);
     if (frame.has_history == 1u && inside(at)) {
-        mean = max(sample_prev_accumulated(at, filtering), 0.0); // a cubic may undershoot
-        mean.a = min(nearest_prev_accumulated(at).a, float(cap - 1)); // a count is not to be filtered
+        mean = max(sample_prev_accumulated(at, filtering), 0.0); // cubic sampling can undershoot
+        mean.a = min(nearest_prev_accumulated(at).a, float(cap - 1)); // a count is not filtered
     }
     mean.a += 1.0;
     mean.rgb += (now - mean.rgb) / mean.a;

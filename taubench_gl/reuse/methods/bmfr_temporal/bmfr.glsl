@@ -1,10 +1,10 @@
 // Accumulation whose four bilinear taps are each accepted or rejected by world position and normal.
 //
 // Paper    Koskela et al. 2019, accumulation of noisy data: taps within both limits are blended, their weights
-//          renormalised; share of the new frame max(1 / n, alpha).  Limits as published with their code: 0.01 m^2 and 1.
+//          renormalized; weight of the new frame max(1 / n, alpha).  Limits as in their published code: 0.01 m^2 and 1.
 // Reference metrics.reuse_methods.consistent_blend
-// Departs  A moving point is sought where it was (prev_position); the paper's scenes stand still.  The regression that
-//          follows in the paper is a spatial filter and left out.
+// Departs  A moving point is compared at its previous position (prev_position); the scenes of the paper are static.  The
+//          regression of the paper is a spatial filter and not implemented.
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     bool surface = fetch_position(p).w > 0.0;
@@ -15,7 +15,7 @@ void reuse(ivec2 p) {
     if (frame.has_history == 1u && inside(at)) {
         for (int i = 0; i < 4; ++i) {
             Tap t = bilinear_tap(at, i);
-            if (t.weight <= 0.0 || !in_picture(t.at)) continue;
+            if (t.weight <= 0.0 || !in_image(t.at)) continue;
             vec4 there = fetch_history_position(t.at);
             if ((there.w > 0.0) != surface) continue;
             if (surface) {

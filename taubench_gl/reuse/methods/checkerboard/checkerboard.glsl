@@ -1,8 +1,8 @@
-// Pixels shaded this frame stay; the others come from history where it holds, else from their shaded neighbors.
+// Pixels shaded in this frame are kept; others use valid history, else the mean of their shaded neighbors.
 //
 // Paper    El Mansouri 2016 (history, clamp), Wihlidal 2017 (fallback: mean of the shaded neighbors).
 // Reference metrics.reuse_methods.shaded_neighbors
-// Departs  Sony's and others' id buffers decide validity in the originals; here the geometry mask does.
+// Departs  The originals validate history with id buffers; here the geometry mask does.
 void reuse(ivec2 p) {
     vec4 own = fetch_radiance(p);
     vec3 color = own.rgb;

@@ -1,2 +1,2 @@
-// The frame as it was shaded.
+// The current frame without reuse.
 void reuse(ivec2 p) { write_result(p, vec4(fetch_radiance(p).rgb, 0.0)); }

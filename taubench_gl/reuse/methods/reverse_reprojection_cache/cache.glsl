@@ -1,14 +1,14 @@
-// A shading result is fetched from where the point was; a miss, or a block whose turn it is, is shaded anew.
+// Fetches the shading result at the previous position of the point; misses and blocks due for refresh are reshaded.
 //
-// Paper    Nehab et al. 2007: hit if the cached depth is the reprojected depth; blocks of pixels are refreshed by turns.
+// Paper    Nehab et al. 2007: hit if the cached depth is the reprojected depth; blocks of pixels are refreshed in turn.
 // Reference metrics.reuse_methods.cache_hit, refresh_due
-// Departs  The paper compares depth-buffer values; here planar depth in metres, relative to itself.
+// Departs  The paper compares depth-buffer values; here the relative difference of planar depth in meters.
 bool cache_hit(float expected, float cached_depth) {
-    if (expected <= 0.0) return cached_depth <= 0.0; // sky is found again in sky alone
+    if (expected <= 0.0) return cached_depth <= 0.0; // sky matches only sky
     return abs(cached_depth - expected) <= depth_threshold * expected;
 }
 
-// Blocks take turns in an order that spreads neighbors: (5 x + 3 y) mod refresh.
+// Refresh order that spreads neighboring blocks: (5 x + 3 y) mod refresh.
 bool refresh_due(ivec2 p) {
     ivec2 tile = p / block;
     return (5 * tile.x + 3 * tile.y + frame.index) % refresh == 0;

@@ -1,4 +1,4 @@
-// One level of SVGF's a-trous filter; the first level's colour is the next frame's history.
+// One level of SVGF's a-trous filter; the color of the first level is the history of the next frame.
 //
 // Paper    Schied et al. 2017, section 4.3: c' = sum h w c / sum h w, var' = sum h^2 w^2 var / (sum h w)^2, kernel
 //          h = (1/16, 1/4, 3/8, 1/4, 1/16) both ways, step 2^level; section 4.4: weights, variance under Eq. (5) smoothed
@@ -25,7 +25,7 @@ void reuse(ivec2 p) {
     for (int y = -2; y <= 2; ++y)
         for (int x = -2; x <= 2; ++x) {
             ivec2 q = p + stride * ivec2(x, y);
-            if ((x == 0 && y == 0) || !in_picture(q)) continue;
+            if ((x == 0 && y == 0) || !in_image(q)) continue;
             vec4 other = fetch_filtered(q);
             float w = kernel[abs(x)] * kernel[abs(y)] * luminance_weight(l, luminance(other.rgb), variance)
                 * geometry_weight(position, fetch_position(q), normal, fetch_normal(q).xyz, slope, vec2(q - p));

@@ -6,8 +6,8 @@ vec2 depth_slope(ivec2 p) {
     vec2 slope = vec2(0.0);
     for (int axis = 0; axis < 2; ++axis) {
         ivec2 e = axis == 0 ? ivec2(1, 0) : ivec2(0, 1);
-        float after = in_picture(p + e) ? fetch_position(p + e).w : 0.0;
-        float before = in_picture(p - e) ? fetch_position(p - e).w : 0.0;
+        float after = in_image(p + e) ? fetch_position(p + e).w : 0.0;
+        float before = in_image(p - e) ? fetch_position(p - e).w : 0.0;
         float forward = after > 0.0 ? after - z : 1.0e30, backward = before > 0.0 ? z - before : 1.0e30;
         float least = abs(forward) < abs(backward) ? forward : backward;
         slope[axis] = abs(least) < 1.0e29 ? least : 0.0;

@@ -1,4 +1,4 @@
-// Albedo and emission come back.  Paper: Schied et al. 2017, section 4 (reconstruction).
+// Modulation by albedo and addition of emission.  Paper: Schied et al. 2017, section 4 (reconstruction).
 #include "albedo.glsl"
 
 void reuse(ivec2 p) {

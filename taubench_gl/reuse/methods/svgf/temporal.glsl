@@ -1,14 +1,14 @@
 // SVGF's temporal filter: demodulated radiance and the moments of its luminance, along the motion, tap by tap.
 //
 // Paper    Schied et al. 2017, section 4.1: 2x2 taps with bilinear weights, each tested for depth, normal and object; if
-//          none passes, a 3x3 neighborhood is tried; exponential moving average with alpha.
+//          none passes, a 3x3 neighborhood is used; exponential moving average with alpha.
 // Reference metrics.reuse_methods.consistent_blend, exponential_average
-// Departs  The paper filters direct and indirect light apart; here their sum.  Share of the new frame max(1 / n, alpha),
-//          as in the authors' later code, so that the first frames count alike.
+// Departs  The paper filters direct and indirect light separately; here their sum.  Weight of the new frame
+//          max(1 / n, alpha), as in the authors' later code, so that the first frames have equal weights.
 #include "albedo.glsl"
 
 bool consistent(ivec2 q, bool surface, float expected, vec3 normal, uint id) {
-    if (!in_picture(q)) return false;
+    if (!in_image(q)) return false;
     float depth = fetch_history_position(q).w;
     if ((depth > 0.0) != surface) return false;
     if (!surface) return true;

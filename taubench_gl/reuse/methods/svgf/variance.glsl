@@ -1,12 +1,12 @@
-// SVGF's variance estimate.  Paper: Schied et al. 2017, section 4.2: from the temporal moments, and where fewer than four
-// frames are in them, from a 7x7 bilateral neighborhood.   Reference  metrics.reuse_methods.moments_variance
-// Departs  The spatial estimate is scaled by 4 / n, as in the authors' later code: few frames are to be trusted less.
+// SVGF's variance estimate.  Paper: Schied et al. 2017, section 4.2: from the temporal moments, and for fewer than four
+// frames from a 7x7 bilateral neighborhood.   Reference  metrics.reuse_methods.moments_variance
+// Departs  The spatial estimate is scaled by 4 / n, as in the authors' later code, which gives few frames a larger variance.
 #include "edges.glsl"
 
 void reuse(ivec2 p) {
     vec4 own = fetch_filtered(p);
     float count = fetch_moments(p).z;
-    if (count > 3.5) { // a blend of whole numbers is whole only up to rounding
+    if (count > 3.5) { // a blend of integers is an integer only up to rounding
         write_filtered(p, own);
         return;
     }
@@ -19,13 +19,13 @@ void reuse(ivec2 p) {
     for (int y = -3; y <= 3; ++y)
         for (int x = -3; x <= 3; ++x) {
             ivec2 q = p + ivec2(x, y);
-            if (!in_picture(q)) continue;
+            if (!in_image(q)) continue;
             float w = geometry_weight(position, fetch_position(q), normal, fetch_normal(q).xyz, slope, vec2(x, y));
             color += w * fetch_filtered(q).rgb;
             moments += w * fetch_moments(q).xy;
             total += w;
         }
-    color /= total; // the middle has weight 1
+    color /= total; // the center has weight 1
     moments /= total;
     write_filtered(p, vec4(color, max(moments.y - moments.x * moments.x, 0.0) * 4.0 / count));
 }

@@ -2,7 +2,7 @@
 //
 // Paper    Karis 2014: history is clamped to the YCoCg box of the 3x3 neighborhood, blended with weights 1 / (1 + L).
 // Reference metrics.reuse_methods.neighborhood_box, karis_blend
-// Departs  Karis also filters the new samples by a Blackman-Harris window around the jitter; here they count as they are.
+// Departs  Karis also filters the new samples by a Blackman-Harris window around the jitter; here they are not filtered.
 void neighborhood_box(ivec2 p, out vec3 low, out vec3 high) {
     vec3 cross_low = vec3(1.0e30), cross_high = vec3(-1.0e30);
     low = cross_low;
@@ -29,7 +29,7 @@ void reuse(ivec2 p) {
     vec3 color = now;
     float kept = 0.0;
     if (frame.has_history == 1u && inside(at)) {
-        vec3 history = max(sample_prev_accumulated(at, filtering).rgb, 0.0); // a cubic may undershoot
+        vec3 history = max(sample_prev_accumulated(at, filtering).rgb, 0.0); // cubic sampling can undershoot
         if (clamping) {
             vec3 low, high;
             neighborhood_box(p, low, high);

@@ -1,10 +1,10 @@
 // Temporal anti-aliasing with a variance clip.
 //
 // Paper    Salvi 2016: m1 = mean, sigma = sqrt(m2 - m1^2) over 3x3 pixels in YCoCg; box = m1 +- gamma sigma.
-//          Pedersen 2016: clip towards the middle (clip_to_box).
+//          Pedersen 2016: clip towards the center (clip_to_box).
 // Reference metrics.reuse_methods.variance_box, clip_to_box
-// Departs  The variance is summed about the pixel's own colour, not about 0: float32 would lose it in bright places.
-//          With keep_own the box holds the pixel's own colour: else details of one pixel fade even where nothing moves.
+// Departs  Moments are relative to the color of the pixel: about 0, float32 has too little precision for bright colors.
+//          With keep_own the box contains the color of the pixel; without it, one-pixel details fade in a still image.
 void variance_box(ivec2 p, out vec3 low, out vec3 high) {
     vec3 own = ycocg_from_rgb(fetch_radiance(p).rgb);
     vec3 m1 = vec3(0.0), m2 = vec3(0.0);

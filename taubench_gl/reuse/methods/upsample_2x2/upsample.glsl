@@ -1,9 +1,9 @@
-// A quarter of the pixels is shaded per frame, each time others, at jittered places; history joins what they show.
+// A quarter of the pixels is shaded per frame, in turn, at jittered positions; history accumulates them.
 //
-// Paper    Yang et al. 2020, section 5: f_n(p) = a b s_n(p) + (1 - a b) f_(n-1)(pi(p)); s_n: new samples weighed by
-//          their distance from the pixel's centre, b: how near the nearest of them is.
+// Paper    Yang et al. 2020, section 5: f_n(p) = a b s_n(p) + (1 - a b) f_(n-1)(pi(p)); s_n: new samples weighted by
+//          their distance from the pixel center, b: the weight of the nearest sample.
 // Reference metrics.reuse_methods.upsample_blend
-// Departs  a is 1 / (confidence gathered) until that reaches alpha: a new pixel must not start from the fill.
+// Departs  a is 1 / (accumulated confidence) until it reaches alpha: a new pixel does not start from the fill.
 vec4 new_samples(ivec2 p, float reach, out float best) {
     vec4 sum = vec4(0.0);
     best = 0.0;
@@ -11,8 +11,8 @@ vec4 new_samples(ivec2 p, float reach, out float best) {
         for (int x = -2; x <= 2; ++x) {
             ivec2 q = p + ivec2(x, y);
             vec4 c = fetch_radiance(q);
-            if (c.a < 0.5 || !in_picture(q)) continue;
-            // The sample of pixel q lies at q + jitter.
+            if (c.a < 0.5 || !in_image(q)) continue;
+            // The sample of pixel q is at q + jitter.
             vec2 tent = max(1.0 - abs(vec2(x, y) + frame.jitter_px) / reach, 0.0);
             float w = tent.x * tent.y;
             sum += w * vec4(c.rgb, 1.0);
@@ -24,7 +24,7 @@ vec4 new_samples(ivec2 p, float reach, out float best) {
 void reuse(ivec2 p) {
     float best, unused;
     vec4 sum = new_samples(p, radius, best);
-    if (sum.a <= 0.0) sum = new_samples(p, 3.0, unused); // none near: a wide fill, with no confidence
+    if (sum.a <= 0.0) sum = new_samples(p, 3.0, unused); // no near sample: a wide fill without confidence
     vec4 now = vec4(sum.a > 0.0 ? sum.rgb / sum.a : fetch_radiance(p).rgb, pow(best, confidence));
     vec2 at = previous_px(p);
     vec4 color = now;

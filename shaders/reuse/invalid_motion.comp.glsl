@@ -1,5 +1,7 @@
-// Motion of what was behind the previous camera: none the mask pass could give, so a number no picture is as wide as.
-// Reads    mask.   Writes   motion where it was BEHIND or INVALID.
+// Fills the motion of pixels that were behind the previous camera or invalid with a value outside of every image.
+//
+// Reads    mask
+// Writes   motion where the mask is BEHIND or INVALID
 layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
 
 uniform ivec2 size;

@@ -1,0 +1,294 @@
+"""GLSL methods: generated shader text, and the textures, uniforms and dispatches of their passes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from taubench_gl.conventions import GUARD_PX, NOT_COMPARABLE, Reason
+from taubench_gl.errors import GraphicsError, MethodError
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.layout import Field, Struct, column_major
+from taubench_gl.gpu.shader import VERSION, Source, compile_compute, resolve
+from taubench_gl.reuse.contract import FORMATS, RESULT, RESULT_FORMAT, Format, Method, PassInfo, Value
+from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, FrameInputs
+
+FRAME = Struct(
+    "ReuseFrame",
+    Field("clip_from_current", "mat4", "clip from position relative to the current camera, world axes"),
+    Field("prev_clip_from_prev", "mat4", "previous clip from position relative to the previous camera, world axes"),
+    Field("key_clip_from_key", "mat4", "key frame's clip from position relative to its camera, world axes"),
+    Field("sky_origin", "vec4", "view ray of pixel (0, 0), world axes; w = 0 direction, 1 far-plane point"),
+    Field("sky_dx", "vec4", "its step per pixel to the right"),
+    Field("sky_dy", "vec4", "its step per pixel up"),
+    Field("prev_forward", "vec4", "xyz: unit view direction of the previous camera"),
+    Field("camera_delta", "vec4", "xyz: current - previous camera position, meters"),
+    Field("key_delta", "vec4", "xyz: current - key frame's camera position, meters"),
+    Field("size", "ivec4", "xy: pixels"),
+    Field("jitter_px", "vec2", "pixels, sub-pixel offset of this frame's samples, +x right, +y up"),
+    Field("prev_jitter_px", "vec2", "pixels, of the previous frame"),
+    Field("time", "float", "seconds"),
+    Field("exposure", "float", "factor applied to radiance, not to emission"),
+    Field("near", "float", "meters, near plane of the current camera"),
+    Field("prev_near", "float", "meters, near plane of the previous camera"),
+    Field("index", "int", "number of the frame in its sequence"),
+    Field("has_history", "uint", "1 if prev_ values are of the previous frame, 0 if they are zero (first frame, cut)"),
+    Field("is_key", "uint", "1 if this frame is the key frame (methods that declare one)"),
+    Field("key_age", "int", "frames since the key frame"),
+)
+
+_REJECT = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
+_CHANGED = int(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR)
+_INPUT_FORMAT = {(f.components, f.dtype): f for f in FORMATS.values()}
+_SAMPLER = {"f": "sampler2D", "u": "usampler2D"}
+_NEAREST_SURFACE = """\
+// The pixel of the 3x3 neighborhood whose surface is nearest to the camera; p if none is nearer.
+ivec2 nearest_surface(ivec2 p) {
+    ivec2 found = p;
+    float own = fetch_position(p).w, depth = own > 0.0 ? own : 1.0e30;
+    for (int y = -1; y <= 1; ++y)
+        for (int x = -1; x <= 1; ++x) {
+            float d = fetch_position(p + ivec2(x, y)).w;
+            if (d > 0.0 && d < depth) { depth = d; found = p + ivec2(x, y); }
+        }
+    return clamp(found, ivec2(0), frame.size.xy - 1);
+}"""
+_SWIZZLE = {1: "x", 2: "xy", 4: "xyzw"}
+
+
+def format_of(method: Method, name: str) -> Format:
+    """Format of anything that a pass can read or write."""
+    if name in INPUTS:
+        return _INPUT_FORMAT[INPUTS[name].components, INPUTS[name].dtype]
+    kept = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
+    return kept[name if name in kept else name.removeprefix("prev_")]
+
+
+def preamble(method: Method, info: PassInfo) -> str:
+    """GLSL text before the shader of ``info``: frame, settings, and functions to read and write by name."""
+    lines = [FRAME.glsl, "layout(std430, binding = 0) readonly buffer FrameBlock { ReuseFrame frame; };"]
+    lines += [f"const uint {bit.name} = {bit.value}u;" for bit in Reason]
+    lines += [
+        "bool in_image(ivec2 p) { return all(greaterThanEqual(p, ivec2(0))) && all(lessThan(p, frame.size.xy)); }",
+        f"bool inside(vec2 at) {{ return all(greaterThanEqual(at, vec2({-GUARD_PX}))) && "
+        f"all(lessThanEqual(at, vec2(frame.size.xy - 1) + {GUARD_PX})); }}",
+    ]
+    lines.append("uniform int iteration; // 0 .. repeat - 1")
+    for s in method.settings.values():
+        glsl = {"float": "float", "bool": "bool"}.get(s.kind, "int")
+        lines.append(f"uniform {glsl} {s.name}; // {' '.join(s.doc.split())}")
+        lines += [f"const int {s.name.upper()}_{c.upper()} = {i};" for i, c in enumerate(s.choices)]
+    for name in info.reads:
+        lines += _reader(name, format_of(method, name))
+    for binding, name in enumerate(info.writes):
+        lines += _writer(name, format_of(method, name), binding)
+    for name, bits in (("mask", _REJECT), ("exact_mask", _REJECT | _CHANGED)):
+        if name in info.reads:
+            suffix = "" if name == "mask" else "_exact"
+            lines.append(f"bool reusable{suffix}(ivec2 p) {{ return frame.has_history == 1u && "
+                         f"(fetch_{name}(p) & {bits}u) == 0u; }}")  # fmt: skip
+    lines += _former_names(info)
+    if "motion" in info.reads:
+        lines.append("vec2 previous_px(ivec2 p) { return vec2(p) + fetch_motion(p); }")
+    if "position" in info.reads:
+        lines += _NEAREST_SURFACE.splitlines()
+    return "\n".join(lines)
+
+
+def _former_names(info: PassInfo) -> list[str]:
+    """Former names of functions, for one release."""
+    names = {"in_picture": "in_image"}
+    for former, name in FORMER_INPUTS.items():
+        if name in info.reads:
+            names |= {f"{verb}_{former}": f"{verb}_{name}" for verb in ("fetch", "nearest")}
+    if "exact_mask" in info.reads:
+        names["reusable_in_truth"] = "reusable_exact"
+    return [f"#define {former} {name}" for former, name in names.items()]
+
+
+def _reader(name: str, form: Format) -> list[str]:
+    swizzle, value = _SWIZZLE[form.components], form.glsl
+    texture = f"{name}_texture"
+    lines = [
+        f"uniform {_SAMPLER[form.dtype[0]]} {texture};",
+        f"{value} fetch_{name}(ivec2 p) {{ return texelFetch({texture}, "
+        f"clamp(p, ivec2(0), frame.size.xy - 1), 0).{swizzle}; }}",
+        f"{value} nearest_{name}(vec2 at) {{ return fetch_{name}(ivec2(floor(at + 0.5))); }}",
+    ]
+    if form.dtype[0] == "f":
+        # In float32: texture units have weights in steps of 1/256, and a still pixel must be unchanged bit for bit.
+        lines.append(
+            f"{value} sample_{name}(vec2 at) {{ ivec2 b = ivec2(floor(at)); vec2 f = at - floor(at); "
+            f"return mix(mix(fetch_{name}(b), fetch_{name}(b + ivec2(1, 0)), f.x), "
+            f"mix(fetch_{name}(b + ivec2(0, 1)), fetch_{name}(b + ivec2(1, 1)), f.x), f.y); }}"
+        )
+        lines.append(
+            f"{value} cubic_{name}(vec2 at) {{ ivec2 b = ivec2(floor(at)) - 1; vec2 f = at - floor(at); "
+            f"vec4 wx = catmull_rom_weights(f.x), wy = catmull_rom_weights(f.y); {value} sum = {value}(0.0); "
+            f"for (int j = 0; j < 4; ++j) for (int i = 0; i < 4; ++i) "
+            f"sum += wx[i] * wy[j] * fetch_{name}(b + ivec2(i, j)); return sum; }}"
+        )
+        lines.append(
+            f"{value} sample_{name}(vec2 at, int filtering) {{ return filtering == 0 ? nearest_{name}(at) : "
+            f"filtering == 1 ? sample_{name}(at) : cubic_{name}(at); }}"
+        )
+    return lines
+
+
+def _writer(name: str, form: Format, binding: int) -> list[str]:
+    image = f"{name}_image"
+    prefix = "u" if form.dtype[0] == "u" else ""
+    padded = {1: f"{prefix}vec4(v, 0, 0, 0)", 2: f"{prefix}vec4(v, 0, 0)", 4: "v"}[form.components]
+    lines = [
+        f"layout({form.name}, binding = {binding}) writeonly uniform {prefix}image2D {image};",
+        f"void write_{name}(ivec2 p, {form.glsl} v) {{ imageStore({image}, p, {padded}); }}",
+    ]
+    if name == RESULT:  # a = -1: the weight of history is not reported
+        lines.append(f"void write_{name}(ivec2 p, vec3 v) {{ imageStore({image}, p, vec4(v, -1.0)); }}")
+    return lines
+
+
+def build_source(method: Method, info: PassInfo, group: tuple[int, int]) -> Source:
+    """The complete shader of one pass.  Errors refer to file and line of the user.  Raises MethodError."""
+    lines = [VERSION.rstrip("\n"), f"layout(local_size_x = {group[0]}, local_size_y = {group[1]}) in;"]
+    origin = ["version", "group"]
+
+    def append(text: str, names: Mapping[int, str] | tuple[str, ...]) -> None:
+        lines.extend(text.splitlines())
+        origin.extend(names)
+
+    common = resolve("common/reuse.glsl")
+    append("\n".join(common.text.splitlines()[1:]), common.origin[1:])
+    generated = preamble(method, info)
+    append(generated, tuple(f"generated for {info.shader}, line {i}" for i in range(1, generated.count("\n") + 2)))
+    try:
+        own = resolve(info.shader, root=method.folder)
+    except GraphicsError as error:
+        raise MethodError(error.what, where=method.label) from None
+    append("\n".join(own.text.splitlines()[1:]), tuple(f"{method.folder.name}/{o}" for o in own.origin[1:]))
+    append(
+        "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); if (all(lessThan(p, frame.size.xy))) reuse(p); }",
+        ("main",),
+    )
+    return Source("\n".join(lines) + "\n", tuple(origin))
+
+
+class GlslPasses:
+    """Programs and textures of one method at one size.  Raises MethodError if a shader does not compile."""
+
+    def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int]):
+        self._gpu, self._method, self._size = gpu, method, size
+        self._group = (32, 1) if gpu.software else (8, 8)  # llvmpipe stores textures by scanline, GPUs in square tiles
+        self._programs: list[moderngl.ComputeShader] = []
+        self._parameters: moderngl.Buffer | None = None
+        self._now: dict[str, moderngl.Texture] = {}
+        self._before: dict[str, moderngl.Texture] = {}
+        self._spare: dict[str, moderngl.Texture] = {}
+        self._key_view = None
+        self._key_age = 0
+        try:
+            self._programs = [self._compile(info) for info in method.passes]
+            self._parameters = gpu.ctx.buffer(reserve=FRAME.dtype.itemsize)
+            kept = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
+            for name, form in kept.items():
+                self._now[name] = self._texture(form)
+                if name in method.history:
+                    self._before[name] = self._texture(form)
+                if name in method.spares:
+                    self._spare[name] = self._texture(form)
+        except BaseException:
+            self.release()
+            raise
+
+    def _compile(self, info: PassInfo) -> moderngl.ComputeShader:
+        source = build_source(self._method, info, self._group)
+        try:
+            return compile_compute(self._gpu.ctx, source)
+        except GraphicsError as error:
+            what = error.what.removesuffix("; candidates are:")  # a list follows, too long for one line
+            raise MethodError(what, where=self._method.label) from None
+
+    def _texture(self, form: Format) -> moderngl.Texture:
+        texture = self._gpu.ctx.texture(self._size, form.components, dtype=form.dtype)
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        return texture
+
+    def clear(self) -> None:
+        """Set all history, buffers and the result to 0; the next frame is a key frame."""
+        self._key_view = None
+        for texture in (*self._now.values(), *self._before.values(), *self._spare.values()):
+            width, height = texture.size
+            texture.write(np.zeros((height, width * texture.components), dtype=texture.dtype))
+
+    def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
+        """All passes of one frame.  -> the result.  Swaps the histories: they are ``prev_`` in the next frame."""
+        self._write_frame(frame, values, has_history)
+        self._parameters.bind_to_storage_buffer(0)
+        for info, program in zip(self._method.passes, self._programs, strict=True):
+            self._set(program, {name: s.number(values[name]) for name, s in self._method.settings.items()})
+            for iteration in range(self._method.number(info.repeat, values)):
+                self._set(program, {"iteration": iteration})
+                self._dispatch(info, program, frame)
+        for name in self._method.history:
+            self._now[name], self._before[name] = self._before[name], self._now[name]
+        return self._now[RESULT]
+
+    def _dispatch(self, info: PassInfo, program: moderngl.ComputeShader, frame: FrameInputs) -> None:
+        unit = 0
+        for name in info.reads:
+            if f"{name}_texture" in program:  # GL removes unused uniforms
+                self._readable(name, frame).use(unit)
+                program[f"{name}_texture"] = unit
+                unit += 1
+        for binding, name in enumerate(info.writes):
+            target = self._spare if name in info.reads else self._now
+            target[name].bind_to_image(binding, read=False, write=True)
+        program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
+        self._gpu.ctx.memory_barrier()
+        for name in info.writes:
+            if name in info.reads:
+                self._now[name], self._spare[name] = self._spare[name], self._now[name]
+
+    def _readable(self, name: str, frame: FrameInputs) -> moderngl.Texture:
+        if name in self._now:
+            return self._now[name]
+        history = name.removeprefix("prev_")
+        return self._before[history] if history in self._before else frame.textures[name]
+
+    @staticmethod
+    def _set(program: moderngl.ComputeShader, uniforms: Mapping[str, float | int | bool]) -> None:
+        for name, value in uniforms.items():
+            if name in program:
+                program[name] = value
+
+    def _write_frame(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> None:
+        pair, record = frame.pair, FRAME.zeros()
+        every = self._method.number(self._method.keyframe, values)
+        if every is not None:
+            self._key_age += 1
+            if self._key_view is None or not has_history or self._key_age >= every:
+                self._key_view, self._key_age = frame.view, 0
+            record["key_clip_from_key"] = column_major(self._key_view.clip_from_relative(*self._size))
+            record["key_delta"][:3] = frame.view.position - self._key_view.position
+            record["is_key"], record["key_age"] = self._key_age == 0, self._key_age
+        record["clip_from_current"] = column_major(pair.clip_from_current)
+        record["prev_clip_from_prev"] = column_major(pair.prev_clip_from_prev)
+        record["sky_origin"], record["sky_dx"], record["sky_dy"] = pair.sky_origin, pair.sky_dx, pair.sky_dy
+        record["prev_forward"][:3], record["camera_delta"][:3] = pair.prev_forward, pair.camera_delta
+        record["size"][:2] = self._size
+        record["jitter_px"], record["prev_jitter_px"] = frame.jitter_px, frame.prev_jitter_px
+        record["time"], record["exposure"] = frame.time, frame.exposure
+        record["near"], record["prev_near"] = pair.near, pair.prev_near
+        record["index"], record["has_history"] = frame.index, has_history
+        self._parameters.write(record.tobytes())
+
+    def release(self) -> None:
+        for item in (*self._programs, *self._now.values(), *self._before.values(), *self._spare.values()):
+            item.release()
+        if self._parameters is not None:
+            self._parameters.release()
+        self._programs, self._parameters = [], None
+        for textures in (self._now, self._before, self._spare):
+            textures.clear()

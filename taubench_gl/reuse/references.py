@@ -1,0 +1,80 @@
+"""Reference images of an evaluation: supersampled exact light, or path-traced files."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.animation.jitter import grid_offsets
+from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.reuse.frame import read_result
+from taubench_gl.reuse.inputs import ComposePass, InputRequest, combined_radiance, light_channels, light_settings
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+MAX_SAMPLES = 256
+
+
+class SupersampledReference:
+    """Exact light at ``samples`` positions per pixel, the cell centers of a grid; mean of linear radiance."""
+
+    def __init__(self, request: InputRequest, samples: int = 16):
+        """Raises SettingsError for a number of samples outside 1..MAX_SAMPLES."""
+        if not 1 <= samples <= MAX_SAMPLES:
+            raise SettingsError(f"reference samples is {samples}", hint=f"give 1 to {MAX_SAMPLES}")
+        self._offsets = grid_offsets(samples)
+        self._offset = self._offsets[0]
+        settings = light_settings(request.settings, request.kind)
+        self._source = RasterSource(
+            request.gpu, request.scene, request.camera, settings, poser=request.poser,
+            shading=Shading(gather_each=request.kind.noisy), jitter=lambda frame: self._offset,
+        )  # fmt: skip
+        self._context = GpuContext(request.gpu)
+        channels = light_channels(self._source)
+        self._compose = ComposePass(self._context, self._source.size, settings, channels, accumulate=True)
+
+    def image(self, frame: int) -> Array:
+        """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
+        share = 1.0 / len(self._offsets)
+        for k, offset in enumerate(self._offsets):
+            self._offset = offset
+            self._source.advance(frame)
+            self._compose.run(self._source.current, frame, -share if k == 0 else share)
+        return read_result(self._compose.radiance)[..., :3]
+
+    def describe(self) -> dict[str, Any]:
+        return {"kind": "max", "samples": len(self._offsets), "path": None}
+
+    def release(self) -> None:
+        self._compose.release()
+        self._context.release()
+        self._source.release()
+
+
+class FileReference:
+    """Combined radiance of path-traced files ``exr:DIR`` with the frame numbers of the scene."""
+
+    def __init__(self, spec: str, size: tuple[int, int], frames: range, settings: Settings, mapping: str | None = None):
+        """Raises PathTracedError for another image size and for missing frames."""
+        self._sequence, self._exposure = PathTracedSequence.open(spec, mapping=mapping), settings.lighting.exposure
+        if self._sequence.size != size:
+            found, expected = ("x".join(map(str, s)) for s in (self._sequence.size, size))
+            raise PathTracedError(f"is {found} pixels, the input {expected}", where=spec, hint=f"use --size {found}")
+        missing = sorted(set(frames) - set(self._sequence.frames))
+        if missing:
+            raise PathTracedError(f"has no frame {missing[0]}", where=spec, hint="select other --frames")
+
+    def image(self, frame: int) -> Array:
+        """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
+        return combined_radiance(self._sequence.read(frame), self._exposure, f"{self._sequence.path}, frame {frame}")
+
+    def describe(self) -> dict[str, Any]:
+        return {"kind": "exr", "samples": None, "path": str(self._sequence.path)}
+
+    def release(self) -> None:
+        """Nothing to release."""

@@ -1,0 +1,229 @@
+"""Scores of one method: numbers per frame, errors per pixel class, and their summary."""
+
+from __future__ import annotations
+
+import statistics
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.reuse import quality
+
+Array = np.ndarray
+
+ROW_COLUMNS = (
+    "frame", "method", "psnr_db", "ssim", "flip", "relmse", "tpsnr_db", "flicker", "reused_percent", "mean_weight",
+    "wrongly_reused_percent", "wrongly_rejected_percent", "time_ms", "invalid_pixels",
+)  # fmt: skip
+"""frames.csv, one row per frame and method.  An empty cell was not measured."""
+
+NO_WEIGHT = "the method does not report the weight of history (alpha of its result is -1)"
+NO_EXACT_MASK = "there is no exact mask of these frames"
+NOT_REQUESTED = "not requested"
+EQUAL = "equal to the reference: infinite"
+
+CLASSES: dict[str, tuple[int, str]] = {
+    "not_classified": (int(Reason.FIRST | Reason.CUT | Reason.INVALID), "no history: first frame, cut, or invalid"),
+    "frustum": (int(FRUSTUM), "was off-screen or behind the camera in the previous frame"),
+    "disoccluded": (int(Reason.DISOCCLUDED), "was hidden in the previous frame"),
+    "occluding": (int(Reason.OCCLUDING), "covers the surface of the previous frame"),
+    "geometry": (int(Reason.POSITION | Reason.NORMAL), "another position or normal, for any other reason"),
+    "lit": (int(Reason.LIT), "brightened: direct light increased"),
+    "shadowed": (int(Reason.SHADOWED), "darkened: direct light decreased"),
+    "light": (int(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR), "any other change of light or color"),
+    "sky": (int(Reason.SKY), "sky in both frames"),
+    "rest": (0, "none of these: history is valid"),
+}
+"""Name -> (reason bits, meaning).  A pixel belongs to the first class with one of its bits; classes are disjoint."""
+
+
+def classify(mask: Array) -> Array:
+    """Index into CLASSES of every pixel.  (h, w) uint32 reason words -> (h, w) int8."""
+    out = np.full(mask.shape, len(CLASSES) - 1, dtype=np.int8)
+    for index, (bits, _) in reversed(list(enumerate(CLASSES.values()))):
+        if bits:
+            out[(mask & np.uint32(bits)) != 0] = index
+    return out
+
+
+@dataclass(slots=True)
+class ClassErrors:
+    """Sums of per-pixel errors by class, over frames."""
+
+    pixels: Array = field(default_factory=lambda: np.zeros(len(CLASSES), dtype=np.int64))
+    sums: dict[str, Array] = field(default_factory=dict)
+
+    def add(self, classes: Array, errors: dict[str, Array]) -> None:
+        """``classes`` (h, w); ``errors``: name -> (h, w), the same names for every frame."""
+        flat = classes.ravel()
+        self.pixels += np.bincount(flat, minlength=len(CLASSES))
+        for name, values in errors.items():
+            total = np.bincount(flat, weights=values.ravel().astype(np.float64), minlength=len(CLASSES))
+            self.sums[name] = self.sums.get(name, 0.0) + total
+
+    def summary(self) -> dict[str, dict[str, Any]]:
+        """Class -> ``percent`` of all pixels and the mean of each error, None for an empty class."""
+        total, out = int(self.pixels.sum()), {}
+        for index, name in enumerate(CLASSES):
+            count = int(self.pixels[index])
+            means = {n: float(s[index] / count) if count else None for n, s in self.sums.items()}
+            out[name] = {"pixels": count, "percent": 100.0 * count / total if total else None, **means}
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class Displayed:
+    """One image: linear radiance and display colors, (h, w, 3), finite."""
+
+    radiance: Array
+    colors: Array
+    valid: Array  # (h, w) bool: finite in the image and in its reference; black elsewhere
+
+    @classmethod
+    def of(cls, radiance: Array, valid: Array, curve: str) -> Displayed:
+        """``radiance`` with invalid pixels black, and its display colors under tone map ``curve``."""
+        radiance = np.where(valid[..., None], radiance, 0.0)
+        return cls(radiance, quality.display(radiance, curve), valid)
+
+    def masked(self, valid: Array) -> Displayed:
+        """Black where another image is invalid: such a pixel has no error and is counted separately."""
+        if valid.all():
+            return self
+        keep = valid[..., None]
+        return Displayed(np.where(keep, self.radiance, 0.0), np.where(keep, self.colors, 0.0), valid)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameReference:
+    """What all methods of one frame are compared with.  Arrays (h, w, ...), row 0 at the top."""
+
+    frame: int
+    image: Displayed
+    previous: Displayed | None  # reference image of the previous frame; None for the first
+    mask: Array  # (h, w) uint32 reason words
+    classes: Array  # (h, w) int8, of ``classify``
+    motion_px: Array  # (h, w, 2) previous - current, +y down
+
+
+@dataclass(slots=True)
+class MethodRecord:
+    """Scores of one method, frame by frame.
+
+    ``metrics`` of quality.CHOICES; ``exact_mask``: whether the masks are those of the exact frames.
+    """
+
+    label: str
+    metrics: frozenset[str]
+    exact_mask: bool
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    classes: ClassErrors = field(default_factory=ClassErrors)
+    failed: str | None = None
+    _mse: list[float] = field(default_factory=list)
+    _temporal_mse: list[float] = field(default_factory=list)
+    _previous: Displayed | None = None
+
+    def add(self, reference: FrameReference, result: Array, curve: str, time_ms: float | None) -> tuple[Array, Array]:
+        """Evaluate one frame.  ``result`` (h, w, 4): radiance and weight of history.
+
+        -> display colors (h, w, 3) and an error map (h, w) in [0, 1]: FLIP, or without it 4 |error|.
+        """
+        valid = reference.image.valid & np.isfinite(result).all(axis=-1)
+        shown, expected = Displayed.of(result[..., :3], valid, curve), reference.image.masked(valid)
+        square = quality.squared_error(shown.colors, expected.colors)
+        relative = quality.relative_squared_error(shown.radiance, expected.radiance)
+        errors = {"mse": square, "relmse": relative}
+        row: dict[str, Any] = dict.fromkeys(ROW_COLUMNS)
+        row |= {"frame": reference.frame, "method": self.label, "time_ms": time_ms}
+        row |= {"psnr_db": quality.psnr(float(square.mean())), "relmse": float(relative.mean())}
+        row["invalid_pixels"] = int(np.count_nonzero(~valid))
+        if "ssim" in self.metrics:
+            row["ssim"] = quality.ssim(shown.colors, expected.colors)
+        if "flip" in self.metrics:
+            errors["flip"] = quality.flip_map(shown.colors, expected.colors)
+            row["flip"] = float(errors["flip"].mean())
+        if self._previous is not None:  # the first frame has no history
+            allowed = quality.reusable(reference.mask)
+            self._mse.append(float(square.mean()))
+            self.classes.add(reference.classes, errors)
+            row |= self._temporal(shown, expected, reference, allowed)
+            row |= weights(result[..., 3], allowed if self.exact_mask else None)
+        self._previous = shown
+        self.rows.append(row)
+        return shown.colors, errors.get("flip", np.clip(4.0 * np.sqrt(square), 0.0, 1.0))
+
+    def _temporal(
+        self, shown: Displayed, expected: Displayed, reference: FrameReference, allowed: Array
+    ) -> dict[str, float | None]:
+        out: dict[str, float | None] = {}
+        images = shown.colors, self._previous.colors, expected.colors, reference.previous.colors
+        if "tpsnr" in self.metrics:
+            error = quality.temporal_squared_error(*images)
+            self._temporal_mse.append(float(np.where(shown.valid & self._previous.valid, error, 0.0).mean()))
+            out["tpsnr_db"] = quality.psnr(self._temporal_mse[-1])
+        if "flicker" in self.metrics:
+            valid = shown.valid & quality.history_of(self._previous.valid, reference.motion_px)
+            out["flicker"] = quality.flicker(*images, reference.motion_px, allowed & valid)
+        return out
+
+    def summary(self) -> dict[str, Any]:
+        """Means over all frames except the first; ``reasons`` explains every None."""
+        rows = self.rows[1:]
+        if self.failed is not None or not rows:
+            return {"failed": self.failed or "fewer than two frames", "frames": len(self.rows)}
+        mean = {n: _mean(rows, n) for n in ("ssim", "flip", "relmse", "flicker")}
+        mean |= {"psnr_db": quality.psnr(float(np.mean(self._mse)))}
+        mean["tpsnr_db"] = quality.psnr(float(np.mean(self._temporal_mse))) if self._temporal_mse else None
+        mean = {name: mean[name] for name in quality.MEASURES}
+        reuse = {n: _mean(rows, n) for n in ("reused_percent", "mean_weight")}
+        reuse |= {n: _mean(rows, n) for n in ("wrongly_reused_percent", "wrongly_rejected_percent")}
+        times = [row["time_ms"] for row in rows if row["time_ms"] is not None]
+        return {
+            "failed": None,
+            "frames": len(self.rows),
+            "mean": mean,
+            "reuse": reuse,
+            "classes": self.classes.summary(),
+            "time_ms": statistics.median(times) if times else None,
+            "invalid_pixels": sum(row["invalid_pixels"] for row in self.rows),
+            "reasons": self._reasons(mean, reuse),
+        }
+
+    def _reasons(self, mean: dict[str, Any], reuse: dict[str, Any]) -> dict[str, str]:
+        out = {}
+        for name, value in mean.items():
+            if value is None:
+                requested = name.removesuffix("_db") in self.metrics or name in ("psnr_db", "relmse")
+                small = f"the image is smaller than SSIM's window of {quality.SSIM_SIDE} pixels"
+                known = {"ssim": small, "flicker": "no pixel is reusable by the exact mask"}
+                out[name] = NOT_REQUESTED if not requested else known.get(name, EQUAL)
+        for name, value in reuse.items():
+            if value is None:
+                out[name] = NO_WEIGHT if reuse["mean_weight"] is None else NO_EXACT_MASK
+        return out
+
+
+def weights(weight: Array, allowed: Array | None) -> dict[str, float | None]:
+    """Reuse of one frame from the weights of history (h, w) of a method, percent of w·h; None if it reports none.
+
+    A pixel is *reused* if its weight is above 0, *wrongly reused* if the exact mask does not allow it, and *wrongly
+    rejected* if it is not reused although the exact mask allows it.  ``allowed`` (h, w) bool; None: no exact mask.
+    """
+    names = ("reused_percent", "mean_weight", "wrongly_reused_percent", "wrongly_rejected_percent")
+    if (weight < 0).any():
+        return dict.fromkeys(names)
+    weight = np.where(np.isfinite(weight), weight, 0.0)  # NaN where the radiance is NaN: no history
+    reused = weight > 0
+    wrong = (None, None) if allowed is None else (_percent(reused & ~allowed), _percent(~reused & allowed))
+    return dict(zip(names, (_percent(reused), float(weight.mean()), *wrong), strict=True))
+
+
+def _percent(which: Array) -> float:
+    return 100.0 * float(np.count_nonzero(which)) / which.size
+
+
+def _mean(rows: list[dict[str, Any]], name: str) -> float | None:
+    """Mean of a column over the frames that have a value."""
+    values = [row[name] for row in rows if row[name] is not None]
+    return float(np.mean(values)) if values else None
