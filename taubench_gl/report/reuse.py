@@ -1,4 +1,4 @@
-"""Tables, plots and HTML page of a reuse evaluation (schema ``taubench-gl/reuse/1``) and of a parameter fit."""
+"""Tables, plots and HTML page of a reuse evaluation (schema ``taubench-gl/reuse/2``) and of a parameter fit."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _class_measure(method: Summary) -> str:
 
 def _class_source(summary: Summary) -> str:
     if summary["mask_source"] == "exact":
-        return "Wrongly reused, wrongly rejected and the pixel classes refer to the masks of the exact (noise-free) frames."
+        return "Wrongly reused, wrongly rejected and the pixel classes refer to the masks of the exact frames."
     return "The pixel classes refer to geometry alone, because there are no masks of exact frames."
 
 

@@ -60,9 +60,7 @@ def side_by_side(evaluated: EvaluatedFrame, *, crop: bool = False) -> Array:
     cell_w, cell_h = width * scale, height * scale
     font = ImageFont.load_default(size=int(np.clip(cell_w / 20, 11, 22)))
     line = int(1.5 * font.size)
-    canvas = Image.new(
-        "RGB", (len(images) * (cell_w + GAP) - GAP, 2 * line + len(rows) * (cell_h + GAP) - GAP), _BACK
-    )
+    canvas = Image.new("RGB", (len(images) * (cell_w + GAP) - GAP, 2 * line + len(rows) * (cell_h + GAP) - GAP), _BACK)
     draw = ImageDraw.Draw(canvas)
     draw.text((GAP, line // 5), f"frame {evaluated.frame}", font=font, fill=(180, 180, 180))
     for column, name in enumerate(["input", *labels, "reference"]):

@@ -240,9 +240,7 @@ class FileInputs:
             self.exact_mask, self.exact_motion = self._exact_masks.mask, self._exact_masks.motion
         self._index, self._previous = 0, None
 
-    def _missing_channels(
-        self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings
-    ) -> RasterSource | None:
+    def _missing_channels(self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings) -> RasterSource | None:
         """A source of the channels that are read and missing in the files; None if there are none."""
         read = {HISTORY_INPUTS.get(name, name) for name in self.reads} & set(CHANNEL_INPUTS)
         missing = tuple(sorted(read - set(self.source.channels)))
@@ -449,9 +447,7 @@ def light_channels(source: RasterSource) -> tuple[str, ...]:
 def combined_radiance(frame: PathTracedFrame, exposure: float, where: str) -> Array:
     """Linear radiance x exposure, (h, w, 3) float32, of a path-traced frame.  Raises PathTracedError without it."""
     if frame.combined is None:
-        raise PathTracedError(
-            "has no combined pass", where=where, hint="enable it in the renderer, or give --mapping"
-        )
+        raise PathTracedError("has no combined pass", where=where, hint="enable it in the renderer, or give --mapping")
     if frame.color_encoded:
         raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
     return frame.combined[..., :3].astype(np.float32) * np.float32(exposure)

@@ -1,5 +1,5 @@
-"""Frames for reuse methods made in arrays, a player that runs a method over them, methods written on the spot, and
-evaluations that take little time."""
+"""Frames for reuse methods as arrays, a function that runs a method over them, methods written to a folder, and fast
+evaluations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = np.ndarray
 
 
 def still_steps(size: tuple[int, int], radiances: Iterable[Array]) -> list[Step]:
-    """A still camera over the still synthetic world, whose radiance is given per frame: (h, w, 3 or 4)."""
+    """A still camera in the still synthetic scene, with the given radiance per frame: (h, w, 3 or 4)."""
     radiances = list(radiances)
     steps = list(synthetic_steps(size, 2, speed=0.0, noise=0.0))
     out = []
@@ -50,15 +50,15 @@ def play(gpu: Gpu, method, steps: Iterable[Step], settings=None, exposure: float
         uploader.release()
 
 
-def judge(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
-    """``evaluate_methods`` with cheap metrics and a reference of one sample, unless asked for others; ``settings``:
-    those that differ from ``reuse_scenes.settings``."""
+def evaluate(scene, methods, frames: tuple[int, int], **more) -> Evaluation:
+    """``evaluate_methods`` with cheap metrics and one reference sample by default; ``settings``: changes to
+    ``reuse_scenes.settings``."""
     more = {"metrics": ("psnr", "relmse", "flicker"), "reference_samples": 1} | more
     return evaluate_methods(scene, methods, small_settings(frames=frames, **more.pop("settings", {})), **more)
 
 
 def display(rgb: Array) -> Array:
-    """As a screen shows it, 0 .. 1."""
+    """sRGB-encoded, clipped to 0 .. 1."""
     return srgb_encode(np.clip(rgb[..., :3], 0.0, 1.0))
 
 

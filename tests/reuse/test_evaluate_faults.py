@@ -1,11 +1,11 @@
-"""Evaluations with faults: they stay with their method, and what cannot be meant is told before anything is drawn."""
+"""Failures of evaluations: a failing method does not affect others, and invalid requests fail before rendering."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from reuse_scenes import passing_box
-from reuse_tools import judge
+from reuse_tools import evaluate
 
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
 from taubench_gl.report.reuse import reuse_tables
@@ -24,7 +24,7 @@ class NanFromThree:
         return frame["radiance"][..., :3] * (np.nan if frame["index"] >= 3 else 1.0)
 
 
-def test_a_failing_method_harms_no_other(tmp_path):
+def test_failing_method_does_not_affect_others(tmp_path):
     broken = tmp_path / "broken"
     broken.mkdir()
     (broken / "method.toml").write_text(
@@ -32,11 +32,11 @@ def test_a_failing_method_harms_no_other(tmp_path):
     )
     (broken / "b.glsl").write_text("void reuse(ivec2 p) { write_result(p, nonsense); }\n")
     specs = ["nosuch", str(broken), "none@gamma=3", MethodSpec("nan", NanFromThree), "accumulate"]
-    done = judge(passing_box(), specs, (0, 5))
+    done = evaluate(passing_box(), specs, (0, 5))
     assert set(done.failed) == {"nosuch", str(broken), "none@gamma=3", "nan"}
     assert all("\n" not in line for line in done.failed.values())
     assert "frame 3" in done.failed["nan"] and "gamma" in done.failed["none@gamma=3"]
-    alone = judge(passing_box(), ["accumulate"], (0, 5))
+    alone = evaluate(passing_box(), ["accumulate"], (0, 5))
     assert done.summary["methods"]["accumulate"]["mean"] == alone.summary["methods"]["accumulate"]["mean"]
     assert [row["method"] for row in done.rows] == ["accumulate"] * 5
     text = [row.reasons for row in reuse_tables(done.summary)[0].rows]
@@ -44,34 +44,34 @@ def test_a_failing_method_harms_no_other(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("request_", "says"),
+    ("request_", "value"),
     [
-        ({"methods": []}, "no method"),
-        ({"methods": ["none", "none"]}, "named twice"),
-        ({"methods": ["none@alpha"]}, "names no method"),
-        ({"metrics": ["vmaf"]}, "no metric is named 'vmaf'"),
-        ({"reference": "best"}, "reference is 'best'"),
-        ({"reference_samples": 0}, "reference samples is 0"),
-        ({"input": "exr:nowhere"}, "no 'max' reference"),
-        ({"frames": (0, 1)}, "one frame has no history"),
-        ({"cuts": (1, 7)}, "cut 7 is not among the frames"),
+        ({"methods": []}, ""),
+        ({"methods": ["none", "none"]}, "'none'"),
+        ({"methods": ["none@alpha"]}, "'none@alpha'"),
+        ({"metrics": ["vmaf"]}, "'vmaf'"),
+        ({"reference": "best"}, "'best'"),
+        ({"reference_samples": 0}, "0"),
+        ({"input": "exr:nowhere"}, "'max'"),
+        ({"frames": (0, 1)}, ""),
+        ({"cuts": (1, 7)}, "7"),
     ],
 )
-def test_requests_that_cannot_be_meant(request_, says):
+def test_invalid_requests(request_, value):
     given = {"methods": ["none"], "frames": (0, 3)} | request_
-    with pytest.raises(SettingsError, match=says):
-        judge(passing_box(), given.pop("methods"), given.pop("frames"), **given)
+    with pytest.raises(SettingsError, match=value):
+        evaluate(passing_box(), given.pop("methods"), given.pop("frames"), **given)
 
 
 @pytest.mark.parametrize("methods", [["nosuch"], ["nosuch", "none@gamma=3"]])
-def test_without_any_method_nothing_is_drawn_or_written(methods, tmp_path):
-    says = "nosuch" if len(methods) == 1 else "nosuch.*gamma"
-    with pytest.raises(MethodError, match=says), ReuseFolder(tmp_path / "run", 24.0) as folder:
-        judge(passing_box(), methods, (0, 5), on_frame=folder.on_frame)
+def test_nothing_is_written_if_no_method_loads(methods, tmp_path):
+    names = "nosuch" if len(methods) == 1 else "nosuch.*gamma"
+    with pytest.raises(MethodError, match=names), ReuseFolder(tmp_path / "run", 24.0) as folder:
+        evaluate(passing_box(), methods, (0, 5), on_frame=folder.on_frame)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_settings_are_read_as_the_method_says():
+def test_settings_are_parsed_by_the_method():
     method = load_method("taa_clamp")
     got = method_settings(method, {"alpha": "0.25", "clamping": "false", "filtering": "nearest"})
     assert got["alpha"] == 0.25 and got["clamping"] is False and got["filtering"] == "nearest"
@@ -79,20 +79,20 @@ def test_settings_are_read_as_the_method_says():
         method_settings(method, {"alpha": "much"})
 
 
-def test_memory_that_does_not_suffice_ends_one_method_alone(monkeypatch):
+def test_lack_of_memory_ends_one_method_only(monkeypatch):
     def poor(gpu, needed, what, hint):
         if "svgf" in what:
             raise GraphicsError(f"{what} needs 9.0 GB, 1.0 GB are free", hint=hint)
 
     monkeypatch.setattr("taubench_gl.reuse.runner.require_memory", poor)
-    done = judge(passing_box(), ["svgf", "none"], (0, 3))
+    done = evaluate(passing_box(), ["svgf", "none"], (0, 3))
     assert list(done.failed) == ["svgf"] and "9.0 GB" in done.failed["svgf"]
     assert [row["method"] for row in done.rows] == ["none"] * 3
 
 
 @pytest.mark.parametrize(("module", "options"), [("skimage", ["--metrics", "psnr,ssim"]), ("flip_evaluator", []),
                                                  ("imageio_ffmpeg", ["--metrics", "psnr"])])  # fmt: skip
-def test_a_package_that_is_not_installed_is_one_line(tmp_path, monkeypatch, capsys, module, options):
+def test_missing_package_is_one_line(tmp_path, monkeypatch, capsys, module, options):
     from taubench_gl.apps import cli
 
     for name in ("evaluate", "evaluate_output"):

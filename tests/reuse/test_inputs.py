@@ -1,4 +1,4 @@
-"""What methods are given: every input against the channel it is made of, jitter and fill against their definition."""
+"""Inputs of methods: every input against its channel, jitter and fill against their definitions."""
 
 from __future__ import annotations
 
@@ -15,11 +15,10 @@ from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
-from taubench_gl.reuse.frame import INPUTS, read_input
+from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, read_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import FileInputs, RasterInputs
-from taubench_gl.reuse.references import FileReference, MaxReference
-from taubench_gl.reuse.synthetic import FAR_AWAY_PX
+from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
+from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.scene import load_scene
 
 ALL = tuple(INPUTS)
@@ -28,7 +27,8 @@ ALL = tuple(INPUTS)
 @contextmanager
 def inputs_of(gpu, scene, kind="full", reads=ALL, **more):
     chosen = settings(**more.pop("settings", {}))
-    made = RasterInputs(gpu, scene, choose_camera(scene), chosen, parse_input(kind, seed=3), reads, **more)
+    request = InputRequest(gpu, scene, choose_camera(scene), chosen, parse_input(kind, seed=3))
+    made = RasterInputs(request, reads, **more)
     try:
         yield made
     finally:
@@ -42,35 +42,26 @@ def arrays(frame) -> dict[str, np.ndarray]:
 
 # --------------------------------------------------------------------------------------------------------------- kinds
 @pytest.mark.parametrize("text", ["full", "jittered", "noisy", "half", "noisy+quarter+jittered", "exr:some/folder"])
-def test_a_kind_is_read_as_it_is_written(text):
+def test_input_kind_round_trip(text):
     assert parse_input(text).text == text
     assert parse_input(text).exact == (text == "full")
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("sharp", "no input is named 'sharp'"),
-        ("", "no input is named ''"),
-        ("full+noisy", "contradicts itself"),
-        ("noisy+noisy", "contradicts itself"),
-        ("half+quarter", "two shading rates"),
-        ("exr:folder+noisy", "adds to files"),
-    ],
-)
-def test_a_kind_that_cannot_be_meant(text, says):
-    with pytest.raises(SettingsError, match=says):
+@pytest.mark.parametrize("text", ["sharp", "", "full+noisy", "noisy+noisy", "half+quarter", "exr:folder+noisy"])
+def test_invalid_input_kind(text):
+    with pytest.raises(SettingsError) as caught:
         parse_input(text)
+    assert repr(text) in caught.value.what
 
 
 @pytest.mark.parametrize("numbers", [{"light_samples": 0}, {"indirect_samples": 5000}, {"seed": -1}, {"seed": 65536}])
-def test_numbers_that_cannot_be_meant(numbers):
+def test_invalid_sample_counts_and_seeds(numbers):
     with pytest.raises(SettingsError):
         parse_input("noisy", **numbers)
 
 
 # -------------------------------------------------------------------------------------------------------------- inputs
-def test_every_input_is_its_channel(gpu):
+def test_inputs_equal_their_channels(gpu):
     scene = looking_around("slide")
     with inputs_of(gpu, scene) as inputs:
         inputs.advance(4)
@@ -93,10 +84,10 @@ def arrays_of_source(source) -> dict[str, np.ndarray]:
     return {name: source.read(name).copy() for name in source.channels}
 
 
-def test_only_what_is_read_is_drawn(gpu):
+def test_only_channels_that_are_read_are_rendered(gpu):
     with inputs_of(gpu, still(), reads=("radiance", "position")) as inputs:
         frame = inputs.advance(0)
-        assert inputs.truth is None and not {"ids", "prev_position"} & set(inputs.source.channels)
+        assert inputs.exact is None and not {"ids", "prev_position"} & set(inputs.source.channels)
         assert set(frame.textures) == {"radiance", "position"}
         lean = inputs.bytes
     with inputs_of(gpu, still()) as inputs:
@@ -116,7 +107,7 @@ def test_radiance_is_exposed_light_and_sky(gpu):
 
 
 @pytest.mark.parametrize("rate", RATES[1:])
-def test_what_is_not_shaded_is_filled(gpu, rate):
+def test_unshaded_pixels_are_filled(gpu, rate):
     with inputs_of(gpu, still()) as whole, inputs_of(gpu, still(), rate) as part:
         for frame in range(4):
             full = arrays(whole.advance(frame))["radiance"][..., :3]
@@ -126,7 +117,7 @@ def test_what_is_not_shaded_is_filled(gpu, rate):
             np.testing.assert_array_equal(got[..., :3], full[at[..., 1], at[..., 0]])
 
 
-def test_jittered_samples_lie_where_they_say(gpu):
+def test_positions_of_jittered_samples(gpu):
     scene = still()
     with inputs_of(gpu, scene, "jittered") as inputs:
         for number in range(3):
@@ -143,8 +134,8 @@ def test_jittered_samples_lie_where_they_say(gpu):
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_every_pixel_is_sampled_all_over_its_area(gpu, rate):
-    """Shading rates and Halton's base 2 have a period in common: each pixel must get every offset all the same."""
+def test_every_pixel_gets_every_jitter_offset(gpu, rate):
+    """The periods of shading rates and of Halton's base 2 have a common factor."""
     frames, kind = range(16 * cycle(rate)), "jittered" if rate == "full" else f"{rate}+jittered"
     with inputs_of(gpu, still(), kind, reads=("radiance",), settings={"width": 8, "height": 6}) as inputs:
         offsets = [inputs.advance(frame).jitter_px for frame in frames]
@@ -154,28 +145,28 @@ def test_every_pixel_is_sampled_all_over_its_area(gpu, rate):
 
 
 @pytest.mark.parametrize("kind", ["full", "jittered", "noisy+jittered"])
-def test_a_still_picture_does_not_move(gpu, kind):
+def test_still_scene_has_zero_motion(gpu, kind):
     with inputs_of(gpu, still(), kind) as inputs:
         first = arrays(inputs.advance(0))
-        assert (first["mask"] & np.uint32(Reason.FIRST)).all() and (first["truth_mask"] & np.uint32(Reason.FIRST)).all()
+        assert (first["mask"] & np.uint32(Reason.FIRST)).all() and (first["exact_mask"] & np.uint32(Reason.FIRST)).all()
         for number in range(1, 4):
             got = arrays(inputs.advance(number))
             assert not got["motion"].any()
             assert not (got["mask"] & np.uint32(Reason.OUTSIDE | Reason.BEHIND)).any()
-            assert not (got["truth_mask"] & ~np.uint32(Reason.SKY | Reason.HISTORY_SKY)).any()
+            assert not (got["exact_mask"] & ~np.uint32(Reason.SKY | Reason.HISTORY_SKY)).any()
 
 
-def test_the_mask_knows_geometry_and_the_truth_knows_light(gpu):
+def test_mask_has_geometry_bits_and_exact_mask_also_light_bits(gpu):
     with inputs_of(gpu, passing_box(), "noisy") as inputs:
         for number in range(11, 14):
             got = arrays(inputs.advance(number))
     light = np.uint32(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR | Reason.LIT | Reason.SHADOWED)
     assert not (got["mask"] & light).any()
-    assert (got["mask"] & np.uint32(Reason.DISOCCLUDED)).any() and (got["truth_mask"] & np.uint32(Reason.COLOR)).any()
-    np.testing.assert_array_equal(got["mask"], got["truth_mask"] & ~light)
+    assert (got["mask"] & np.uint32(Reason.DISOCCLUDED)).any() and (got["exact_mask"] & np.uint32(Reason.COLOR)).any()
+    np.testing.assert_array_equal(got["mask"], got["exact_mask"] & ~light)
 
 
-def test_what_was_behind_the_camera_moved_far(gpu):
+def test_motion_of_points_behind_the_previous_camera(gpu):
     with inputs_of(gpu, turned_round(), settings={"fps": 1.0}) as inputs:
         inputs.advance(0)
         got = arrays(inputs.advance(1))
@@ -194,7 +185,7 @@ def turned_round():
     return b.build()
 
 
-def test_a_declared_cut_is_in_the_masks(gpu):
+def test_declared_cut_sets_the_masks(gpu):
     with inputs_of(gpu, still(), cuts=(2,)) as inputs:
         for number in range(4):
             frame = inputs.advance(number)
@@ -203,7 +194,7 @@ def test_a_declared_cut_is_in_the_masks(gpu):
             assert ((got["mask"] & np.uint32(Reason.CUT)) != 0).all() == (number == 2)
 
 
-def test_noise_has_its_own_numbers_each_frame_and_seed(gpu):
+def test_noise_depends_on_frame_and_seed(gpu):
     with inputs_of(gpu, still(), "noisy") as inputs:
         a, b = (arrays(inputs.advance(n))["radiance"] for n in range(2))
     with inputs_of(gpu, still(), "noisy") as inputs:
@@ -212,23 +203,23 @@ def test_noise_has_its_own_numbers_each_frame_and_seed(gpu):
     assert np.mean(np.any(a != b, axis=-1)) > 0.3
 
 
-def test_too_small_a_picture_has_no_rate(gpu):
-    with pytest.raises(SettingsError, match="2x2"), inputs_of(gpu, still(), "half", settings={"height": 1}):
+def test_image_too_small_for_the_shading_rate(gpu):
+    with pytest.raises(SettingsError), inputs_of(gpu, still(), "half", settings={"height": 1}):
         pass
 
 
 # ----------------------------------------------------------------------------------------------------------- reference
-def test_the_best_reference_is_the_mean_of_its_samples(gpu):
+def test_reference_is_the_mean_of_its_samples(gpu):
     scene, kind, chosen = looking_around("slide"), InputKind(), settings()
-    reference = MaxReference(gpu, scene, choose_camera(scene), chosen, kind, 4)
-    pictures = []
+    reference = SupersampledReference(InputRequest(gpu, scene, choose_camera(scene), chosen, kind), 4)
+    images = []
     for offset in grid_offsets(4):
         with inputs_of(gpu, scene, "jittered", reads=("radiance",), jitter=lambda _, o=offset: o) as inputs:
-            pictures.append(arrays(inputs.advance(3))["radiance"][..., :3])
-    got = reference.picture(3)
-    np.testing.assert_allclose(got, np.mean(pictures, axis=0), atol=1e-6)
-    assert np.abs(pictures[0] - pictures[3]).max() > 0.05
-    np.testing.assert_array_equal(reference.picture(3), got)
+            images.append(arrays(inputs.advance(3))["radiance"][..., :3])
+    got = reference.image(3)
+    np.testing.assert_allclose(got, np.mean(images, axis=0), atol=1e-6)
+    assert np.abs(images[0] - images[3]).max() > 0.05
+    np.testing.assert_array_equal(reference.image(3), got)
     reference.release()
 
 
@@ -260,52 +251,54 @@ def exr_folder(session_gpu, tmp_path_factory):
     return folder
 
 
-def test_files_give_what_was_rendered(gpu, exr_folder):
+def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
     scene, spec = looking_around("slide"), f"exr:{exr_folder}"
-    files = FileInputs(gpu, scene, choose_camera(scene), settings(exposure=0.5), InputKind(files=spec), ALL, truth=spec)
-    missing = ("base_color", "ids", "emission", "prev_position", "history_ids")  # drawn: the files do not hold them
+    kind = InputKind(files=spec)
+    request = InputRequest(gpu, scene, choose_camera(scene), settings(exposure=0.5), kind)
+    files = FileInputs(request, ALL, exact=spec)
+    missing = ("base_color", "ids", "emission", "prev_position", "history_ids")  # rasterized: not in the files
     reads = ("radiance", "position", "normal", "motion", "mask", *missing)
-    with inputs_of(gpu, scene, reads=reads, settings={"exposure": 0.5}) as drawn:
+    with inputs_of(gpu, scene, reads=reads, settings={"exposure": 0.5}) as rendered:
         assert list(files.frames((1, None))) == [1, 2, 3]
         for number in range(3):
             frame = files.advance(number)
-            got, expected = arrays(frame), arrays(drawn.advance(number))
+            got, expected = arrays(frame), arrays(rendered.advance(number))
             for name in reads:
                 close = {"atol": 2e-3 if name == "motion" else 2e-5}
                 few = 3 if name == "normal" else None  # its fourth component is unused
                 np.testing.assert_allclose(got[name][..., :few], expected[name][..., :few], **close)
-    assert "truth_mask" in frame.textures
-    assert "rasterized, for the files do not hold it" in files.describe()["notes"][0]
-    bare = FileInputs(gpu, None, None, settings(), InputKind(files=spec), ALL)
+    assert "exact_mask" in frame.textures
+    assert all(name in files.describe()["notes"][0] for name in ("base_color", "ids", "emission", "prev_position"))
+    bare = FileInputs(InputRequest(gpu, None, None, settings(), kind), ALL)
     assert set(missing).isdisjoint(bare.advance(0).textures)
     bare.release()
     reference = FileReference(spec, files.size, range(1, 4), settings(exposure=0.5))
-    np.testing.assert_array_equal(reference.picture(2), got["radiance"][..., :3])
+    np.testing.assert_array_equal(reference.image(2), got["radiance"][..., :3])
     files.release()
 
 
-def test_files_that_do_not_fit_say_so(exr_folder):
-    with pytest.raises(PathTracedError, match="is 64x48 pixels, the input 32x24"):
-        FileReference(f"exr:{exr_folder}", (32, 24), range(2), settings())
-    with pytest.raises(PathTracedError, match="lacks frame 4"):
-        FileReference(f"exr:{exr_folder}", SIZE, range(2, 6), settings())
+@pytest.mark.parametrize(("size", "frames", "value"), [((32, 24), range(2), "64x48"), (SIZE, range(2, 6), "4")])
+def test_file_reference_with_wrong_size_or_missing_frames(exr_folder, size, frames, value):
+    with pytest.raises(PathTracedError) as caught:
+        FileReference(f"exr:{exr_folder}", size, frames, settings())
+    assert caught.value.where == f"exr:{exr_folder}" and value in caught.value.what
 
 
 # -------------------------------------------------------------------------------------------------- cuts of a surface
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_surface_with_changed_faces_is_cut_in_both_masks(gpu, tmp_path, reprojection):
-    """An OBJ sequence whose left object has other faces from frame 2 on: no history in that frame, in no other one."""
+    """An OBJ sequence whose left object has other faces from frame 2 on: no history in that frame only."""
     faces = ("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n", "f 1 2 3 4\nf 4 3 2 1\n")
     right = "o right\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nf 5 6 7 8\n"
     for i, left in enumerate(faces):
         corners = "".join(f"v {x} {y} 0\n" for x, y in ((-2, -1), (0, -1), (0, 1), (-2, 1)))
         (tmp_path / f"s{i}.obj").write_text(f"o left\n{corners}{left}{right}")
     scene = load_scene(tmp_path)
-    with inputs_of(gpu, scene, reads=("mask", "truth_mask", "ids"), settings={"reprojection": reprojection}) as made:
+    with inputs_of(gpu, scene, reads=("mask", "exact_mask", "ids"), settings={"reprojection": reprojection}) as made:
         for frame in range(4):
             found = arrays(made.advance(frame))
             fresh = found["ids"][..., 1] & NO_HISTORY > 0
             assert fresh.any() == (frame == 2)
-            for name in ("mask", "truth_mask"):
+            for name in ("mask", "exact_mask"):
                 cut = found[name][..., 0] & np.uint32(Reason.CUT) > 0
                 np.testing.assert_array_equal(cut, fresh, err_msg=f"{name}, frame {frame}")

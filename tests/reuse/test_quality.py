@@ -1,4 +1,4 @@
-"""Measures of a picture against closed forms; classes and weights against counting by hand."""
+"""Image measures against closed forms; classes and weights against a direct count."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.metrics.reuse_methods import previous_px, sample_history
 from taubench_gl.reuse import quality
-from taubench_gl.reuse.scores import CLASSES, ClassErrors, MethodRecord, Shown, classify, weights
+from taubench_gl.reuse.scores import CLASSES, ClassErrors, Displayed, FrameReference, MethodRecord, classify, weights
 
 H, W = 24, 32
 RNG = np.random.default_rng(3)
@@ -25,13 +25,13 @@ def test_psnr_of_a_constant_error():
     assert quality.psnr(0.0) is None
 
 
-def test_relative_error_has_its_epsilon():
+def test_relative_error_of_constant_images():
     got = quality.relative_squared_error(flat(3.0), flat(2.0))
     np.testing.assert_allclose(got, 1.0 / 4.01)
     np.testing.assert_allclose(quality.relative_squared_error(flat(0.1), flat(0.0)), 1.0)
 
 
-def test_ssim_of_flat_pictures_is_its_luminance_term():
+def test_ssim_of_flat_images_is_its_luminance_term():
     a, b, c1 = 0.3, 0.6, 0.01**2
     assert quality.ssim(flat(a), flat(b)) == pytest.approx((2 * a * b + c1) / (a * a + b * b + c1), abs=1e-9)
     noise = RNG.random((H, W, 3))
@@ -39,14 +39,14 @@ def test_ssim_of_flat_pictures_is_its_luminance_term():
     assert quality.ssim(noise[:10], noise[:10]) is None
 
 
-def test_flip_is_zero_for_equals_and_refuses_what_it_would_swallow():
-    picture = RNG.random((H, W, 3))
-    assert quality.flip_map(picture, picture).max() == 0.0
+def test_flip_of_equal_images_and_of_nan():
+    image = RNG.random((H, W, 3))
+    assert quality.flip_map(image, image).max() == 0.0
     black_on_white = quality.flip_map(flat(0.0), flat(1.0))
     assert black_on_white.shape == (H, W) and 0.9 < black_on_white.min() <= black_on_white.max() <= 1.0
-    broken = picture.copy()
+    broken = image.copy()
     broken[3, 4] = np.nan
-    for pair in ((broken, picture), (picture, broken)):
+    for pair in ((broken, image), (image, broken)):
         with pytest.raises(ValueError, match="finite"):
             quality.flip_map(*pair)
 
@@ -56,7 +56,7 @@ def test_display_is_srgb():
     np.testing.assert_allclose(quality.display(flat(1.0), "reinhard"), quality.display(flat(0.5)))
 
 
-def test_history_is_taken_where_motion_points():
+def test_history_is_sampled_along_motion():
     image = RNG.random((H, W, 3))
     motion = np.zeros((H, W, 2))
     motion[...] = 3.0, -2.0
@@ -67,15 +67,15 @@ def test_history_is_taken_where_motion_points():
     assert quality.history_of(image, np.full((H, W, 2), 1e6)).shape == image.shape
 
 
-def test_history_halfway_between_two_pixels_is_the_one_the_masks_read():
+def test_history_between_two_pixels_matches_the_masks():
     image = RNG.random((H, W, 3))
     motion = np.zeros((H, W, 2))
     motion[...] = 0.5, 0.5
-    want = sample_history(image, previous_px(motion), "nearest")
-    np.testing.assert_array_equal(quality.history_of(image, motion), want)
+    expected = sample_history(image, previous_px(motion), "nearest")
+    np.testing.assert_array_equal(quality.history_of(image, motion), expected)
 
 
-def test_flicker_is_zero_for_what_moves_along_and_for_the_reference():
+def test_flicker_of_pure_motion_and_of_the_reference():
     before, everywhere = RNG.random((H, W, 3)), np.ones((H, W), dtype=bool)
     motion = np.zeros((H, W, 2))
     motion[..., 0] = -2.0
@@ -86,38 +86,38 @@ def test_flicker_is_zero_for_what_moves_along_and_for_the_reference():
     assert quality.flicker(now, then, now, then, motion, everywhere) == 0.0
 
 
-def test_flicker_of_alternating_brightness_and_its_mask():
+def test_flicker_of_alternating_brightness_with_a_mask():
     now, then, still, motion = flat(0.6), flat(0.4), flat(0.5), np.zeros((H, W, 2))
     half = np.zeros((H, W), dtype=bool)
     half[:, : W // 2] = True
     assert quality.flicker(now, then, still, still, motion, half) == pytest.approx(0.2)
-    then[:, W // 2 :] = 0.6  # the other half holds still, but is not reusable
+    then[:, W // 2 :] = 0.6  # the other half is still, but not reusable
     assert quality.flicker(now, then, still, still, motion, half) == pytest.approx(0.2)
     assert quality.flicker(now, then, still, still, motion, half | True) == pytest.approx(0.1)
     assert quality.flicker(now, then, still, still, motion, half & False) is None
 
 
-def test_temporal_error_sees_what_a_frame_alone_does_not():
+def test_temporal_error_of_constant_and_alternating_bias():
     reference = RNG.random((2, H, W, 3))
-    constant = reference + 0.1  # wrong in every frame, but always alike
+    constant = reference + 0.1  # the same error in every frame
     np.testing.assert_allclose(quality.temporal_squared_error(*constant, *reference), 0.0, atol=1e-30)
     alternating = reference + np.array([0.1, -0.1])[:, None, None, None]
     np.testing.assert_allclose(quality.temporal_squared_error(*alternating, *reference), 0.04)
 
 
-def test_every_word_has_one_class():
+def test_every_mask_word_has_one_class():
     words = np.arange(1 << 16, dtype=np.uint32).reshape(256, 256)
     got = classify(words)
     names = list(CLASSES)
 
-    def by_hand(word: int) -> str:
+    def first_class(word: int) -> str:
         for name, (bits, _) in CLASSES.items():
             if bits and word & bits:
                 return name
         return "rest"
 
     some = RNG.integers(0, 1 << 16, 2000)
-    assert [names[k] for k in got.ravel()[some]] == [by_hand(int(w)) for w in some]
+    assert [names[k] for k in got.ravel()[some]] == [first_class(int(w)) for w in some]
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_every_word_has_one_class():
         (0, "rest"),
         (Reason.HISTORY_SKY, "rest"),
         (Reason.SKY | Reason.HISTORY_SKY, "sky"),
-        (Reason.FIRST | Reason.SKY, "unjudged"),
+        (Reason.FIRST | Reason.SKY, "not_classified"),
         (Reason.OUTSIDE | Reason.SKY, "frustum"),
         (Reason.POSITION | Reason.NORMAL | Reason.DISOCCLUDED | Reason.LIT | Reason.DIRECT, "disoccluded"),
         (Reason.NORMAL | Reason.DIRECT | Reason.LIT, "geometry"),
@@ -134,11 +134,11 @@ def test_every_word_has_one_class():
         (Reason.COLOR, "light"),
     ],
 )
-def test_known_words(word, name):
+def test_class_of_mask_word(word, name):
     assert list(CLASSES)[classify(np.array([[int(word)]], dtype=np.uint32))[0, 0]] == name
 
 
-def test_reusable_is_what_no_mask_discards():
+def test_reusable_pixels():
     words = [0, Reason.SKY | Reason.HISTORY_SKY, Reason.COLOR, Reason.FIRST, *FRUSTUM, Reason.NORMAL, Reason.INVALID]
     got = quality.reusable(np.array([[int(w) for w in words]], dtype=np.uint32))
     assert got.tolist() == [[True, True] + [False] * (len(words) - 2)]
@@ -150,19 +150,19 @@ def test_errors_by_class_add_up():
     sums = ClassErrors()
     for c, e in zip(classes, errors):
         sums.add(c, {"mse": e})
-    told = sums.summary()
-    assert sum(entry["pixels"] for entry in told.values()) == 2 * H * W
-    assert sum(e["pixels"] * e["mse"] for e in told.values() if e["pixels"]) == pytest.approx(errors.sum())
+    found = sums.summary()
+    assert sum(entry["pixels"] for entry in found.values()) == 2 * H * W
+    assert sum(e["pixels"] * e["mse"] for e in found.values() if e["pixels"]) == pytest.approx(errors.sum())
     for index, name in enumerate(CLASSES):
         inside = errors[classes == index]
-        assert told[name]["mse"] == (pytest.approx(inside.mean()) if inside.size else None)
+        assert found[name]["mse"] == (pytest.approx(inside.mean()) if inside.size else None)
 
 
-def test_weights_are_judged_by_the_truth():
+def test_weights_against_the_exact_mask():
     weight = np.array([[0.0, 0.9], [0.5, 0.0]])
     allowed = np.array([[True, True], [False, False]])
-    told = weights(weight, allowed)
-    assert told == {
+    found = weights(weight, allowed)
+    assert found == {
         "reused_percent": 50.0, "mean_weight": 0.35, "wrongly_reused_percent": 25.0, "wrongly_rejected_percent": 25.0,
     }  # fmt: skip
     assert weights(weight, None)["wrongly_reused_percent"] is None
@@ -170,22 +170,21 @@ def test_weights_are_judged_by_the_truth():
 
 
 @pytest.mark.parametrize("broken_frame", [0, 1])
-def test_a_pixel_that_is_not_finite_is_no_temporal_error(broken_frame):
-    """Black stands in for it; neither the frame it is in nor the next one may count the jump to black and back."""
-    everything, broken = np.ones((H, W), dtype=bool), np.ones((H, W), dtype=bool)
-    broken[5, 6] = False
-    record = MethodRecord("m", frozenset({"tpsnr", "flicker"}), True)
-    mask, motion, before = np.zeros((H, W), dtype=np.uint32), np.zeros((H, W, 2)), None
+def test_invalid_pixel_has_no_temporal_error(broken_frame):
+    """It is black, and neither its frame nor the next one counts the change to black and back."""
+    record, previous = MethodRecord("m", frozenset({"tpsnr", "flicker"}), True), None
+    mask, motion, everywhere = np.zeros((H, W), dtype=np.uint32), np.zeros((H, W, 2)), np.ones((H, W), dtype=bool)
     for frame in range(2):
-        reference = Shown(flat(0.5), flat(0.5), everything)
-        usable = broken if frame == broken_frame else everything
-        seen = Shown(*(np.where(usable[..., None], flat(0.5), 0.0) for _ in range(2)), usable)
-        record.add(frame, seen, np.ones((H, W)), seen, before, mask, classify(mask), motion, None, int((~usable).sum()))
-        before = reference
+        image = Displayed(flat(0.5), quality.display(flat(0.5)), everywhere)
+        result = np.concatenate([flat(0.5), np.ones((H, W, 1))], axis=-1)
+        if frame == broken_frame:
+            result[5, 6, :3] = np.nan
+        record.add(FrameReference(frame, image, previous, mask, classify(mask), motion), result, "linear", None)
+        previous = image
     assert record.rows[1]["tpsnr_db"] is None and record.rows[1]["flicker"] == 0.0
     assert record.summary()["invalid_pixels"] == 1
 
 
-def test_a_weight_that_is_not_finite_is_no_history():
-    told = weights(np.array([[np.nan, 0.5]]), np.array([[True, True]]))
-    assert told["mean_weight"] == 0.25 and told["wrongly_rejected_percent"] == 50.0
+def test_weight_that_is_not_finite_counts_as_zero():
+    found = weights(np.array([[np.nan, 0.5]]), np.array([[True, True]]))
+    assert found["mean_weight"] == 0.25 and found["wrongly_rejected_percent"] == 50.0
