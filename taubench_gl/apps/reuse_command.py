@@ -1,4 +1,4 @@
-"""``taubench-gl reuse``: temporal reuse methods, shipped and your own."""
+"""``taubench-gl reuse``: temporal reuse methods, built-in ones and your own."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FULL_HD = (1920, 1080)
 
 
 class SettingValue(click.ParamType):
-    """``alpha=0.2`` -> ("alpha", "0.2"); what the method allows is checked by the method."""
+    """``alpha=0.2`` -> ("alpha", "0.2"); the method checks the value."""
 
     name = "NAME=V"
 
@@ -34,14 +34,14 @@ class SettingValue(click.ParamType):
 
 
 def parsed_settings(method: Method, given: tuple[tuple[str, str], ...]) -> dict[str, Any]:
-    """Texts of the command line as the method's own types.  Raises MethodError."""
+    """Values of the command line in the types of the method's settings.  Raises MethodError."""
     parsed = {n: method.settings[n].parse(text) if n in method.settings else text for n, text in given}
     return method.values(parsed)
 
 
 @click.group(cls=Group)
 def reuse() -> None:
-    """Temporal reuse methods: those that come along and your own (docs/reuse.md)."""
+    """Temporal reuse methods: built-in ones and your own (docs/reuse.md)."""
 
 
 @reuse.command(
@@ -53,7 +53,7 @@ Examples:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def list_methods(as_json: bool) -> None:
-    """The methods that have a name: shipped, and installed by other packages."""
+    """List the methods that have a name: built-in, or installed by other packages."""
     from taubench_gl.errors import MethodError
     from taubench_gl.reuse.loading import builtin_methods, installed_methods, load_method
 
@@ -80,7 +80,7 @@ Examples:
 @click.argument("name", metavar="NAME|PATH")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(name: str, as_json: bool) -> None:
-    """Citation, inputs, settings, passes and memory of a method.  Needs no OpenGL."""
+    """Show citation, inputs, settings, passes and memory of a method.  Needs no OpenGL."""
     from taubench_gl.apps.screen import show_pairs
     from taubench_gl.reuse.loading import load_method
 
@@ -92,7 +92,7 @@ def show(name: str, as_json: bool) -> None:
     show_pairs(
         f"Method {method.name}: {method.title}",
         {
-            "after": "; ".join(facts["cite"]) or None,
+            "reference": "; ".join(facts["cite"]) or None,
             "reads": ", ".join(facts["reads"]),
             "history": ", ".join(f"{n} ({f})" for n, f in facts["history"].items()) or "none declared",
             "buffers": ", ".join(f"{n} ({f})" for n, f in facts["buffers"].items()) or "none",
@@ -112,7 +112,7 @@ def _short(value: Any) -> str:
 
 
 def describe(method: Method) -> dict[str, Any]:
-    """What ``reuse show --json`` prints."""
+    """The facts of ``reuse show --json``."""
     return {
         "name": method.name,
         "title": method.title,
@@ -145,7 +145,7 @@ Examples:
 @click.argument("path", metavar="NAME|PATH", type=click.Path(path_type=Path))
 @click.option("--python", is_flag=True, help="Write a Python class (NAME.py) instead of a folder with GLSL.")
 def new(path: Path, python: bool) -> None:
-    """Write a working example to start from: a folder with method.toml and GLSL, or one Python file."""
+    """Write a working example: a folder with method.toml and GLSL, or one Python file."""
     from taubench_gl.reuse.check import write_example
 
     files = write_example(path, python)
@@ -161,7 +161,7 @@ Examples:
   taubench-gl reuse check my_method.py:Variant --set alpha=0.05"""
 )
 @click.argument("path", metavar="NAME|PATH")
-@click.option("--set", "given", type=SettingValue(), multiple=True, help="Another value of a setting; may be repeated.")
+@click.option("--set", "given", type=SettingValue(), multiple=True, help="Value of a setting; repeatable.")
 @gpu_options
 def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: int | None) -> None:
     """Validate a method, compile it, and run it over a small synthetic sequence."""
@@ -175,7 +175,7 @@ def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: i
     with gpu:
         report = check_method(gpu, method, values)
     what = "a Python class" if method.factory else f"{len(method.passes)} pass{'es' * (len(method.passes) != 1)}"
-    reused = "not told (alpha of the result is -1)" if report.reused is None else f"{100 * report.reused:.0f} %"
+    reused = "not reported (alpha of the result is -1)" if report.reused is None else f"{100 * report.reused:.0f} %"
     click.echo(f"{method.name}: {method.title}: valid, {what}, {method.bytes(FULL_HD) / 1e6:.1f} MB at 1920x1080")
     click.echo(f"ran {report.frames} frames of {report.size[0]}x{report.size[1]}; every pixel finite")
     click.echo(f"error against the noise-free frames {report.error:.4f} (no reuse {report.error_without_reuse:.4f})")

@@ -1,4 +1,4 @@
-"""``taubench-gl reuse evaluate`` and ``reuse fit``: methods side by side, and the settings that suit a scene."""
+"""``taubench-gl reuse evaluate`` and ``reuse fit``: compare methods, and search their settings."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.options import (
     OutPath,
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
 FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
-METHODS_HELP = "Comma-separated: a shipped name, a folder, file.py or module:Class; settings as NAME@alpha=0.1."
+METHODS_HELP = "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1."
 
 
 class List(click.ParamType):
@@ -50,7 +51,7 @@ class List(click.ParamType):
 
 
 def shared_options(command: Any) -> Any:
-    """What ``evaluate`` and ``fit`` have in common: frames, inputs, reference, light."""
+    """Options of both ``evaluate`` and ``fit``: frames, inputs, reference, light."""
     return with_options(
         command,
         frame_options(size="1280x720"),
@@ -60,34 +61,35 @@ def shared_options(command: Any) -> Any:
             default="full",
             show_default=True,
             metavar="KIND",
-            help="What is reused: full, or some of jittered, noisy, half, checkerboard, quarter joined by +; or "
-            "exr:DIR, path-traced frames whose camera SCENE has.",
+            help="Frames to reuse: full, or some of jittered, noisy, half, checkerboard, quarter joined by +; or "
+            "exr:DIR, path-traced frames with the camera of SCENE.",
         ),
-        click.option("--noise-lights", type=int, default=1, show_default=True, help="noisy: lights drawn per pixel."),
-        click.option(
-            "--noise-bounces", type=int, default=4, show_default=True, help="noisy: virtual lights drawn per pixel."
-        ),
-        click.option("--seed", type=int, default=0, show_default=True, help="noisy: of the random numbers."),
+        click.option("--light-samples", type=int, default=1, show_default=True, help="noisy: light samples per pixel."),
+        former_option("--noise-lights", "--light-samples"),
+        click.option("--vpl-samples", type=int, default=4, show_default=True, help="noisy: VPL samples per pixel."),
+        former_option("--noise-bounces", "--vpl-samples"),
+        click.option("--seed", type=int, default=0, show_default=True, help="noisy: seed of the random numbers."),
         click.option(
             "--reference",
             default="max",
             show_default=True,
             metavar="max|exr:DIR",
-            help="max: exact light, supersampled.  exr:DIR: path-traced frames of the same numbers.",
+            help="max: exact light, supersampled.  exr:DIR: path-traced frames with the same numbers.",
         ),
         click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
         click.option(
             "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML."
         ),
-        click.option("--cut", "cuts", type=int, multiple=True, help="Declare that this frame begins anew; repeatable."),
+        click.option("--cut", "cuts", type=int, multiple=True, help="Frame declared to have no history; repeatable."),
         threshold_option,
         unit_scale_option,
         lighting_options,
         of_settings(
-            "--virtual-lights",
-            "Virtual lights that indirect light starts from; noisy light draws from them, its reference sums all.",
+            "--vpls",
+            "Virtual point lights (VPLs) of indirect light; noisy light samples them, its reference sums all.",
             field="indirect_samples",
         ),
+        former_option("--virtual-lights", "--vpls"),
         gpu_options,
     )
 
@@ -106,8 +108,8 @@ docs/reuse-evaluation.md defines every number."""
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @click.option("--methods", type=List(), required=True, help=METHODS_HELP)
-@click.option("--metrics", type=List(), default=",".join(FIT_METRICS), show_default=True, help="What is measured.")
-@click.option("--out", type=OutPath(), metavar="DIR", help="Write results here, not only print.")
+@click.option("--metrics", type=List(), default=",".join(FIT_METRICS), show_default=True, help="Metrics to compute.")
+@click.option("--out", type=OutPath(), metavar="DIR", help="Also write the results to this folder.")
 @click.option(
     "--video", type=click.Choice(["mp4", "webm", "none"]), default="mp4", show_default=True, help="With --out."
 )
@@ -120,9 +122,9 @@ def evaluate(
     video: str,
     **options: Any,
 ) -> int:
-    """Run reuse methods over the same frames of SCENE and judge every picture against a reference.
+    """Run reuse methods over the same frames of SCENE and compare every image with a reference.
 
-    A method that fails is told of in one line and harms no other; the exit code is then 2.
+    A method that fails prints one line and does not affect the others; the exit code is then 2.
     """
     settings, request = split_options(options)
     failed = False
@@ -132,11 +134,11 @@ def evaluate(
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
-            _say(f"error: {scene}: {error}")
+            _print_error(f"error: {scene}: {error}")
             failed = True
             continue
         for line in done.failed.values():
-            _say(f"error: {line}")
+            _print_error(f"error: {line}")
         failed = failed or bool(done.failed)
     return EXIT_FAILED if failed else 0
 
@@ -163,7 +165,7 @@ def _evaluate_one(
             if results is not None:
                 results.finish(done)
     except KeyboardInterrupt:
-        _say(_interrupted(results))
+        _print_error(_interrupted(results))
         raise click.exceptions.Exit(EXIT_INTERRUPTED) from None
     if len(done.failed) < len(done.summary["methods"]):
         show_tables(reuse_tables(done.summary))
@@ -179,23 +181,21 @@ Examples:
   taubench-gl reuse fit scene.glb --method svgf --setting alpha=0.05:0.5:6 --metric flip --refine 2 --out fit"""
 )
 @click.argument("path", metavar="SCENE")
-@click.option(
-    "--method", required=True, help="One method, as in 'reuse evaluate'; settings given with @ stay as given."
-)
+@click.option("--method", required=True, help="One method, as in 'reuse evaluate'; settings given with @ stay fixed.")
 @click.option(
     "--setting",
     "ranges",
     multiple=True,
     required=True,
     metavar="NAME[=lo:hi[:n]]",
-    help="A setting to search and its range; repeatable: the grid of all.  [default: its own range, 9 values]",
+    help="A setting to search and its range; repeatable for a grid.  [default: the range of the setting, 9 values]",
 )
 @click.option(
     "--metric",
     type=click.Choice(FIT_METRICS),
     default="flip",
     show_default=True,
-    help="What decides; relmse may hang on a single bright pixel.",
+    help="Metric to optimize; a single bright pixel can dominate relmse.",
 )
 @click.option("--refine", type=int, default=1, show_default=True, help="Finer grids around the best point.")
 @click.option("--out", type=OutPath(), metavar="DIR", help="Write fit.json, curve.csv, tables, a plot.")
@@ -203,9 +203,9 @@ Examples:
 def fit(
     path: str, method: str, ranges: tuple[str, ...], metric: str, refine: int, out: Path | None, **options: Any
 ) -> None:
-    """Find the settings of a method, such as rejection thresholds, that leave the least error on SCENE.
+    """Find the settings of a method, such as rejection thresholds, with the smallest error on SCENE.
 
-    PSNR, SSIM and tPSNR are maximised.  Says when the best value lies at the edge of its range.
+    PSNR, SSIM and tPSNR are maximized.  Reports a best value at the edge of its range.
     """
     from taubench_gl.apps.screen import ProgressBar, show_tables
     from taubench_gl.report.reuse import fit_table
@@ -223,7 +223,7 @@ def fit(
 
 
 def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
-    """Options of ``shared_options`` as Settings and as what ``evaluate_methods`` takes besides."""
+    """Options of ``shared_options`` as Settings and as an ``EvaluationRequest``'s fields."""
     request = {name: options.pop(name) for name in ("reference", "reference_samples", "cuts", "mapping")}
     request["input"] = _input(options)
     return settings_from(options, reprojection="motion"), request
@@ -232,17 +232,18 @@ def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
 def _input(options: dict[str, Any]) -> InputKind:
     from taubench_gl.reuse.input_kind import parse_input
 
-    lights, bounces = options.pop("noise_lights"), options.pop("noise_bounces")
-    return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=bounces, seed=options.pop("seed"))
+    lights, vpls = options.pop("light_samples"), options.pop("vpl_samples")
+    return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=vpls, seed=options.pop("seed"))
 
 
 def _interrupted(results: ReuseFolder | None) -> str:
-    """What is left after an interrupt, said in one line."""
+    """One line that lists what was written before an interrupt."""
     if results is None:
-        return "interrupted; nothing was written (--out DIR keeps judged frames)"
-    kept = f"the rows of {results.kept} frames are in {results.out / 'frames.csv'}"
-    return f"interrupted; {kept if results.kept else 'no frame was judged'}"
+        return "interrupted; nothing was written (--out DIR keeps the evaluated frames)"
+    count = results.written_frames
+    rows = f"the rows of {count} frames are in {results.out / 'frames.csv'}"
+    return f"interrupted; {rows if count else 'no frame was evaluated'}"
 
 
-def _say(line: str) -> None:
+def _print_error(line: str) -> None:
     click.echo(f"taubench-gl: {line}", file=sys.stderr)

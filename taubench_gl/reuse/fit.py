@@ -33,6 +33,7 @@ DEFAULT_METRIC = "flip"
 
 DEFAULT_STEPS = 9
 MAX_POINTS = 4096
+AT_LIMIT, MAY_BE_OUTSIDE = "the setting allows no other value there", "the optimum may be outside: widen it"
 BATCH = 12
 """Points that are evaluated at once over the same frames."""
 
@@ -256,7 +257,7 @@ class _Search:
                 setting = self._method.settings[r.name]
                 bound = setting.minimum if edge == "low" else setting.maximum
                 allowed = bound is not None and float(bound) == float(value)
-                more = "no smaller or larger value is allowed" if allowed else "the optimum may be outside: widen it"
+                more = AT_LIMIT if allowed else MAY_BE_OUTSIDE
                 out.append(f"{r.name}: the best value {value:g} is at the {edge} edge of its range; {more}")
         values = [p["value"] for p in self.points if p["value"] is not None]
         if len(values) > 1 and max(values) - min(values) <= 1e-6 * max(abs(max(values)), 1e-12):

@@ -1,4 +1,4 @@
-"""Small animated scenes in which the faults of temporal reuse are known beforehand."""
+"""Small animated scenes with known artifacts of temporal reuse."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ SIZE = (64, 48)
 
 
 def settings(**more) -> Settings:
-    """64x48 at 24 fps, motion reprojection, no indirect light unless asked for."""
+    """64x48 at 24 fps, motion reprojection, no indirect light by default."""
     given = {"width": SIZE[0], "height": SIZE[1], "reprojection": "motion", "indirect": "none", "shadow_size": 128}
     return Settings.of(**(given | more))
 
 
 def lit_room(b: SceneBuilder) -> None:
-    """A floor, a box and three lamps."""
-    grey = b.material(base_color=(0.7, 0.6, 0.5, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
-    b.node(mesh=b.mesh(quad(4.0, 4.0, material=grey)), rotation=turn_x(-90.0))
-    b.node(mesh=b.mesh(quad(4.0, 4.0, material=grey)), translation=(0.0, 0.0, -3.0))
-    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), material=grey)), translation=(0.0, 0.5, -0.4))
+    """A floor, a wall, a box and three point lights."""
+    gray = b.material(base_color=(0.7, 0.6, 0.5, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), translation=(0.0, 0.0, -3.0))
+    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), material=gray)), translation=(0.0, 0.5, -0.4))
     for place, intensity in (((1.5, 2.0, 0.5), 8.0), ((-1.5, 1.5, 1.0), 5.0), ((0.0, 2.5, -1.0), 3.0)):
         b.light(translation=place, intensity=intensity)
 
 
 def still() -> Scene:
-    """Nothing moves, for SECONDS."""
+    """A still scene of SECONDS."""
     b = SceneBuilder()
     lit_room(b)
     camera = b.camera(translation=(0.0, 1.5, 4.0), rotation=turn_x(-12.0), yfov=np.radians(50.0), znear=0.1)
@@ -44,7 +44,7 @@ def glowing(b: SceneBuilder, color: Sequence[float]) -> int:
 
 
 def passing_box(speed: float = 3.0) -> Scene:
-    """A bright box passes in front of a wall of vertical stripes; the camera stands still.  Light is emission alone."""
+    """A bright box passes in front of a wall of vertical stripes; the camera is still.  Emission only."""
     b = SceneBuilder()
     shades = [glowing(b, (s, s, 1.2 * s)) for s in (0.05, 0.12, 0.2, 0.3)]
     for k in range(40):
@@ -58,7 +58,8 @@ def passing_box(speed: float = 3.0) -> Scene:
 
 
 def looking_around(kind: str) -> Scene:
-    """Panels at two distances; a camera that only turns (``turn``) or slides (``slide``), some 4 pixels a frame."""
+    """Panels at two distances; a camera that only rotates (``turn``) or translates (``slide``), about 4 pixels a
+    frame."""
     b = SceneBuilder()
     for k in range(24):
         far, shade = k % 2, 0.15 + 0.08 * (5 * k % 9)
@@ -75,7 +76,7 @@ def looking_around(kind: str) -> Scene:
 
 
 def drifting_checks() -> Scene:
-    """A wall of fine checks; the camera slides along it by a fraction of a pixel per frame."""
+    """A wall with a fine checker pattern; the camera translates by a fraction of a pixel per frame."""
     b = SceneBuilder()
     dark, bright = glowing(b, (0.1, 0.1, 0.1)), glowing(b, (0.8, 0.8, 0.8))
     b.node(mesh=b.mesh(quad(8.0, 8.0, material=dark)), translation=(0.0, 0.0, -4.01))

@@ -1,4 +1,4 @@
-"""Fits against errors known in closed form; ranges; what is said at the edge."""
+"""Fits against errors known in closed form; ranges; notes about the edge of a range."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from reuse_scenes import passing_box, settings, still
 from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.evaluate_output import write_fit
-from taubench_gl.reuse.fit import MAX_POINTS, Range, fit_setting, parse_range
+from taubench_gl.reuse.fit import AT_LIMIT, MAX_POINTS, MAY_BE_OUTSIDE, Range, fit_setting, parse_range
 from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.scores import EQUAL
 
 
 class Gain:
-    """Radiance times ``gain`` plus ``lift``: perfect at 1 and 0."""
+    """Radiance times ``gain`` plus ``lift``: exact at 1 and 0."""
 
     reads = ("radiance",)
     settings = MappingProxyType({
@@ -46,7 +47,7 @@ def fit(ranges, method=GAIN, **more):
     return fit_setting(passing_box(), method, ranges, **more)
 
 
-def test_ranges_hold_their_ends():
+def test_ranges_include_their_ends():
     assert Range("a", 0.1, 0.7, 3, "linear", False).values == pytest.approx((0.1, 0.4, 0.7))
     log = Range("a", 0.01, 1.0, 5, "log", False).values
     assert log[0] == 0.01 and log[-1] == 1.0
@@ -54,8 +55,8 @@ def test_ranges_hold_their_ends():
     assert Range("a", 1, 4, 9, "linear", True).values == (1, 2, 3, 4)
 
 
-def test_flip_decides_unless_told_otherwise():
-    """relMSE may hang on one pixel: the default is bounded in each."""
+def test_default_metric_is_flip():
+    """One pixel can dominate relMSE; FLIP is bounded per pixel."""
     import inspect
 
     from taubench_gl.apps.reuse_evaluate_command import fit as command
@@ -64,13 +65,13 @@ def test_flip_decides_unless_told_otherwise():
     assert next(p for p in command.params if p.name == "metric").default == "flip"
 
 
-def test_the_range_around_a_value_is_that_of_its_neighbors():
+def test_range_around_a_value():
     wide = Range("a", 0.0, 4.0, 5, "linear", False)
     assert (wide.around(2.0).low, wide.around(2.0).high) == (1.0, 3.0)
     assert (wide.around(0.0).low, wide.around(0.0).high) == (0.0, 1.0)
 
 
-def test_ranges_are_read():
+def test_parse_range():
     method = load_method("taa_clamp")
     full = parse_range("alpha", method)
     assert (full.low, full.high, full.steps, full.scale) == (0.01, 1.0, 9, "log")
@@ -78,24 +79,24 @@ def test_ranges_are_read():
 
 
 @pytest.mark.parametrize(
-    ("text", "error", "says"),
+    ("text", "error", "value"),
     [
-        ("beta", MethodError, "no setting is named 'beta'"),
-        ("clamping", SettingsError, "is no number"),
-        ("alpha=0.5", SettingsError, "is no range"),
-        ("alpha=a:b", SettingsError, "is no range"),
-        ("alpha=0.5:0.1:4", SettingsError, "range of alpha is 0.5 to 0.1"),
-        ("alpha=0.1:0.5:1", SettingsError, "in 1"),
-        ("alpha=0.1:7", SettingsError, "7.0 is not a number from 0.01 to 1"),
+        ("beta", MethodError, "'beta'"),
+        ("clamping", SettingsError, "clamping"),
+        ("alpha=0.5", SettingsError, "'alpha=0.5'"),
+        ("alpha=a:b", SettingsError, "'alpha=a:b'"),
+        ("alpha=0.5:0.1:4", SettingsError, "0.5 .*0.1"),
+        ("alpha=0.1:0.5:1", SettingsError, "1"),
+        ("alpha=0.1:7", SettingsError, "7.0"),
     ],
 )
-def test_ranges_that_cannot_be_meant(text, error, says):
-    with pytest.raises(error, match=says):
+def test_invalid_ranges(text, error, value):
+    with pytest.raises(error, match=value or None):
         parse_range(text, load_method("taa_clamp"))
 
 
-def test_the_least_error_is_found_and_refined():
-    found = fit(["gain=0:3:6"], refine=3, metric="relmse")  # of the metrics the one with a closed form
+def test_optimum_is_found_and_refined():
+    found = fit(["gain=0:3:6"], refine=3, metric="relmse")  # the metric with a closed form
     assert found.best["gain"] == pytest.approx(1.0, abs=0.05)
     points = found.summary["points"]
     radiance = {p["settings"]["gain"]: p["value"] for p in points}
@@ -109,49 +110,49 @@ def test_the_least_error_is_found_and_refined():
     assert values == sorted(values) and len(set(values)) == len(values)
 
 
-def test_two_settings_are_searched_together():
+def test_grid_of_two_settings():
     found = fit(["gain=0.5:1.5:3", "lift=-0.5:0.5:3"], refine=0)
     assert found.best == {"gain": 1.0, "lift": 0.0}
-    assert len(found.summary["points"]) == 9  # the default is one of them
+    assert len(found.summary["points"]) == 9  # including the default
 
 
-def test_better_may_mean_higher_and_equal_is_best():
+def test_maximized_metric_and_equal_images():
     near = fit(["gain=0.4:0.9:3"], metric="psnr", refine=0)
     assert near.summary["better"] == "higher" and near.best["gain"] == 0.9
     finite = [p["value"] for p in near.summary["points"]]
     assert near.summary["best"]["value"] == max(finite)
     equal = fit(["gain=0.5:1.5:3"], metric="psnr", refine=0)
     assert equal.best["gain"] == 1.0 and equal.summary["best"]["value"] is None
-    assert any("equal to the reference" in note for note in equal.notes)
+    assert any(EQUAL in note for note in equal.notes)
 
 
 @pytest.mark.parametrize(("text", "edge"), [("gain=0.1:0.8:4", "high edge"), ("gain=1.2:3:4", "low edge")])
-def test_an_optimum_at_the_edge_is_said_to_be_there(text, edge):
+def test_note_about_an_optimum_at_the_edge(text, edge):
     found = fit([text], refine=1)
-    assert any(edge in note and "may lie beyond" in note for note in found.notes)
+    assert any(edge in note and MAY_BE_OUTSIDE in note for note in found.notes)
 
 
-def test_an_edge_that_cannot_be_passed_is_told_apart():
-    """Noise-free input is best left as it is: alpha 1, which is as large as it may be."""
+def test_note_about_an_optimum_at_the_limit_of_a_setting():
+    """For noise-free input, the optimum is alpha 1, the largest allowed value."""
     found = fit(["alpha=0.1:1:3"], "taa_clamp", settings=settings(frames=(8, 14)), refine=0)
     assert found.best["alpha"] == 1.0
-    assert any("high edge" in note and "no smaller or larger value is allowed" in note for note in found.notes)
+    assert any("high edge" in note and AT_LIMIT in note for note in found.notes)
 
 
-def test_a_still_noisy_scene_asks_for_a_long_memory():
+def test_optimum_for_a_still_noisy_scene_is_a_long_history():
     chosen = settings(frames=(0, 12), width=24, height=18)
     found = fit_setting(
         still(), "accumulate@cap=1", ["cap=1:8:4"], chosen, input="noisy", reference_samples=1, refine=0
     )
-    assert found.best["cap"] == 8 and any("may lie beyond" in note for note in found.notes)
+    assert found.best["cap"] == 8 and any(MAY_BE_OUTSIDE in note for note in found.notes)
 
 
-def test_a_setting_without_effect_is_called_so():
+def test_note_about_a_setting_without_effect():
     found = fit(["whole"], refine=2)
-    assert any("no effect" in note for note in found.notes)
+    assert found.notes and len({p["value"] for p in found.summary["points"]}) == 1
 
 
-def test_a_point_that_fails_is_recorded_and_left_out(tmp_path):
+def test_failed_point_is_recorded_and_excluded(tmp_path):
     found = fit(["gain=1:4:4"], refine=0)
     failed = [p for p in found.summary["points"] if p["value"] is None]
     assert [p["settings"]["gain"] for p in failed] == [4.0] and "too bright" in failed[0]["failed"]
@@ -161,28 +162,28 @@ def test_a_point_that_fails_is_recorded_and_left_out(tmp_path):
     with open(tmp_path / "fit" / "curve.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["flip"] == "" for row in rows] == [p["value"] is None for p in found.summary["points"]]
-    with pytest.raises(MethodError, match=r"no point of the grid has a value.*too bright"):
+    with pytest.raises(MethodError, match="too bright"):
         fit(["gain=3.6:4:2"], MethodSpec("gain", Gain, {"gain": 3.7}), refine=0)
 
 
 @pytest.mark.parametrize(
-    ("ranges", "more", "says"),
+    ("ranges", "more", "value"),
     [
-        ([], {}, "no setting to fit"),
-        (["gain", "gain"], {}, "named twice"),
-        (["gain=0:1:90", "lift=0:1:90"], {}, f"more than {MAX_POINTS} points"),
-        (["open"], {}, "has no range of its own"),
-        (["gain"], {"metric": "vmaf"}, "no metric is named"),
-        (["gain"], {"refine": -1}, "refine is -1"),
+        ([], {}, ""),
+        (["gain", "gain"], {}, ""),
+        (["gain=0:1:90", "lift=0:1:90"], {}, str(MAX_POINTS)),
+        (["open"], {}, "open"),
+        (["gain"], {"metric": "vmaf"}, "'vmaf'"),
+        (["gain"], {"refine": -1}, "-1"),
     ],
 )
-def test_fits_that_cannot_be_meant(ranges, more, says):
-    with pytest.raises(SettingsError, match=says):
+def test_invalid_fits(ranges, more, value):
+    with pytest.raises(SettingsError, match=value or None):
         fit(ranges, **more)
 
 
 @pytest.mark.filterwarnings("error")
-def test_the_command_line(tmp_path, capsys):
+def test_command_line(tmp_path, capsys):
     from taubench_gl.apps import cli
     from taubench_gl.paths import PACKAGE
 
@@ -197,7 +198,7 @@ def test_the_command_line(tmp_path, capsys):
     assert ended.value.code == 0 and "best: alpha=1" in out and (tmp_path / "fit" / "curve.png").is_file()
 
 
-def test_a_folder_that_cannot_be_is_told_before_anything_runs(tmp_path, monkeypatch, capsys):
+def test_output_folder_is_checked_before_the_fit(tmp_path, monkeypatch, capsys):
     from taubench_gl.apps import cli
 
     def never(*_, **__):
@@ -209,4 +210,4 @@ def test_a_folder_that_cannot_be_is_told_before_anything_runs(tmp_path, monkeypa
         with pytest.raises(SystemExit) as ended:
             cli.main(["reuse", "fit", "s.glb", "--method", "taa_clamp", "--setting", "alpha", "--out", str(out)])
         err = capsys.readouterr().err
-        assert ended.value.code == 2 and "cannot be written" in err and err.count("\n") == 1
+        assert ended.value.code == 2 and str(out) in err and err.count("\n") == 1

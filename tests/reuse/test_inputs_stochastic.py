@@ -1,4 +1,4 @@
-"""Random light: the numbers bit for bit, the estimate against its twin, its mean against exact light."""
+"""Stochastic light: random numbers bit for bit, estimates against their references, means against exact light."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_pcg4d_is_the_published_hash():
     assert [tuple(int(c) for c in row) for row in got] == [scalar(k) for k in keys]
 
 
-def test_numbers_are_uniform_and_uncorrelated():
+def test_random_numbers_are_uniform_and_uncorrelated():
     u = np.stack([random4((128, 128), frame, 7, 3) for frame in range(4)])
     assert u.min() >= 0.0 and u.max() < 1.0
     n = u[..., 0].size
@@ -92,7 +92,7 @@ def test_numbers_are_uniform_and_uncorrelated():
         assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 5 / np.sqrt(a.size)
 
 
-def test_lights_are_chosen_as_often_as_they_should():
+def test_frequencies_of_chosen_lights():
     choice = light_choice(np.array([3.0, 0.0, 1.0, 0.0]))
     np.testing.assert_allclose(choice[:, 1], [0.5 * 0.75 + 0.25, 0, 0.5 * 0.25 + 0.25, 0], atol=1e-7)
     u = random4((256, 256), 0, 0, 0)[..., 0].ravel()
@@ -103,7 +103,7 @@ def test_lights_are_chosen_as_often_as_they_should():
 
 
 def per_light_direct(source):
-    """What each light alone gives, no shadows, (N, h, w, 3) float64."""
+    """Radiance of each light alone, without shadows, (N, h, w, 3) float64."""
     view = source.renderer.frame.view
     channel = {n: source.read(n).astype(np.float64) for n in ("position", "normal", "geometric_normal", "material")}
     base = source.read("base_color").astype(np.float64)[..., :3]
@@ -120,7 +120,7 @@ def per_light_direct(source):
     return np.array(out)
 
 
-def test_direct_estimate_is_its_twin(opened):
+def test_direct_estimate_against_its_reference(opened):
     source = opened(light_samples=3, indirect_samples=1, seed=11, shadow_lights=0)
     source.advance(5)
     got = source.read("direct")[..., :3].astype(np.float64)
@@ -131,7 +131,7 @@ def test_direct_estimate_is_its_twin(opened):
     assert expected.max() > 0.5
 
 
-def test_indirect_estimate_is_its_twin(opened):
+def test_indirect_estimate_against_its_reference(opened):
     source = opened(light_samples=1, indirect_samples=5, seed=2)
     _, got = light(source, 3)
     view = source.renderer.frame.view
@@ -159,8 +159,8 @@ def test_indirect_estimate_is_its_twin(opened):
 
 
 def test_mean_of_many_frames_is_exact_light(opened):
-    """Lights, shadows, indirect and sky: within 5 standard errors at all but a few of the pixels, and the error falls
-    as 1/sqrt(n)."""
+    """Lights, shadows, indirect and sky: within 5 standard errors except for a few pixels, with errors decreasing as
+    1/sqrt(n)."""
     sky = (0.3, 0.4, 0.5)
     exact = light(opened(gather_each=True, sky=sky))
     noisy = opened(light_samples=1, indirect_samples=32, seed=1, sky=sky)  # one alone has too heavy a tail for 5 sigma
@@ -182,7 +182,7 @@ def test_mean_of_many_frames_is_exact_light(opened):
         assert 3.0 < fell < 5.3, f"error fell by {fell:.2f}, expected sqrt(16) = 4"
 
 
-def test_a_seed_is_a_picture(opened):
+def test_equal_seeds_give_equal_images(opened):
     first, again, other = (light(opened(light_samples=1, indirect_samples=1, seed=s), 2)[0] for s in (4, 4, 5))
     np.testing.assert_array_equal(first, again)
     assert np.mean(first != other) > 0.2
@@ -190,7 +190,7 @@ def test_a_seed_is_a_picture(opened):
 
 @pytest.mark.parametrize("rate", shading_rate.RATES)
 @pytest.mark.parametrize("kind", ["exact", "random"])
-def test_rates_shade_their_pixels_and_no_others(opened, rate, kind):
+def test_shaded_pixels_of_each_rate(opened, rate, kind):
     samples = {"light_samples": 1, "indirect_samples": 2} if kind == "random" else {}
     whole, part = opened(**samples), opened(rate=rate, **samples)
     for frame in range(5):
@@ -203,7 +203,7 @@ def test_rates_shade_their_pixels_and_no_others(opened, rate, kind):
 
 @pytest.mark.parametrize("size", [(48, 32), (7, 5), (2, 2), (3, 2)])
 @pytest.mark.parametrize("rate", shading_rate.RATES)
-def test_the_stand_in_is_a_nearest_shaded_pixel(rate, size):
+def test_unshaded_pixels_use_a_nearest_shaded_one(rate, size):
     w, h = size
     for frame in range(4):
         done = shading_rate.shaded(rate, size, frame)
@@ -217,8 +217,8 @@ def test_the_stand_in_is_a_nearest_shaded_pixel(rate, size):
 
 
 @pytest.mark.parametrize("filtering", ["bilinear", "hard"])
-def test_every_kind_of_light_and_culled_lists_have_the_same_mean(gpu, filtering):
-    """Spots, a sun, and more lights than are asked one by one: the mean within 4 standard errors of exact light."""
+def test_mean_with_all_light_types_and_tile_lists(gpu, filtering):
+    """Spots, a directional light and more lights than are unrolled: the mean is within 4 standard errors of exact light."""
     b = SceneBuilder()
     grey = b.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=0.8)
     b.node(mesh=b.mesh(quad(4.0, 4.0, material=grey)), rotation=turn_x(-90.0))

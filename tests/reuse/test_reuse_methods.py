@@ -1,4 +1,4 @@
-"""Laws the shipped methods must obey, whatever their details: 1 / n, still pictures stay, boxes bound, warps fit."""
+"""Properties of the built-in methods: 1 / n convergence, still images, box bounds, warps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from taubench_gl.reuse.synthetic import LENS, draw, synthetic_steps
 SIZE = (48, 27)
 
 
-def test_every_shipped_method_says_what_it_is():
+def test_builtin_methods_are_documented():
     assert set(builtin_methods()) == {
         "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_variance", "svgf", "bmfr_temporal",
         "timewarp", "checkerboard", "upsample_2x2", "oracle",
@@ -37,35 +37,35 @@ def test_every_shipped_method_says_what_it_is():
 
 
 @pytest.mark.parametrize("name", builtin_methods())
-def test_a_converged_still_picture_stays_as_it_is(gpu, name):
-    """Hard details, down to single pixels: within 1/255 of what a screen shows, in every later frame too."""
+def test_converged_still_image_is_unchanged(gpu, name):
+    """Details of single pixels: within 1/255 in display colors, in every later frame."""
     rng = np.random.default_rng(3)
-    picture = rng.random((SIZE[1], SIZE[0], 3)) ** 2
-    results = play(gpu, name, still_steps(SIZE, [picture] * 40))
+    image = rng.random((SIZE[1], SIZE[0], 3)) ** 2
+    results = play(gpu, name, still_steps(SIZE, [image] * 40))
     for result in results[-3:]:
-        assert np.abs(display(result) - display(picture)).max() <= 1 / 255
+        assert np.abs(display(result) - display(image)).max() <= 1 / 255
     assert np.isfinite(results).all()
 
 
 @pytest.mark.parametrize(("name", "rate"), [("checkerboard", "checkerboard"), ("upsample_2x2", "quarter")])
-def test_a_partly_shaded_still_picture_becomes_whole(gpu, name, rate):
-    """After as many frames as the pattern has phases every pixel has been shaded once, and history keeps it."""
+def test_partly_shaded_still_image_is_completed(gpu, name, rate):
+    """After one cycle of the pattern every pixel was shaded once, and history keeps it."""
     rng = np.random.default_rng(4)
-    picture = rng.random((SIZE[1], SIZE[0], 3))
+    image = rng.random((SIZE[1], SIZE[0], 3))
     radiances = []
     for frame in range(8):
         at = nearest_shaded(rate, SIZE, frame)
-        filled = picture[at[..., 1], at[..., 0]]
+        filled = image[at[..., 1], at[..., 0]]
         radiances.append(np.concatenate([filled, shaded(rate, SIZE, frame)[..., None]], axis=-1))
     settings = {"clamping": False} if name == "checkerboard" else {}
     results = play(gpu, name, still_steps(SIZE, radiances), settings)
-    assert np.abs(results[0][..., :3] - picture).max() > 0.2, "the first frame alone cannot know"
+    assert np.abs(results[0][..., :3] - image).max() > 0.2, "the first frame is incomplete"
     for result in results[4:]:
-        np.testing.assert_allclose(result[..., :3], picture, atol=1e-5)
+        np.testing.assert_allclose(result[..., :3], image, atol=1e-5)
 
 
 def test_accumulation_converges_as_one_over_n(gpu):
-    """Independent noise: the mean of n frames has 1/n of the variance; each frame is the mean of those before."""
+    """Independent noise: the mean of n frames has 1/n of the variance."""
     rng = np.random.default_rng(5)
     h, w = SIZE[1], SIZE[0]
     frames = rng.gamma(10.0, 0.1, (64, h, w, 3))  # mean 1, variance 0.1, excess kurtosis 0.6
@@ -79,8 +79,8 @@ def test_accumulation_converges_as_one_over_n(gpu):
     np.testing.assert_allclose(results[7][..., 3], 1 - 1 / 8, rtol=1e-6)
 
 
-def test_a_cap_turns_the_mean_into_an_exponential_one(gpu):
-    """With cap N the noise settles at the variance a / (2 - a), a = 1 / N, of an exponential average."""
+def test_cap_makes_the_mean_exponential(gpu):
+    """With cap N the variance converges to a / (2 - a), a = 1 / N, that of an exponential average."""
     rng = np.random.default_rng(6)
     frames = rng.gamma(10.0, 0.1, (40, SIZE[1], SIZE[0], 3))
     last = play(gpu, "accumulate", still_steps(SIZE, frames), {"cap": 4})[-1][..., :3].astype(np.float64)
@@ -89,8 +89,8 @@ def test_a_cap_turns_the_mean_into_an_exponential_one(gpu):
 
 
 @pytest.mark.parametrize("name", ["taa_clamp", "taa_variance"])
-def test_history_is_bound_by_the_neighborhood(gpu, name):
-    """History of quite another colour: what remains lies in the box of this frame, and does not without it."""
+def test_history_is_limited_to_the_neighborhood_box(gpu, name):
+    """History of a different color is limited to the box of the current frame; without the box it is not."""
     rng = np.random.default_rng(7)
     first, second = rng.random((2, SIZE[1], SIZE[0], 3)) * [[[[1.0]]], [[[0.2]]]]
     steps = still_steps(SIZE, [5.0 + first, second])
@@ -113,8 +113,8 @@ def rotation(yaw: float, pitch: float, roll: float) -> np.ndarray:
     return out
 
 
-def sphere_picture(ray: np.ndarray) -> np.ndarray:
-    """A smooth picture on the sphere of directions (h, w, 3) -> (h, w, 3) in [0, 1]."""
+def sphere_image(ray: np.ndarray) -> np.ndarray:
+    """A smooth image on the sphere of directions (h, w, 3) -> (h, w, 3) in [0, 1]."""
     d = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
     return 0.5 + 0.5 * np.stack([np.sin(9 * d[..., 0]), np.cos(7 * d[..., 1]), np.sin(6 * d[..., 2] + d[..., 0])], -1)
 
@@ -125,21 +125,21 @@ def rays_of(view: View, size: tuple[int, int]) -> np.ndarray:
     return (pair.sky_origin + x[..., None] * pair.sky_dx + y[..., None] * pair.sky_dy)[..., :3]
 
 
-def warp(gpu, size, views, pictures, **settings):
-    """The time warp over frames of given views and pictures."""
+def warp(gpu, size, views, images, **settings):
+    """The time warp over frames with the given views and images."""
     base = list(synthetic_steps(size, 2, speed=0.0, noise=0.0))[1]
     steps = []
-    for i, (view, picture) in enumerate(zip(views, pictures)):
+    for i, (view, image) in enumerate(zip(views, images)):
         prev = views[max(i - 1, 0)]
-        radiance = np.concatenate([picture, np.ones((*picture.shape[:2], 1))], axis=-1)
+        radiance = np.concatenate([image, np.ones((*image.shape[:2], 1))], axis=-1)
         inputs = base.inputs | {"radiance": radiance}
         steps.append(replace(base, index=i, inputs=inputs, pair=reprojection(view, prev, *size), view=view,
-                             prev_view=prev, clean=picture))  # fmt: skip
+                             prev_view=prev, clean=image))  # fmt: skip
     return play(gpu, "timewarp", steps, settings)
 
 
 def inner(view: View, key: View, size) -> np.ndarray:
-    """Pixels whose ray lies well inside the key frame's picture."""
+    """Pixels whose ray is well inside the key frame."""
     clip = rays_of(view, size) @ key.clip_from_relative(*size)[:, :3].T
     ndc = clip[..., :2] / clip[..., 3:]
     return (np.abs(ndc) < 1 - 6 / size[1]).all(axis=-1)
@@ -147,31 +147,31 @@ def inner(view: View, key: View, size) -> np.ndarray:
 
 @pytest.mark.parametrize("filtering", ["bilinear", "catmull_rom"])
 def test_time_warp_is_exact_under_rotation(gpu, filtering):
-    """Against the picture in closed form, up to the interpolation's error, also five frames after the shaded one."""
+    """Against the analytic image, up to the interpolation error, also five frames after the shaded one."""
     size = (160, 90)
     views = [View(np.array([4.0, 1.0, 2.0]), rotation(1.1 * i, -0.7 * i, 0.9 * i), LENS) for i in range(6)]
-    pictures = [sphere_picture(rays_of(view, size)) for view in views]
-    # Bilinear error: 1/8 of the second difference each way, taken from the picture; Catmull-Rom is of third order.
-    second = max(np.abs(np.diff(pictures[0], n=2, axis=axis)).max() for axis in (0, 1))
+    images = [sphere_image(rays_of(view, size)) for view in views]
+    # Bilinear error: 1/8 of the second difference each way, taken from the image; Catmull-Rom is of third order.
+    second = max(np.abs(np.diff(images[0], n=2, axis=axis)).max() for axis in (0, 1))
     bound = 2 * second / 8 if filtering == "bilinear" else 0.25 * 2 * second / 8
-    results = warp(gpu, size, views, pictures, every=6, filtering=filtering)
+    results = warp(gpu, size, views, images, every=6, filtering=filtering)
     for i in range(1, 6):
         seen = inner(views[i], views[0], size)
         assert seen.mean() > 0.7
-        error = np.abs(results[i][..., :3] - pictures[i])[seen]
+        error = np.abs(results[i][..., :3] - images[i])[seen]
         assert error.max() <= bound + 1e-4, (i, error.max(), bound)
-        assert np.abs(pictures[i] - pictures[0])[seen].max() > 20 * bound, "an unwarped frame would pass"
+        assert np.abs(images[i] - images[0])[seen].max() > 20 * bound, "an unwarped frame would pass"
         assert (results[i][..., 3] == 1).all()
 
 
-def test_time_warp_is_wrong_under_translation(gpu):
-    """The world moves by parallax, the warp does not know: the error is that of the unwarped frame."""
+def test_error_of_time_warp_under_translation(gpu):
+    """The warp ignores parallax: the error is that of the unwarped frame."""
     size = (160, 90)
     still = rotation(0, -8, 0)
     for sideways in (0.0, 0.3):
         views = [View(np.array([sideways * i, 0.6, 0.0]), still, LENS) for i in range(2)]
-        pictures = [draw(view, 0.0, size)["radiance"] for view in views]
-        error = np.abs(warp(gpu, size, views, pictures, every=2)[1][..., :3] - pictures[1])
+        images = [draw(view, 0.0, size)["radiance"] for view in views]
+        error = np.abs(warp(gpu, size, views, images, every=2)[1][..., :3] - images[1])
         if sideways:
             assert (error.max(axis=-1) > 0.1).mean() > 0.05
         else:
@@ -181,13 +181,13 @@ def test_time_warp_is_wrong_under_translation(gpu):
 def test_time_warp_shades_every_nth_frame(gpu):
     size = (32, 18)
     view = View(np.zeros(3), np.eye(3), LENS)
-    pictures = [np.full((18, 32, 3), float(i)) for i in range(7)]
-    shown = [r[9, 16, 0] for r in warp(gpu, size, [view] * 7, pictures, every=3)]
+    images = [np.full((18, 32, 3), float(i)) for i in range(7)]
+    shown = [r[9, 16, 0] for r in warp(gpu, size, [view] * 7, images, every=3)]
     np.testing.assert_allclose(shown, [0, 0, 0, 3, 3, 3, 6])
 
 
-def test_ghosting_is_ordered_as_published(gpu):
-    """Behind the moving ball the floor comes into view: rejection by colour leaves less of the ball there than none."""
+def test_published_ranking_of_ghosting(gpu):
+    """In the disocclusions of the ball, rejection by color leaves less of the ball than no rejection."""
     size = (128, 72)
     steps = list(synthetic_steps(size, 10, speed=2.0, noise=0.0))
     fresh = (steps[-1].inputs["mask"] & Reason.DISOCCLUDED) > 0
@@ -202,8 +202,8 @@ def test_ghosting_is_ordered_as_published(gpu):
     assert error["oracle"] < 1e-4
 
 
-def test_nearest_history_keeps_what_bilinear_blurs(gpu):
-    """A picture that glides by half a pixel a frame: bilinear history loses its finest detail, Catmull-Rom less."""
+def test_bilinear_history_blurs_more_than_catmull_rom(gpu):
+    """An image that moves by half a pixel per frame: bilinear history loses fine detail, Catmull-Rom less."""
     size = (64, 36)
     rng = np.random.default_rng(8)
     texture = rng.random((size[1], size[0], 3))
@@ -225,8 +225,8 @@ def test_nearest_history_keeps_what_bilinear_blurs(gpu):
         ("depth_limit", "history_position"), ("normal_limit", "history_normal"), ("check_ids", "history_ids"),
     ],
 )  # fmt: skip
-def test_svgf_tests_each_feature_by_itself(gpu, setting, spoil):
-    """History of the left half is of another depth, normal or object: it is kept elsewhere alone."""
+def test_svgf_tests_each_feature_separately(gpu, setting, spoil):
+    """History of the left half has another depth, normal or object: only the right half is reused."""
     step = still_steps(SIZE, [np.full((SIZE[1], SIZE[0], 3), 0.5)] * 2)
     surface = step[1].inputs["position"][..., 3] > 0
     left = surface & (np.arange(SIZE[0]) < SIZE[0] // 2 - 2)

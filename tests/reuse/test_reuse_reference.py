@@ -1,4 +1,4 @@
-"""Every equation of the shipped methods against its float64 twin: two or three frames of the moving synthetic world."""
+"""The built-in methods against their float64 references: two or three frames of the moving synthetic scene."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Array = np.ndarray
 
 @pytest.fixture(scope="module")
 def steps():
-    """Three noisy frames as the GPU holds them: inputs rounded to their textures' types."""
+    """Three noisy frames with inputs rounded to the types of their textures."""
     out = []
     rng = np.random.default_rng(11)
     for step in synthetic_steps(SIZE, 3, speed=3.0, noise=0.4):
@@ -37,7 +37,7 @@ def steps():
 
 
 def agree(got: Array, expected: Array, atol: float = 2e-5, flips: float = 1e-3) -> None:
-    """Equal to rounding in all but a few pixels whose test lies on its threshold."""
+    """Equal up to rounding, except for a few pixels at a threshold."""
     assert got.shape == expected.shape and np.isfinite(got).all() and np.isfinite(expected).all()
     wrong = (np.abs(got - expected) > atol + 1e-4 * np.abs(expected)).any(axis=-1)
     assert wrong.mean() <= flips, f"{wrong.sum()} of {wrong.size}, largest {np.abs(got - expected).max()}"
@@ -47,7 +47,7 @@ def rgb(step) -> Array:
     return step.inputs["radiance"][..., :3].astype(np.float64)
 
 
-def where_it_was(step) -> tuple[Array, Array]:
+def previous_positions(step) -> tuple[Array, Array]:
     at = reference.previous_px(step.inputs["motion"])
     return at, reference.inside(at, SIZE)
 
@@ -57,7 +57,7 @@ def test_running_mean(gpu, steps, filtering):
     got = play(gpu, "accumulate", steps, {"filtering": filtering, "cap": 2})
     mean, count = rgb(steps[0]), np.ones(SIZE[::-1])
     for step, result in zip(steps[1:], got[1:]):
-        at, seen = where_it_was(step)
+        at, seen = previous_positions(step)
         before = np.where(seen[..., None], np.maximum(reference.sample_history(mean, at, filtering), 0), 0)
         n = np.where(seen, reference.sample_history(count[..., None], at, "nearest")[..., 0], 0.0)
         mean, count = reference.running_mean(rgb(step), before, n, cap=2)
@@ -98,9 +98,9 @@ def dilated(step, dilate: bool) -> tuple[Array, Array]:
     return at, reference.inside(at, SIZE)
 
 
-def with_weight(picture: Array, weight: Array | float) -> Array:
-    weight = np.broadcast_to(weight, picture.shape[:2])[..., None]
-    return np.concatenate([picture, weight], axis=-1)
+def with_weight(image: Array, weight: Array | float) -> Array:
+    weight = np.broadcast_to(weight, image.shape[:2])[..., None]
+    return np.concatenate([image, weight], axis=-1)
 
 
 @pytest.mark.parametrize("filtering", ["nearest", "bilinear"])
@@ -109,7 +109,7 @@ def test_reverse_reprojection_cache(gpu, steps, filtering):
     got = play(gpu, "reverse_reprojection_cache", steps, settings)
     cached = rgb(steps[0])
     for step, result in zip(steps[1:], got[1:]):
-        at, seen = where_it_was(step)
+        at, seen = previous_positions(step)
         depth = step.inputs["prev_position"].astype(np.float64) @ step.pair.prev_forward
         expected = np.where(step.inputs["position"][..., 3] > 0, depth, 0.0)
         found = reference.sample_history(step.inputs["history_position"][..., 3:], at, filtering)[..., 0]
@@ -130,7 +130,7 @@ def test_bmfr(gpu, steps):
     got = play(gpu, "bmfr_temporal", steps, {"position_limit": 0.15, "normal_limit": 0.3})
     mean, count = rgb(steps[0]), np.ones(SIZE[::-1])
     for step, result in zip(steps[1:], got[1:]):
-        at, seen = where_it_was(step)
+        at, seen = previous_positions(step)
         there, normals = step.inputs["history_position"], step.inputs["history_normal"]
         surface = step.inputs["position"][..., 3] > 0
 
@@ -149,8 +149,8 @@ def test_bmfr(gpu, steps):
         agree(result, with_weight(mean, 1 - share), flips=3e-3)
 
 
-def test_time_warp_looks_where_the_homography_says(gpu):
-    """A picture whose colour is its own pixel index, warped bilinearly, shows where each pixel looked."""
+def test_time_warp_samples_at_the_homography(gpu):
+    """The bilinear warp of an image of pixel indices shows the sample positions."""
     views = [View(np.zeros(3), rotation(4.0 * i, 3.0 * i, -5.0 * i), LENS) for i in range(2)]
     x, row = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     index = np.stack([x, row, np.zeros_like(x)], axis=-1).astype(np.float64)
@@ -167,7 +167,7 @@ def test_checkerboard(gpu, steps):
     got = play(gpu, "checkerboard", steps, {"slack": 0.1})
     mean, low, high, count = reference.shaded_neighbors(steps[1].inputs["radiance"])
     lit = steps[1].inputs["radiance"][..., 3:] > 0.5
-    at, _ = where_it_was(steps[1])
+    at, _ = previous_positions(steps[1])
     first = np.where(steps[0].inputs["radiance"][..., 3:] > 0.5, rgb(steps[0]),
                      reference.shaded_neighbors(steps[0].inputs["radiance"])[0])  # fmt: skip
     before = reference.sample_history(first, at)
@@ -185,20 +185,20 @@ def test_upsampling(gpu, steps, jitter):
     steps = [with_alpha(s, shaded("quarter", SIZE, s.index)) for s in steps]
     jitter_down = np.array(jitter) * [1, -1]
     got = play(gpu, "upsample_2x2", steps, jitter_px=np.array(jitter))
-    picture, gathered = np.zeros((*SIZE[::-1], 3)), np.zeros(SIZE[::-1])
+    image, gathered = np.zeros((*SIZE[::-1], 3)), np.zeros(SIZE[::-1])
     for step, result in zip(steps, got):
         near, total, best = reference.new_samples(step.inputs["radiance"], jitter_down, 1.0)
         wide, wide_total, _ = reference.new_samples(step.inputs["radiance"], jitter_down, 3.0)
         assert (wide_total > 0).all()
         now, confidence = np.where((total > 0)[..., None], near, wide), best**4
-        at, _ = where_it_was(step)
-        before = reference.sample_history(picture, at)
+        at, _ = previous_positions(step)
+        before = reference.sample_history(image, at)
         had = reference.sample_history(gathered[..., None], at, "nearest")[..., 0]
         blend, more, kept = reference.upsample_blend(now, confidence, before, had, 0.1)
         good = reusable(step) & (step.index > 0)
-        picture = np.where(good[..., None], blend, now)
+        image = np.where(good[..., None], blend, now)
         gathered = np.where(good, more, confidence)
-        agree(result, with_weight(picture, np.where(good, kept, 0.0)), atol=1e-4, flips=5e-3)
+        agree(result, with_weight(image, np.where(good, kept, 0.0)), atol=1e-4, flips=5e-3)
 
 
 def with_alpha(step, lit: Array):
@@ -207,12 +207,12 @@ def with_alpha(step, lit: Array):
 
 
 def reusable(step) -> Array:
-    _, seen = where_it_was(step)
+    _, seen = previous_positions(step)
     return seen & ((step.inputs["mask"] & np.uint32(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)) == 0)
 
 
 def svgf_temporal(step, illumination: Array, moments: Array, exposure: float) -> tuple[Array, Array, Array]:
-    """Section 4.1 with the built-in defaults.  -> color, moments with their count, share of the new frame."""
+    """Section 4.1 with the built-in defaults.  -> color, moments with their count, weight of the new frame."""
     i = {n: v.astype(np.float64) for n, v in step.inputs.items() if "mask" not in n}
     surface = i["position"][..., 3] > 0
     demodulated = (rgb(step) - exposure * i["emission"][..., :3]) / np.maximum(i["base_color"][..., :3], 0.01)
@@ -226,7 +226,7 @@ def svgf_temporal(step, illumination: Array, moments: Array, exposure: float) ->
         good &= i["history_ids"][row, column, 0] == i["ids"][..., 0]
         return ((depth > 0) == surface) & (good | ~surface)
 
-    at, seen = where_it_was(step)
+    at, seen = previous_positions(step)
     everything = np.concatenate([illumination, moments], axis=-1)
     kept, total = reference.consistent_blend(everything, at, accept)
     middle = np.floor(np.where(seen[..., None], at, 0) + [0.5, 0.5]).astype(int)
@@ -271,7 +271,7 @@ def svgf_frame(step, illumination, moments, levels: int, exposure: float):
 
 @pytest.mark.parametrize("levels", [1, 3])
 def test_svgf(gpu, steps, levels):
-    """Six frames, so that both variance estimates take part."""
+    """Six frames, so that both variance estimates are used."""
     still = [replace(steps[-1], index=3 + i, inputs=steps[-1].inputs) for i in range(3)]
     got = play(gpu, "svgf", [*steps, *still], {"levels": levels}, exposure=0.5)
     illumination, moments = np.zeros((*SIZE[::-1], 3)), np.zeros((*SIZE[::-1], 3))
@@ -284,17 +284,17 @@ def test_svgf(gpu, steps, levels):
 
 
 def test_color_transforms(gpu, steps, tmp_path):
-    """The include's functions on their own, a method per function: colours through and through, and boxes."""
+    """The functions of the include, one method per function."""
     rng = np.random.default_rng(12)
-    picture = rng.normal(0.0, 3.0, (SIZE[1], SIZE[0], 3)).astype(np.float32).astype(np.float64)
-    steps = [replace(steps[0], inputs=steps[0].inputs | {"radiance": with_weight(picture, 1.0)})]
+    image = rng.normal(0.0, 3.0, (SIZE[1], SIZE[0], 3)).astype(np.float32).astype(np.float64)
+    steps = [replace(steps[0], inputs=steps[0].inputs | {"radiance": with_weight(image, 1.0)})]
     low, high = np.array([-1.0, 0.0, -0.5]), np.array([0.5, 2.0, -0.25])
     twins = {
-        "ycocg_from_rgb(c)": reference.ycocg_from_rgb(picture),
-        "rgb_from_ycocg(c)": reference.rgb_from_ycocg(picture),
-        "clip_to_box(vec3(-1.0, 0.0, -0.5), vec3(0.5, 2.0, -0.25), c)": reference.clip_to_box(low, high, picture),
-        "vec3(luminance(c))": np.repeat((picture @ reference.LUMINANCE)[..., None], 3, axis=-1),
-        "catmull_rom_weights(fract(c.x)).xyz": reference.catmull_rom_weights(picture[..., 0] % 1.0)[..., :3],
+        "ycocg_from_rgb(c)": reference.ycocg_from_rgb(image),
+        "rgb_from_ycocg(c)": reference.rgb_from_ycocg(image),
+        "clip_to_box(vec3(-1.0, 0.0, -0.5), vec3(0.5, 2.0, -0.25), c)": reference.clip_to_box(low, high, image),
+        "vec3(luminance(c))": np.repeat((image @ reference.LUMINANCE)[..., None], 3, axis=-1),
+        "catmull_rom_weights(fract(c.x)).xyz": reference.catmull_rom_weights(image[..., 0] % 1.0)[..., :3],
     }
     for i, (text, expected) in enumerate(twins.items()):
         folder = write_method(
@@ -303,13 +303,13 @@ def test_color_transforms(gpu, steps, tmp_path):
             a=f"void reuse(ivec2 p) {{ vec3 c = fetch_radiance(p).rgb; write_result(p, {text}); }}",
         )
         np.testing.assert_allclose(play(gpu, folder, steps)[0][..., :3], expected, atol=3e-5, err_msg=text)
-    np.testing.assert_allclose(reference.rgb_from_ycocg(reference.ycocg_from_rgb(picture)), picture, atol=1e-12)
-    inside = reference.clip_to_box(low, high, picture)
+    np.testing.assert_allclose(reference.rgb_from_ycocg(reference.ycocg_from_rgb(image)), image, atol=1e-12)
+    inside = reference.clip_to_box(low, high, image)
     assert (inside >= low - 1e-6).all() and (inside <= high + 1e-6).all()
 
 
 def test_catmull_rom_reproduces_parabolas():
-    """Keys 1981: third order, so a quadratic comes back exactly between its samples."""
+    """Keys 1981: third order, exact for quadratics."""
     x = np.arange(12, dtype=np.float64)
     values = np.repeat((0.3 * x**2 - x)[None, :, None], 12, axis=0)
     at = np.stack(np.meshgrid(np.linspace(2, 8, 12), np.linspace(2, 8, 12)), axis=-1)

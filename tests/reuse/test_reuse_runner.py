@@ -1,4 +1,4 @@
-"""Running methods: history, passes, arrays for Python; and broken methods, each one line, harming no other."""
+"""Running methods: history, passes, arrays for Python; and broken methods, with one-line errors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_history_starts_at_zero_at_first_frames_cuts_and_resets(gpu, tmp_path):
     steps[4] = replace(steps[4], cut=True)
     with MethodRunner(gpu, str(folder), SIZE) as runner:
         seen = [read_result(runner.step(uploader.frame(s))) for s in steps]
-        assert all((r == r[0, 0]).all() for r in seen), "every pixel counts alike"
+        assert all((r == r[0, 0]).all() for r in seen), "all pixels have the same count"
         assert [r[0, 0, 0] for r in seen] == [1, 2, 3, 4, 1, 2]
         assert [r[0, 0, 1] for r in seen] == [0, 1, 1, 1, 0, 1]
         runner.reset()
@@ -46,7 +46,7 @@ def test_history_starts_at_zero_at_first_frames_cuts_and_resets(gpu, tmp_path):
         other = (24, 10)
         runner.resize(other)
         assert runner.bytes == other[0] * other[1] * (16 + 2 * 4)
-        with pytest.raises(MethodError, match="radiance is 40x23, this method runs at 24x10"):
+        with pytest.raises(MethodError, match=r"40x23.*24x10"):
             runner.step(uploader.frame(steps[0]))
         small = Uploader(gpu, other)
         counts = [
@@ -57,7 +57,7 @@ def test_history_starts_at_zero_at_first_frames_cuts_and_resets(gpu, tmp_path):
     uploader.release()
 
 
-def test_repeated_passes_read_what_they_wrote_before(gpu, tmp_path):
+def test_repeated_passes_read_their_previous_result(gpu, tmp_path):
     """A pass that doubles its buffer and shifts it by one pixel, iterated: ping-pong, not a race."""
     toml = (
         'reads = ["radiance"]\n[buffers]\nb = "r32f"\n[settings]\ntimes = { default = 3, min = 1, max = 9 }\n'
@@ -80,7 +80,7 @@ def test_repeated_passes_read_what_they_wrote_before(gpu, tmp_path):
         np.testing.assert_array_equal(result, row)
 
 
-def test_frame_constants_arrive(gpu, tmp_path):
+def test_frame_constants(gpu, tmp_path):
     step = list(synthetic_steps(SIZE, 3, noise=0.0))[2]
     members = {
         "vec3(frame.size.xy, frame.index)": [*SIZE, 2],
@@ -107,8 +107,8 @@ def test_frame_constants_arrive(gpu, tmp_path):
         np.testing.assert_allclose(result[3, 4, :3], expected, rtol=1e-6, atol=1e-6, err_msg=text)
 
 
-def test_every_input_can_be_read_by_name(gpu, tmp_path):
-    """Each texture arrives under its own name: the method shows its first two components."""
+def test_inputs_are_read_by_name(gpu, tmp_path):
+    """The method outputs the first two components of each input."""
     step = list(synthetic_steps(SIZE, 2, noise=0.2))[1]
     for name, info in INPUTS.items():
         value = "vec2(fetch_X(p), 0.0)" if info.components == 1 else "vec2(fetch_X(p).xy)"
@@ -141,7 +141,7 @@ def test_reusable_is_the_geometry_mask(gpu, tmp_path):
         np.testing.assert_array_equal(result[..., 0], expected)
 
 
-def test_arrays_come_back_as_they_went(gpu):
+def test_input_arrays_round_trip(gpu):
     rng = np.random.default_rng(1)
     for name, info in INPUTS.items():
         texture = gpu.ctx.texture(SIZE, info.components, dtype=info.dtype)
@@ -153,7 +153,7 @@ def test_arrays_come_back_as_they_went(gpu):
 
 # ------------------------------------------------------------------------------------------------------------- Python
 class Recorder:
-    """Remembers what it was given; says how much is history."""
+    """Records its arguments and reports a weight of history."""
 
     reads = ("radiance", "motion", "ids")
     settings = {"gain": {"default": 2.0, "min": 0.0, "max": 9.0, "doc": "factor"}}  # noqa: RUF012
@@ -168,24 +168,24 @@ class Recorder:
         assert frame["radiance"].shape == (self.size[1], self.size[0], 4)
         assert frame["ids"].dtype == np.uint32 and frame["motion"].shape[-1] == 2
         type(self).last = frame
-        picture = self.gain * frame["radiance"][..., :3]
-        return np.concatenate([picture, np.full((*picture.shape[:2], 1), 0.25)], axis=-1)
+        image = self.gain * frame["radiance"][..., :3]
+        return np.concatenate([image, np.full((*image.shape[:2], 1), 0.25)], axis=-1)
 
 
-def test_a_class_gets_arrays_and_gives_a_picture(gpu):
+def test_python_method(gpu):
     steps = list(synthetic_steps(SIZE, 4, cut_at=2, noise=0.1))
     Recorder.made = 0
     results = play(gpu, Recorder, steps, {"gain": 3.0}, jitter_px=np.array([0.25, -0.5]))
     np.testing.assert_allclose(results[3][..., :3], 3.0 * steps[3].inputs["radiance"][..., :3], rtol=1e-6)
     assert (results[3][..., 3] == 0.25).all()
-    assert Recorder.made == 2, "the cut makes it anew"
+    assert Recorder.made == 2, "a new instance after the cut"
     np.testing.assert_allclose(Recorder.last["motion"], steps[3].inputs["motion"], rtol=1e-6, atol=1e-5)
     assert Recorder.last["jitter_px"].tolist() == [0.25, 0.5], "y points down in arrays"
     assert Recorder.last["has_history"] and Recorder.last["index"] == 3
     np.testing.assert_array_equal(Recorder.last["camera_delta"], steps[3].pair.camera_delta)
 
 
-def test_time_is_kept_under_the_methods_name(gpu):
+def test_timer_entries_of_methods(gpu):
     timer = PassTimer(gpu)
     uploader = Uploader(gpu, SIZE)
     for method in ("none", Recorder):
@@ -218,9 +218,9 @@ class NoArray(Recorder):
 
 class NotANumber(Recorder):
     def step(self, frame):
-        picture = frame["radiance"][..., :3].copy()
-        picture[5, 7] = np.nan if frame["index"] == 1 else 0.0
-        return picture
+        image = frame["radiance"][..., :3].copy()
+        image[5, 7] = np.nan if frame["index"] == 1 else 0.0
+        return image
 
 
 class CannotBeMade(Recorder):
@@ -229,33 +229,33 @@ class CannotBeMade(Recorder):
 
 
 @pytest.mark.parametrize(
-    ("method", "complaint"),
+    ("method", "part"),
     [
-        (Raises, r"method 'Raises': step raised ValueError: no such thing in two lines \(test_reuse_runner\.py:\d+\)"),
-        (WrongShape, r"method 'WrongShape': step returned shape \(22, 40, 3\), expected \(23, 40, 3\)"),
-        (NoArray, "method 'NoArray': step returned what is no array"),
-        (NotANumber, r"method 'NotANumber': frame 1: 1 of 920 pixels are NaN or infinite \(one at column 7, row 5\)"),
-        (CannotBeMade, "method 'CannotBeMade': __init__ raised KeyError"),
+        (Raises, r"ValueError: no such thing in two lines \(test_reuse_runner\.py:\d+\)"),
+        (WrongShape, r"\(22, 40, 3\).*\(23, 40, 3\)"),
+        (NoArray, "step"),
+        (NotANumber, r"frame 1: 1 of 920 .*column 7, row 5"),
+        (CannotBeMade, "__init__ .*KeyError"),
     ],
 )
-def test_a_broken_class_is_one_line(gpu, method, complaint):
-    with pytest.raises(MethodError, match=complaint) as caught:
+def test_errors_of_broken_classes(gpu, method, part):
+    with pytest.raises(MethodError, match=part) as caught:
         play(gpu, method, still_steps(SIZE, [flat()] * 2))
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(caught.value) and caught.value.where == f"method {method.__name__!r}"
 
 
 @pytest.mark.parametrize(
-    ("glsl", "complaint"),
+    ("glsl", "part"),
     [
         ("void reuse(ivec2 p) {\n  vec3 c = 1.0;\n  write_result(p, c);\n}\n", r"method 'm': .*m/a\.glsl:2\b"),
         ('#include "b.glsl"\nvoid reuse(ivec2 p) { write_result(p, b(p)); }\n', r"m/b\.glsl:3\b.*undeclared_thing"),
-        ("void reuse(ivec2 p) { write_result(p, vec3(0.0) / float(p.x - p.x)); }\n", "920 of 920 pixels are NaN"),
+        ("void reuse(ivec2 p) { write_result(p, vec3(0.0) / float(p.x - p.x)); }\n", "920 of 920 "),
         ("void reuse(ivec2 p) { write_result(p, p == ivec2(3, 2) ? vec3(1.0 / float(p.x - 3)) : vec3(0.0)); }\n",
-         r"1 of 920 pixels are NaN or infinite \(one at column 3, row 20\)"),
+         r"1 of 920 .*column 3, row 20"),
         ("void reuse(ivec2 p) { write_result(p, undeclared); }\n", r"a\.glsl:1\b.*undeclared"),
     ],
 )  # fmt: skip
-def test_a_broken_shader_is_one_line_and_harms_no_other(gpu, tmp_path, glsl, complaint):
+def test_errors_of_broken_shaders_do_not_affect_others(gpu, tmp_path, glsl, part):
     folder = write_method(
         tmp_path / "m", PLAIN_TOML, a=glsl, b="\nvec3 b(ivec2 p) {\n  return undeclared_thing;\n}\n"
     )  # fmt: skip
@@ -263,7 +263,7 @@ def test_a_broken_shader_is_one_line_and_harms_no_other(gpu, tmp_path, glsl, com
     uploader = Uploader(gpu, SIZE)
     with MethodRunner(gpu, "accumulate", SIZE) as other:
         other.step(uploader.frame(steps[0]))
-        with pytest.raises(MethodError, match=complaint) as caught, MethodRunner(gpu, folder, SIZE) as broken:
+        with pytest.raises(MethodError, match=part) as caught, MethodRunner(gpu, folder, SIZE) as broken:
             broken.step(uploader.frame(steps[0]))
         assert "\n" not in str(caught.value)
         result = read_result(other.step(uploader.frame(steps[1])))
@@ -272,24 +272,24 @@ def test_a_broken_shader_is_one_line_and_harms_no_other(gpu, tmp_path, glsl, com
     uploader.release()
 
 
-def test_a_fault_of_the_input_is_not_blamed_on_the_method(gpu):
-    picture = flat()
-    picture[4, 4] = np.nan
-    assert np.isnan(play(gpu, "none", still_steps(SIZE, [picture]))[0][4, 4, :3]).all()
+def test_non_finite_input_is_no_error_of_the_method(gpu):
+    image = flat()
+    image[4, 4] = np.nan
+    assert np.isnan(play(gpu, "none", still_steps(SIZE, [image]))[0][4, 4, :3]).all()
 
 
-def test_a_frame_must_hold_what_the_method_reads(gpu):
+def test_missing_inputs_are_an_error(gpu):
     uploader = Uploader(gpu, SIZE)
     frame = uploader.frame(still_steps(SIZE, [flat()])[0])
     frame = replace(frame, textures={"radiance": uploader.textures["radiance"]})
     runner = MethodRunner(gpu, "taa_clamp", SIZE)
-    with pytest.raises(MethodError, match="method 'taa_clamp': frame 0 has no motion, position"):
+    with pytest.raises(MethodError, match=r"frame 0 .*motion, position"):
         runner.step(frame)
     runner.release()
     uploader.release()
 
 
-def test_a_runner_gives_everything_back(gpu):
+def test_runner_releases_its_memory(gpu):
     import psutil
 
     process = psutil.Process()
@@ -307,10 +307,10 @@ def test_a_runner_gives_everything_back(gpu):
     held.release()
 
 
-def test_the_plain_method_is_plain(gpu, tmp_path):
+def test_method_without_history(gpu, tmp_path):
     rng = np.random.default_rng(2)
-    picture = rng.random((SIZE[1], SIZE[0], 3)).astype(np.float32)
+    image = rng.random((SIZE[1], SIZE[0], 3)).astype(np.float32)
     folder = write_method(tmp_path / "m", PLAIN_TOML, a=PLAIN_GLSL)
-    result = play(gpu, folder, still_steps(SIZE, [picture]))[0]
-    np.testing.assert_array_equal(result[..., :3], picture)
-    assert (result[..., 3] == -1).all(), "it does not say what it reused"
+    result = play(gpu, folder, still_steps(SIZE, [image]))[0]
+    np.testing.assert_array_equal(result[..., :3], image)
+    assert (result[..., 3] == -1).all(), "it reports no weight of history"
