@@ -137,7 +137,6 @@ def test_imports_follow_the_layers():
     assert not faults, "\n".join(faults)
 
 
-@pytest.mark.xfail(reason="gpu.context and gpu.timing import each other", strict=False)
 def test_no_import_cycle():
     assert not cycle_in(import_graph(sources()))
 

@@ -157,7 +157,7 @@ def test_probe_agrees_with_what_the_package_opens():
     """The probe reports a backend as usable if and only if a context opens."""
     import sys
 
-    from taubench_gl.gpu.context import capability_report
+    from taubench_gl.gpu.capabilities import capability_report
 
     done = subprocess.run([sys.executable, ROOT / "tools" / "gl_probe.py"], capture_output=True, text=True, timeout=60)
     usable = dict(line.split(": ", 1) for line in done.stdout.splitlines())

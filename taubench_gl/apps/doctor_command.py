@@ -23,7 +23,7 @@ def doctor(backend: str, device: int | None, as_json: bool) -> None:
 
     If OpenGL 4.5 cannot be opened, exits with code 2 and prints a command that may help.
     """
-    from taubench_gl.gpu.context import capability_report
+    from taubench_gl.gpu.capabilities import capability_report
 
     report = capability_report(backend, device)
     if as_json:

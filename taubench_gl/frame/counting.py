@@ -1,7 +1,12 @@
-"""Sums over the masks of all pairs: what Table 4 needs, in constant memory."""
+"""Statistics of the masks of all pairs (Table 4).
+
+Sums are constant in memory; every pair adds one float64 per measured column, for estimates over sampled pairs and means
+without cuts, which are known only at the end.
+"""
 
 from __future__ import annotations
 
+from array import array
 from typing import Any
 
 import numpy as np
@@ -13,7 +18,7 @@ from taubench_gl.metrics.streaming import Welford
 
 
 class SequenceStats:
-    """Accumulates pairs.  ``measured``: the columns that were computed; the others come out as ``null``."""
+    """Accumulates pairs.  ``measured``: the columns that were computed; the others are reported as ``null``."""
 
     def __init__(
         self,
@@ -24,13 +29,13 @@ class SequenceStats:
         self._all = {c: Welford() for c in COLUMNS}
         self._comparable = {c: Welford() for c in COLUMNS}
         self._classes = {c: Welford() for c in CLASSES}
-        self._per_pair = {c: [] for c in COLUMNS}
+        self._per_pair = {c: array("d") for c in COLUMNS}
         self._histograms = np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)
         self._comparable_pixels = 0
         self.pairs = 0
 
     def add(self, counted: Counts) -> dict[str, int | None]:
-        """Take in one pair; its raw counts, ``None`` where a feature was not measured."""
+        """Add one pair; its raw counts, ``None`` where a feature was not measured."""
         counts: dict[str, int | None] = counts_of(counted.mask_histogram)
         self.pairs += 1
         self._comparable_pixels += counts["comparable"]
@@ -70,7 +75,7 @@ class SequenceStats:
         return out
 
     def per_pair(self, column: str) -> np.ndarray:
-        """Percentages of every pair taken in, in order.  (pairs,) float64; empty where not measured."""
+        """Percentages of every pair, in order.  (pairs,) float64; empty where not measured."""
         return np.array(self._per_pair[column])
 
     def classes(self) -> dict[str, float | None]:
@@ -84,7 +89,7 @@ class SequenceStats:
             if feature not in self.measured or not self.pairs:
                 continue
             counts = self._histograms[i].copy()
-            counts[0] = self._comparable_pixels - counts[1:].sum()  # the GPU leaves bin 0 out: it is what remains
+            counts[0] = self._comparable_pixels - counts[1:].sum()  # the GPU does not count bin 0: it is the rest
             out[feature] = {
                 "edges": edges().tolist(),
                 "counts": counts.tolist(),

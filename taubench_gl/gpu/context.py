@@ -1,13 +1,12 @@
-"""Opening a GL 4.5 context without a screen, and saying what it can do.
+"""OpenGL 4.5 contexts without a screen: EGL through glcontext, OSMesa through a loader.
 
-``auto`` tries EGL first (hardware drivers and Mesa alike), then OSMesa.  One context per backend and device lives in a
-process: contexts are expensive, and everything here is single-threaded.
+``auto`` tries EGL first (hardware drivers and Mesa), then OSMesa.  A process has one context per backend and device:
+contexts are expensive, and all GPU work is single-threaded.
 """
 
 from __future__ import annotations
 
 import ctypes
-import importlib.metadata
 import os
 import re
 from collections.abc import Callable
@@ -17,7 +16,6 @@ from typing import Any
 import moderngl
 
 from taubench_gl.errors import GraphicsError
-from taubench_gl.gpu import loaders
 from taubench_gl.gpu.hazards import Hazards
 
 BACKEND_VARIABLE = "TAUBENCH_BACKEND"
@@ -29,8 +27,14 @@ _INSTALL = {
     "osmesa": "apt-get install libosmesa6, on distributions that still have it",
 }
 _NO_DEVICE = re.compile(r"requested device index \d+, but found (\d+) devices")  # glcontext's words
-_LIBRARIES = ("moderngl", "glcontext", "numpy", "pyrr", "imageio", "pygltflib", "msgspec", "OpenEXR", "matplotlib")
-_EXTRAS = ("DracoPy", "meshoptimizer", "glfw", "scipy")
+OSMESA_LIBRARIES = ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
+EGL_LIBRARIES = ("libEGL.so.1", "libEGL.so")
+
+_GL_UNSIGNED_BYTE = 0x1401
+_OSMESA_FORMAT, _OSMESA_DEPTH_BITS, _OSMESA_STENCIL_BITS = 0x22, 0x30, 0x31
+_OSMESA_PROFILE, _OSMESA_CORE_PROFILE = 0x33, 0x34
+_OSMESA_MAJOR, _OSMESA_MINOR = 0x36, 0x37
+_OSMESA_RGBA = 0x1908
 
 
 @dataclass(slots=True)
@@ -106,6 +110,74 @@ class Gpu:
             raise GraphicsError(f"{error} after {where}", hint="this is a fault of taubench-gl or of the driver")
 
 
+def open_library(names: tuple[str, ...]) -> ctypes.CDLL | None:
+    """The first of ``names`` that loads, or None."""
+    for name in names:
+        try:
+            return ctypes.CDLL(name, mode=ctypes.RTLD_GLOBAL)
+        except OSError:
+            continue
+    return None
+
+
+class OSMesaContext:
+    """An OSMesa core context that moderngl can use: ``moderngl.create_context(context=OSMesaContext())``.
+
+    Raises OSError with the reason when libOSMesa is absent or gives no GL 4.5 core context.
+    """
+
+    def __init__(self, version: tuple[int, int] = (4, 5)):
+        library = open_library(OSMESA_LIBRARIES)
+        if library is None:
+            raise OSError("libOSMesa is not installed (Mesa 25.1 and later no longer has it)")
+        self._library = library
+        self._get = library.OSMesaGetProcAddress
+        self._get.restype, self._get.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
+        create = library.OSMesaCreateContextAttribs
+        create.restype, create.argtypes = ctypes.c_void_p, [ctypes.POINTER(ctypes.c_int), ctypes.c_void_p]
+        attributes = [_OSMESA_FORMAT, _OSMESA_RGBA, _OSMESA_DEPTH_BITS, 24, _OSMESA_STENCIL_BITS, 8]
+        attributes += [_OSMESA_PROFILE, _OSMESA_CORE_PROFILE, _OSMESA_MAJOR, version[0], _OSMESA_MINOR, version[1], 0]
+        self._handle = create((ctypes.c_int * len(attributes))(*attributes), None)
+        if not self._handle:
+            raise OSError(f"OSMesa gives no GL {version[0]}.{version[1]} core context")
+        # OSMesa draws its default framebuffer into our memory; everything here goes to framebuffer objects instead.
+        self._pixels = ctypes.create_string_buffer(4 * 4 * 4)
+        self._make_current = library.OSMesaMakeCurrent
+        self._make_current.restype = ctypes.c_ubyte
+        self._make_current.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_int]
+        self.__enter__()
+
+    def load_opengl_function(self, name: str) -> int:
+        """Address of a GL function, 0 if there is none (moderngl calls this)."""
+        return self._get(name.encode()) or 0
+
+    load = load_opengl_function
+
+    def __enter__(self) -> OSMesaContext:
+        if not self._make_current(self._handle, self._pixels, _GL_UNSIGNED_BYTE, 4, 4):
+            raise OSError("OSMesaMakeCurrent failed")
+        return self
+
+    def __exit__(self, *exc: Any) -> None:
+        pass
+
+    def release(self) -> None:
+        if self._handle:
+            self._library.OSMesaDestroyContext.argtypes = [ctypes.c_void_p]
+            self._library.OSMesaDestroyContext(self._handle)
+            self._handle = None
+
+
+def egl_function(name: str) -> int:
+    """Address of a GL function of the current EGL context, 0 if there is none."""
+    library = open_library(EGL_LIBRARIES)
+    if library is None:
+        return 0
+    get = library.eglGetProcAddress
+    get.restype, get.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
+    return get(name.encode()) or 0
+
+
 _open: dict[tuple[str, int | None], Gpu] = {}
 
 
@@ -143,9 +215,9 @@ def _create(name: str, device: int | None) -> Gpu:
     if name == "egl":
         arguments = {} if device is None else {"device_index": device}
         ctx = moderngl.create_context(standalone=True, backend="egl", **arguments)
-        keep, function = None, loaders.egl_function
+        keep, function = None, egl_function
     else:
-        keep = loaders.OSMesaContext()
+        keep = OSMesaContext()
         ctx = moderngl.create_context(context=keep)
         function = keep.load_opengl_function
     return adopt_context(ctx, name, function, keep)
@@ -168,47 +240,3 @@ def adopt_context(ctx: moderngl.Context, backend: str, function: Callable[[str],
     renderer = info["GL_RENDERER"]
     software = any(word in renderer.lower() for word in ("llvmpipe", "softpipe", "swrast"))
     return Gpu(ctx, backend, renderer, info["GL_VENDOR"], info["GL_VERSION"], software, keep, function)
-
-
-def capability_report(backend: str = "auto", device: int | None = None) -> dict[str, Any]:
-    """What ``taubench-gl doctor`` prints.  Opens every backend it can; raises only if none opens at all."""
-    from taubench_gl.gpu.timing import probe_timer
-
-    backends = {}
-    for name in ("egl", "osmesa"):
-        try:
-            found = open_gpu(name)
-            backends[name] = {"usable": True, "why": f"{found.renderer}, {found.version}"}
-        except GraphicsError as error:
-            backends[name] = {"usable": False, "why": error.what}
-    gpu = open_gpu(backend, device)
-    with gpu:
-        timer = probe_timer(gpu)
-        info = gpu.ctx.info
-        limits = {
-            "texture size": info["GL_MAX_TEXTURE_SIZE"],
-            "colour attachments": info["GL_MAX_COLOR_ATTACHMENTS"],
-            "work group invocations": info["GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS"],
-            "storage blocks (compute)": info["GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS"],
-            "storage block bytes": info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"],
-            "sub-pixel bits": info["GL_SUBPIXEL_BITS"],
-        }
-    return {
-        "backend": gpu.backend,
-        "renderer": gpu.renderer,
-        "vendor": gpu.vendor,
-        "version": gpu.version,
-        "glsl": "4.50",
-        "software": gpu.software,
-        "limits": limits,
-        "timer": {"usable": timer.usable, "why": timer.why},
-        "libraries": {name: _version(name) for name in (*_LIBRARIES, *_EXTRAS)},
-        "backends": backends,
-    }
-
-
-def _version(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None

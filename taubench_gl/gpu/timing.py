@@ -1,4 +1,4 @@
-"""Honest time: a GPU timer only where it has been proven, else finish() and the monotonic clock.
+"""Time of passes: by a GPU timer only where a probe has proven it, else by finish() and the monotonic clock.
 
 Timer queries on llvmpipe are meaningless (a 100 ms pass reads 1 ns), so every sample carries the name of its clock.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +18,9 @@ import numpy as np
 from taubench_gl.gpu.context import Gpu
 
 WALL_CLOCK = "finish + monotonic clock"
+MAX_SAMPLES = 4096
+"""Samples kept per pass, the latest: memory does not grow with the number of frames."""
+
 _PROBE_SOURCE = """#version 450
 layout(local_size_x = 64) in;
 layout(std430, binding = 0) buffer Sink { uint sink[]; };
@@ -61,10 +64,10 @@ def probe_timer(gpu: Gpu) -> TimerVerdict:
 
 
 class PassTimer:
-    """Collects milliseconds by pass name.  Wraps each pass in finish(): exact, at the price of all overlap.
+    """Milliseconds by pass name, the latest MAX_SAMPLES.  Waits before and after each pass: exact, without overlap.
 
-    So a long run times a sample of its passes: the first ``first`` calls of each name and every ``every``-th after
-    them (default: all).  In between, and disabled (``enabled=False``), it costs nothing and never waits.
+    A long run therefore times only some passes: the first ``first`` calls of each name and every ``every``-th after
+    them (default: all).  Otherwise, and with ``enabled=False``, it costs nothing and never waits.
     """
 
     clock = WALL_CLOCK
@@ -72,7 +75,7 @@ class PassTimer:
     def __init__(self, gpu: Gpu, enabled: bool = True, *, first: int = 0, every: int = 1):
         self._gpu, self.enabled = gpu, enabled
         self._first, self._every = first, every
-        self._samples: dict[str, list[float]] = defaultdict(list)
+        self._samples: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=MAX_SAMPLES))
         self._calls: dict[str, int] = defaultdict(int)
 
     @contextmanager
@@ -86,20 +89,18 @@ class PassTimer:
         start = time.perf_counter()
         yield
         self._gpu.finish()
-        samples = self._samples[name]
-        if len(samples) < 4096:  # memory must not grow with the number of frames
-            samples.append((time.perf_counter() - start) * 1e3)
+        self._samples[name].append((time.perf_counter() - start) * 1e3)
 
     def median_ms(self, skip: int = 1) -> dict[str, float]:
-        """Median per pass, leaving out the first ``skip`` samples (shader compilation, first touch of memory)."""
-        return {k: statistics.median(v[skip:] or v) for k, v in self._samples.items()}
+        """Median per pass without the first ``skip`` samples (shader compilation, first touch of memory)."""
+        return {k: statistics.median(list(v)[skip:] or v) for k, v in self._samples.items()}
 
     def reset(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         self._samples.clear()
 
     def summary(self) -> dict[str, Any]:
-        """The block ``timing`` of summary.json: the clock, medians in ms, and how many calls each is a median of."""
+        """The block ``timing`` of summary.json: the clock, medians in ms, and the number of samples of each."""
         samples = {name: len(values) for name, values in self._samples.items()}
         return {"clock": self.clock, "unit": "ms", "passes": self.median_ms(), "samples": samples}
 

@@ -86,7 +86,7 @@ def test_output_on_a_full_disk_is_one_line(command, buffered):
 def gpu(monkeypatch):
     from taubench_gl.errors import GraphicsError
 
-    module = types.ModuleType("taubench_gl.gpu.context")
+    module = types.ModuleType("taubench_gl.gpu.capabilities")
 
     def capability_report(backend, device):
         if backend == "osmesa":
@@ -94,7 +94,7 @@ def gpu(monkeypatch):
         return REPORT
 
     module.capability_report = capability_report
-    monkeypatch.setitem(sys.modules, "taubench_gl.gpu.context", module)
+    monkeypatch.setitem(sys.modules, "taubench_gl.gpu.capabilities", module)
 
 
 def test_doctor_prints_the_report(taubench, gpu):

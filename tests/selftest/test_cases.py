@@ -8,8 +8,7 @@ import sys
 
 import pytest
 
-from taubench_gl.gpu.context import open_gpu
-from taubench_gl.gpu.loaders import OSMESA_LIBRARIES, open_library
+from taubench_gl.gpu.context import OSMESA_LIBRARIES, open_gpu, open_library
 from taubench_gl.selftest import cases
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.runner import run_case
