@@ -8,11 +8,11 @@ from taubench_gl.demos.lessons import (
     cost,
     counting,
     features,
+    ghosting,
     half,
     noise,
     occlusion,
     relative,
-    reuse,
     rotations,
     sampling,
     thresholds,
@@ -20,8 +20,8 @@ from taubench_gl.demos.lessons import (
 from taubench_gl.errors import SettingsError
 
 __all__ = [
-    "behind", "cost", "counting", "demos", "features", "find_demo", "half", "noise", "occlusion", "relative", "reuse",
-    "rotations", "sampling", "thresholds",
+    "behind", "cost", "counting", "demos", "features", "find_demo", "ghosting", "half", "noise", "occlusion",
+    "relative", "rotations", "sampling", "thresholds",
 ]  # fmt: skip
 
 
