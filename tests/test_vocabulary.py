@@ -1,0 +1,68 @@
+"""Standard words: code, messages, docs and tests use one word per thing, in American spelling.
+
+Former names of options, commands and values are exempt: their lines contain the word "former".
+"""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from test_architecture import ROOT, tracked_files
+
+BANNED = {
+    "told": "reported, recorded",
+    "judg(e[sd]?|ing|ment)|unjudged": "classify, evaluate",
+    "rungs?": "method, quality level",
+    "ladders?": "series, method",
+    "knobs?": "parameter",
+    "laps?": "iteration",
+    "anew": "again, from scratch",
+    "dear(er|est)?(?! imgui)": "expensive",
+    "twins?": "float64 reference",
+    "soup": "vertex data",
+    "inmost": "innermost",
+    "whoever": "name the subject",
+    "\\w*colour\\w*": "color",
+    "grey\\w*": "gray",
+    "centred?s?": "center",
+    "neighbour\\w*": "neighbor",
+}
+"""Regular expression of a word -> what to write instead."""
+
+PATTERN = re.compile("|".join(rf"\b(?:{word})\b" for word in BANNED), re.IGNORECASE)
+SUFFIXES = {".py", ".glsl", ".md", ".toml", ".html", ".js", ".css", ".ipynb", ".sh", ""}
+EXEMPT = {"CHANGELOG.md", "LICENSE", "tests/test_vocabulary.py"}
+
+
+def lines() -> list[tuple[str, int, str]]:
+    found = []
+    for path in tracked_files():
+        name = path.relative_to(ROOT).as_posix()
+        if path.suffix in SUFFIXES and name not in EXEMPT:
+            try:
+                text = path.read_text(encoding="utf-8")
+            except UnicodeDecodeError:
+                continue
+            found += [(name, number, line) for number, line in enumerate(text.splitlines(), start=1)]
+    return found
+
+
+@pytest.mark.xfail(reason="the change of words is not finished", strict=False)
+def test_no_banned_word():
+    faults = [
+        f"{name}:{number}: {match.group()}: {line.strip()[:80]}"
+        for name, number, line in lines()
+        if (match := PATTERN.search(line)) and "former" not in line.lower()
+    ]
+    assert not faults, f"{len(faults)} lines\n" + "\n".join(faults)
+
+
+@pytest.mark.parametrize("word", ["told", "Judged", "unjudged", "rung", "colour", "coloured", "grey", "centre", "dear"])
+def test_banned_words_are_found(word):
+    assert PATTERN.search(f"a {word} b")
+
+
+@pytest.mark.parametrize("word", ["color", "overlap", "center", "Dear ImGui", "wrung", "stolder", "twinkle"])
+def test_other_words_pass(word):
+    assert not PATTERN.search(word)
