@@ -15,7 +15,7 @@ from taubench_gl.scene.model import Camera
 Array = np.ndarray
 MAX_POINTS = 20_000
 MIN_POINTS = 32
-WORST_MEDIAN_PX = 0.25
+MAX_MEDIAN_PX = 0.25
 """Largest accepted median residual.  Lens distortion, shift, orthographic cameras and other spaces exceed it."""
 
 _ROUNDS, _STEPS = 3, 8
@@ -72,7 +72,7 @@ def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: s
         raise _no_camera("the points it shows are too flat", where) from None
     rotation, origin, tangent = guess
     median, p95 = float(np.median(error)), float(np.percentile(error, 95))
-    if not (math.isfinite(median) and median <= WORST_MEDIAN_PX):
+    if not (math.isfinite(median) and median <= MAX_MEDIAN_PX):
         raise _no_camera(f"the best pinhole is {median:.3g} px off in the median", where)
     near = float(((points - origin) @ -rotation[:, 2]).min())
     camera = Camera(yfov=2.0 * math.atan(tangent), znear=max(1e-4, min(0.1, 0.1 * near)))
