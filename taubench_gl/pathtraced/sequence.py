@@ -110,14 +110,13 @@ class PathTracedSequence:
 
     def require(self, size: tuple[int, int], frames: Collection[int] = (), *, of: str) -> None:
         """Raise PathTracedError unless the sequence has this size and all ``frames``.  ``of``: who needs them."""
+        where = str(self.path)
         if self.size != size:
             got, expected = ("x".join(map(str, s)) for s in (self.size, size))
-            raise PathTracedError(f"is {got} pixels, {of} {expected}", where=str(self.path))
+            raise PathTracedError(f"is {got} pixels, {of} {expected}", where=where, hint="give one --size to both")
         lost = sorted(set(frames) - set(self.frames))
         if lost:
-            raise PathTracedError(
-                f"lacks frame {lost[0]} of {of}", where=str(self.path), hint="give --frames that it has"
-            )
+            raise PathTracedError(f"lacks frame {lost[0]} of {of}", where=where, hint="give --frames that it has")
 
     def missing(self, lobes: Collection[str] = ()) -> dict[str, str]:
         """Columns (and ``lobe_bounce``) without their passes in the first frame -> reason."""

@@ -18,7 +18,7 @@ from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, Reason
-from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, Source
@@ -28,7 +28,6 @@ from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.shading_rate import RATES, cycle, phase
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
-from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, write_input
@@ -222,8 +221,7 @@ class FileInputs:
             settings = settings.replace(reprojection="camera")
         self.settings, self.reads = settings, frozenset(reads)
         track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
-        self._sequence = _CachedSequence(sequence)
-        self.source = PathTracedSource(gpu, self._sequence, track, settings)
+        self.source = PathTracedSource(gpu, sequence, track, settings, keep_frame=True)
         self._rasterized = None if scene is None else self._missing_channels(gpu, scene, camera, settings)
         self._context = GpuContext(gpu)
         self._masks = MaskInputs(self._context, self.source, settings, ())
@@ -231,10 +229,7 @@ class FileInputs:
         self.exact = self._exact_masks = None
         if exact is not None:
             files = PathTracedSequence.open(exact, mapping=mapping)
-            if files.size != self.size:
-                raise PathTracedError(
-                    f"is {files.size[0]}x{files.size[1]} pixels, the input {width}x{height}", where=exact
-                )
+            files.require(self.size, of="the input")
             self.exact = PathTracedSource(gpu, files, track, settings)
             self._exact_masks = MaskInputs(self._context, self.exact, settings, self.exact.radiance)
             self.exact_mask, self.exact_motion = self._exact_masks.mask, self._exact_masks.motion
@@ -251,7 +246,7 @@ class FileInputs:
 
     def frames(self, requested: tuple[int | None, int | None]) -> range:
         """Frame numbers of the files within ``requested``.  Raises PathTracedError for gaps."""
-        return self._sequence.select(requested)
+        return self.source.sequence.select(requested)
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of ``frame``; textures are valid until the next call."""
@@ -259,8 +254,8 @@ class FileInputs:
         for other in (self.exact, self._rasterized):
             if other is not None:
                 other.advance(frame)
-        where = f"{self._sequence.path}, frame {frame}"
-        radiance = combined_radiance(self._sequence.read(frame), self.settings.lighting.exposure, where)
+        where = f"{self.source.sequence.path}, frame {frame}"
+        radiance = self.source.frame.linear_radiance(self.settings.lighting.exposure, where)
         shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
         write_input(self._radiance, "radiance", np.concatenate([radiance, shaded], axis=-1))
         previous = self._previous or view
@@ -314,21 +309,6 @@ class FileInputs:
                 part.release()
         self._radiance.release()
         self._context.release()
-
-
-class _CachedSequence:
-    """A PathTracedSequence that keeps its last frame: channels and combined pass share one decoding."""
-
-    def __init__(self, sequence: PathTracedSequence):
-        self._sequence, self._last = sequence, (None, None)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._sequence, name)
-
-    def read(self, frame: int, lobes: Collection[str] = ()) -> PathTracedFrame:
-        if self._last[0] != frame:
-            self._last = frame, self._sequence.read(frame, lobes)
-        return self._last[1]
 
 
 class ComposePass:
@@ -442,12 +422,3 @@ def light_settings(settings: Settings, kind: InputKind) -> Settings:
 def light_channels(source: RasterSource) -> tuple[str, ...]:
     """The LIGHT_CHANNELS of the source's frames."""
     return tuple(c for c in LIGHT_CHANNELS if source.effects[c].enabled)
-
-
-def combined_radiance(frame: PathTracedFrame, exposure: float, where: str) -> Array:
-    """Linear radiance x exposure, (h, w, 3) float32, of a path-traced frame.  Raises PathTracedError without it."""
-    if frame.combined is None:
-        raise PathTracedError("has no combined pass", where=where, hint="enable it in the renderer, or give --mapping")
-    if frame.color_encoded:
-        raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
-    return frame.combined[..., :3].astype(np.float32) * np.float32(exposure)

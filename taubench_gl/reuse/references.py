@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation.jitter import grid_offsets
-from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.errors import SettingsError
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.frame import read_result
-from taubench_gl.reuse.inputs import ComposePass, InputRequest, combined_radiance, light_channels, light_settings
+from taubench_gl.reuse.inputs import ComposePass, InputRequest, light_channels, light_settings
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -62,16 +62,12 @@ class FileReference:
     def __init__(self, spec: str, size: tuple[int, int], frames: range, settings: Settings, mapping: str | None = None):
         """Raises PathTracedError for another image size and for missing frames."""
         self._sequence, self._exposure = PathTracedSequence.open(spec, mapping=mapping), settings.lighting.exposure
-        if self._sequence.size != size:
-            found, expected = ("x".join(map(str, s)) for s in (self._sequence.size, size))
-            raise PathTracedError(f"is {found} pixels, the input {expected}", where=spec, hint=f"use --size {found}")
-        missing = sorted(set(frames) - set(self._sequence.frames))
-        if missing:
-            raise PathTracedError(f"has no frame {missing[0]}", where=spec, hint="select other --frames")
+        self._sequence.require(size, frames, of="the input")
 
     def image(self, frame: int) -> Array:
         """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
-        return combined_radiance(self._sequence.read(frame), self._exposure, f"{self._sequence.path}, frame {frame}")
+        where = f"{self._sequence.path}, frame {frame}"
+        return self._sequence.read(frame).linear_radiance(self._exposure, where)
 
     def describe(self) -> dict[str, Any]:
         return {"kind": "exr", "samples": None, "path": str(self._sequence.path)}

@@ -281,7 +281,7 @@ def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
 def test_file_reference_with_wrong_size_or_missing_frames(exr_folder, size, frames, value):
     with pytest.raises(PathTracedError) as caught:
         FileReference(f"exr:{exr_folder}", size, frames, settings())
-    assert caught.value.where == f"exr:{exr_folder}" and value in caught.value.what
+    assert caught.value.where == str(exr_folder) and value in caught.value.what
 
 
 # -------------------------------------------------------------------------------------------------- cuts of a surface
