@@ -38,7 +38,8 @@ def report(runs: tuple[str, ...], out: Path | None, images: int) -> None:
     RUN is an output folder of 'taubench-gl evaluate'.  The page shows Tables 1 to 4 with the paper's rows, the frames
     with their reason masks, plots per frame, threshold curves, effects, camera cuts and provenance.
     """
-    from taubench_gl.report.run_page import REPORT_FILE, ReportRun, write_html_report
+    from taubench_gl.report.page import REPORT_FILE
+    from taubench_gl.report.run_page import ReportRun, write_html_report
     from taubench_gl.run import load_run
 
     loaded = [load_run(run) for run in runs]

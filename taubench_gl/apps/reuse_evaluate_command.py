@@ -103,7 +103,7 @@ Examples:
   taubench-gl reuse evaluate scene.glb --methods svgf --input exr:one-sample --reference exr:many-samples
 
 \b
-DIR receives reuse.json, frames.csv, tables, plots, side_by_side.png (the worst frame) and a video.
+DIR receives reuse.json, frames.csv, report.html, tables, plots, side_by_side.png (the worst frame) and a video.
 docs/reuse-evaluation.md defines every number."""
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")

@@ -27,6 +27,9 @@ from typing import Any
 
 from taubench_gl.report.palette import hex_of
 
+REPORT_FILE = "report.html"
+"""Name of the page in the folder of a run or of a reuse evaluation."""
+
 
 def render_page(
     template: str, *, styles: Sequence[str] = (), scripts: Sequence[str] = (), data: Any = None, **values: Any

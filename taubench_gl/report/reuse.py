@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,8 @@ def reuse_tables(summary: Summary) -> list[Table]:
     methods = summary["methods"]
     notes = reuse_notes(summary)
     quality = [_row(label, m, "mean", [n for n, _ in _QUALITY]) for label, m in methods.items()]
-    tables = [Table(1, "Quality against the reference", tuple(c for _, c in _QUALITY), tuple(quality), notes)]
+    columns = tuple(replace(c, definition=summary["measures"][n]["doc"]) for n, c in _QUALITY)
+    tables = [Table(1, "Quality against the reference", columns, tuple(quality), notes)]
     columns = (*(c for _, c in _REUSE), Column("time", "ms", 3), Column("memory", "MiB", 2))
     rows = [_cost_row(label, m) for label, m in methods.items()]
     clock = f"Time: median over frames of the passes of the method; clock: {summary['clock']}; shading of the input: "
@@ -87,7 +89,7 @@ def _cost_row(label: str, method: Summary) -> Row:
 
 def _class_table(summary: Summary) -> Table:
     classes = list(summary["classes"])
-    columns = tuple(Column(name, "", 4) for name in classes)
+    columns = tuple(Column(name, "", 4, definition) for name, definition in summary["classes"].items())
     good = {label: m for label, m in summary["methods"].items() if not m["failed"]}
     rows = []
     for label, method in good.items():

@@ -24,7 +24,6 @@ from taubench_gl.report.tables import paper_numbers, paper_tables, thresholds_of
 
 Summary = Mapping[str, Any]
 
-REPORT_FILE = "report.html"
 MAX_IMAGES = 60
 """Default number of pairs with images per report, all runs together."""
 MAX_IMAGE_BYTES = 18_000_000

@@ -1,4 +1,4 @@
-"""The output folder of an evaluation: reuse.json, frames.csv, tables, plots, side-by-side images and a video."""
+"""The output folder of an evaluation: reuse.json, frames.csv, tables, plots, side-by-side images, a video, a page."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ import numpy as np
 
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.outputs import cannot_write, new_partial, output_folder, write_atomically, write_png
+from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.render import write_tables
-from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_tables
+from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation
 from taubench_gl.reuse.scores import ROW_COLUMNS
 
@@ -227,10 +228,14 @@ class ReuseFolder:
         written += write_tables(out, reuse_tables(evaluation.summary))
         if self._video is not None:
             written += [path for path in (self._video.close(),) if path is not None]
+        image = None
         if self._worst_image is not None:
             written.append(out / "side_by_side.png")
             write_png(written[-1], self._worst_image)
-        return written + plot_reuse(evaluation.summary, evaluation.rows, out)
+            image = written[-1].read_bytes()
+        written += plot_reuse(evaluation.summary, evaluation.rows, out)
+        write_atomically(out / REPORT_FILE, reuse_html(evaluation.summary, evaluation.rows, image))
+        return [*written, out / REPORT_FILE]
 
     def __enter__(self) -> ReuseFolder:
         return self

@@ -12,7 +12,7 @@ import pytest
 from taubench_gl.report.reuse import reuse_html
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-MEASURES = ("flip", "relmse", "ssim")
+MEASURES = ("flip", "relmse", "ssim", "psnr_db", "tpsnr_db", "flicker")
 FRAMES = (3, 4, 5)
 
 
@@ -35,12 +35,14 @@ def evaluation() -> tuple[dict[str, Any], list[dict[str, Any]]]:
         "scene": {"name": "</script><b>hall"},
         "settings": {"width": 8, "height": 4, "fps": 24.0, "first_frame": 3, "last_frame": 5},
         "input": {"kind": "clean", "light_samples": None, "notes": [], "shading_ms": 1.0},
-        "reference": {"kind": "max", "samples": 16}, "judged_frames": 2, "judged_by": "geometry", "clock": "a clock",
+        "reference": {"kind": "max", "samples": 16}, "clock": "a clock",
+        "evaluated_frames": 2, "mask_source": "geometry",
         "measures": {name: {"unit": "", "better": "lower", "doc": f"definition of {name}"} for name in MEASURES},
         "classes": {"rest": "every pixel"}, "methods": methods,
     }  # fmt: skip
     rows = [
-        {"frame": frame, "method": label, "flip": scale * frame, "relmse": 2.0 * scale * frame, "ssim": None}
+        dict.fromkeys(MEASURES)
+        | {"frame": frame, "method": label, "flip": scale * frame, "relmse": 2.0 * scale * frame}
         for label, scale in (("slow", 0.1), ("fast", 0.4))
         for frame in FRAMES
     ]
