@@ -15,7 +15,7 @@ def resolve(text: str) -> tuple[str, dict[str, Any]]:
 
     A scene in FBX or .blend is converted on first use.  Raises DatasetError, and what ``convert`` raises.
     """
-    from taubench_gl.datasets.named import find_named, scene_text
+    from taubench_gl.datasets.scene_cache import find_named, scene_text
 
     store = find_named(text)
     if store is None:

@@ -1,4 +1,4 @@
-"""``taubench-gl scenes``: the paper's scenes and what stands in for them."""
+"""``taubench-gl scenes``: named scenes, and stand-ins for the paper's scenes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from taubench_gl.apps.scenes_registry_commands import get, list_scenes, show, ve
 
 @click.group(cls=Group)
 def scenes() -> None:
-    """The paper's scenes, and stand-ins made by code."""
+    """Named scenes, such as the paper's, and procedural stand-ins."""
 
 
 for command in (list_scenes, show, get, verify, make):

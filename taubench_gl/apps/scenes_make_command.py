@@ -1,4 +1,4 @@
-"""``taubench-gl scenes make``: the stand-ins for the paper's scenes that cannot be bundled."""
+"""``taubench-gl scenes make``: procedural stand-ins for the paper's scenes that cannot be bundled."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Examples:
 @click.argument("name", type=click.Choice(NAMES))
 @click.argument("out", type=click.Path(path_type=Path), metavar="OUT.glb")
 def make(name: str, out: Path) -> None:
-    """Write a stand-in for one of the paper's EternalValley scenes, made by code, CC0.
+    """Write a procedural stand-in for one of the paper's EternalValley scenes (CC0).
 
-    It is not the dataset: it has the paper's counts (Table 1) exactly and its camera statistics (Tables 2 and 3) at the
-    capture rate of 60 fps; its geometry, and so its Table 4 row, are its own.
+    It is not the dataset.  It has exactly the paper's counts (Table 1), and its camera statistics (Tables 2 and 3) at
+    the capture rate of 60 fps.  Its geometry and its Table 4 row differ from the paper's.
     """
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.datasets.stand_ins import make_stand_in
@@ -38,7 +38,7 @@ def make(name: str, out: Path) -> None:
 
 
 def describe(scene: Any, fps: float) -> dict[str, Any]:
-    """The part of summary.json that needs no OpenGL: census and camera of every frame at ``fps``."""
+    """The part of summary.json that needs no OpenGL: census and camera of all frames at ``fps``."""
     import numpy as np
 
     from taubench_gl.animation import Poser, choose_camera

@@ -1,4 +1,4 @@
-"""``taubench-gl scenes list|show|get|verify``: scenes by name, and where to get them."""
+"""``taubench-gl scenes list|show|get|verify``: scenes by name, and how to obtain them."""
 
 from __future__ import annotations
 
@@ -9,22 +9,24 @@ from typing import Any
 
 import click
 
+from taubench_gl.apps.aliases import former_option
+
 registry_option = click.option(
     "--registry",
     "registries",
     type=click.Path(path_type=Path),
     multiple=True,
-    help="A TOML file with scenes of your own; may be repeated.  [default: those of TAUBENCH_SCENES]",
+    help="A TOML file with further scenes; may be repeated.  [default: those of TAUBENCH_SCENES]",
 )
 cache_option = click.option(
     "--cache",
     type=click.Path(path_type=Path),
-    help="Keep scenes here.  [default: TAUBENCH_CACHE, else the user's cache]",
+    help="Cache folder.  [default: TAUBENCH_CACHE, else the user's cache]",
 )
 
 
 def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
-    from taubench_gl.datasets.named import registry_entries
+    from taubench_gl.datasets.scene_cache import registry_entries
 
     return registry_entries(registries)
 
@@ -39,7 +41,7 @@ Examples:
 @registry_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def list_scenes(registries: tuple[Path, ...], as_json: bool) -> None:
-    """The scenes that have a name."""
+    """List the named scenes."""
     import msgspec
 
     entries = _entries(registries)
@@ -60,7 +62,7 @@ Examples:
 @registry_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
-    """What is known of scene NAME: licence, homepage, units, rate, camera and its rows in the paper."""
+    """Show license, homepage, units, rate, camera and the paper's rows of scene NAME."""
     import msgspec
 
     from taubench_gl.apps.screen import show_pairs
@@ -81,18 +83,19 @@ def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
 Examples:
   taubench-gl scenes get bart-museum --from museum.zip
   taubench-gl scenes get zero-day --from zeroday.zip --scene MEASURE_ONE.fbx
-  taubench-gl scenes get my-scene --registry mine.toml --accept-licence
+  taubench-gl scenes get my-scene --registry mine.toml --accept-license
   taubench-gl evaluate bart-museum
 \b
-An interrupted download goes on where it stopped.  The checksum of the first download is remembered; a later one that
-differs is refused.  Downloading needs the extra 'datasets'; --from needs nothing.  Afterwards the name stands for the
-scene wherever a path can, and brings its frame rate, frames, camera and units along; options override them."""
+An interrupted download is continued.  The checksum of the first download is stored; a later file that differs is
+refused.  Downloading needs the extra 'datasets'; --from does not.  Afterwards NAME can be used in place of a path; its
+frame rate, frames, camera and units are the defaults of the options."""
 )
 @click.argument("name")
-@click.option("--from", "source", type=click.Path(path_type=Path), metavar="FILE", help="Take this file.")
-@click.option("--url", help="Download from here instead of the registry's address.")
-@click.option("--scene", metavar="FILE", help="Which scene of the archive, where it holds several.")
-@click.option("--accept-licence", is_flag=True, help="Do not ask.")
+@click.option("--from", "source", type=click.Path(path_type=Path), metavar="FILE", help="Use this local file.")
+@click.option("--url", help="Download from this URL instead of the registry's.")
+@click.option("--scene", metavar="FILE", help="Scene file of the archive, if it holds several.")
+@former_option("--accept-licence", "--accept-license")
+@click.option("--accept-license", is_flag=True, help="Accept the license without a question.")
 @registry_option
 @cache_option
 def get(
@@ -100,34 +103,33 @@ def get(
     source: Path | None,
     url: str | None,
     scene: str | None,
-    accept_licence: bool,
+    accept_license: bool,
     registries: tuple[Path, ...],
     cache: Path | None,
 ) -> None:
-    """Download scene NAME into the cache, or take it from a file you have, and print where it is."""
+    """Download scene NAME into the cache, or copy it from a local file, and print its path."""
     from taubench_gl.datasets.registry import find_entry
-    from taubench_gl.datasets.registry_store import Store
+    from taubench_gl.datasets.scene_cache import CachedScene
     from taubench_gl.errors import DatasetError
 
     name, entry = find_entry(_entries(registries), name)
-    click.echo(f"{entry.title}, by {entry.authors or 'unknown'}; licence: {entry.licence or 'not stated'}", err=True)
-    if not accept_licence:
+    click.echo(f"{entry.title}, by {entry.authors or 'unknown'}; license: {entry.license or 'not stated'}", err=True)
+    if not accept_license:
         if not sys.stdin.isatty():
-            raise DatasetError("the licence has not been accepted", hint="add --accept-licence if you accept it")
-        click.confirm("Do you accept the licence?", abort=True, err=True)
-    store = Store(name, entry, cache)
+            raise DatasetError("the license is not accepted", hint="add --accept-license to accept it")
+        click.confirm("Do you accept the license?", abort=True, err=True)
+    cached = CachedScene(name, entry, cache)
     if source is not None:
-        path = store.take(source, scene)
+        path = cached.take(source, scene)
     else:
-        path = store.get(url, _bar() if sys.stderr.isatty() else None, scene)
+        path = cached.get(url, _bar() if sys.stderr.isatty() else None, scene)
     click.echo(path)
-    # The name works where the registry and the cache are found again without being told.
     if entry.format in ("fbx", "blend"):
-        click.echo("the first evaluation converts it, with Blender as a Python module (see: convert --help)", err=True)
-    told = f"  (is: {entry.options()})" if entry.options() else ""
-    click.echo(f"Tables 1 to 4: taubench-gl evaluate {name}{told}", err=True)
+        click.echo("the first evaluation converts it with Blender as a Python module (see: convert --help)", err=True)
+    defaults = f"  (defaults: {entry.options()})" if entry.options() else ""
+    click.echo(f"Tables 1 to 4: taubench-gl evaluate {name}{defaults}", err=True)
     if registries or cache is not None:
-        click.echo("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to what --registry and --cache were here", err=True)
+        click.echo("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to the values of --registry and --cache", err=True)
 
 
 @click.command(
@@ -139,17 +141,17 @@ Examples:
 @registry_option
 @cache_option
 def verify(name: str, registries: tuple[Path, ...], cache: Path | None) -> None:
-    """Check that the cached file of scene NAME is still what was fetched."""
+    """Check that the cached file of scene NAME is unchanged since its download."""
     from taubench_gl.datasets.registry import find_entry
-    from taubench_gl.datasets.registry_store import Store
+    from taubench_gl.datasets.scene_cache import CachedScene
 
-    record, scene = Store(*find_entry(_entries(registries), name), cache).verify()
-    click.echo(f"{record.file}: {record.bytes} bytes, sha256 {record.sha256}, as fetched")
+    record, scene = CachedScene(*find_entry(_entries(registries), name), cache).verify()
+    click.echo(f"{record.file}: {record.bytes} bytes, sha256 {record.sha256}, unchanged")
     click.echo(scene)
 
 
 def _bar():
-    """A progress line on the terminal, one update per megabyte."""
+    """A callback that prints a progress line on the terminal."""
 
     def show_bytes(have: int, whole: int | None) -> None:
         share = f"{100 * have / whole:5.1f} %" if whole else ""

@@ -1,4 +1,4 @@
-"""``taubench-gl stress``: the dial for temporal difficulty, one setting or a sweep."""
+"""``taubench-gl stress``: writes a scene with a camera of given statistics, or sweeps the camera's speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXES = ("translation", "yaw", "pitch", "roll")
 
 
 class Stats(click.ParamType):
-    """``M,V`` or ``M,V,MAX`` -> numbers; whether they can be is checked by MotionStats."""
+    """``M,V`` or ``M,V,MAX`` -> numbers, which MotionStats checks."""
 
     name = "M,V[,MAX]"
 
@@ -78,33 +78,37 @@ Examples:
 \b
 A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, metres, +Y up, quaternion
 world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
-of lists time, position, rotation.  A rate of 60 fps is what the presets' rows of Tables 2 and 3 hold at."""
+of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3 at 60 fps."""
 )
 @click.argument("scene", metavar="SCENE")
 @click.option("--camera", default=None, metavar="fps|vr|still|FILE",
-              help="Camera statistics of the paper's EternalValley rows, none, or a recorded path (.csv, .json).  "
-                   "[default: fps; with --sweep still]")  # fmt: skip
-@click.option("--translation", type=Stats(), help="Metres per frame: mean, variance and largest.")
+              help="Camera statistics of the paper's EternalValley rows, a still camera, or a recorded path (.csv, "
+                   ".json).  [default: fps; with --sweep still]")  # fmt: skip
+@click.option("--translation", type=Stats(), help="Metres per frame: mean, variance and maximum.")
 @click.option("--yaw", type=Stats(), help="Degrees per frame, likewise.")
 @click.option("--pitch", type=Stats(), help="Degrees per frame, likewise.")
 @click.option("--roll", type=Stats(), help="Degrees per frame, likewise.")
 @click.option("--seconds", type=float, help="Length.  [default: 6; with --sweep 0.5]")
-@click.option("--fps", type=float, help="Frames per second that the statistics hold at.  [default: 60]")
+@click.option("--fps", type=float, help="Frames per second of the statistics.  [default: 60]")
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--move-lights", type=Count(), default="0", help="Also move this many lights.")
 @click.option("--move-objects", type=Count(), default="0", help="Also move this many small rigid objects.")
-@click.option("--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Theirs, metres per frame.")
-@click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; table and plot go into --out.")
+@click.option(
+    "--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Their motion, metres per frame."
+)
+@click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; write a table and a plot to --out.")
 @click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")
-@click.option("--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: measured.")
+@click.option(
+    "--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: columns."
+)
 @click.option("--out", type=OutPath(), required=True, metavar="OUT.glb|DIR")
 @gpu_options
 def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:
-    """Give a scene a camera of asked-for difficulty, or a recorded one, and write it as glTF.
+    """Write a scene as glTF with a camera of given motion statistics, or with a recorded camera.
 
-    SCENE is whatever 'evaluate' takes, path-traced files aside.  The steps per frame have exactly the mean, variance
-    and largest value asked for; the seed chooses the way, inside what is free of the scene all the time.  Everything
-    else in a glTF file is kept; other formats are written as glTF.  The output plays its new camera by default.
+    SCENE is any scene that 'evaluate' accepts, except path-traced files.  The camera's change per frame has exactly the
+    given mean, variance and maximum; the seed chooses its path through free space.  Everything else in a glTF file is
+    kept; other formats are converted to glTF.  The output selects the new camera by default.
     """
     from taubench_gl.apps.named_scenes import resolve
 
@@ -130,25 +134,25 @@ def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, *
     done = write(scene, out, camera, moves, options["seed"])
     moved = f", {done.lights} lights and {done.objects} objects moving" if done.lights or done.objects else ""
     click.echo(f"written to {done.file}: {done.seconds:.6g} s at {done.fps:.6g} fps{moved}")
-    click.echo(f"see it: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")
+    click.echo(f"Tables 1 to 4: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")
 
 
 def _require_effect(sweep: bool, *, moving: bool) -> None:
-    """Refuse what was given for nothing.  Raises SettingsError."""
+    """Refuse options without effect.  Raises SettingsError."""
     given = given_options(("size", "columns", "motion"))
     for name in ("size", "columns"):
         if name in given and not sweep:
-            raise SettingsError(f"--{name} does nothing here", hint="it is for --sweep; leave it out")
+            raise SettingsError(f"--{name} has no effect here", hint="it is for --sweep; leave it out")
     if "motion" in given and not moving:
         hint = "a sweep moves only the camera; leave it out" if sweep else "it is for --move-lights and --move-objects"
-        raise SettingsError("--motion does nothing here", hint=hint)
+        raise SettingsError("--motion has no effect here", hint=hint)
 
 
 def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     import dataclasses
 
+    from taubench_gl.datasets.camera_path import CAPTURE_FPS, PRESETS
     from taubench_gl.datasets.motion_stats import MotionStats
-    from taubench_gl.datasets.presets import CAPTURE_FPS, PRESETS
     from taubench_gl.datasets.stress import with_stats
 
     if choice not in PRESETS:
@@ -158,9 +162,9 @@ def _spec(choice: str, options: dict[str, Any], seconds: float) -> CameraSpec:
     if not 0 < seconds * fps < 1e6:
         hint = "give a length and a rate above 0, and less than 1,000,000 frames"
         raise SettingsError(f"{seconds:g} s at {fps:g} fps", hint=hint)
-    asked = {name: MotionStats(*options[name]) for name in AXES if options[name] is not None}
+    given = {name: MotionStats(*options[name]) for name in AXES if options[name] is not None}
     spec = dataclasses.replace(PRESETS[choice], frames=round(seconds * fps) + 1, fps=fps, seed=options["seed"])
-    return with_stats(spec, **asked)
+    return with_stats(spec, **given)
 
 
 def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options: dict[str, Any]) -> None:
@@ -168,7 +172,7 @@ def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options:
     from taubench_gl.settings import Settings
 
     if options[sweep[0]] is not None if sweep[0] in AXES else False:
-        raise click.UsageError(f"--{sweep[0]} is what the sweep sets")
+        raise click.UsageError(f"--{sweep[0]} conflicts with --sweep {sweep[0]}")
     if options["move_lights"] or options["move_objects"]:
         raise click.UsageError("--sweep moves only the camera: write the moving scene first, then sweep it")
     base = _spec(options["camera"] or "still", options, 0.5)

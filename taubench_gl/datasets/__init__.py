@@ -1,1 +1,1 @@
-"""The paper's scenes: stand-ins made by code, the dial for temporal difficulty, and the glTF they are written as."""
+"""Scenes by name, procedural stand-ins for the paper's scenes, generated cameras, and writers of glTF files."""

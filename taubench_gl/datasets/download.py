@@ -1,6 +1,6 @@
 """Download of one file over HTTP that resumes where it stopped, as long as the server still offers the same file.
 
-This is the downloader that registry_store.py hands to ``pooch.retrieve``, which verifies the checksum and moves the
+This is the downloader that scene_cache.py hands to ``pooch.retrieve``, which verifies the checksum and moves the
 file into place.  The downloader of pooch itself cannot resume: it hides the status of the answer, and its
 ``iter_content`` loses the bytes that arrived last when the connection drops.
 

@@ -1,4 +1,4 @@
-"""Low-poly walkers with a skeleton of 52 bones, as game characters have: one mesh, a skin and a clip for each."""
+"""Low-poly walking figures with a skeleton of 52 bones, as in games: a mesh, a skin and an animation clip each."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _KEYS_PER_SECOND = 10
 
 
 def skeleton() -> list[tuple[str, int, tuple[float, float, float], tuple[float, float, float], float]]:
-    """(name, parent, offset from the parent, own extent, thickness) of each bone, metres; a T-pose that looks along +Z.
+    """(name, parent, offset from the parent, extent, thickness) of each bone, metres; a T-pose that faces +Z.
 
-    6 of the trunk, 4 of each arm, 4 of each leg and 15 of each hand's fingers: 52.
+    6 bones of the trunk, 4 of each arm, 4 of each leg and 15 of the fingers of each hand: 52.
     """
     bones: list[tuple[str, int, tuple[float, float, float], tuple[float, float, float], float]] = [
         ("hips", -1, (0, 0.98, 0), (0, 0.12, 0), 0.30),
@@ -60,7 +60,7 @@ def skeleton() -> list[tuple[str, int, tuple[float, float, float], tuple[float, 
 
 
 def rest() -> Array:
-    """World positions of the bones' heads at rest.  (52, 3)."""
+    """World positions of the bone heads in the rest pose.  (52, 3)."""
     heads = np.zeros((BONES, 3))
     for i, (_, parent, offset, _, _) in enumerate(skeleton()):
         heads[i] = np.array(offset) + (heads[parent] if parent >= 0 else 0.0)
@@ -68,7 +68,7 @@ def rest() -> Array:
 
 
 def body() -> Shape:
-    """One box along each bone; its near end is shared with the parent bone, so that joints bend instead of breaking."""
+    """One box per bone; its near end is also skinned to the parent bone, so that joints bend without gaps."""
     heads, parts = rest(), []
     for i, (_, parent, _, extent, thick) in enumerate(skeleton()):
         a, b = heads[i], heads[i] + np.array(extent)
@@ -86,7 +86,7 @@ def body() -> Shape:
 
 
 def clip(rng: np.random.Generator, seconds: float) -> tuple[Array, Array]:
-    """A walk: key times (K,) and rotations (K, 52, 4) of every bone."""
+    """A walk cycle: key times (K,) and rotations (K, 52, 4) of every bone."""
     times = np.linspace(0.0, seconds, int(seconds * _KEYS_PER_SECOND) + 1)
     phase = 2 * math.pi * times * rng.uniform(0.8, 1.15) + rng.uniform(0, 2 * math.pi)
     out = np.zeros((len(times), BONES, 4))
@@ -112,7 +112,7 @@ def clip(rng: np.random.Generator, seconds: float) -> tuple[Array, Array]:
 
 
 def add_figures(w: Writer, rng: np.random.Generator, places: list[tuple[float, float]], seconds: float) -> list[tuple]:
-    """A walker at each place (x, z).  Returns animation tracks for ``Writer.animation``."""
+    """A figure at each position (x, z).  Returns animation tracks for ``Writer.animation``."""
     colors = ((0.45, 0.12, 0.10), (0.10, 0.20, 0.42), (0.36, 0.32, 0.12), (0.16, 0.30, 0.18))
     meshes = [
         w.mesh("figure", w.primitive(body(), w.material(f"cloth {i}", c, roughness=0.8))) for i, c in enumerate(colors)

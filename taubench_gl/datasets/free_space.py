@@ -1,4 +1,4 @@
-"""Where in a scene a camera can be: a voxel grid of what its triangles fill, and how far each voxel is from them."""
+"""Free space of a scene: a voxel grid of its triangles, and the distance of each voxel from them."""
 
 from __future__ import annotations
 
@@ -19,38 +19,37 @@ Array = np.ndarray
 
 VOXELS = 1_500_000
 SAMPLES = 3_000_000
-"""Points on triangles, about: enough for two per voxel face on surfaces that cross the whole grid many times."""
+"""Approximate number of points on triangles: about two per voxel face even for large surfaces."""
 
-PLENTY = 4
-"""Voxels of distance at which there is room enough."""
+ENOUGH = 4
+"""Distance from surfaces, voxels, at which the clearance is 1."""
 
 EYE_HEIGHT = 1.7
-"""Metres above the ground, for scenes that are high enough to stand in."""
+"""Metres above the ground, in scenes of sufficient height."""
 
 WALKABLE = 3.0
-"""Metres a scene must measure along x and z to be walked in; a smaller thing is circled."""
+"""Smallest extent along x and z, metres, of a scene to walk in; the camera circles smaller objects."""
 
 CANDIDATES = 24
 INSIDE = 0.5
-"""Winding number above which a point lies inside a closed surface: in a wall or a statue, not in a room."""
-
+"""Winding number above which a point lies inside a solid, such as a wall or a statue."""
 
 TIMES_PER_SECOND = 12.0
-MOST_TIMES = 73
-"""Moments at which moving things are looked at: 6 s at the rate above; longer animations are looked at less often."""
+MAX_TIMES = 73
+"""Times at which moving triangles are sampled: 6 s at the rate above; longer animations are sampled less often."""
 
 MOVING_DENSITY, MOVING_SAMPLES = 4.0, 400_000
-"""Points on what moves: per voxel face of its area, and in all, at each place."""
+"""Points on moving triangles at each time: per voxel face of their area, and in total."""
 
-MOST_BETWEEN = 12
-"""Places between two moments at which a thing that moved far is put, so that it leaves no gaps."""
+MAX_BETWEEN = 12
+"""Interpolated positions of a fast object between two times, which close gaps along its path."""
 
 
 class VoxelSpace:
-    """``FreeSpace`` of any scene: what none of its triangles fills at any time of its animation.
+    """``FreeSpace`` of any scene: the voxels without triangles at all times of its animation.
 
-    The camera moves in a horizontal plane.  Where there is ground below its start it stays above ground; a thing that
-    floats or stands alone is circled and looked at instead.
+    The camera moves in a horizontal plane.  If there is ground below its start, it stays above ground.  Otherwise it
+    moves around the scene and looks at it.
     """
 
     def __init__(self, scene: Scene, voxels: int = VOXELS):
@@ -65,7 +64,7 @@ class VoxelSpace:
         self._around = False
         start = self._from_camera(scene, state) or self._from_ground(triangles)
         if start is None:
-            # Nothing to stand on: walk around it, three radii out at most.
+            # No ground: move around the scene, at most three radii away.
             self._around = True
             self._build(points, 2.0 * self.radius, voxels, moving_triangles(scene, poser))
             at = self.center + self.radius * np.array([0.0, 0.25, 1.6])
@@ -93,7 +92,7 @@ class VoxelSpace:
         room = self._room[x, y, z].astype(np.float64)
         if not self._around:
             inside &= self._grounded[x, y, z]
-        return np.where(inside, room / PLENTY, -1.0)
+        return np.where(inside, room / ENOUGH, -1.0)
 
     def _build(self, points: Array, pad: float, voxels: int, moving: Iterator[tuple[Array, Array]]) -> None:
         low, high = self._low - [pad, 0.5 * pad, pad], self._high + [pad, 0.5 * pad, pad]
@@ -103,15 +102,15 @@ class VoxelSpace:
         shape = np.ceil(extent / self.size).astype(int) + 4
         filled = np.zeros(shape, dtype=bool)
         self._fill(filled, points)
-        self._grounded = np.logical_or.accumulate(filled, axis=1)  # what passes below is no ground
+        self._grounded = np.logical_or.accumulate(filled, axis=1)  # moving objects are not ground
         for before, after in moving:
             way = float(np.linalg.norm(after - before, axis=-1).max(initial=0.0))
-            count = min(int(way / self.size) + 1, MOST_BETWEEN)
+            count = min(int(way / self.size) + 1, MAX_BETWEEN)
             wanted = MOVING_DENSITY * float(areas(after).sum()) / self.size**2
             for part in np.arange(1, count + 1) / count:
                 self._fill(filled, surface_points(before + part * (after - before), int(min(wanted, MOVING_SAMPLES))))
         self._room = np.zeros(shape, dtype=np.uint8)
-        for _ in range(PLENTY):
+        for _ in range(ENOUGH):
             self._room += ~filled
             filled = _grown(filled)
 
@@ -144,8 +143,8 @@ class VoxelSpace:
         if len(points) < 8:
             return None
         away = np.linalg.norm((points - self.center)[:, [0, 2]], axis=1) / self.radius
-        ranked = np.argsort(away - self._room[tuple(spots.T)] / PLENTY, kind="stable")
-        # Neighbours fare alike, so the candidates are spread over the better half.
+        ranked = np.argsort(away - self._room[tuple(spots.T)] / ENOUGH, kind="stable")
+        # Adjacent candidates are similar, so they are spread over the better half.
         for i in ranked[: max(len(ranked) // 2, 1) : max(len(ranked) // (2 * CANDIDATES), 1)]:
             if winding_number(triangles, points[i]) < INSIDE:
                 return points[i], 0.0
@@ -160,12 +159,12 @@ def world_triangles(scene: Scene, state: FrameState) -> Array:
 
 
 def moving_triangles(scene: Scene, poser: Poser) -> Iterator[tuple[Array, Array]]:
-    """What moves, appears or changes its shape between each two moments of the animation: its triangles at both.
+    """Triangles that move, appear or deform between successive times of the animation, at both times.
 
-    Yields pairs of (T, 3, 3) float64, world metres; what is not there at the earlier moment is as at the later one.
+    Yields pairs of (T, 3, 3) float64, world metres; a triangle that is invisible at the earlier time is the same twice.
     """
     before = poser.sample(0.0)
-    for t in _moments(scene)[1:].tolist():
+    for t in _times(scene)[1:].tolist():
         after = poser.sample(t)
         pairs = []
         for node in scene.mesh_nodes[after.visible[scene.mesh_nodes]].tolist():
@@ -181,12 +180,12 @@ def moving_triangles(scene: Scene, poser: Poser) -> Iterator[tuple[Array, Array]
         before = after
 
 
-def _moments(scene: Scene) -> Array:
-    """Seconds from 0 on: evenly over the animation, and at its keys where they are few, for there things turn round."""
-    count = min(int(scene.duration * TIMES_PER_SECOND) + 2, MOST_TIMES) if scene.channels else 1
+def _times(scene: Scene) -> Array:
+    """Seconds, ascending: evenly over the animation, and its key times if they are few, as motion changes there."""
+    count = min(int(scene.duration * TIMES_PER_SECOND) + 2, MAX_TIMES) if scene.channels else 1
     times = np.linspace(0.0, scene.duration, count)
     keys = np.unique(np.concatenate([times[:1], *(c.times for c in scene.channels)]))
-    return np.union1d(times, keys[keys >= 0.0]) if len(keys) <= MOST_TIMES else times
+    return np.union1d(times, keys[keys >= 0.0]) if len(keys) <= MAX_TIMES else times
 
 
 def _changed(scene: Scene, node: int, before: FrameState, after: FrameState) -> bool:
@@ -198,7 +197,7 @@ def _changed(scene: Scene, node: int, before: FrameState, after: FrameState) -> 
 
 
 def surface_points(triangles: Array, budget: int = SAMPLES) -> Array:
-    """Points over triangles (T, 3, 3) by area, corners included.  -> (P, 3) float64, P > 0; none: a unit box's."""
+    """Points on triangles (T, 3, 3) by area, corners included; without triangles: of a unit box.  -> (P, 3) float64."""
     if not len(triangles):
         return np.array([[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]])
     area = areas(triangles)
@@ -212,13 +211,15 @@ def surface_points(triangles: Array, budget: int = SAMPLES) -> Array:
 
 
 def areas(triangles: Array) -> Array:
-    """(T, 3, 3) -> (T,)."""
+    """Areas of triangles.  (T, 3, 3) -> (T,)."""
     return 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
 
 
 def winding_number(triangles: Array, point: Array) -> float:
-    """How often the triangles (T, 3, 3) wind around a point: 1 inside a closed surface that faces outwards, 0 outside,
-    -1 in a room whose walls face inwards (Van Oosterom and Strackee's solid angle, summed)."""
+    """Winding number of triangles (T, 3, 3) around a point, by the solid angles of Van Oosterom and Strackee (1983).
+
+    1 inside a closed surface that faces outwards, 0 outside, -1 in a room whose walls face inwards.
+    """
     a, b, c = np.moveaxis(triangles - point, 1, 0)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
@@ -228,7 +229,7 @@ def winding_number(triangles: Array, point: Array) -> float:
 
 
 def _triangles(scene: Scene, state: FrameState, node: int) -> list[Array]:
-    """World corners (T, 3, 3) of each primitive of a node, and of each of its instances."""
+    """World corners (T, 3, 3) of each primitive of a node and of each instance."""
     out = []
     instances = scene.nodes.instances.get(int(node))
     for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
@@ -243,7 +244,7 @@ def _triangles(scene: Scene, state: FrameState, node: int) -> list[Array]:
 
 
 def _grown(filled: Array) -> Array:
-    """One voxel more on every side, diagonals too."""
+    """``filled`` dilated by one voxel in every direction, diagonals included."""
     for axis in range(3):
         grown = filled.copy()
         ahead, behind = [slice(None)] * 3, [slice(None)] * 3

@@ -1,7 +1,7 @@
-"""Adds nodes and animations to a glTF file and keeps all the rest as it is, unknown extensions and extras too.
+"""Adds nodes and animations to a glTF file; everything else stays unchanged, unknown extensions and extras included.
 
-The JSON is edited as JSON, because a typed document would drop what its types do not know.  What comes out is one file:
-buffers and images that lay beside the source are put inside.
+The JSON is edited untyped, because a typed document would drop unknown properties.  The result is a single file:
+external buffers and images are embedded.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _MAGIC = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "imag
 
 
 class GltfEditor:
-    """A glTF file being added to.  Raises SceneError for a file that cannot be read."""
+    """A glTF file to which nodes and animations are added.  Raises SceneError for a file that cannot be read."""
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
@@ -37,14 +37,14 @@ class GltfEditor:
         self._merge_buffers(document.buffers)
 
     def node(self, parent: int | None, scene: int, **properties: Any) -> int:
-        """A node under ``parent``, or None for a root of ``scenes[scene]``.  Returns its index."""
+        """Add a node below ``parent``; None: a root of ``scenes[scene]``.  Returns its index."""
         index = self._append("nodes", properties)
         owner = self.root["scenes"][scene] if parent is None else self.root["nodes"][parent]
         owner.setdefault("nodes" if parent is None else "children", []).append(index)
         return index
 
     def insert_above(self, node: int, name: str) -> int:
-        """A new node between ``node`` and what holds it, in every place that holds it.  Returns its index."""
+        """Add a node between ``node`` and its parents, in all scenes.  Returns its index."""
         index = len(self.root["nodes"])
         for owner, key in (*((s, "nodes") for s in self.root.get("scenes", ())),
                            *((n, "children") for n in self.root["nodes"])):  # fmt: skip
@@ -57,7 +57,8 @@ class GltfEditor:
         return self._append("cameras", {"name": name, "type": "perspective", "perspective": lens})
 
     def animation(self, name: str, tracks: list[tuple]) -> None:
-        """``tracks``: (node, path, times, values, interpolation) each; an animation with none is not written."""
+        """Add an animation of ``tracks`` (node, path, times, values, interpolation); without tracks nothing is
+        added."""
         if not tracks:
             return
         animation: Json = {"name": name, "samplers": [], "channels": []}
@@ -76,15 +77,15 @@ class GltfEditor:
             animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
         self._append("animations", animation)
 
-    def say(self, **facts: str) -> None:
-        """Facts for our own reader, in ``asset.extras.taubench_gl``; facts already there are kept beside them."""
+    def note(self, **facts: str) -> None:
+        """Add entries to ``asset.extras.taubench_gl``, which this package reads; other entries are kept."""
         extras = self.root["asset"].get("extras")
         extras = extras if isinstance(extras, dict) else {}
         own = extras.get("taubench_gl")
         self.root["asset"]["extras"] = extras | {"taubench_gl": (own if isinstance(own, dict) else {}) | facts}
 
     def save(self, path: str | Path) -> None:
-        """Write as .glb, or as one .gltf with its data inside.  Raises OutputError, SettingsError."""
+        """Write a .glb, or a .gltf with embedded data.  Raises OutputError, SettingsError."""
         path = Path(path)
         if path.suffix.lower() not in (".glb", ".gltf"):
             raise SettingsError(f"{path.name} does not end in .glb or .gltf")
@@ -120,7 +121,7 @@ class GltfEditor:
         return self._append("accessors", accessor)
 
     def _embed_images(self, document: Any) -> None:
-        """Pictures beside the file become data URIs; one that is missing stays named as it is."""
+        """External images become data URIs; a missing one keeps its URI."""
         for i, image in enumerate(self.root.get("images", ())):
             uri = image.get("uri")
             if uri is None or uri[:5].lower() == "data:":
@@ -131,22 +132,22 @@ class GltfEditor:
                 image["uri"] = f"data:{kind};base64," + base64.b64encode(data).decode()
 
     def _merge_buffers(self, buffers: list[memoryview | None]) -> None:
-        """One buffer 0 with all data; buffers without data (meshopt's fallbacks) keep a place of their own."""
+        """Merge all data into buffer 0; buffers without data (fallbacks of meshopt) stay separate."""
         old = self.root.get("buffers", [])
-        place: list[tuple[int, int]] = []
+        moved_to: list[tuple[int, int]] = []  # index of the new buffer, byte offset in it
         kept: list[Json] = [{"byteLength": 0}]
         for description, data in zip(old, buffers, strict=True):
             if data is None:
-                place.append((len(kept), 0))
+                moved_to.append((len(kept), 0))
                 kept.append(description)
             else:
                 self._blob += bytes(-len(self._blob) % 8)
-                place.append((0, len(self._blob)))
+                moved_to.append((0, len(self._blob)))
                 self._blob += data
         for view in self.root.get("bufferViews", ()):
             compressed = [view["extensions"][name] for name in MESHOPT if name in view.get("extensions", ())]
             for reference in (view, *compressed):
-                index, base = place[reference["buffer"]]
+                index, base = moved_to[reference["buffer"]]
                 reference["buffer"] = index
                 if base:
                     reference["byteOffset"] = reference.get("byteOffset", 0) + base
@@ -154,7 +155,7 @@ class GltfEditor:
 
 
 def _json_text(path: Path) -> bytes:
-    """JSON of a file that ``open_document`` has accepted."""
+    """The JSON text of a file that ``open_document`` accepts."""
     data = path.read_bytes()
     if data[:4] != GLB_MAGIC:
         return data

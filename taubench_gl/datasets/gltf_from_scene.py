@@ -1,8 +1,7 @@
-"""A Scene as glTF: what the readers of text formats make of a file, for tools that read neither OBJ nor AFF.
+"""Writes a Scene read from OBJ or AFF files as glTF, for programs that do not read these formats.
 
-Vertex animation is written as morph targets.  Visibility is written as a scale of 0 or 1 of a node put above, which
-every viewer plays; a node's own scale stays its own.  Key times become float32: one that the rounding would put behind
-its frame is put before it.
+Vertex animation becomes morph targets.  Visibility becomes a scale of 0 or 1 of an additional parent node, which every
+viewer supports.  Key times become float32, rounded down, so that no key is later than its frame.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ _PATHS = ("translation", "rotation", "scale", "weights", "visible")
 
 
 def write_scene(scene: Scene, path: Path) -> None:
-    """Write what plays of ``scene`` as .glb.  Raises SceneError for a construct this does not write, OutputError."""
+    """Write ``scene`` with its active animations as .glb.  Raises SceneError for unsupported content, OutputError."""
     _refuse(scene)
     w = Writer("", "taubench-gl", share=True)
     w.gltf.scenes[0].name = scene.name
@@ -32,38 +31,38 @@ def write_scene(scene: Scene, path: Path) -> None:
     cameras = [_camera(w, c) for c in scene.cameras]
     lights = [_light(w, light) for light in scene.lights]
     meshes = [_mesh(w, mesh.name, mesh.primitives, mesh.weights, materials) for mesh in scene.meshes]
-    place = _nodes(w, scene, meshes, cameras, lights)
-    tracks = [_track(channel, place) for channel in scene.channels]
+    nodes = _nodes(w, scene, meshes, cameras, lights)
+    tracks = [_track(channel, nodes) for channel in scene.channels]
     if tracks:
         w.animation(" + ".join(scene.playing) or "animation", *tracks)
     w.save(path)
 
 
 def _refuse(scene: Scene) -> None:
-    """What only glTF files have goes the way that keeps their file as it is."""
+    """Raise SceneError for content that only glTF files have; those are edited instead (``gltf_edit``)."""
     nodes, where = scene.nodes, str(scene.path or scene.name)
-    for there, what in (
+    for present, what in (
         (bool(scene.skins), "skins"),
         (bool(nodes.instances), "instances"),
         (bool(np.any(nodes.has_matrix)), "nodes with a matrix"),
         (any(c.kind != "perspective" for c in scene.cameras), "a camera without perspective"),
         (any(c.target != "node" or c.path not in _PATHS for c in scene.channels), "animated lenses or lights"),
     ):
-        if there:
-            raise SceneError(f"has {what}, which are not written from this format", where=where)
+        if present:
+            raise SceneError(f"has {what}, which cannot be written from this format", where=where)
 
 
 def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int], lights: list[dict]) -> dict:
-    """All nodes, with a node above each one whose visibility changes.  -> (node, 'visible' or '') -> index written."""
+    """Write all nodes, with a parent for each node whose visibility changes.  (node, 'visible' or '') -> index."""
     nodes = scene.nodes
     switched = {c.index for c in scene.channels if c.path == "visible"} | set(np.flatnonzero(~nodes.visible).tolist())
-    place: dict[tuple[int, str], int] = {}
+    written: dict[tuple[int, str], int] = {}
     for node in _parents_first(nodes.parent):
         parent = int(nodes.parent[node])
-        above = None if parent < 0 else place[parent, ""]
+        above = None if parent < 0 else written[parent, ""]
         if node in switched:
             shown = [float(nodes.visible[node])] * 3
-            above = place[node, "visible"] = w.node(f"{nodes.names[node]} visible", above, scale=shown)
+            above = written[node, "visible"] = w.node(f"{nodes.names[node]} visible", above, scale=shown)
         more: dict[str, Any] = {}
         if nodes.mesh[node] >= 0 and meshes[nodes.mesh[node]] is not None:
             more["mesh"] = meshes[nodes.mesh[node]]
@@ -71,7 +70,7 @@ def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int]
             more["camera"] = cameras[nodes.camera[node]]
         if nodes.light[node] >= 0:
             more["extensions"] = lights[nodes.light[node]]
-        place[node, ""] = w.node(
+        written[node, ""] = w.node(
             nodes.names[node],
             above,
             translation=nodes.translation[node].tolist(),
@@ -79,7 +78,7 @@ def _nodes(w: Writer, scene: Scene, meshes: list[int | None], cameras: list[int]
             scale=nodes.scale[node].tolist(),
             **more,
         )
-    return place
+    return written
 
 
 def _parents_first(parent: Array) -> list[int]:
@@ -94,19 +93,19 @@ def _parents_first(parent: Array) -> list[int]:
     return out
 
 
-def _track(channel: Channel, place: dict[tuple[int, str], int]) -> tuple:
+def _track(channel: Channel, nodes: dict[tuple[int, str], int]) -> tuple:
     values = np.asarray(channel.values, dtype=np.float64)
     times = _key_times(channel.times)
     if channel.path == "visible":
         shown = np.repeat(np.where(values > 0.5, 1.0, 0.0), 3, axis=1)
-        return place[channel.index, "visible"], "scale", times, shown, "STEP"
+        return nodes[channel.index, "visible"], "scale", times, shown, "STEP"
     if channel.path == "rotation" and channel.interpolation != "CUBICSPLINE":
         values = values / np.linalg.norm(values, axis=-1, keepdims=True)
-    return place[channel.index, ""], channel.path, times, values.reshape(-1, values.shape[-1]), channel.interpolation
+    return nodes[channel.index, ""], channel.path, times, values.reshape(-1, values.shape[-1]), channel.interpolation
 
 
 def _key_times(times: Array) -> Array:
-    """float32 keys at or just before their times, strictly increasing."""
+    """Key times as float32, rounded down, strictly increasing."""
     out = np.asarray(times, dtype=np.float32)
     out = np.where(out > times, np.nextafter(out, np.float32(0)), out).astype(np.float32)
     for i in range(1, len(out)):
@@ -148,29 +147,29 @@ def _primitive(w: Writer, p: Primitive, materials: list[int]) -> gl.Primitive:
 
 
 def _unit(normals: Array) -> Array:
-    """Unit in float64, so that a validator's tolerance holds in float32."""
+    """Unit vectors, normalized in float64, so that they are unit within a validator's tolerance in float32."""
     normals = normals.astype(np.float64)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(length > 0, normals / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])
 
 
 class _Textures:
-    """Images and textures written when a material first names them."""
+    """Images and textures, written when a material first uses them."""
 
     def __init__(self, w: Writer, scene: Scene):
         self._w, self._scene, self._images, self._written = w, scene, {}, {}
 
     def info(self, texture: Texture) -> dict[str, Any]:
-        """``index``, ``texCoord`` and what else a textureInfo of ``texture`` needs."""
+        """``index`` and ``texCoord`` of a textureInfo."""
         image, sampler = texture.image, texture.sampler
         if image not in self._images:
             self._images[image] = self._w.image(self._scene.images[image].decode())
         key = (image, sampler)
         if key not in self._written:
-            made = gl.Sampler(
+            settings = gl.Sampler(
                 magFilter=sampler.mag_filter, minFilter=sampler.min_filter, wrapS=sampler.wrap_s, wrapT=sampler.wrap_t
             )
-            self._w.gltf.samplers.append(made)
+            self._w.gltf.samplers.append(settings)
             self._w.gltf.textures.append(gl.Texture(source=self._images[image], sampler=len(self._w.gltf.samplers) - 1))
             self._written[key] = len(self._w.gltf.textures) - 1
         return {"index": self._written[key], "texCoord": texture.texcoord}
@@ -213,13 +212,13 @@ def _camera(w: Writer, c: Camera) -> int:
 
 
 def _light(w: Writer, light: Light) -> dict:
-    told: dict[str, Any] = {"type": light.kind, "name": light.name, "intensity": float(light.intensity)}
-    # Colours of the extension stay within 0..1; what is brighter goes into the intensity.
+    values: dict[str, Any] = {"type": light.kind, "name": light.name, "intensity": float(light.intensity)}
+    # Colors of the extension are limited to 0..1; larger values are moved to the intensity.
     peak = max(1.0, *light.color)
-    told["color"] = [float(c) / peak for c in light.color]
-    told["intensity"] *= peak
+    values["color"] = [float(c) / peak for c in light.color]
+    values["intensity"] *= peak
     if np.isfinite(light.range):
-        told["range"] = light.range
+        values["range"] = light.range
     if light.kind == "spot":
-        told["spot"] = {"innerConeAngle": light.inner_cone, "outerConeAngle": light.outer_cone}
-    return w.light(**told)
+        values["spot"] = {"innerConeAngle": light.inner_cone, "outerConeAngle": light.outer_cone}
+    return w.light(**values)

@@ -1,4 +1,4 @@
-"""Writes glTF 2.0 files with pygltflib: arrays in, accessors and animations out."""
+"""Writes glTF 2.0 files with pygltflib from arrays."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _TYPE = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4, 16: gl.MAT4}
 
 
 class Writer:
-    """A document under construction.  Methods return the index of what they added, unless they say otherwise.
+    """A glTF document under construction.  Methods return the index of the added element unless stated otherwise.
 
-    ``share``: equal arrays become one accessor, so that things that play one clip store it once.
+    ``share``: equal arrays become one accessor, so that a clip used several times is stored once.
     """
 
     def __init__(self, copyright_: str, generator: str, share: bool = False):
@@ -92,10 +92,10 @@ class Writer:
         return self._append(self.gltf.materials, material)
 
     def primitive(self, shape: dict[str, np.ndarray], material: int, targets: list[dict] | None = None) -> gl.Primitive:
-        """For ``mesh``.
+        """A primitive for ``mesh``.
 
-        ``shape``: POSITION, NORMAL (n, 3), TEXCOORD_0 (n, 2), JOINTS_0, WEIGHTS_0 (n, 4), those that it has, and
-        indices, three a triangle, below 65536.  ``targets``: offsets of POSITION and NORMAL, (n, 3) each.
+        ``shape``: any of POSITION, NORMAL (n, 3), TEXCOORD_0 (n, 2), JOINTS_0, WEIGHTS_0 (n, 4), and
+        indices, three per triangle, below 65536.  ``targets``: offsets of POSITION and NORMAL, (n, 3) each.
         """
         attributes = gl.Attributes()
         for name, values in shape.items():
@@ -138,7 +138,7 @@ class Writer:
         return self._append(self.gltf.cameras, gl.Camera(name=name, type="perspective", perspective=lens))
 
     def animation(self, name: str, *tracks: tuple[int, str, Any, Any, str]) -> int:
-        """``tracks``: (node, path, times, values, interpolation) each."""
+        """Add an animation of tracks (node, path, times, values, interpolation)."""
         animation = gl.Animation(name=name)
         for node, path, times, values, interpolation in tracks:
             flat = np.reshape(values, (-1, 1)) if path == "weights" else values
@@ -157,7 +157,7 @@ class Writer:
 
 
 def save_document(gltf: gl.GLTF2, path: Path) -> None:
-    """Write a document whose binary chunk is set as .glb; readers see the old file or the whole new one.
+    """Write a document with its binary chunk as .glb; the file is replaced atomically.
 
     Raises OutputError.
     """

@@ -1,7 +1,7 @@
-"""Steps per frame that have exactly the mean, variance and largest value one asks for.
+"""Steps per frame with exactly a given mean, variance and maximum.
 
-The steps are values of a Weibull distribution at evenly spaced ranks, cut off at the largest value: its exponent sets
-the variance, its scale the mean.  Both are solved for on the finite list itself, so there is no sampling error left.
+The steps are quantiles of a Weibull distribution at evenly spaced ranks, clamped to the maximum.  The exponent
+determines the variance, the scale the mean.  Both are solved for on the finite list, so there is no sampling error.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from taubench_gl.errors import SettingsError
 Array = np.ndarray
 
 CORRELATION = 0.92
-"""Of the size of a step with the next one's: motion swells and fades over some ten frames, as a hand or head does."""
+"""Correlation of successive step sizes: motion grows and fades over about ten frames, as of a hand or head."""
 
 _SLACK = 1e-9
 
@@ -26,8 +26,8 @@ _SLACK = 1e-9
 class MotionStats:
     """Absolute change per frame of one quantity, in metres or degrees, as in Tables 2 and 3 of the paper.
 
-    ``variance`` is the population variance.  ``maximum``, where given, is reached; ``usual_maximum`` then bounds all
-    steps but one, which makes that one a jump.  Raises SettingsError for values that no list has.
+    ``variance`` is the population variance.  ``maximum``, if given, is attained; ``usual_maximum`` then bounds all
+    other steps, so that the largest one is a jump.  Raises SettingsError for impossible values.
     """
 
     mean: float
@@ -59,7 +59,7 @@ class MotionStats:
 def sorted_steps(stats: MotionStats, count: int, cap: float = math.inf) -> Array:
     """``count`` >= 1 steps of at most ``cap`` with exactly these statistics.  -> (count,) float64, ascending, >= 0.
 
-    Raises SettingsError, saying why, where there is no such list.
+    Raises SettingsError with the reason if there is no such list.
     """
     if count < 1:
         raise SettingsError("a motion needs at least two frames")
@@ -69,14 +69,14 @@ def sorted_steps(stats: MotionStats, count: int, cap: float = math.inf) -> Array
     if stats.maximum is None:
         return _solve(total, squares, count, cap, stats)
     if stats.maximum > cap:
-        raise SettingsError(f"max {stats.maximum:g} is above the {cap:g} that one frame can hold")
+        raise SettingsError(f"max {stats.maximum:g} is above the limit of {cap:g} per frame")
     high = stats.maximum if stats.usual_maximum is None else min(stats.usual_maximum, stats.maximum)
     rest = _solve(total - stats.maximum, squares - stats.maximum**2, count - 1, high, stats)
     return np.append(rest, stats.maximum)
 
 
 def ordered_steps(stats: MotionStats, count: int, rng: np.random.Generator, cap: float = math.inf) -> Array:
-    """``sorted_steps`` in an order whose sizes change slowly (correlation ``CORRELATION``).  -> (count,) float64."""
+    """``sorted_steps`` in an order with slowly changing sizes (``CORRELATION``).  -> (count,) float64."""
     steps = sorted_steps(stats, count, cap)
     noise = rng.standard_normal(count)
     slow = np.empty(count)
@@ -84,7 +84,7 @@ def ordered_steps(stats: MotionStats, count: int, rng: np.random.Generator, cap:
     for i in range(1, count):
         slow[i] = CORRELATION * slow[i - 1] + math.sqrt(1.0 - CORRELATION**2) * noise[i]
     steps = steps[np.argsort(np.argsort(slow))]
-    if stats.usual_maximum is not None:  # a jump belongs where both sides of it can be seen
+    if stats.usual_maximum is not None:  # the jump is in the middle of the path
         middle, jump = count // 2, int(np.argmax(steps))
         steps[[middle, jump]] = steps[[jump, middle]]
     return steps
@@ -99,7 +99,7 @@ def _solve(total: float, squares: float, count: int, high: float, stats: MotionS
     mean = total / count
     least = count * mean**2
     if stats.maximum is None and mean > high:
-        raise SettingsError(f"mean {mean:g} is above the {high:g} that one frame can hold")
+        raise SettingsError(f"mean {mean:g} is above the limit of {high:g} per frame")
     if mean < 0 or mean > high * (1 + _SLACK) or squares < least - _SLACK * max(squares, least):
         raise SettingsError(f"no {count + (stats.maximum is not None)} steps have {stats}", hint=_why(stats, count))
     if high < math.inf:
@@ -116,7 +116,7 @@ def _solve(total: float, squares: float, count: int, high: float, stats: MotionS
     if mean == 0:
         return np.zeros(count)
     ranks = (np.arange(count) + 0.5) / count
-    log_rank = np.log(-np.log1p(-ranks))  # of a Weibull variable with exponent 1, in the logarithm
+    log_rank = np.log(-np.log1p(-ranks))  # logarithm of Weibull quantiles with exponent 1
 
     def values(exponent: float) -> Array:
         shape = exponent * (log_rank - log_rank[-1])
@@ -133,13 +133,13 @@ def _solve(total: float, squares: float, count: int, high: float, stats: MotionS
 
 
 def _polish(values: Array, total: float, squares: float, high: float) -> Array:
-    """An affine map takes out what rounding left of sum and sum of squares, where it keeps the values in range."""
+    """Correct rounding errors of sum and sum of squares by an affine map, unless it would leave the range."""
     count, mean = len(values), total / len(values)
     spread = math.sqrt(float(np.mean((values - values.mean()) ** 2)))
-    wanted = math.sqrt(max(squares / count - mean**2, 0.0))
+    required = math.sqrt(max(squares / count - mean**2, 0.0))
     if spread == 0:
         return values
-    better = mean + (values - values.mean()) * (wanted / spread)
+    better = mean + (values - values.mean()) * (required / spread)
     return better if better.min() >= 0 and better.max() <= high else values
 
 
@@ -153,7 +153,7 @@ def _bisect(below: Callable[[float], bool], low: float, high: float) -> float:
 def _why(stats: MotionStats, count: int) -> str:
     if stats.maximum is None:
         return "give other statistics"
-    # With the largest step pinned, the variance is least when all others are equal.
+    # With a given maximum, the variance is smallest if all other steps are equal.
     least = (stats.maximum - stats.mean) ** 2 / count
     if stats.variance < least * (1 + _SLACK):
         return f"with this max the variance is at least {least:.3g}"

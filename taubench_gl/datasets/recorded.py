@@ -1,6 +1,6 @@
-"""Recorded cameras: CSV or JSON of time, position and rotation, as a headset or an engine logs them.
+"""Recorded cameras: CSV or JSON logs of time, position and rotation, as of a headset or an engine.
 
-Columns (CSV, with a header; any order, others are ignored) or keys (JSON, a list of objects):
+Columns (CSV with a header; any order, others are ignored) or keys (JSON, a list of objects):
 
     time              seconds, increasing; the first becomes 0
     x, y, z           metres, world, +Y up
@@ -27,7 +27,7 @@ COLUMNS = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 SUFFIXES = (".csv", ".json")
 
 UNIT_TOLERANCE = 0.05
-"""A quaternion whose length is further from 1 is not one; a closer one is rounding, and normalised."""
+"""A quaternion whose length differs more from 1 is an error; a smaller difference is normalized."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class RecordedPath:
 
 
 def read_recorded(path: str | Path) -> RecordedPath:
-    """Read a log.  Raises SceneError that names the line, or what is missing."""
+    """Read a log.  Raises SceneError that names the line or the missing part."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -72,7 +72,7 @@ def read_recorded(path: str | Path) -> RecordedPath:
     if len(bad):
         raise SceneError(f"quaternion of length {length[bad[0]]:.4g}, expected 1", where=f"{path.name}{names[bad[0]]}")
     rotation = table[:, 4:] / length[:, None]
-    # q and -q are one rotation: neighbours on one hemisphere, so that players that lerp go the short way.
+    # q and -q are the same rotation: successive keys on one hemisphere, so that lerp takes the short way.
     flips = np.cumprod(np.where(np.sum(rotation[1:] * rotation[:-1], axis=1) < 0, -1.0, 1.0))
     rotation[1:] *= flips[:, None]
     return RecordedPath(table[:, 0] - table[0, 0], table[:, 1:4], rotation)

@@ -1,10 +1,10 @@
-"""Which scenes there are by name: a table of facts, the package's own and the user's.
+"""The registry of named scenes: those of the package and the user's.
 
 A registry is a TOML file with one table per scene (``[my-scene]``): ``title`` and ``format`` (gltf, obj, obj sequence,
-aff, fbx, blend), and as far as they are known ``authors``, ``licence``, ``homepage``, ``url`` (http or https),
-``sha256`` of what lies there, ``scene`` (path or pattern of the scene inside the archive), ``unit_scale`` (units per
-metre), ``fps``, ``frames`` ([first, behind the last]), ``camera``, ``paper`` (its row in the paper's tables), ``note``.
-A name in a later file replaces the same name in an earlier one.
+aff, fbx, blend), and if known ``authors``, ``license``, ``homepage``, ``url`` (http or https), ``sha256`` of the file
+at the URL, ``scene`` (path or pattern of the scene inside the archive), ``unit_scale`` (units per metre), ``fps``,
+``frames`` ([first, last + 1]), ``camera``, ``paper`` (its row in the paper's tables), ``note``. A name in a later file
+replaces the same name in an earlier one.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from taubench_gl.errors import DatasetError
 
 FORMATS = ("gltf", "obj", "obj sequence", "aff", "fbx", "blend")
 VARIABLE = "TAUBENCH_SCENES"
-"""Environment variable with the user's own registries, separated like PATH."""
+"""Environment variable with the user's registries, separated as in PATH."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One scene.  What is not known is None or empty."""
+    """One scene.  Unknown values are None or empty."""
 
     title: str
     format: str
     authors: str = ""
-    licence: str = ""
+    license: str = ""
     homepage: str = ""
     url: str | None = None
     sha256: str | None = None
@@ -46,13 +46,13 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     note: str = ""
 
     def settings(self) -> dict[str, Any]:
-        """What of ``Settings`` this scene calls for.  ``frames`` count at its own ``fps``."""
+        """Settings of this scene.  ``frames`` are numbers at its ``fps``."""
         known = {"fps": self.fps, "frames": self.frames, "camera": self.camera}
         out = {name: value for name, value in known.items() if value is not None}
         return out | ({} if self.unit_scale == 1.0 else {"unit_scale": self.unit_scale})
 
     def options(self) -> str:
-        """What ``taubench-gl evaluate`` needs to be told beside the scene's path."""
+        """The same settings as options of ``taubench-gl evaluate``."""
         words = []
         if self.fps is not None:
             words.append(f"--fps {self.fps:g}")
@@ -66,7 +66,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def load_registry(extra: Sequence[Path] = ()) -> dict[str, Entry]:
-    """All scenes by name, the package's first.  Raises DatasetError with the file and the table."""
+    """All scenes by name, those of the package first.  Raises DatasetError with the file and the table."""
     own = files("taubench_gl.datasets") / "registry.toml"
     out = parse_registry(own.read_text(encoding="utf-8"), "registry.toml")
     for path in extra:
@@ -88,6 +88,8 @@ def parse_registry(text: str, where: str) -> dict[str, Entry]:
         raise DatasetError(f"is not valid TOML: {e}", where=where) from None
     out = {}
     for name, table in tables.items():
+        if isinstance(table, dict) and "licence" in table:  # the key in releases before 0.2
+            table.setdefault("license", table.pop("licence"))
         at = f"{where} [{name}]"
         if not _NAME.fullmatch(name):
             raise DatasetError("a name has letters, digits, dots, dashes and underscores only", where=at)
@@ -101,15 +103,15 @@ def parse_registry(text: str, where: str) -> dict[str, Entry]:
 
 
 def known_name(entries: dict[str, Entry], name: str) -> str:
-    """The registry's own spelling of ``name``, which may be the paper's (BistroInterior).  Raises DatasetError."""
+    """The registry's spelling of ``name``, which may be the paper's (BistroInterior).  Raises DatasetError."""
     alike = [name] if name in entries else [known for known in entries if _letters(known) == _letters(name)]
     if len(alike) != 1:
-        raise DatasetError(f"no scene is called {name!r}", hint=f"known: {', '.join(sorted(entries))}")
+        raise DatasetError(f"no scene is named {name!r}", hint=f"known: {', '.join(sorted(entries))}")
     return alike[0]
 
 
 def find_entry(entries: dict[str, Entry], name: str) -> tuple[str, Entry]:
-    """The registry's own name and entry of the scene that is meant.  Raises DatasetError."""
+    """The registry's name and entry of a scene.  Raises DatasetError."""
     known = known_name(entries, name)
     return known, entries[known]
 
@@ -124,12 +126,12 @@ def _check(entry: Entry, at: str) -> None:
     if not entry.unit_scale > 0 or not (entry.fps is None or entry.fps > 0):
         raise DatasetError("unit_scale and fps must be positive", where=at)
     if entry.frames is not None and not 0 <= entry.frames[0] < entry.frames[1]:
-        raise DatasetError("frames must be [first, behind the last]", where=at)
+        raise DatasetError("frames must be [first, last + 1]", where=at)
     inside = entry.scene is None or not (Path(entry.scene).is_absolute() or ".." in Path(entry.scene).parts)
     if not inside:
         raise DatasetError("scene must lie inside the archive", where=at)
 
 
 def _letters(name: str) -> str:
-    """A name without case, dashes and dots: how the paper's spelling and ours are the same."""
+    """Letters and digits of a name, without case, for comparison with the paper's spelling."""
     return "".join(c for c in name.casefold() if c.isalnum())

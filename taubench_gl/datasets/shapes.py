@@ -23,13 +23,13 @@ def quad(origin, u, v, uv_scale: float = 1.0) -> Shape:
 
 
 def box(low, high, uv_scale: float = 1.0, inside: bool = False, faces: str = "xXyYzZ") -> Shape:
-    """An axis-aligned box; ``faces`` names those present (lower case: the low side); ``inside`` turns them inwards."""
+    """An axis-aligned box.  ``faces``: the faces to build (lower case: the low side); ``inside``: they face inwards."""
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     size = high - low
     parts = []
     for face in faces:
         axis = "xyz".index(face.lower())
-        # The vertical edge is v, so that textures stand upright on walls.
+        # v is the vertical edge, so that textures on walls are upright.
         a, b = {0: (2, 1), 1: (2, 0), 2: (0, 1)}[axis]
         u, v = np.zeros(3), np.zeros(3)
         u[a], v[b] = size[a], size[b]

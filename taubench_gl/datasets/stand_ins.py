@@ -1,7 +1,7 @@
-"""Stand-ins for the paper's two EternalValley scenes, made by code: same counts, same camera statistics, not the data.
+"""Procedural stand-ins for the paper's two EternalValley scenes.
 
-A stand-in has the paper's Table 1 row exactly, and its Table 2 and 3 rows when evaluated at its capture rate of 60 fps.
-Everything else, geometry above all, is original and CC0, so its Table 4 row is its own.
+A stand-in has exactly the paper's Table 1 row, and its Table 2 and 3 rows at the capture rate of 60 fps.  Everything
+else, the geometry in particular, is original and CC0, so its Table 4 row differs from the paper's.
 """
 
 from __future__ import annotations
@@ -13,22 +13,20 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.datasets import figures, valley
-from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, generate, quat_about
+from taubench_gl.datasets.camera_path import FPS, VR, CameraPath, CameraSpec, add_rig, generate, quat_about
 from taubench_gl.datasets.gltf_writer import Writer
-from taubench_gl.datasets.presets import FPS, VR
-from taubench_gl.datasets.rig import add_rig
 from taubench_gl.datasets.shapes import box, sphere
 from taubench_gl.errors import SettingsError
 
 Array = np.ndarray
 Tracks = list[tuple]
 
-LICENCE = "CC0-1.0, made for taubench-gl"
+LICENSE = "CC0-1.0, made for taubench-gl"
 
 
 @dataclass(frozen=True, slots=True)
 class StandIn:
-    """Recipe of one stand-in.
+    """Parameters of one stand-in.
 
     Dynamic point lights are ``shots`` + ``flashes`` + ``carried``; dynamic rigid objects ``shots`` + ``carried`` +
     ``birds`` + ``debris``.
@@ -45,7 +43,7 @@ class StandIn:
     birds: int
     debris: int
     yfov: float  # degrees
-    reach: float  # metres along the valley within which the camera and what happens stay
+    reach: float  # metres along the valley that the camera and the events cover
     seed: int
 
     @property
@@ -66,14 +64,14 @@ STAND_INS = {
 
 
 def stand_in(name: str) -> StandIn:
-    """Raises SettingsError listing what there is."""
+    """The stand-in of a name.  Raises SettingsError for an unknown name."""
     if name not in STAND_INS:
         raise SettingsError(f"no stand-in is named {name!r}", hint=f"choose from {', '.join(STAND_INS)}")
     return STAND_INS[name]
 
 
 def make_stand_in(name: str, path: str | Path) -> StandIn:
-    """Write a stand-in as .glb; the same bytes every time on one machine.  Raises SettingsError, OutputError."""
+    """Write a stand-in as .glb, deterministically on one machine.  Raises SettingsError, OutputError."""
     recipe, path = stand_in(name), Path(path)
     if path.suffix.lower() != ".glb":
         raise SettingsError(f"{path.name} does not end in .glb", hint="stand-ins are written as one binary file")
@@ -82,29 +80,29 @@ def make_stand_in(name: str, path: str | Path) -> StandIn:
 
 
 def build(recipe: StandIn) -> Writer:
-    """The whole scene."""
+    """The complete scene."""
     w, rng, path = _begin(recipe)
     seconds = float(path.times[-1])
-    happening = _Stage(recipe, path, rng)
-    places = [happening.place() for _ in range(recipe.armatures)]
+    events = _Events(recipe, path, rng)
+    places = [events.place() for _ in range(recipe.armatures)]
     w.animation("figures", *figures.add_figures(w, rng, places, seconds))
-    w.animation("shots", *add_shots(w, rng, recipe, happening, seconds))
-    w.animation("flashes", *add_flashes(w, rng, recipe, happening))
-    w.animation("carried lights", *add_carried(w, rng, recipe, happening, seconds))
+    w.animation("shots", *add_shots(w, rng, recipe, events, seconds))
+    w.animation("flashes", *add_flashes(w, rng, recipe, events))
+    w.animation("carried lights", *add_carried(w, rng, recipe, events, seconds))
     w.animation("birds", *add_birds(w, rng, recipe, seconds))
-    w.animation("debris", *add_debris(w, rng, recipe, happening, seconds))
+    w.animation("debris", *add_debris(w, rng, recipe, events, seconds))
     w.animation("camera", *add_camera(w, recipe, path))
     return w
 
 
 def camera_path(recipe: StandIn) -> CameraPath:
-    """The camera of ``build(recipe)`` alone."""
+    """The camera path of ``build(recipe)``."""
     return _begin(recipe)[2]
 
 
 def _begin(recipe: StandIn) -> tuple[Writer, np.random.Generator, CameraPath]:
-    """What stands still, and the camera that goes around it."""
-    w = Writer(LICENCE, "taubench-gl scenes make", share=True)
+    """The static part of the scene, and the camera path."""
+    w = Writer(LICENSE, "taubench-gl scenes make", share=True)
     name = f"{recipe.name} (stand-in)"
     w.gltf.asset.extras = {"taubench_gl": {"stand_in": recipe.note, "name": name}}
     w.gltf.scenes[0].name = name
@@ -116,8 +114,8 @@ def _begin(recipe: StandIn) -> tuple[Writer, np.random.Generator, CameraPath]:
     return w, rng, generate(recipe.camera, valley.ValleySpace(obstacles, begin, -90.0, recipe.reach))
 
 
-class _Stage:
-    """Where and when things happen: around where the camera is at that time, so that there is something to see."""
+class _Events:
+    """Chooses times and positions of events near the camera, so that they are visible."""
 
     def __init__(self, recipe: StandIn, path: CameraPath, rng: np.random.Generator):
         self._path, self._rng, self.frames = path, rng, recipe.camera.frames
@@ -127,7 +125,7 @@ class _Stage:
         return int(self._rng.integers(0, self.frames))
 
     def place(self, frame: int | None = None) -> tuple[float, float]:
-        """(x, z) on the valley's floor, some metres from the camera's place in ``frame`` (None: in any frame)."""
+        """(x, z) on the valley floor, some metres from the camera in ``frame`` (None: a random frame)."""
         eye = self._path.position[self.frame() if frame is None else frame]
         while True:
             x, z = eye[[0, 2]] + self._rng.normal(0.0, self._spread, 2)
@@ -136,9 +134,9 @@ class _Stage:
 
 
 def _switched(birth: int, death: int, fps: float) -> tuple[list[float], Array]:
-    """STEP keys of a scale that is 1 in frames birth .. death - 1 and 0 in all others.
+    """STEP keys of a scale that is 1 in frames birth .. death - 1 and 0 in all other frames.
 
-    The keys lie halfway between frames: a frame's time rounded to float32 may fall on either side of the frame.
+    The keys lie between frames, because the time of a frame rounded to float32 may be before or after the frame.
     """
     keys = [(0.0, float(birth <= 0))]
     if birth > 0:
@@ -151,8 +149,8 @@ def _glow(w: Writer, name: str, color: tuple[float, float, float]) -> int:
     return w.material(name, color, emissiveFactor=list(color))
 
 
-def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage, seconds: float) -> Tracks:
-    """Projectiles: a ball and its light that appear, fly and vanish."""
+def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, events: _Events, seconds: float) -> Tracks:
+    """Projectiles: a ball and its light that appear, fly and disappear."""
     fps, tracks = recipe.camera.fps, []
     kinds = []
     for name, color in (("fire", (1.0, 0.45, 0.15)), ("frost", (0.35, 0.65, 1.0)), ("venom", (0.45, 1.0, 0.3))):
@@ -161,9 +159,9 @@ def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stag
     for i in range(recipe.shots):
         mesh, light = kinds[i % len(kinds)]
         life = int(rng.integers(24, 72))
-        birth = int(rng.integers(1 - life // 2, stage.frames - life))
+        birth = int(rng.integers(1 - life // 2, events.frames - life))
         death = birth + life
-        x, z = stage.place(int(np.clip(birth + life // 2, 0, stage.frames - 1)))
+        x, z = events.place(int(np.clip(birth + life // 2, 0, events.frames - 1)))
         turn, speed = rng.uniform(0, 2 * math.pi), rng.uniform(14.0, 34.0)
         t = np.linspace(max(birth, 0), death, 6) / fps
         out = speed * (t - 0.5 * (birth + death) / fps)
@@ -177,13 +175,13 @@ def add_shots(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stag
     return tracks
 
 
-def add_flashes(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage) -> Tracks:
-    """Muzzle flashes and impacts: lights that stand still for a few frames."""
+def add_flashes(w: Writer, rng: np.random.Generator, recipe: StandIn, events: _Events) -> Tracks:
+    """Muzzle flashes and impacts: static lights that exist for a few frames."""
     light = w.light(type="point", name="flash", color=[1.0, 0.82, 0.55], intensity=400.0, range=16.0)
     tracks = []
     for i in range(recipe.flashes):
-        birth = int(rng.integers(1, stage.frames - 12))
-        x, z = stage.place(birth)
+        birth = int(rng.integers(1, events.frames - 12))
+        x, z = events.place(birth)
         at = [x, float(valley.height(x, z)) + 1.4, z]
         node = w.node(f"flash {i}", translation=at, scale=[0.0] * 3, extensions=light)
         times, states = _switched(birth, birth + int(rng.integers(3, 9)), recipe.camera.fps)
@@ -191,14 +189,14 @@ def add_flashes(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _St
     return tracks
 
 
-def add_carried(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage, seconds: float) -> Tracks:
-    """Will-o'-the-wisps that are there all the time and float about."""
+def add_carried(w: Writer, rng: np.random.Generator, recipe: StandIn, events: _Events, seconds: float) -> Tracks:
+    """Floating lights that exist all the time."""
     color = (0.9, 0.85, 0.6)
     light = w.light(type="point", name="wisp", color=list(color), intensity=40.0, range=9.0)
     mesh = w.mesh("wisp", w.primitive(sphere(0.1, 6, 9), _glow(w, "wisp", color)))
     tracks = []
     for i in range(recipe.carried):
-        x, z = stage.place()
+        x, z = events.place()
         t = np.linspace(0.0, seconds, 31)
         phase = 2 * math.pi * (rng.uniform(0.5, 1.5) * t / seconds + rng.uniform(0, 1))
         px, pz = x + 3 * np.cos(phase), z + 3 * np.sin(phase)
@@ -225,14 +223,14 @@ def add_birds(w: Writer, rng: np.random.Generator, recipe: StandIn, seconds: flo
     return tracks
 
 
-def add_debris(w: Writer, rng: np.random.Generator, recipe: StandIn, stage: _Stage, seconds: float) -> Tracks:
-    """Stones thrown up and falling back, turning, over and over."""
+def add_debris(w: Writer, rng: np.random.Generator, recipe: StandIn, events: _Events, seconds: float) -> Tracks:
+    """Stones that are repeatedly thrown up, rotate and fall."""
     shape = valley.rock(7)
     shape = {**shape, "POSITION": shape["POSITION"] * 0.28}
     mesh = w.mesh("stone", w.primitive(shape, w.material("stone", (1, 1, 1), roughness=0.9)))
     tracks = []
     for i in range(recipe.debris):
-        x, z = stage.place()
+        x, z = events.place()
         t = np.linspace(0.0, seconds, 61)
         flight = np.mod(t * rng.uniform(0.6, 1.0) + rng.uniform(), 1.0)
         up = valley.height(x, z) + 0.2 + 9 * flight * (1 - flight)

@@ -1,6 +1,6 @@
-"""The dial: any scene with another camera, and things in it set moving, written as glTF.
+"""Writes a scene with another camera, and optionally moving lights and objects, as glTF.
 
-A glTF file is added to and otherwise kept as it is; what other formats hold is written as glTF first.
+A glTF file is extended and otherwise unchanged; other formats are converted to glTF first.
 """
 
 from __future__ import annotations
@@ -15,13 +15,12 @@ import numpy as np
 
 from taubench_gl.animation import Poser
 from taubench_gl.animation.state import FrameState
-from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, generate
+from taubench_gl.datasets.camera_path import CameraPath, CameraSpec, add_rig, generate
 from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.gltf_edit import GltfEditor
 from taubench_gl.datasets.gltf_from_scene import write_scene
 from taubench_gl.datasets.motion_stats import MotionStats, ordered_steps
 from taubench_gl.datasets.recorded import RecordedPath
-from taubench_gl.datasets.rig import add_rig
 from taubench_gl.errors import SettingsError
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -32,12 +31,12 @@ CAMERA_NAME = "stress camera"
 YFOV = math.radians(60.0)
 
 LARGE = 0.35
-"""Objects larger than this part of the scene's radius are what the scene stands on or in, and are not moved."""
+"""Objects larger than this fraction of the scene's radius are ground or walls, and are not moved."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """Things to set moving, chosen by the camera's seed: -1 all, 0 none.  ``motion``: metres per frame of each."""
+    """Number of lights and objects to move, chosen by the seed (-1: all).  ``motion``: metres per frame."""
 
     lights: int = 0
     objects: int = 0
@@ -51,7 +50,7 @@ class Moves:
 
 @dataclass(frozen=True, slots=True)
 class Stressed:
-    """What ``stress`` wrote.  ``path`` is None for a recorded camera."""
+    """Result of ``stress``.  ``path`` is None for a recorded camera."""
 
     file: Path
     path: CameraPath | None
@@ -64,7 +63,7 @@ class Stressed:
 def stress(
     source: str | Path, out: str | Path, camera: CameraSpec | RecordedPath, moves: Moves | None = None, seed: int = 0
 ) -> Stressed:
-    """Write ``source``, whatever ``load_scene`` reads, with ``camera`` and ``moves`` to ``out`` (.glb, .gltf).
+    """Write ``source``, any argument of ``load_scene``, with ``camera`` and ``moves`` to ``out`` (.glb, .gltf).
 
     Raises SceneError, SettingsError, OutputError.
     """
@@ -94,16 +93,16 @@ def stress(
     editor.animation(CAMERA_NAME, tracks)
     lights, objects, tracks = _moved(editor, scene, moves, frames, fps, seed)
     editor.animation("stress moves", tracks)
-    moved = f", {lights} lights and {objects} objects set moving" if lights or objects else ""
-    editor.say(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}")
+    moved = f", {lights} moving lights and {objects} moving objects" if lights or objects else ""
+    editor.note(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}")
     editor.save(out)
     return Stressed(Path(out), path, fps, (frames - 1) / fps, lights, objects)
 
 
 def _opened(source: str) -> tuple[Scene, GltfEditor, str]:
-    """The scene, as its glTF has it, that glTF, and what was lost on the way, in words."""
+    """The scene as read from its glTF file, an editor of that file, and losses of the conversion in words."""
     if source.startswith("exr:"):
-        raise SettingsError(f"{source} holds pictures, nothing that could be seen from elsewhere", hint="name a scene")
+        raise SettingsError(f"{source} holds images, which cannot be rendered with another camera", hint="give a scene")
     scene = load_scene(source)
     if Path(source).suffix.lower() in (".glb", ".gltf"):
         return scene, GltfEditor(source), ""
@@ -113,11 +112,11 @@ def _opened(source: str) -> tuple[Scene, GltfEditor, str]:
         editor = GltfEditor(file)
         written = load_scene(file)
     lost = len(scene.replacements)
-    return written, editor, f"; {lost} cuts of single objects are not kept: glTF cannot say them" if lost else ""
+    return written, editor, f"; {lost} cuts of single objects are lost: glTF cannot store them" if lost else ""
 
 
 def _lens(scene: Scene) -> tuple[float, float, float | None]:
-    """Field of view and planes of the scene's own camera, or ones that fit its size."""
+    """Field of view and clip planes of the scene's first perspective camera, or default ones."""
     cameras = [scene.cameras[k] for k in scene.nodes.camera[scene.camera_nodes]]
     for camera in cameras:
         if camera.kind == "perspective":
@@ -141,7 +140,7 @@ def _roots(editor: GltfEditor) -> list[int]:
 def _moved(
     editor: GltfEditor, scene: Scene, moves: Moves, frames: int, fps: float, seed: int
 ) -> tuple[int, int, list[tuple]]:
-    """Puts a moving node above each chosen one, so that its own transform and animation stay as they are."""
+    """Add a moving parent to each chosen node, so that its transform and animation stay unchanged."""
     if not (moves.lights or moves.objects):
         return 0, 0, []
     rng = np.random.default_rng([seed, 3])
@@ -169,14 +168,14 @@ def _drift(motion: MotionStats, frames: int, parent: Array, rng: np.random.Gener
     reach = 12.0 * motion.mean
     out, way = np.zeros((frames, 3)), rng.normal(size=3)
     for i, step in enumerate(steps.tolist()):
-        # Home is where it began: the further out, the more it turns back.
+        # The direction turns back towards the start with increasing distance.
         way = way / np.linalg.norm(way) + 0.35 * rng.normal(size=3) - out[i] / reach
         out[i + 1] = out[i] + step * way / np.linalg.norm(way)
     return out @ np.linalg.pinv(parent).T
 
 
 def _movable(scene: Scene, state: FrameState) -> list[int]:
-    """Visible, rigid mesh nodes that are small against the scene."""
+    """Visible rigid mesh nodes that are small compared with the scene."""
     centers, radii, nodes = [], [], []
     for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
         points = [p.positions for p in scene.meshes[scene.nodes.mesh[node]].primitives if len(p.triangles)]
@@ -203,5 +202,5 @@ def _pick(nodes: list[int], count: int, rng: np.random.Generator) -> list[int]:
 
 
 def with_stats(spec: CameraSpec, **stats: MotionStats | None) -> CameraSpec:
-    """``spec`` with the given quantities replaced; None keeps one."""
+    """``spec`` with the given quantities replaced; None: unchanged."""
     return dataclasses.replace(spec, **{name: value for name, value in stats.items() if value is not None})

@@ -1,4 +1,4 @@
-"""Discards against the camera's speed: the same scene and place, one quantity turned up step by step."""
+"""Discard rates against camera speed: the same scene with an increasing speed of one camera quantity."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.datasets.camera_path import CameraSpec, generate
+from taubench_gl.datasets.camera_path import CameraSpec, add_rig, generate
 from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.motion_stats import MotionStats
-from taubench_gl.datasets.rig import add_rig
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
@@ -35,7 +34,7 @@ CSV_NAME, PLOT_NAME = "sweep.csv", "sweep"
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """``count`` speeds from ``low`` to ``high``, metres or degrees per frame, of one of ``AXES``."""
+    """``count`` speeds from ``low`` to ``high`` of one of ``AXES``, metres or degrees per frame."""
 
     axis: str
     low: float
@@ -44,7 +43,7 @@ class Sweep:
 
     def __post_init__(self) -> None:
         if self.axis not in AXES:
-            raise SettingsError(f"nothing to sweep is named {self.axis!r}", hint=f"choose from {', '.join(AXES)}")
+            raise SettingsError(f"no quantity is named {self.axis!r}", hint=f"choose from {', '.join(AXES)}")
         if not (math.isfinite(self.low) and math.isfinite(self.high) and 0 <= self.low < self.high):
             raise SettingsError(f"sweep from {self.low:g} to {self.high:g}", hint="give 0 <= LO < HI")
         if not 2 <= self.count <= 1000:
@@ -69,9 +68,9 @@ def run_sweep(
 ) -> list[dict[str, Any]]:
     """Evaluate ``source`` once for each speed and write ``sweep.csv``, ``sweep.png`` and ``sweep.svg`` into ``out``.
 
-    Each camera moves or turns by the same amount in every frame; the other quantities are those of ``base``, the same
-    at all points.  Returns a row per speed: the measured mean of each quantity, N, fps, and the percentage discarded
-    per column (None where not measured).  Raises TaubenchError.
+    Each camera has a constant speed; the other quantities are those of ``base`` at all points.  Returns a row per
+    speed: the measured mean of each quantity, N, fps, and the discard rate per column in percent (None: not measured).
+    Raises TaubenchError.
     """
     out = Path(out)
     settings = settings.replace(fps=base.fps, camera=CAMERA_NAME)
@@ -85,7 +84,7 @@ def run_sweep(
         space = VoxelSpace(load_scene(source))
         rows = []
         specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
-        _posed(scene, specs[-1], space)  # a speed that no frame can hold is told of before anything is drawn or written
+        _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
         output_folder(out)
         frames = (0, base.frames)
         for value, spec in zip(sweep.values, specs, strict=True):
@@ -100,7 +99,7 @@ def run_sweep(
 
 
 def _posed(scene: Scene, spec: CameraSpec, space: VoxelSpace) -> Scene:
-    """The scene with the rig's keys replaced: only the camera differs from point to point."""
+    """The scene with the camera path of ``spec``; nothing else changes."""
     names = {name: i for i, name in enumerate(scene.nodes.names)}
     rig: list[str] = []
 
@@ -117,7 +116,7 @@ def _posed(scene: Scene, spec: CameraSpec, space: VoxelSpace) -> Scene:
 
 def _row(sweep: Sweep, value: float, summary: dict[str, Any]) -> dict[str, Any]:
     camera, discard = summary["camera"], summary["discard"]
-    row: dict[str, Any] = {f"asked_{sweep.axis}_{sweep.unit}": value}
+    row: dict[str, Any] = {f"requested_{sweep.axis}_{sweep.unit}": value}
     measured = {"translation_m": "position", "yaw_deg": "yaw", "pitch_deg": "pitch", "roll_deg": "roll"}
     row |= {f"mean_{name}": camera[key]["mean"] for name, key in measured.items()}
     row |= {"fps": camera["fps"], "pairs": camera["samples"]}
@@ -133,7 +132,7 @@ def _csv(rows: list[dict[str, Any]]) -> str:
 
 
 def _paper_points(axis: str) -> list[tuple[str, float, float]]:
-    """(scene, mean speed, frustum percent) of the paper's scenes whose camera does this at all."""
+    """(scene, mean speed, frustum percent) of the paper's scenes with a camera that moves in this quantity."""
     points = []
     for scene in paper_numbers()["scenes"]:
         mean = scene["position"]["mean"] if axis == "translation" else scene["rotation"][f"{axis}_mean"]

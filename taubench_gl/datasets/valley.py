@@ -1,4 +1,4 @@
-"""The valley of the stand-ins: a height field between ridges with trees, rocks, huts and grass.  Original, CC0."""
+"""The valley of the stand-ins: a height field with ridges, trees, rocks, huts and grass.  Original, CC0."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ HALF_LENGTH, HALF_WIDTH = 190.0, 130.0
 """Half the extent of the terrain along x and z, metres."""
 
 FLOOR_END, FLOOR_SIDE = 140.0, 40.0
-"""Where the valley's floor ends along x, and on either side of its middle."""
+"""Extent of the valley floor along x, and to either side of its middle line, metres."""
 
 CELL = 4.0
 
 ROUGHNESS = 1.0
-"""Root mean square slope of the ground's bumps."""
+"""Root mean square slope of the ground's bump map."""
 
 TILE = 6.0
-"""Metres after which the ground's pattern repeats."""
+"""Period of the ground texture, metres."""
 
 EYE_HEIGHT = 1.75
 
@@ -35,15 +35,15 @@ _CRAGS = np.random.default_rng(21).uniform([0.05, 0.05, 0.0], [0.16, 0.16, 2 * n
 
 
 def middle(x: Array) -> Array:
-    """z of the valley's middle line at ``x``, metres; of its shape."""
+    """z of the valley's middle line at ``x``, metres; same shape as ``x``."""
     return 14.0 * np.sin(np.asarray(x) / 46.0)
 
 
 def height(x: Array, z: Array) -> Array:
-    """y of the ground, metres, smooth.  Broadcasts x and z, metres."""
+    """y of the ground, metres.  Broadcasts x and z, metres."""
     x, z = np.asarray(x, dtype=np.float64), np.asarray(z, dtype=np.float64)
     side = np.abs(z - middle(x)) - FLOOR_SIDE
-    # The ridge in the south, towards the sun, is the higher one: its shadow lies over half of the floor.
+    # The southern ridge, towards the sun, is higher: its shadow covers half of the floor.
     crest = np.where(z < middle(x), 50.0, 40.0)
     rise = np.maximum(_smooth(side / 44.0), _smooth((np.abs(x) - FLOOR_END) / 42.0))
     rolling = _waves(_WAVES, x, z)
@@ -58,15 +58,15 @@ def _smooth(t: Array) -> Array:
 
 def _waves(waves: Array, x: Array, z: Array) -> Array:
     kx, kz, phase = waves.T
-    kx = np.where(np.arange(len(waves)) % 2, kx, -kx)  # so that they cross
+    kx = np.where(np.arange(len(waves)) % 2, kx, -kx)  # so that the waves cross
     return np.sin(x[..., None] * kx + z[..., None] * kz + phase).sum(axis=-1) / math.sqrt(len(waves))
 
 
 @dataclass(frozen=True)
 class ValleySpace:
-    """``FreeSpace`` over the valley's floor, at eye height, around what stands there.
+    """``FreeSpace`` on the valley floor at eye height, outside the obstacles.
 
-    ``obstacles`` (K, 3): x, z and radius.  ``begin`` (x, z) and ``yaw``; ``reach`` limits the camera to a part of x.
+    ``obstacles`` (K, 3): x, z and radius.  ``begin`` (x, z) and ``yaw``: the first pose; ``reach``: limit along x.
     """
 
     obstacles: Array
@@ -85,7 +85,7 @@ class ValleySpace:
         return None
 
     def step(self, position: Array, angles: Array, length: float) -> Array:
-        """Over the ground: the horizontal part is solved for, so that the step's full length comes out."""
+        """Steps on the ground: the horizontal part is solved for, so that the step has the full length."""
         dx, dz = -np.sin(angles), -np.cos(angles)
         low, high = np.zeros(len(angles)), np.full(len(angles), float(length))
         for _ in range(52):
@@ -106,7 +106,7 @@ class ValleySpace:
 
 
 def terrain() -> Shape:
-    """The ground with colours by height and slope; texture coordinates repeat every ``TILE``."""
+    """The ground, colored by height and slope; texture coordinates have the period ``TILE``."""
     rows, columns = int(2 * HALF_WIDTH / CELL), int(2 * HALF_LENGTH / CELL)
     lines = np.linspace(-HALF_WIDTH, HALF_WIDTH, rows + 1), np.linspace(-HALF_LENGTH, HALF_LENGTH, columns + 1)
     z, x = np.meshgrid(*lines, indexing="ij")
@@ -133,14 +133,14 @@ def terrain() -> Shape:
 
 
 def mottled(size: int = 512) -> tuple[Array, Array]:
-    """A seamless bumpy pattern as a colour factor and a normal map.  -> two (size, size, 3) uint8.
+    """A seamless color texture and normal map of rough ground.  -> two (size, size, 3) uint8.
 
-    Bumps of every size with slopes alike, as broken ground has them: whatever a pixel covers, its neighbour differs.
+    The bumps have the same slope at every scale, so that adjacent pixels differ at every distance.
     """
     rng = np.random.default_rng(22)
     frequency = np.fft.fftfreq(size, 1.0 / size)
     turns = np.hypot(frequency[:, None], frequency[None, :])
-    # Slope energy is the same in every octave where the amplitude falls with the square of the frequency.
+    # The slope energy is equal in every octave if the amplitude falls with the square of the frequency.
     falling = np.where((turns >= 2) & (turns <= size / 3), 1.0, 0.0) / np.maximum(turns, 1.0) ** 2
     bumps, spots = (
         np.fft.ifft2(np.fft.fft2(rng.normal(size=(size, size))) * f).real for f in (falling, np.sqrt(falling))
@@ -154,13 +154,13 @@ def mottled(size: int = 512) -> tuple[Array, Array]:
 
 
 def colored(shape: Shape, color: tuple[float, float, float]) -> Shape:
-    """One colour on every vertex, and no texture coordinates."""
+    """``shape`` with one vertex color and without texture coordinates."""
     plain = {name: values for name, values in shape.items() if name != "TEXCOORD_0"}
     return plain | {"COLOR_0": np.tile([*color, 1.0], (len(shape["POSITION"]), 1))}
 
 
 def tree() -> Shape:
-    """A conifer about 7 m high, foot at the origin."""
+    """A conifer about 7 m high, its base at the origin."""
     bark = colored(tube(np.array([0.32, 0.2, 0.14]), np.array([-0.5, 1.5, 3.0]), 7), (0.20, 0.12, 0.07))
     crowns = [
         colored(tube(np.array([0.05, r, 0.02]), np.array([y - 0.05, y, top]), 9), (0.05, 0.15 + 0.02 * i, 0.06))
@@ -170,7 +170,7 @@ def tree() -> Shape:
 
 
 def rock(seed: int) -> Shape:
-    """A lump about 1 m in radius."""
+    """A rock of about 1 m radius."""
     ball, rng = sphere(1.0, 8, 12), np.random.default_rng(seed)
     p = ball["POSITION"]
     lobes = rng.normal(size=(6, 3))
@@ -179,7 +179,7 @@ def rock(seed: int) -> Shape:
 
 
 def hut() -> Shape:
-    """A small house, 5 m by 4 m, foot at the origin."""
+    """A small house, 5 m by 4 m, its base at the origin."""
     walls = colored(box((-2.5, -0.6, -2.0), (2.5, 2.6, 2.0)), (0.42, 0.34, 0.24))
     door = colored(box((-0.5, 0, 2.0), (0.5, 2.0, 2.06)), (0.14, 0.08, 0.05))
     slope = [quad((-2.9, 2.3, s * 2.6), (s * 5.8, 0, 0), (0, 1.9, -s * 2.6)) for s in (1,)]
@@ -189,7 +189,7 @@ def hut() -> Shape:
 
 
 def grass(seed: int) -> Shape:
-    """Blades over a disc of 2.5 m radius, each one triangle."""
+    """Grass blades on a disk of 2.5 m radius, one triangle each."""
     rng = np.random.default_rng(seed)
     count = 90
     turn, out = rng.uniform(0, 2 * np.pi, count), 2.5 * np.sqrt(rng.uniform(0, 1, count))
@@ -210,14 +210,14 @@ def grass(seed: int) -> Shape:
 
 
 def post() -> Shape:
-    """A lantern's post, 2.6 m high; the light hangs in front of it."""
+    """A lantern post, 2.6 m high; the light hangs in front of it."""
     arm = box((-0.05, 2.4, -0.05), (0.05, 2.5, 0.7))
     return colored(join([box((-0.07, -0.4, -0.07), (0.07, 2.6, 0.07)), arm]), (0.10, 0.09, 0.08))
 
 
 def scatter(rng: np.random.Generator, count: int, taken: list[tuple[float, float, float]], radius: float,
             where: Callable[[Array, Array], Array]) -> list[tuple[float, float]]:  # fmt: skip
-    """Places (x, z) at which ``where(x, z)`` holds and nothing ``taken`` is near; they are taken from then on."""
+    """Random positions (x, z) with ``where(x, z)`` and away from ``taken``, to which they are added."""
     out: list[tuple[float, float]] = []
     while len(out) < count:
         x, z = rng.uniform([-HALF_LENGTH + 6, -HALF_WIDTH + 6], [HALF_LENGTH - 6, HALF_WIDTH - 6])
@@ -232,7 +232,7 @@ def on_floor(x: Array, z: Array) -> Array:
 
 
 def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, float]) -> Array:
-    """Ground, plants, rocks, huts, sun.  -> (K, 3) obstacles on the floor: x, z, radius of what a camera must avoid."""
+    """Ground, plants, rocks, huts and sun.  -> (K, 3) obstacles that a camera must avoid: x, z, radius."""
     color, bumps = (w.texture(pixels) for pixels in mottled())
     ground = w.material("ground", (1, 1, 1), roughness=0.95, texture=color, normal=bumps)
     plain = w.material("plain", (1, 1, 1), roughness=0.9)
@@ -264,7 +264,7 @@ def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, fl
     # From the south (-z), 30 degrees high.
     w.node("sun", rotation=_product(quat_about("y", 196.0), quat_about("x", -30.0)).tolist(), extensions=sun)
     sky = w.light(type="directional", name="sky", color=[0.55, 0.72, 1.0], intensity=10.0)
-    # The bright part of the sky, from the north and 35 degrees high: what gives the shadowed half its relief.
+    # The bright part of the sky, from the north, 35 degrees high: it lights the shadowed half.
     w.node("sky", rotation=_product(quat_about("y", 25.0), quat_about("x", -35.0)).tolist(), extensions=sky)
     return np.array(obstacles)
 
@@ -281,11 +281,11 @@ def add_lanterns(w: Writer, rng: np.random.Generator, count: int, obstacles: Arr
         turn = quat_about("y", float(rng.uniform(0, 360))).tolist()
         at = w.node(f"post {i}", mesh=stand, translation=[x, float(height(x, z)), z], rotation=turn)
         w.node("flame", at, mesh=flame)
-        # Just below its flame: inside, the flame's own shell would keep all of its light.
+        # Below the flame: inside it, the flame's mesh would shadow the light.
         w.node("lantern", at, translation=[0.0, 2.2, 0.62], extensions=light)
 
 
 def _product(a: Array, b: Array) -> Array:
-    """Rotation b first, then a; xyzw."""
+    """The rotation b followed by a; quaternions xyzw."""
     vector = a[3] * b[:3] + b[3] * a[:3] + np.cross(a[:3], b[:3])
     return np.append(vector, a[3] * b[3] - a[:3] @ b[:3])

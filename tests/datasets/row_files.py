@@ -1,4 +1,4 @@
-"""A small scene of every format of the registry, made by code: something that moves, a camera that moves, a light."""
+"""Small scenes of every format of the registry: a moving object, a moving camera, a light."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taubench_gl.datasets.registry import Entry
 from taubench_gl.datasets.shapes import box
 
 SECONDS = 0.25
-"""All of them last so long, in which thing and camera go a metre (in FBX the camera 1.2)."""
+"""Duration, in which object and camera move by 1 m (the camera in FBX by 1.2 m)."""
 
 WRITE_FBX = """
 import os, sys, bpy
@@ -68,7 +68,7 @@ k camera { transl 4
 
 
 def row_file(entry: Entry, folder: Path, blender: str | None = None) -> Path:
-    """A file in the format of ``entry``, as somebody who owns the scene has it: zipped where it is several files."""
+    """A file in the format of ``entry``, zipped if it consists of several files."""
     return {"gltf": _gltf, "obj sequence": _sequence, "aff": _aff, "fbx": _fbx}[entry.format](entry, folder, blender)
 
 

@@ -1,4 +1,4 @@
-"""What ``scenes make`` and ``stress`` write loads in Blender, with everything that was put into it."""
+"""Files written by ``scenes make`` and ``stress`` load completely in Blender."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, 
 
 pytestmark = pytest.mark.long
 
-LOOK = """
+IMPORT = """
 import bpy, json, os, sys
 bpy.ops.wm.read_factory_settings(use_empty=True)
 bpy.ops.import_scene.gltf(filepath=sys.argv[1])
@@ -31,17 +31,17 @@ os._exit(0)
 """
 
 
-def look(path) -> dict[str, int]:
+def contents(path) -> dict[str, int]:
     python = blender_python()
     if blender_version(python) is None:
         pytest.skip(f"no bpy in {INTERPRETER} or this interpreter")
-    done = subprocess.run([python, "-c", LOOK, str(path)], capture_output=True, text=True, timeout=600)
+    done = subprocess.run([python, "-c", IMPORT, str(path)], capture_output=True, text=True, timeout=600)
     (line,) = [line for line in done.stdout.splitlines() if line.startswith("@found ")] or [done.stdout[-500:]]
     return json.loads(line.removeprefix("@found "))
 
 
-def test_a_stand_in(made):
-    found = look(made["eternal-valley-fps"])
+def test_stand_in(made):
+    found = contents(made["eternal-valley-fps"])
     assert found["ARMATURE"] == 32 and found["LIGHT"] == 73 + 617 + 2 and found["CAMERA"] == 1 and found["actions"] > 0
 
 
@@ -51,7 +51,7 @@ def test_stress_of_another_format(tmp_path, kind):
         archive.extractall(tmp_path)
     source = str(tmp_path / ("bart/x.aff" if kind == "aff" else "toasters"))
     stress(source, tmp_path / "out.glb", CameraSpec(MotionStats(0.01), MotionStats(1.0), frames=13, fps=24.0))
-    found = look(tmp_path / "out.glb")
+    found = contents(tmp_path / "out.glb")
     assert found["MESH"] >= 1 and found["actions"] >= 2
     assert (found["CAMERA"], found["LIGHT"]) == ((2, 1) if kind == "aff" else (1, 0))
     assert (found["shape keys"] > 0) == (kind == "obj sequence")

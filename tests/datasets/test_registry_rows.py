@@ -1,4 +1,4 @@
-"""Every row of the registry, from its name to its Table 1-4 row by two commands, on a small file of its own format."""
+"""Every scene of the registry: ``scenes get`` and ``evaluate`` by name, on a small file of its format."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from click.testing import CliRunner
 from row_files import SECONDS, row_file
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.datasets.named import find_named, scene_text
 from taubench_gl.datasets.registry import Entry, load_registry
-from taubench_gl.datasets.registry_store import Store
+from taubench_gl.datasets.scene_cache import CachedScene, find_named, scene_text
 from taubench_gl.errors import DatasetError
 from taubench_gl.pathtraced.blender.process import INTERPRETER, blender_python, blender_version
 from taubench_gl.report.tables import paper_numbers
@@ -25,7 +24,7 @@ PAPER = {scene["name"]: scene for scene in paper_numbers()["scenes"]}
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """One file per format (and name, where the row asks for one); Blender writes FBX once for all rows."""
+    """One file per format and scene name; Blender writes the FBX file once."""
     files: dict[tuple[str, str | None], Path] = {}
 
     def make(entry: Entry) -> Path:
@@ -45,11 +44,11 @@ def run(*words: str):
 
 
 @pytest.mark.parametrize("name", ROWS)
-def test_from_a_name_to_its_rows_in_the_tables(name, made, gpu, tmp_path, monkeypatch):
+def test_scene_by_name_gives_tables(name, made, gpu, tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     entry = ENTRIES[name]
-    got = run("scenes", "get", name, "--from", str(made(entry)), "--accept-licence")
+    got = run("scenes", "get", name, "--from", str(made(entry)), "--accept-license")
     assert got.exit_code == 0 and f"taubench-gl evaluate {name}" in got.output, got.output
     done = run("evaluate", name, "--size", "64x36", "--indirect", "rsm", "--out", "out")
     assert done.exit_code == 0, done.output
@@ -57,11 +56,11 @@ def test_from_a_name_to_its_rows_in_the_tables(name, made, gpu, tmp_path, monkey
     fps = entry.fps or 24.0
     settings = summary["settings"]
     assert settings["fps"] == fps and settings["unit_scale"] == entry.unit_scale
-    early = 1 if entry.format == "fbx" else 0  # Blender's take begins at frame 0, its animation at frame 1
+    early = 1 if entry.format == "fbx" else 0  # Blender's take starts at frame 0, its animation at frame 1
     assert summary["pairs"] == round(SECONDS * fps) + early
     if entry.camera is not None:
         assert entry.camera in summary["camera"]["source"]
-    # Table 1: what moves is one object, or one whose vertices move; Tables 2 and 3: the camera's metre (0 in an orbit).
+    # Table 1: one object or its vertices move.  Tables 2 and 3: the camera moves by 1 m.
     census = summary["census"]
     moved = "morphs_dynamic" if entry.format == "obj sequence" else "dynamic_rigid_objects"
     assert census[moved] == 1 and census["static_point_lights"] == (0 if entry.format == "obj sequence" else 1)
@@ -69,7 +68,7 @@ def test_from_a_name_to_its_rows_in_the_tables(name, made, gpu, tmp_path, monkey
         travelled = summary["camera"]["position"]["mean"] * summary["pairs"]
         whole = 1.2 if entry.format == "fbx" else 1.0
         assert travelled == pytest.approx(whole * (summary["pairs"] - early) / (fps * SECONDS), rel=1e-3)
-    # Table 4: measured where there is light, else null with the reason.
+    # Table 4: measured if the scene has light, otherwise null with a reason.
     for column, found in summary["discard"].items():
         lit = entry.format != "obj sequence" or column in ("frustum", "position", "normal")
         assert (found["mean_percent"] is not None) == lit and (lit or found["reason"]), column
@@ -78,10 +77,10 @@ def test_from_a_name_to_its_rows_in_the_tables(name, made, gpu, tmp_path, monkey
     assert entry.paper is None or entry.paper in PAPER
 
 
-def test_options_override_the_row(made, gpu, tmp_path, monkeypatch):
+def test_options_override_the_registry(made, gpu, tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    assert run("scenes", "get", "BART-Kitchen", "--from", str(made(ENTRIES["bart-kitchen"])), "--accept-licence")
+    assert run("scenes", "get", "BART-Kitchen", "--from", str(made(ENTRIES["bart-kitchen"])), "--accept-license")
     words = ["evaluate", "scene:BartKitchen", "--size", "32x18", "--columns", "frustum", "--out", "out"]
     assert run(*words, "--fps", "12", "--unit-scale", "2").exit_code == 0
     settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
@@ -89,14 +88,14 @@ def test_options_override_the_row(made, gpu, tmp_path, monkeypatch):
     assert "fps" in (shown := run("inspect", "bart-kitchen", "--json").output) and json.loads(shown)["fps"] == 40
 
 
-def test_a_users_own_row_brings_all_it_says(made, gpu, tmp_path, monkeypatch):
+def test_settings_of_a_user_registry_apply(made, gpu, tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(
         '[my-hall]\ntitle = "Hall"\nformat = "gltf"\nfps = 30.0\nframes = [2, 6]\ncamera = "eye"\nunit_scale = 100.0\n'
     )
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.setenv("TAUBENCH_SCENES", str(tmp_path / "mine.toml"))
     monkeypatch.chdir(tmp_path)
-    run("scenes", "get", "my-hall", "--from", str(made(ENTRIES["eternal-valley-fps"])), "--accept-licence")
+    run("scenes", "get", "my-hall", "--from", str(made(ENTRIES["eternal-valley-fps"])), "--accept-license")
     done = run("evaluate", "my-hall", "--size", "32x18", "--columns", "frustum,position", "--out", "out")
     assert done.exit_code == 0, done.output
     settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
@@ -104,21 +103,21 @@ def test_a_users_own_row_brings_all_it_says(made, gpu, tmp_path, monkeypatch):
     assert settings["unit_scale"] == 100 and settings["thresholds"]["position"] == 32 / 255
 
 
-def test_what_is_a_name_and_what_is_a_path(tmp_path, monkeypatch):
+def test_names_and_paths(tmp_path, monkeypatch):
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     for text in ("toasters.glb", "./toasters", "exr:toasters", "nothing-of-ours", ""):
         assert find_named(text) is None, text
     assert find_named("Toasters").name == "toasters"
-    with pytest.raises(DatasetError, match=r"toasters is a known scene, but not here yet \(taubench-gl scenes get"):
+    with pytest.raises(DatasetError, match=r"toasters .*taubench-gl scenes get"):
         scene_text(find_named("toasters"))
     (tmp_path / "toasters").mkdir()
     assert find_named("toasters") is None and find_named("scene:toasters").name == "toasters"
-    with pytest.raises(DatasetError, match="no scene is called 'toaster'"):
+    with pytest.raises(DatasetError, match="'toaster'"):
         find_named("scene:toaster")
 
 
-def test_a_sequence_runs_at_the_rate_of_its_row(made, tmp_path):
-    store = Store("quick", Entry(title="x", format="obj sequence", fps=48.0), tmp_path)
-    store.take(made(ENTRIES["toasters"]))
-    assert load_scene(scene_text(store)).duration == pytest.approx(0.125)
+def test_sequence_has_the_rate_of_its_entry(made, tmp_path):
+    cached = CachedScene("quick", Entry(title="x", format="obj sequence", fps=48.0), tmp_path)
+    cached.take(made(ENTRIES["toasters"]))
+    assert load_scene(scene_text(cached)).duration == pytest.approx(0.125)

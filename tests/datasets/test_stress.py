@@ -1,4 +1,4 @@
-"""The dial: asked-for statistics come out of the written file, in free space, and the rest of the file is kept."""
+"""``stress``: the written file has the requested camera statistics, in free space, and is otherwise unchanged."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def walked(path, fps=60.0, frames=121):
 
 
 @pytest.mark.parametrize("name", ["out.glb", "out.gltf"])
-def test_the_written_camera_has_the_asked_for_statistics(tmp_path, name):
+def test_the_written_camera_has_the_requested_statistics(tmp_path, name):
     stress(DEMO, tmp_path / name, SPEC)
     found, _, camera = walked(tmp_path / name)
     assert camera.node_name == CAMERA_NAME
@@ -69,7 +69,7 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path):
     assert a == b and a != c
 
 
-def test_the_camera_keeps_off_the_triangles_and_inside_the_walls():
+def test_the_camera_stays_away_from_triangles_and_inside_walls():
     scene = load_scene(DEMO)
     space = VoxelSpace(scene)
     path = generate(SPEC, space)
@@ -81,7 +81,7 @@ def test_the_camera_keeps_off_the_triangles_and_inside_the_walls():
     assert gap > 0.5 * space.size
 
 
-def test_a_thing_without_ground_is_circled_and_looked_at(tmp_path):
+def test_the_camera_circles_an_object_without_ground(tmp_path):
     w = Writer("CC0-1.0", "test")
     w.node("box", mesh=w.mesh("box", w.primitive(box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), w.material("m"))))
     w.save(tmp_path / "box.glb")
@@ -97,7 +97,7 @@ def test_a_thing_without_ground_is_circled_and_looked_at(tmp_path):
     assert winding_number(corners, np.array([0.0, 0.0, 2.0])) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_turns_stay_within_the_limit():
+def test_angles_stay_within_the_limit():
     rng = np.random.default_rng(0)
     turns = rng.uniform(0, 75, 500)
     angle = chase(200 * rng.standard_normal(501), turns, 0.0, 7.0, 75.0)
@@ -105,7 +105,7 @@ def test_turns_stay_within_the_limit():
     np.testing.assert_allclose(np.abs(np.diff(angle)), turns, atol=1e-9)
 
 
-def test_moved_things_move_and_nothing_else_changes(tmp_path):
+def test_only_the_chosen_nodes_move(tmp_path):
     stress(DEMO, tmp_path / "out.glb", CameraSpec(frames=61), Moves(-1, 3, MotionStats(0.02, 1e-4)))
     times = [i / 60 for i in range(61)]
     before, after = census(load_scene(DEMO), times), census(load_scene(tmp_path / "out.glb"), times)
@@ -116,7 +116,7 @@ def test_moved_things_move_and_nothing_else_changes(tmp_path):
         assert after[key] == before[key]
 
 
-def test_what_the_editor_does_not_know_is_kept(tmp_path):
+def test_unknown_properties_are_kept(tmp_path):
     source = json.loads((_gltf := tmp_path / "in.gltf", stress(DEMO, _gltf, CameraSpec(frames=3)))[0].read_text())
     source["extras"] = {"mine": [1, {"deep": True}]}
     source["nodes"][0]["extensions"] = {"VENDOR_thing": {"x": 1.5}}
@@ -129,7 +129,7 @@ def test_what_the_editor_does_not_know_is_kept(tmp_path):
         assert out[key] == source[key]
 
 
-def test_files_beside_the_source_go_inside(tmp_path):
+def test_external_buffers_are_embedded(tmp_path):
     editor = GltfEditor(DEMO)
     (tmp_path / "data.bin").write_bytes(editor._blob)
     editor.root["buffers"] = [{"byteLength": len(editor._blob), "uri": "data.bin"}]
@@ -150,7 +150,7 @@ def test_khronos_validator(tmp_path, moves):
 @pytest.mark.parametrize(
     "file", ["tauray_test/test.glb", "gltf_transform/BoxMeshopt.glb", "gltf_transform/BoxDraco.gltf"]
 )
-def test_real_files(data, tmp_path, file):
+def test_real_scenes(data, tmp_path, file):
     source = data / file
     if not source.is_file():
         pytest.skip(f"no {file}")
@@ -160,19 +160,19 @@ def test_real_files(data, tmp_path, file):
     assert found["position"]["mean"] == pytest.approx(0.02, rel=1e-3)
 
 
-def test_a_space_without_room_is_one_line():
-    with pytest.raises(SettingsError, match="no room to move by mean 60"):
+def test_a_step_larger_than_the_scene_is_refused():
+    with pytest.raises(SettingsError, match="mean 60"):
         generate(CameraSpec(MotionStats(60.0), frames=30), VoxelSpace(load_scene(DEMO)))
 
 
-def test_a_sweep_draws_the_curve(tmp_path, gpu):
+def test_sweep_writes_a_table_and_plots(tmp_path, gpu):
     out = tmp_path / "sweep"
     arguments = [str(DEMO), "--sweep", "yaw=0:9:4", "--size", "96x54", "--columns", "frustum", "--seconds", "0.1"]
     done = CliRunner().invoke(cli, ["stress", *arguments, "--out", str(out)])
     assert done.exit_code == 0, done.output
     with open(out / "sweep.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [float(row["asked_yaw_deg"]) for row in rows] == [0.0, 3.0, 6.0, 9.0]
+    assert [float(row["requested_yaw_deg"]) for row in rows] == [0.0, 3.0, 6.0, 9.0]
     np.testing.assert_allclose([float(row["mean_yaw_deg"]) for row in rows], [0, 3, 6, 9], atol=1e-9)
     frustum = [float(row["frustum_percent"]) for row in rows]
     assert frustum[0] == 0.0 and np.all(np.diff(frustum) > 0)
@@ -181,75 +181,75 @@ def test_a_sweep_draws_the_curve(tmp_path, gpu):
 
 
 @pytest.mark.parametrize(
-    ("options", "complaint"),
+    ("options", "named"),
     [
-        (["--yaw", "3,-1"], "variance of a motion is -1"),
-        (["--yaw", "3,1,2"], "max 2 is below the mean 3"),
-        (["--camera", "nope"], "no camera is named 'nope'"),
-        (["--camera", "vr", "--seconds", "2"], "no 120 steps have mean 0.041"),
-        (["--camera", "missing.csv"], "no such file"),
-        (["--yaw", "400"], "above the 175"),
-        (["--sweep", "spin=0:1:3"], "nothing to sweep is named 'spin'"),
-        (["--sweep", "yaw=3:1:3"], "sweep from 3 to 1"),
-        (["--fps", "0"], "6 s at 0 fps"),
-        (["--seconds", "1e9"], "less than 1,000,000 frames"),
-        (["--size", "480x270"], "--size does nothing here (it is for --sweep"),
-        (["--columns", "frustum"], "--columns does nothing here (it is for --sweep"),
-        (["--motion", "0.1,0.01"], "--motion does nothing here (it is for --move-lights"),
-        (["--motion", "0.1,0.01", "--sweep", "yaw=0:9:4"], "--motion does nothing here (a sweep moves only"),
+        (["--yaw", "3,-1"], "-1"),
+        (["--yaw", "3,1,2"], "max 2"),
+        (["--camera", "nope"], "'nope'"),
+        (["--camera", "vr", "--seconds", "2"], "120 steps"),
+        (["--camera", "missing.csv"], "missing.csv"),
+        (["--yaw", "400"], "175"),
+        (["--sweep", "spin=0:1:3"], "'spin'"),
+        (["--sweep", "yaw=3:1:3"], "3 to 1"),
+        (["--fps", "0"], "0 fps"),
+        (["--seconds", "1e9"], "1,000,000 frames"),
+        (["--size", "480x270"], "--size"),
+        (["--columns", "frustum"], "--columns"),
+        (["--motion", "0.1,0.01"], "--move-lights"),
+        (["--motion", "0.1,0.01", "--sweep", "yaw=0:9:4"], "--motion"),
     ],
 )
-def test_wrong_input_is_one_line_and_exit_code_2(tmp_path, capsys, options, complaint):
+def test_invalid_options_give_one_line_and_exit_code_2(tmp_path, capsys, options, named):
     with pytest.raises(SystemExit) as ended:
         main(["stress", str(DEMO), *options, "--out", str(tmp_path / "out.glb")])
-    said = capsys.readouterr().err
-    assert ended.value.code == 2 and said.count("\n") == 1 and complaint in said
+    printed = capsys.readouterr().err
+    assert ended.value.code == 2 and printed.count("\n") == 1 and named in printed
     assert not (tmp_path / "out.glb").exists()
 
 
 @pytest.mark.parametrize(
-    ("sweep", "place", "complaint"),
+    ("sweep", "place", "named"),
     [
-        ("yaw=0:300:3", "out", "mean 300 is above the 175 that one frame can hold"),
-        ("yaw=0:2:2", "file", "file: is not a folder (give --out another name)"),
+        ("yaw=0:300:3", "out", "mean 300"),
+        ("yaw=0:2:2", "file", "--out"),
     ],
 )
-def test_a_sweep_that_cannot_end_does_not_begin(tmp_path, capsys, sweep, place, complaint):
-    """A speed that no frame holds comes last: nothing is drawn and no half of a table is left."""
+def test_impossible_sweep_writes_nothing(tmp_path, capsys, sweep, place, named):
+    """The last speed is impossible; nothing is rendered and no partial table is written."""
     (tmp_path / "file").write_text("mine")
     with pytest.raises(SystemExit) as ended:
         main(["stress", str(DEMO), "--sweep", sweep, "--size", "32x18", "--out", str(tmp_path / place)])
-    said = capsys.readouterr().err.splitlines()
-    assert ended.value.code == 2 and complaint in said[-1] and len(said) == 2
+    printed = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 2 and named in printed[-1] and len(printed) == 2
     assert [path.name for path in tmp_path.iterdir()] == ["file"] and (tmp_path / "file").read_text() == "mine"
 
 
 @pytest.mark.parametrize("out", ["scene.glb", "link.glb"])
-def test_the_scene_itself_is_not_written_over(tmp_path, out):
+def test_the_source_is_not_overwritten(tmp_path, out):
     scene = tmp_path / "scene.glb"
     scene.write_bytes(DEMO.read_bytes())
     (tmp_path / "link.glb").symlink_to(scene)
-    with pytest.raises(SettingsError, match="is the scene itself"):
+    with pytest.raises(SettingsError):
         stress(scene, tmp_path / out, CameraSpec(frames=3))
     assert scene.read_bytes() == DEMO.read_bytes()
 
 
 def test_other_formats_and_unwritable_places_are_refused(tmp_path):
-    with pytest.raises(SceneError, match=r"no reader for files ending in '\.abc'"):
+    with pytest.raises(SceneError, match=r"\.abc"):
         stress(Path("scene.abc"), tmp_path / "out.glb", SPEC)
-    with pytest.raises(SceneError, match=r"; make it glTF first: taubench-gl convert scene\.fbx scene\.glb\)"):
+    with pytest.raises(SceneError, match=r"taubench-gl convert scene\.fbx scene\.glb"):
         stress("scene.fbx", tmp_path / "out.glb", SPEC)
-    with pytest.raises(SettingsError, match="exr:renders holds pictures"):
+    with pytest.raises(SettingsError, match="exr:renders"):
         stress("exr:renders", tmp_path / "out.glb", SPEC)
-    with pytest.raises(SettingsError, match=r"does not end in \.glb or \.gltf"):
+    with pytest.raises(SettingsError, match=r"\.glb or \.gltf"):
         stress(DEMO, tmp_path / "out.fbx", CameraSpec(frames=3))
     (tmp_path / "file").write_text("")
-    with pytest.raises(TaubenchError, match="cannot be written"):
+    with pytest.raises(TaubenchError):
         stress(DEMO, tmp_path / "file" / "out.glb", CameraSpec(frames=3))
 
 
-def test_the_camera_keeps_out_of_the_way_of_what_moves(tmp_path):
-    """A wall that sweeps over half of a court: free is what it never fills, at t = 0 all of the court is."""
+def test_the_camera_avoids_moving_objects(tmp_path):
+    """A wall sweeps half of a court; only the other half is free at all times."""
     w = Writer("CC0-1.0", "test")
     grey = w.material("grey")
     w.node("floor", mesh=w.mesh("floor", w.primitive(box((-12, -0.2, -6), (12, 0, 6)), grey)))
@@ -261,11 +261,11 @@ def test_the_camera_keeps_out_of_the_way_of_what_moves(tmp_path):
     scene = load_scene(tmp_path / "court.glb")
     space = VoxelSpace(scene, voxels=100_000)
     swept = np.stack([np.linspace(-11.0, 0.0, 400), np.full(400, 1.7), np.zeros(400)], axis=1)
-    assert np.all(space.clearance(swept) <= 0), "no gap is left between the moments at which the wall was looked at"
+    assert np.all(space.clearance(swept) <= 0), "no gaps between the sampled times"
     path = generate(CameraSpec(MotionStats(0.2, 0.01), MotionStats(2.0, 1.0), frames=241), space)
     assert np.all(path.position[:, 0] > 0.1) and np.ptp(path.position[:, 0]) > 3.0
     still = VoxelSpace(dataclasses.replace(scene, channels=()), voxels=100_000)
-    assert np.all(still.clearance(swept[50:]) > 0), "it is the movement that fills it"
+    assert np.all(still.clearance(swept[50:]) > 0), "free without the motion"
 
 
 OTHERS = ("obj", "sequence", "aff")
@@ -273,7 +273,7 @@ OTHERS = ("obj", "sequence", "aff")
 
 @pytest.fixture(params=OTHERS)
 def other(request, tmp_path):
-    """A scene of another format, and what ``load_scene`` is given for it."""
+    """A scene of another format, as argument of ``load_scene``."""
     if request.param == "aff":
         with zipfile.ZipFile(row_file(Entry(title="x", format="aff", scene="x.aff"), tmp_path)) as archive:
             archive.extractall(tmp_path)
@@ -284,8 +284,8 @@ def other(request, tmp_path):
     return str(folder) if request.param == "sequence" else str(folder / "toasters000.obj")
 
 
-def test_other_formats_come_out_as_gltf(other, tmp_path):
-    """World vertices of everything drawn are where the source has them, at and between frames; the camera is new."""
+def test_other_formats_are_written_as_gltf(other, tmp_path):
+    """World-space vertices equal those of the source at and between frames; the camera is new."""
     done = stress(other, tmp_path / "out.glb", CameraSpec(MotionStats(0.01, 1e-5), MotionStats(2.0), frames=31), seed=1)
     theirs, ours = load_scene(other), load_scene(tmp_path / "out.glb")
     assert done.path is not None and choose_camera(ours).node_name == CAMERA_NAME
@@ -299,8 +299,8 @@ def test_other_formats_come_out_as_gltf(other, tmp_path):
     assert errors_or_none(tmp_path / "out.glb") == []
 
 
-def test_visibility_and_pictures_go_along(tmp_path):
-    """Objects that come and go do so at the same frames; a texture is the same picture; cuts are lost and said."""
+def test_visibility_and_textures_are_kept(tmp_path):
+    """Objects appear and disappear at the same frames; textures are equal; lost cuts are noted."""
     Picture.new("RGB", (4, 2), (200, 30, 10)).save(tmp_path / "red.png")
     (tmp_path / "m.mtl").write_text("newmtl red\nmap_Kd red.png\nKe 3 0 0\n")
     quad = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl red\n"
@@ -308,10 +308,10 @@ def test_visibility_and_pictures_go_along(tmp_path):
         (tmp_path / f"s{i}.obj").write_text(f"{quad}o one\nf {faces}\n")
     stress(str(tmp_path), tmp_path / "out.glb", CameraSpec(frames=5, fps=24.0))
     theirs, ours = load_scene(tmp_path), load_scene(tmp_path / "out.glb")
-    assert len(theirs.replacements) == 1 and any("1 cuts of single objects" in str(n) for n in ours.notes)
+    assert len(theirs.replacements) == 1 and any("1 cuts" in str(n) for n in ours.notes)
     for frame in range(4):
         a, b = (world_triangles(s, Poser(s).sample(frame / 24)) for s in (theirs, ours))
-        b = b[np.ptp(b, axis=1).max(axis=-1) > 0]  # what is switched off has no size
+        b = b[np.ptp(b, axis=1).max(axis=-1) > 0]  # invisible objects have scale 0
         np.testing.assert_allclose(b, a, atol=1e-7)
     (material,) = ours.materials
     assert material.emissive == pytest.approx((3, 0, 0))
@@ -321,21 +321,21 @@ def test_visibility_and_pictures_go_along(tmp_path):
 
 
 def errors_or_none(path):
-    """The Khronos validator's errors; none where it is not installed (its own test says so by name)."""
+    """Errors of the Khronos validator; none if it is not installed."""
     try:
         return errors(path)
     except pytest.skip.Exception:
         return []
 
 
-def test_what_is_not_written_is_one_line():
+def test_unsupported_content_is_refused():
     scene = load_scene(DEMO)
-    with pytest.raises(SceneError, match=r"demo\.glb: has .*, which are not written from this format"):
+    with pytest.raises(SceneError, match=r"demo\.glb"):
         write_scene(scene, Path("never.glb"))
     assert not Path("never.glb").exists()
 
 
-def test_a_sequence_from_the_command_line(tmp_path, gpu):
+def test_sequence_on_the_command_line(tmp_path, gpu):
     with zipfile.ZipFile(row_file(Entry(title="x", format="obj sequence"), tmp_path)) as archive:
         archive.extractall(tmp_path)
     source, out = f"{tmp_path}/toasters/toasters*.obj@30", tmp_path / "hard.glb"

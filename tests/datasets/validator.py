@@ -1,4 +1,4 @@
-"""The Khronos glTF validator (npm package gltf-validator), where node and the package are installed."""
+"""Runs the Khronos glTF validator (npm package gltf-validator) if node and the package are installed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 VARIABLE = "GLTF_VALIDATOR"
-"""Folder in which ``npm install gltf-validator`` was run."""
+"""Environment variable: the folder in which ``npm install gltf-validator`` was run."""
 
 SCRIPT = """
 const validator = require(process.argv[1]); const fs = require("fs");
@@ -21,7 +21,7 @@ validator.validateBytes(bytes, {maxIssues: 0}).then(r => console.log(JSON.string
 
 
 def errors(path: Path) -> list[str]:
-    """Errors the validator finds.  Skips, saying what is missing, where it cannot run."""
+    """Errors found by the validator.  Skips the test if it cannot run."""
     node = shutil.which("node")
     folder = os.environ.get(VARIABLE)
     if node is None or folder is None:

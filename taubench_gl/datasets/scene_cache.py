@@ -1,7 +1,7 @@
-"""The cache of scenes: fetching, unpacking, and remembering what came the first time.
+"""The cache of named scenes: downloading, unpacking, and checksums.
 
-``<cache>/<name>/`` holds the file as it came, ``scene/`` with its contents, and ``record.json``: url, file, bytes,
-sha256, and which of its scenes was asked for.  A download goes on where it stopped; one that differs from the first is
+``<cache>/<name>/`` holds the downloaded file, ``scene/`` with its contents, and ``record.json``: url, file, bytes,
+sha256 and the selected scene.  An interrupted download is continued; a file that differs from the first download is
 refused.
 """
 
@@ -13,14 +13,18 @@ import os
 import shutil
 import tarfile
 import zipfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
 from taubench_gl.datasets.download import Progress, fetch, forget
-from taubench_gl.datasets.registry import Entry
+from taubench_gl.datasets.registry import VARIABLE, Entry, known_name, load_registry
 from taubench_gl.errors import DatasetError
 from taubench_gl.outputs import make_folders, remove_folders, write_atomically
+
+PREFIX = "scene:"
+"""Marks a name of the registry where a path is expected."""
 
 CACHE_VARIABLE = "TAUBENCH_CACHE"
 MAX_UNPACKED = 200 * 2**30
@@ -36,17 +40,17 @@ SUFFIXES = {
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What was fetched.  ``url`` is None for a file the user brought."""
+    """The first download.  ``url`` is None for a file of the user."""
 
     file: str
     bytes: int
     sha256: str
     url: str | None
-    scene: str | None = None  # which one of the archive, where the user chose
+    scene: str | None = None  # the file of the archive that the user selected
 
 
 def cache_folder() -> Path:
-    """Where scenes are kept: TAUBENCH_CACHE, else the user's cache folder."""
+    """The cache: TAUBENCH_CACHE, else the user's cache folder."""
     chosen = os.environ.get(CACHE_VARIABLE)
     if chosen:
         return Path(chosen)
@@ -54,15 +58,15 @@ def cache_folder() -> Path:
     return Path(base) / "taubench-gl"
 
 
-class Store:
-    """One scene's place in the cache."""
+class CachedScene:
+    """A named scene in the cache."""
 
     def __init__(self, name: str, entry: Entry, cache: Path | None = None):
         self.name, self.entry = name, entry
         self.folder = (cache or cache_folder()) / name
 
     def record(self) -> Record | None:
-        """What is remembered of the first time; None where there was none.  Raises DatasetError if it is damaged."""
+        """The record of the first download; None if there is none.  Raises DatasetError if it is damaged."""
         path = self.folder / "record.json"
         try:
             return Record(**json.loads(path.read_text(encoding="utf-8")))
@@ -72,14 +76,14 @@ class Store:
             raise DatasetError("is damaged", where=str(path), hint="delete it and get the scene again") from None
 
     def get(self, url: str | None = None, progress: Progress | None = None, scene: str | None = None) -> Path:
-        """Download and unpack; what is already there and whole is kept.  -> the scene.  Raises DatasetError.
+        """Download and unpack, unless the cached file is complete.  -> the scene.  Raises DatasetError.
 
-        ``scene``: which file of the archive, where it holds several.
+        ``scene``: the file of the archive, if it holds several.
         """
         url = url or self.entry.url
         if url is None:
             raise DatasetError(
-                f"{self.name}: no fixed address is known for this scene",
+                f"{self.name}: the registry has no URL for this scene",
                 hint=f"download it from {self.entry.homepage or 'its homepage'}, then: get {self.name} --from FILE",
             )
         known = self.record()
@@ -90,12 +94,12 @@ class Store:
         return self._keep(target, url, scene)
 
     def take(self, source: Path, scene: str | None = None) -> Path:
-        """Copy a file the user has and unpack it.  -> the scene, as ``get``.  Raises DatasetError."""
+        """Copy and unpack a file of the user.  -> the scene, as ``get``.  Raises DatasetError."""
         if not source.is_file():
             raise DatasetError("is not a file", where=str(source), hint="name the archive or the scene file itself")
         found = sha256_of(source)
         if self.entry.sha256 not in (None, found):
-            raise DatasetError(f"has checksum {found}, the registry says {self.entry.sha256}", where=str(source))
+            raise DatasetError(f"has checksum {found}, the registry has {self.entry.sha256}", where=str(source))
         try:
             made = make_folders(self.folder)
         except OSError as e:
@@ -106,13 +110,13 @@ class Store:
             remove_folders(made)  # as far as they are empty: where the file was refused
 
     def verify(self) -> tuple[Record, Path]:
-        """Check the cached file against its record.  -> what is remembered, the scene.  Raises DatasetError."""
+        """Compare the cached file with its record.  -> record, scene.  Raises DatasetError."""
         record = self.record()
         if record is None:
             raise DatasetError(f"{self.name} is not in {self.folder.parent}", hint=f"scenes get {self.name}")
         path = self.folder / record.file
         if not path.is_file():
-            raise DatasetError("is gone", where=str(path), hint=f"scenes get {self.name}")
+            raise DatasetError("is missing", where=str(path), hint=f"scenes get {self.name}")
         found = sha256_of(path)
         if found != record.sha256:
             raise DatasetError(
@@ -123,14 +127,14 @@ class Store:
         return record, self.scene()
 
     def scene(self) -> Path:
-        """What to evaluate.  Raises DatasetError where it cannot be found."""
+        """The path to evaluate.  Raises DatasetError if it is not found."""
         folder, record = self.folder / "scene", self.record()
-        wanted = (record.scene if record is not None else None) or self.entry.scene
-        if wanted is not None:
-            direct = folder / wanted
-            if direct.exists() or "*" in wanted or "%" in wanted:
+        chosen = (record.scene if record is not None else None) or self.entry.scene
+        if chosen is not None:
+            direct = folder / chosen
+            if direct.exists() or "*" in chosen or "%" in chosen:
                 return direct
-            found = sorted(folder.rglob(Path(wanted).name)) if folder.is_dir() else []
+            found = sorted(folder.rglob(Path(chosen).name)) if folder.is_dir() else []
             if len(found) == 1:
                 return found[0]
         if self.entry.format == "obj sequence":
@@ -138,13 +142,13 @@ class Store:
             if len(folders) == 1:
                 return folders[0]
             raise DatasetError(f"holds OBJ files in {len(folders)} folders, expected one", where=str(folder))
-        there = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES[self.entry.format])
-        # A file that the user names is the one that is meant, whatever it is called.
-        if len(there) == 1 and (wanted is None or (record is not None and record.file == there[0].name)):
-            return there[0]
-        names = ", ".join(p.name for p in there[:8])
-        what = f"no {wanted}" if wanted else f"{len(there)} files of the format {self.entry.format}, expected one"
-        hint = f"choose with --scene from {names}" if there else "is it the right file?"
+        files = sorted(p for p in folder.rglob("*") if p.suffix.lower() in SUFFIXES[self.entry.format])
+        # A single scene file that the user gave is accepted under any name.
+        if len(files) == 1 and (chosen is None or (record is not None and record.file == files[0].name)):
+            return files[0]
+        names = ", ".join(p.name for p in files[:8])
+        what = f"no {chosen}" if chosen else f"{len(files)} files of the format {self.entry.format}, expected one"
+        hint = f"choose with --scene from {names}" if files else "check that it is the right file"
         raise DatasetError(f"holds {what}", where=str(folder), hint=hint)
 
     # ------------------------------------------------------------------------------------------------------- fetching
@@ -153,13 +157,13 @@ class Store:
             import pooch
         except ModuleNotFoundError:
             raise DatasetError(
-                "downloading needs the package pooch", hint="pip install 'taubench-gl[datasets]'"
+                "downloading requires the package pooch", hint="pip install 'taubench-gl[datasets]'"
             ) from None
         part = self.folder / (target.name + ".part")
         self.folder.mkdir(parents=True, exist_ok=True)
         stale = self.folder / (target.name + ".old")
         if target.exists():
-            target.replace(stale)  # pooch would keep it and only warn; it stays until the new one is whole
+            target.replace(stale)  # pooch would keep it; it stays until the new file is complete
         pooch.get_logger().setLevel("ERROR")
         try:
             pooch.retrieve(
@@ -169,13 +173,13 @@ class Store:
                 path=self.folder,
                 downloader=lambda address, out, _: fetch(address, Path(out), part, progress),
             )
-        except ValueError as e:  # pooch's way to say that the checksum differs
+        except ValueError as e:  # raised by pooch if the checksum differs
             forget(part)
             if "hash" not in str(e).lower():
                 raise
             raise DatasetError(
-                "what lies there now is not what was fetched first", where=url,
-                hint=f"if that is meant, delete {self.folder / 'record.json'} and get it again",
+                "the file differs from the first download", where=url,
+                hint=f"to accept it, delete {self.folder / 'record.json'} and get it again",
             ) from None  # fmt: skip
         except OSError as e:
             raise DatasetError(f"cannot be stored: {e.strerror or e}", where=str(target)) from None
@@ -184,42 +188,75 @@ class Store:
                 stale.unlink() if target.exists() else stale.replace(target)
         forget(part)
 
-    def _keep(self, came: Path, url: str | None, chosen: str | None) -> Path:
-        """Unpack what came, copy it to its place if it is not there, and remember it.  What is no such scene at all
-        leaves everything as it was.
-        """
-        old, checksum, target = self.record(), sha256_of(came), self.folder / came.name
+    def _keep(self, source: Path, url: str | None, chosen: str | None) -> Path:
+        """Unpack a file, copy it to the cache, and write its record.  An invalid file changes nothing."""
+        old, checksum, target = self.record(), sha256_of(source), self.folder / source.name
         if chosen is None and old is not None and old.sha256 == checksum:
             chosen = old.scene
-        record = Record(target.name, came.stat().st_size, checksum, url, chosen)
+        record = Record(target.name, source.stat().st_size, checksum, url, chosen)
         scene, unpacked = self.folder / "scene", self.folder / "unpacking"
         fresh = old is None or old.sha256 != record.sha256 or not scene.is_dir()
         shutil.rmtree(unpacked, ignore_errors=True)
         try:
             if fresh:
-                unpack(came, unpacked)
-                self._require_scene(came, unpacked)
-            if came.resolve() != target.resolve():
-                shutil.copyfile(came, target)
+                unpack(source, unpacked)
+                self._require_scene(source, unpacked)
+            if source.resolve() != target.resolve():
+                shutil.copyfile(source, target)
             if fresh:
                 shutil.rmtree(scene, ignore_errors=True)
                 unpacked.replace(scene)
         except OSError as e:
-            raise DatasetError(f"cannot be copied: {e.strerror}", where=str(came)) from None
+            raise DatasetError(f"cannot be copied: {e.strerror}", where=str(source)) from None
         finally:
             shutil.rmtree(unpacked, ignore_errors=True)
         write_atomically(self.folder / "record.json", json.dumps(asdict(record), indent=2) + "\n")
         return self.scene()
 
-    def _require_scene(self, came: Path, folder: Path) -> None:
+    def _require_scene(self, source: Path, folder: Path) -> None:
         """Raises DatasetError where nothing in ``folder`` can be the scene, whichever file is chosen."""
         suffixes = SUFFIXES[self.entry.format.removesuffix(" sequence")]
         there = {p.name for p in folder.rglob("*") if p.is_file()}
         named = self.entry.scene is not None and Path(self.entry.scene).name in there
         if not named and not any(name.lower().endswith(suffixes) for name in there):
             raise DatasetError(
-                f"holds no {' or '.join(suffixes)} file", where=str(came), hint=f"is it {self.entry.title}?"
+                f"holds no {' or '.join(suffixes)} file", where=str(source), hint=f"is it {self.entry.title}?"
             )
+
+
+def registry_entries(registries: Sequence[Path] = ()) -> dict[str, Entry]:
+    """Scenes of the package and of ``registries``, default: the files that TAUBENCH_SCENES names."""
+    named = [Path(p) for p in os.environ.get(VARIABLE, "").split(os.pathsep) if p]
+    return load_registry(list(registries) or named)
+
+
+def find_named(text: str, cache: Path | None = None) -> CachedScene | None:
+    """The cached scene that ``text`` names; None if it is a path or an unknown name.
+
+    ``scene:NAME`` is always a name; NAME alone is a name unless a file of that name exists.  Raises DatasetError.
+    """
+    name = text.removeprefix(PREFIX)
+    if name == text and (not text or Path(text).suffix or os.sep in text or ":" in text or os.path.lexists(text)):
+        return None
+    entries = registry_entries()
+    try:
+        name = known_name(entries, name)
+    except DatasetError:
+        if text.startswith(PREFIX):
+            raise
+        return None
+    return CachedScene(name, entries[name], cache)
+
+
+def scene_text(cached: CachedScene) -> str:
+    """The argument of ``load_scene``: the scene's path, with the rate of a sequence.  Raises DatasetError."""
+    if cached.record() is None:
+        raise DatasetError(
+            f"{cached.name} is a known scene that is not in the cache",
+            hint=f"taubench-gl scenes get {cached.name}, with --from FILE for a local file",
+        )
+    rate = f"@{cached.entry.fps:g}" if cached.entry.format == "obj sequence" and cached.entry.fps is not None else ""
+    return f"{cached.scene()}{rate}"
 
 
 def sha256_of(path: Path) -> str:
@@ -229,7 +266,7 @@ def sha256_of(path: Path) -> str:
 
 
 def unpack(archive: Path, folder: Path) -> None:
-    """Put what a zip or tar archive holds, or a single scene file, into a new folder.  Raises DatasetError."""
+    """Unpack a zip or tar archive, or copy a single scene file, to a new folder.  Raises DatasetError."""
     folder.mkdir(parents=True)
     try:
         if zipfile.is_zipfile(archive):
@@ -243,12 +280,12 @@ def unpack(archive: Path, folder: Path) -> None:
         else:
             shutil.copyfile(archive, folder / archive.name)
     except (zipfile.BadZipFile, tarfile.TarError, EOFError, OSError, RuntimeError, NotImplementedError) as e:
-        raise DatasetError(f"cannot be unpacked: {e}", where=str(archive), hint="is it whole?") from None
+        raise DatasetError(f"cannot be unpacked: {e}", where=str(archive), hint="is the file complete?") from None
 
 
 def _bounded(archive: Path, members: list[tuple[str, int]]) -> None:
     if len(members) > MAX_MEMBERS or sum(size for _, size in members) > MAX_UNPACKED:
-        raise DatasetError("unpacks to more than a scene can be", where=str(archive))
+        raise DatasetError("unpacks to more files or bytes than allowed", where=str(archive))
     for name, _ in members:
         if name.startswith(("/", "\\")) or ".." in PurePosixPath(name.replace("\\", "/")).parts:
-            raise DatasetError(f"holds {name!r}, which leads out of its folder", where=str(archive))
+            raise DatasetError(f"holds {name!r}, a path outside its folder", where=str(archive))
