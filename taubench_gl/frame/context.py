@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import moderngl
 import numpy as np
 
 from taubench_gl.animation import FrameState, View
@@ -15,6 +14,9 @@ from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.records import Placement
 from taubench_gl.frame.scene_buffers import SceneBuffers
 from taubench_gl.frame.targets import History, Targets
+
+if TYPE_CHECKING:
+    import moderngl
 
 
 @dataclass(slots=True)

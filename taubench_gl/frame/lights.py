@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
@@ -15,6 +15,9 @@ from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.lighting import spot_terms
 from taubench_gl.scene.model import Scene
+
+if TYPE_CHECKING:
+    import moderngl
 
 Array = np.ndarray
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.errors import GraphicsError
@@ -21,6 +21,9 @@ from taubench_gl.frame.material_slots import (
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.scene.model import Material, Scene, Texture
+
+if TYPE_CHECKING:
+    import moderngl
 
 _GL_SRGB8_ALPHA8 = 0x8C43
 BLEND_CUTOFF = 0.5

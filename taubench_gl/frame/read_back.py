@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.frame.targets import from_gl, raw_image, read_channel
 from taubench_gl.gpu.context import Gpu
+
+if TYPE_CHECKING:
+    import moderngl
 
 
 class PendingImage:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.frame.geometry import Draw, Geometry, Pool
 from taubench_gl.frame.materials import MaterialTable
 from taubench_gl.frame.records import RECORD, Placement
 from taubench_gl.gpu.context import Gpu
+
+if TYPE_CHECKING:
+    import moderngl
 
 Array = np.ndarray
 COMMAND = np.dtype(
@@ -170,7 +173,7 @@ class SceneBuffers:
         key = (group.posed, program.glo, records.glo)
         if key not in self._vaos:
             self._vaos[key] = self._vertex_array(self.pools[group.posed], program, records)
-        self._vaos[key].render_indirect(commands, moderngl.TRIANGLES, count, first)
+        self._vaos[key].render_indirect(commands, self._gpu.ctx.TRIANGLES, count, first)
 
     def _vertex_array(
         self, pool: dict[str, moderngl.Buffer], program: moderngl.Program, records: moderngl.Buffer

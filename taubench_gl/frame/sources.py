@@ -6,9 +6,8 @@ The rasterizer is one source, path-traced files are another; one mask implementa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-import moderngl
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
@@ -26,6 +25,9 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
+
+if TYPE_CHECKING:
+    import moderngl
 
 
 class Source(Protocol):

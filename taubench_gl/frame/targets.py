@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import require_memory
+
+if TYPE_CHECKING:
+    import moderngl
 
 _NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32, "f1": np.uint8}
 _BYTES = {"f4": 4, "f2": 2, "u4": 4, "f1": 1}
@@ -30,7 +33,7 @@ class Targets:
         for name in self.channels:
             info = CHANNELS[name]
             texture = gpu.ctx.texture(size, info.components, dtype=stored_dtype(name, storage))
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            texture.filter = (gpu.ctx.NEAREST, gpu.ctx.NEAREST)
             self.textures[name] = texture
         drawn = [texture for name, texture in self.textures.items() if CHANNELS[name].attachment]
         self.framebuffer = gpu.ctx.framebuffer(drawn, depth)

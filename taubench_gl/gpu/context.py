@@ -11,12 +11,13 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
-
-import moderngl
+from typing import TYPE_CHECKING, Any
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.hazards import Hazards
+
+if TYPE_CHECKING:
+    import moderngl
 
 BACKEND_VARIABLE = "TAUBENCH_BACKEND"
 REQUIRED_VERSION = 450
@@ -212,6 +213,8 @@ def open_gpu(backend: str = "auto", device: int | None = None) -> Gpu:
 
 
 def _create(name: str, device: int | None) -> Gpu:
+    import moderngl
+
     if name == "egl":
         arguments = {} if device is None else {"device_index": device}
         ctx = moderngl.create_context(standalone=True, backend="egl", **arguments)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import moderngl
+if TYPE_CHECKING:
+    import moderngl
 
-IMAGE_ACCESS, FETCH = moderngl.SHADER_IMAGE_ACCESS_BARRIER_BIT, moderngl.TEXTURE_FETCH_BARRIER_BIT
-STORAGE, ATTRIBUTES = moderngl.SHADER_STORAGE_BARRIER_BIT, moderngl.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
-UPDATE = moderngl.TEXTURE_UPDATE_BARRIER_BIT | moderngl.BUFFER_UPDATE_BARRIER_BIT
-_EVERY = IMAGE_ACCESS | FETCH | STORAGE | ATTRIBUTES | UPDATE | moderngl.FRAMEBUFFER_BARRIER_BIT
+
+# Bits of glMemoryBarrier.
+ATTRIBUTES, FETCH, IMAGE_ACCESS, STORAGE = 0x1, 0x8, 0x20, 0x2000
+_TEXTURE_UPDATE, _BUFFER_UPDATE, _FRAMEBUFFER, _ALL = 0x100, 0x200, 0x400, 0xFFFFFFFF
+_EVERY = ATTRIBUTES | FETCH | IMAGE_ACCESS | STORAGE | _TEXTURE_UPDATE | _BUFFER_UPDATE | _FRAMEBUFFER
 
 
 class Hazards:
@@ -41,7 +43,7 @@ class Hazards:
     def publish(self) -> None:
         """Make everything visible to readers that declare nothing: read-backs, other packages' passes."""
         if self._unseen:
-            self._barrier(moderngl.ALL_BARRIER_BITS)
+            self._barrier(_ALL)
 
     def _barrier(self, bits: int) -> None:
         self._ctx.memory_barrier(bits)

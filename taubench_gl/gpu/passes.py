@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import moderngl
 import numpy as np
 
 from taubench_gl.errors import GraphicsError
@@ -15,6 +14,9 @@ from taubench_gl.gpu.hazards import FETCH, IMAGE_ACCESS, STORAGE
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.gpu.timing import PassTimer
+
+if TYPE_CHECKING:
+    import moderngl
 
 _WAYS = {TEXTURE: FETCH, IMAGE: IMAGE_ACCESS, BUFFER: STORAGE}
 
@@ -43,7 +45,7 @@ class GpuContext:
         if resource.dtype == "depth":
             return self.gpu.depth_texture(resource.size)
         texture = self.gpu.ctx.texture(resource.size, resource.components, dtype=resource.dtype)
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        texture.filter = (self.gpu.ctx.NEAREST, self.gpu.ctx.NEAREST)
         return texture
 
     def allocate_all(self, passes: Iterable[Pass]) -> dict[str, Any]:

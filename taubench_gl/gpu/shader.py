@@ -11,11 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-
-import moderngl
+from typing import TYPE_CHECKING
 
 from taubench_gl.errors import GraphicsError
 from taubench_gl.paths import SHADERS
+
+if TYPE_CHECKING:
+    import moderngl
 
 VERSION = "#version 450\n"
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
@@ -136,6 +138,8 @@ def compile_compute(ctx: moderngl.Context, source: Source) -> moderngl.ComputeSh
 
 
 def _compile(make, sources: list[Source]):
+    import moderngl
+
     try:
         return make()
     except moderngl.Error as error:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -48,7 +49,7 @@ def test_a_driver_that_is_too_old_is_named(no_contexts, monkeypatch) -> None:
     class Old:
         version_code = 330
 
-    monkeypatch.setattr(context.moderngl, "create_context", lambda **_: Old())
+    monkeypatch.setattr(moderngl, "create_context", lambda **_: Old())
     with pytest.raises(GraphicsError, match=r"offers GL 3\.3, 4\.5 is needed"):
         open_gpu("egl")
 
@@ -86,9 +87,9 @@ def test_depth_runs_from_zero_to_one(gpu: Gpu) -> None:
     triangle = ctx.vertex_array(program, [(points, "2f", "p")])
     target.use()
     target.clear(depth=0.0)
-    ctx.enable_only(context.moderngl.DEPTH_TEST)
+    ctx.enable_only(moderngl.DEPTH_TEST)
     ctx.depth_func = ">"
-    triangle.render(context.moderngl.TRIANGLES)
+    triangle.render(moderngl.TRIANGLES)
     assert np.frombuffer(depth.read(), "f4")[0] == pytest.approx(0.25, abs=1e-6)
     gpu.unbind_framebuffer()
     for item in (triangle, points, program, target, depth):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.animation import FrameState, View, skin_matrices
@@ -14,6 +14,9 @@ from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.passes import GpuContext, fitted
 from taubench_gl.scene.model import Primitive, Scene
+
+if TYPE_CHECKING:
+    import moderngl
 
 Array = np.ndarray
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-
-import moderngl
+from typing import TYPE_CHECKING
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.context import FrameContext
@@ -17,6 +16,9 @@ from taubench_gl.gpu.hazards import ATTRIBUTES
 from taubench_gl.gpu.layout import Field, Struct, column_major
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
+
+if TYPE_CHECKING:
+    import moderngl
 
 FRAME = Struct(
     "FrameRecord",
@@ -85,9 +87,9 @@ def channel_pass(
 
 def set_facing(ctx: moderngl.Context, group: Group) -> None:
     if group.cull:
-        ctx.enable(moderngl.CULL_FACE)
+        ctx.enable(ctx.CULL_FACE)
     else:
-        ctx.disable(moderngl.CULL_FACE)
+        ctx.disable(ctx.CULL_FACE)
     ctx.front_face = "cw" if group.mirrored else "ccw"
 
 
@@ -119,7 +121,7 @@ class GBufferPass:
         self._frame.write(record.tobytes())
         self._frame.bind_to_uniform_block(self._raster.bindings["F"])
         hazards.before((buffer, ATTRIBUTES) for buffer in buffers.posed_buffers)
-        ctx.enable_only(moderngl.DEPTH_TEST)
+        ctx.enable_only(ctx.DEPTH_TEST)
         ctx.depth_func = ">"
         prepass = PIXELS_PER_TRIANGLE * buffers.shown_triangles <= targets.size[0] * targets.size[1]
         if prepass:
@@ -137,7 +139,7 @@ class GBufferPass:
             buffers.draw(group, program)
         frame.materials.unbind()
         ctx.front_face = "ccw"
-        ctx.disable(moderngl.CULL_FACE)
+        ctx.disable(ctx.CULL_FACE)
         drawn = (texture for name, texture in targets.textures.items() if CHANNELS[name].attachment)
         hazards.wrote(drawn, drawn=True)
 

@@ -8,8 +8,8 @@ pass runs, wherever the camera is.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.channels import CHANNELS
@@ -29,6 +29,9 @@ from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.scene.model import Scene
+
+if TYPE_CHECKING:
+    import moderngl
 
 Array = np.ndarray
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-import moderngl
 import numpy as np
 
 from taubench_gl import conventions
@@ -18,6 +17,9 @@ from taubench_gl.gpu.layout import Field, Struct, column_major
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 from taubench_gl.settings import Settings
+
+if TYPE_CHECKING:
+    import moderngl
 
 REPROJECTION = Struct(
     "Reprojection",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import moderngl
 import numpy as np
 
 from taubench_gl.frame.casters import Rect, ShadowMapCache
@@ -21,6 +21,9 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import Pass, Resource, stage
 from taubench_gl.gpu.layout import column_major
 from taubench_gl.gpu.passes import CompiledRaster, GpuContext, fitted
+
+if TYPE_CHECKING:
+    import moderngl
 
 Array = np.ndarray
 STRIDE = 256  # bytes; no driver needs a larger alignment of uniform buffer offsets
@@ -120,7 +123,7 @@ class FaceDrawer:
         origins = [view.position if anchor is None else anchor.origin, view.position]  # of fixed and of posed draws
         self._upload_frames([face.clip_from_relative(o) for face, _, _ in stale for o in origins], stale)
         framebuffer.use()
-        ctx.enable_only(moderngl.DEPTH_TEST if depth_test else moderngl.NOTHING)
+        ctx.enable_only(ctx.DEPTH_TEST if depth_test else ctx.NOTHING)
         ctx.depth_func = ">"
         records = scene.records if anchor is None else anchor.buffer
         for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
@@ -186,7 +189,7 @@ class ShadowPass:
         self._cache = ShadowMapCache(len(faces))
         self.atlas = context.allocate_all([declaration])["shadow_atlas"]
         self.atlas.compare_func = ""
-        self.atlas.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.atlas.filter = (gpu.ctx.NEAREST, gpu.ctx.NEAREST)
         self._framebuffer = gpu.ctx.framebuffer(depth_attachment=self.atlas)
         self._framebuffer.clear(depth=0.0)
         self.rows = FACE.zeros(max(len(faces), 1))
