@@ -41,7 +41,7 @@ import each other."""
 NO_GL = {"scene", "animation", "effects", "metrics", "report", "run", *LEAF}
 """Packages that must import without OpenGL."""
 
-NO_GL_MODULES = tuple(f"pathtraced.{name}" for name in ("exr", "sequence", "cameras", "check", "blender.render"))
+NO_GL_MODULES = tuple(f"pathtraced.{name}" for name in ("check", "compare", "blender.convert", "blender.render"))
 """Modules that must import without OpenGL although their package needs it elsewhere."""
 
 MAY_IMPORT_MODERNGL = {"gpu", "frame", "pathtraced", "reuse", "viewer"}
