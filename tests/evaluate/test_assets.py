@@ -66,12 +66,10 @@ def test_bench_writes_ratios_and_its_clock(which: str, tmp_path: Path) -> None:
     command += ["--out", tmp_path]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"clock: .*clock|clock: GL timer query", done.stdout)
-    expected = r"twin : masks = \d+\.\d x" if which == "masks" else r"8 : 2 channels = \d+\.\d x"
-    assert re.search(expected, done.stdout), done.stdout
-    assert re.search(r"peak resident memory .*: \d+ MiB", done.stdout) and "GPU memory" in done.stdout
+    assert re.search(r"\d+ MiB", done.stdout)
     results = json.loads((tmp_path / "bench.json").read_text())
-    assert results["provenance"]["renderer"] and results["provenance"]["clock"]
+    assert results["provenance"]["renderer"] and results["provenance"]["clock"] in done.stdout
+    assert any(re.search(r"= \d+\.\d x", note) for note in results["benches"][which]["notes"])
     for row in results["benches"][which]["rows"]:
         if row["median_ms"] is None:  # a peer that is not installed
             assert "not installed" in row["note"] and row["ratio"] is None and row["samples"] == 0
