@@ -55,7 +55,7 @@ def ball_at(time: float, speed: float = 1.0) -> Array:
     return np.array([math.sin(2.0 * speed * time), -0.2, -4.0])
 
 
-def draw(view: View, time: float, size: tuple[int, int], speed: float = 1.0) -> dict[str, Array]:
+def render_view(view: View, time: float, size: tuple[int, int], speed: float = 1.0) -> dict[str, Array]:
     """Geometry and noise-free radiance at ``time``; ``world``: world positions; ``ball`` (h, w) bool: pixels of the
     ball."""
     width, height = size
@@ -113,7 +113,7 @@ def synthetic_steps(
     for index in range(count):
         time, prev_time = index / FPS, max(index - 1, 0) / FPS
         view, prev_view = view_at(index), view_at(max(index - 1, 0))
-        now = draw(view, time, size, speed)
+        now = render_view(view, time, size, speed)
         before = now if before is None else before
         pair = reprojection(view, prev_view, *size)
         shift = ball_at(prev_time, speed) - ball_at(time, speed)

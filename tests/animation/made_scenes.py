@@ -1,4 +1,4 @@
-"""Small Scenes made in code, for tests that must not depend on a file reader."""
+"""Small scenes without files, for tests that do not depend on a reader."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taubench_gl.scene.model import Channel, Mesh, Nodes, Primitive, Scene
 def make_nodes(parents, **fields) -> Nodes:
     """Nodes with glTF's defaults; ``fields`` are whole columns, e.g. ``translation=[[1, 0, 0]]``.
 
-    A ``matrix`` counts where ``has_matrix`` says so, as in the model; elsewhere it is there to be ignored.
+    A ``matrix`` is used where ``has_matrix`` is set, as in the model, and ignored elsewhere.
     """
     count, nodes = len(parents), NodeList()
     names = fields.pop("names", [f"n{i}" for i in range(count)])

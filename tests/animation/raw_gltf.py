@@ -1,4 +1,4 @@
-"""A second, plain way from a glTF file to a pose: struct, json, SciPy, one loop per node and per vertex.
+"""A second implementation of poses from glTF files: struct, json, SciPy, one loop per node and per vertex.
 
 Shares no code with the package, so that a misread convention cannot agree with itself.  Knows only what the sample
 files use: no sparse accessors, no extensions.

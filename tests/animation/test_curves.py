@@ -1,4 +1,5 @@
-"""One channel at one time: closed forms, SciPy as second opinion, and the inputs where the textbook formula fails."""
+"""One channel at one time: closed forms, SciPy as second implementation, and inputs where the textbook formula
+fails."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ def about_y(degrees):
 
 
 def textbook_slerp(a, b, u):
-    """What is found in most textbooks, for showing that the cases below are hard."""
+    """The formula of most textbooks, which fails in the cases below."""
     angle = np.arccos(np.dot(a, b))
     return (np.sin((1 - u) * angle) * a + np.sin(u * angle) * b) / np.sin(angle)
 
@@ -35,7 +36,7 @@ def textbook_slerp(a, b, u):
 
 
 @pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
-def test_clamps_outside_the_keys_and_hits_every_key(interpolation):
+def test_values_at_and_outside_the_keys(interpolation):
     times, keys = [0.5, 1.0, 3.0], np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [-7.0, 8.0, 0.1]])
     values = np.stack([keys + 100, keys, keys - 100], axis=1) if interpolation == "CUBICSPLINE" else keys
     channel = make_channel(0, "translation", times, values, interpolation)
@@ -43,20 +44,20 @@ def test_clamps_outside_the_keys_and_hits_every_key(interpolation):
         assert np.array_equal(curves.sample_channel(channel, t), keys[expected])
 
 
-def test_step_holds_until_the_next_key():
+def test_step_is_constant_until_the_next_key():
     channel = make_channel(0, "translation", [0, 1], [[1, 1, 1], [2, 2, 2]], "STEP")
     assert curves.sample_channel(channel, np.nextafter(1.0, 0.0))[0] == 1
     assert curves.sample_channel(channel, 1.0)[0] == 2
 
 
-def test_linear_is_linear():
+def test_linear_interpolation():
     channel = make_channel(0, "translation", [1, 3], [[0, 10, -4], [2, 20, 4]])
     assert np.allclose(curves.sample_channel(channel, 1.5), [0.5, 12.5, -2], rtol=1e-15)
 
 
 @pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
 @pytest.mark.parametrize("path", ["translation", "rotation"])
-def test_a_single_key_is_a_constant(interpolation, path):
+def test_single_key_is_constant(interpolation, path):
     key = quat(1, 2, 3, 4) if path == "rotation" else np.array([1.0, 2.0, 3.0])
     values = np.stack([key * 9, key, key * 9])[None] if interpolation == "CUBICSPLINE" else key[None]
     channel = make_channel(0, path, [2.0], values, interpolation)
@@ -70,14 +71,14 @@ def test_a_single_key_is_a_constant(interpolation, path):
     st.integers(0, 2**32 - 1),
     st.lists(unit, min_size=1, max_size=8),
 )
-def test_cubicspline_is_scipys_hermite_spline(steps, seed, places):
+def test_cubicspline_against_scipy(steps, seed, places):
     times = np.concatenate([[0.0], np.cumsum(steps)])
     values = np.random.default_rng(seed).normal(size=(len(times), 3, 3))
     channel = make_channel(0, "translation", times, values, "CUBICSPLINE")
     for place in places:
         t = place * times[-1]
         i = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 2)
-        # glTF has separate in- and out-tangents, so SciPy is asked one segment at a time.
+        # glTF has separate in- and out-tangents, so SciPy evaluates one segment at a time.
         oracle = CubicHermiteSpline(times[i : i + 2], values[i : i + 2, 1], [values[i, 2], values[i + 1, 0]])
         assert np.allclose(curves.sample_channel(channel, t), oracle(t), rtol=1e-10, atol=1e-10)
 
@@ -90,7 +91,7 @@ def test_cubicspline_tangents_are_per_second():
 
 @settings(deadline=None)
 @given(components, components, components, components, unit)
-def test_cubicspline_rotations_are_unit(in1, a, b, out0, u):
+def test_cubicspline_rotations_have_unit_length(in1, a, b, out0, u):
     values = np.array([[a, a, out0], [in1, b, b]], dtype=float)
     q = curves.sample_channel(make_channel(0, "rotation", [0, 1], values, "CUBICSPLINE"), u)
     assert np.linalg.norm(q) == pytest.approx(1, abs=1e-12)
@@ -98,7 +99,7 @@ def test_cubicspline_rotations_are_unit(in1, a, b, out0, u):
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CUBICSPLINE"])
 @pytest.mark.parametrize("path", ["translation", "rotation"])
-def test_equal_keys_are_constant_to_the_last_bit(interpolation, path):
+def test_equal_keys_are_constant_bit_for_bit(interpolation, path):
     key = quat(0.1, 0.2, 0.3, 0.7) if path == "rotation" else np.array([0.1, 1 / 3, 1e6 / 7])
     values = np.stack([key, key])
     if interpolation == "CUBICSPLINE":
@@ -106,7 +107,7 @@ def test_equal_keys_are_constant_to_the_last_bit(interpolation, path):
     channel = make_channel(0, path, [0, 1], values, interpolation)
     samples = {curves.sample_channel(channel, t).tobytes() for t in np.linspace(0, 1, 97)}
     assert len(samples) == 1
-    # The form (1 - u) a + u b, seen more often, trembles.
+    # The more common form (1 - u) a + u b is not constant.
     trembling = {((1 - u) * key + u * key).tobytes() for u in np.linspace(0, 1, 97)}
     assert len(trembling) > 1
 
@@ -114,7 +115,7 @@ def test_equal_keys_are_constant_to_the_last_bit(interpolation, path):
 @pytest.mark.parametrize("dt", [5e-324, 1e-310, 1e-45, 1e-20])
 @pytest.mark.parametrize("interpolation", ["STEP", "LINEAR", "CUBICSPLINE"])
 @pytest.mark.parametrize("path", ["translation", "rotation"])
-def test_denormal_time_steps_stay_finite(dt, interpolation, path):
+def test_denormal_time_steps_give_finite_values(dt, interpolation, path):
     n = 4 if path == "rotation" else 3
     keys = np.random.default_rng(1).normal(size=(3, n)).astype(np.float32).astype(float)
     keys[1] *= 3e38 if path == "translation" else 1.0
@@ -129,7 +130,7 @@ def test_denormal_time_steps_stay_finite(dt, interpolation, path):
 
 @settings(deadline=None)
 @given(components, components, unit)
-def test_slerp_is_scipys_slerp(a, b, u):
+def test_slerp_against_scipy(a, b, u):
     a, b = quat(*a), quat(*b)
     if abs(np.dot(a, b)) < 1e-6:  # 180 degrees apart: both ways are right
         return
@@ -140,7 +141,7 @@ def test_slerp_is_scipys_slerp(a, b, u):
 
 @settings(deadline=None)
 @given(components, components, unit)
-def test_slerp_is_unit_and_ends_at_its_keys(a, b, u):
+def test_slerp_has_unit_length_and_reaches_its_keys(a, b, u):
     a, b = quat(*a), quat(*b)
     assert np.linalg.norm(curves.slerp(a, b, u)) == pytest.approx(1, abs=1e-14)
     assert np.array_equal(curves.slerp(a, b, 0.0), a)
@@ -149,7 +150,7 @@ def test_slerp_is_unit_and_ends_at_its_keys(a, b, u):
 
 @settings(deadline=None)
 @given(components, components, st.lists(unit, min_size=2, max_size=10))
-def test_slerp_turns_at_constant_speed_and_never_more_than_180_degrees(a, b, places):
+def test_slerp_has_constant_speed_along_the_shorter_arc(a, b, places):
     a, b = quat(*a), quat(*b)
     whole = math3d.quat_angle(a, b)
     assert whole <= np.pi + 1e-12
@@ -159,13 +160,13 @@ def test_slerp_turns_at_constant_speed_and_never_more_than_180_degrees(a, b, pla
         assert math3d.quat_angle(q, b) == pytest.approx((1 - u) * whole, abs=1e-12)
 
 
-def test_slerp_takes_the_short_way_where_the_textbook_takes_the_long_one():
+def test_slerp_takes_the_shorter_arc_where_the_textbook_formula_does_not():
     a, b = about_y(-10), about_y(10)
     assert Rotation.from_quat(curves.slerp(a, -b, 0.5)).magnitude() < 1e-15
     assert Rotation.from_quat(textbook_slerp(a, -b, 0.5)).magnitude() == pytest.approx(np.pi)
 
 
-def test_slerp_of_opposite_quaternions_stands_still_where_the_textbook_gives_nan():
+def test_slerp_of_opposite_quaternions_where_the_textbook_formula_is_nan():
     a = quat(0.1, 0.2, 0.3, 0.9)
     with np.errstate(all="ignore"):
         worst = textbook_slerp(a, -a, 0.5)
@@ -191,12 +192,12 @@ def test_slerp_of_tiny_turns(degrees):
     a, b = about_y(0), about_y(degrees)
     got = math3d.quat_angle(a, curves.slerp(a, b, 0.25))
     assert np.degrees(got) == pytest.approx(0.25 * degrees, rel=1e-6)
-    if degrees <= 1e-7:  # the textbook's acos no longer sees the turn at all
+    if degrees <= 1e-7:  # the acos of the textbook formula has no precision here
         with np.errstate(all="ignore"):
             assert not np.all(np.isfinite(textbook_slerp(a, b, 0.25)))
 
 
-def test_zero_quaternion_key_is_no_rotation():
+def test_zero_quaternion_is_no_rotation():
     channel = make_channel(0, "rotation", [0, 1], [[0, 0, 0, 0], about_y(90)])
     assert np.array_equal(curves.sample_channel(channel, 0.0), [0, 0, 0, 1])
     assert math3d.quat_angle(curves.sample_channel(channel, 0.5), about_y(45)) < 1e-14
@@ -204,7 +205,7 @@ def test_zero_quaternion_key_is_no_rotation():
 
 @settings(deadline=None)
 @given(st.lists(components, min_size=2, max_size=5), st.floats(-1, 6))
-def test_rotation_keys_need_not_be_normalised(keys, t):
+def test_rotation_keys_of_any_length(keys, t):
     keys = np.array(keys)
     lengths = np.linspace(0.2, 3, len(keys))[:, None]
     times = np.arange(len(keys))

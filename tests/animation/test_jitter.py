@@ -1,4 +1,4 @@
-"""Sub-pixel jitter: closed forms of the sequence and of what it does to a projection."""
+"""Sub-pixel jitter: closed forms of the sequence and of its effect on a projection."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def pixels(view: View, points) -> np.ndarray:
     return (clip[:, :2] / clip[:, 3:] + 1.0) * 0.5 * SIZE - 0.5
 
 
-def test_halton_is_the_known_sequence():
+def test_halton_sequence():
     assert [Fraction(radical_inverse(i, 2)) for i in range(1, 6)] == [Fraction(n, 8) for n in (4, 2, 6, 1, 5)]
     thirds = [radical_inverse(i, 3) for i in range(1, 6)]
     assert thirds == pytest.approx([1 / 3, 2 / 3, 1 / 9, 4 / 9, 7 / 9], abs=1e-15)
 
 
-def test_one_period_covers_the_pixel_evenly():
+def test_period_covers_the_pixel_evenly():
     offsets = np.array([halton_jitter(i) for i in range(HALTON_PERIOD)])
     assert offsets.min() >= -0.5 and offsets.max() < 0.5
     # 16 elements of base 2: one in each half, quarter and eighth (element 16 wraps into the first again).
@@ -42,14 +42,14 @@ def test_one_period_covers_the_pixel_evenly():
 
 
 @pytest.mark.parametrize("samples", [1, 2, 4, 6, 7, 16])
-def test_grid_offsets_are_distinct_and_centred(samples):
+def test_grid_offsets_are_distinct_and_centered(samples):
     offsets = grid_offsets(samples)
     assert len({tuple(o) for o in offsets}) == len(offsets) == samples
     assert np.abs(offsets).max() < 0.5 and np.abs(offsets.mean(axis=0)).max() < 1e-15
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=["perspective", "orthographic"])
-def test_what_lies_at_i_plus_jitter_is_drawn_at_i(lens):
+def test_point_at_i_plus_jitter_is_drawn_at_i(lens):
     view = View(np.zeros(3), np.eye(3), lens)
     jittered = replace(view, jitter_px=np.array([0.375, -0.25]))
     points = np.array([[0.1, 0.2, -1.0], [-1.0, 0.4, -7.0], [0.5, -0.6, -20.0]])
@@ -58,7 +58,7 @@ def test_what_lies_at_i_plus_jitter_is_drawn_at_i(lens):
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=["perspective", "orthographic"])
-def test_sky_rays_run_through_the_samples(lens):
+def test_sky_rays_pass_through_the_samples(lens):
     view = View(np.zeros(3), np.eye(3), lens, np.array([0.375, -0.25]))
     pair = reprojection(view, view, *SIZE)
     x, y = 11, 23
@@ -67,7 +67,7 @@ def test_sky_rays_run_through_the_samples(lens):
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=["perspective", "orthographic"])
-def test_motion_without_jitter_is_zero_on_a_still_picture(lens):
+def test_motion_without_jitter_is_zero_for_a_still_image(lens):
     now = View(np.zeros(3), np.eye(3), lens, np.array([0.375, -0.25]))
     then = replace(now, jitter_px=np.array([-0.125, 0.4375]))
     position = np.zeros((SIZE[1], SIZE[0], 4))

@@ -20,7 +20,7 @@ HALF_Y = [0, np.sin(np.pi / 4), 0, np.cos(np.pi / 4)]  # 90 degrees about +Y
 
 
 def random_tree(seed: int, n: int):
-    """Nodes in a random file order: children may come before their parents."""
+    """Nodes in random order: children can precede their parents."""
     rng = np.random.default_rng(seed)
     order = rng.permutation(n)
     parents = np.full(n, -1)
@@ -52,7 +52,7 @@ def local_by_scipy(scene, node):
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 25))
-def test_world_is_the_product_of_the_chain_and_visibility_its_conjunction(seed, n):
+def test_world_and_visibility_compose_along_the_hierarchy(seed, n):
     parents, fields = random_tree(seed, n)
     scene = make_scene(parents, **fields)
     state = sample(scene, 0.0)
@@ -69,7 +69,7 @@ def test_world_is_the_product_of_the_chain_and_visibility_its_conjunction(seed, 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(-1, 5))
-def test_animated_pose_is_the_pose_of_a_scene_with_the_sampled_values_at_rest(seed, t):
+def test_animated_pose_equals_the_pose_of_the_sampled_values(seed, t):
     rng = np.random.default_rng(seed)
     n = 12
     parents, fields = random_tree(seed, n)
@@ -90,7 +90,7 @@ def test_animated_pose_is_the_pose_of_a_scene_with_the_sampled_values_at_rest(se
     assert np.array_equal(moving.world, frozen.world)
 
 
-def test_a_pose_does_not_depend_on_what_was_sampled_before():
+def test_pose_is_independent_of_earlier_samples():
     channels = [make_channel(0, "translation", [0, 1], [[0, 0, 0], [1, 2, 3]])]
     channels += [make_channel(1, "visible", [0, 1], [[1], [0]], "STEP")]
     channels += [make_channel(0, "rotation", [0, 1], [HALF_Y, [0, 0, 0, 1]])]
@@ -101,11 +101,11 @@ def test_a_pose_does_not_depend_on_what_was_sampled_before():
         state, fresh = poser.sample(t), sample(scene, t)
         assert np.array_equal(state.world, fresh.world)
         assert np.array_equal(state.visible, fresh.visible)
-        state.world[:] = np.nan  # whatever a caller does to its state stays in that state
+        state.world[:] = np.nan  # changing a state does not affect others
         state.visible[:] = False
 
 
-def test_still_nodes_keep_every_bit_while_others_move():
+def test_still_nodes_are_constant_bit_for_bit():
     parents, fields = random_tree(5, 10)
     root = parents.index(-1)
     scene = make_scene(
@@ -122,16 +122,16 @@ def test_empty_scene():
     assert state.world.shape == (0, 4, 4) and state.visible.shape == (0,)
 
 
-def test_visibility_is_animated_inherited_and_stepped():
+def test_visibility_is_animated_inherited_and_step():
     channels = [make_channel(0, "visible", [0, 1, 2], [[1], [0], [1]], "STEP")]
     poser = Poser(make_scene([-1, 0, 1], channels, visible=[1, 1, 0]))
     for t, expected in [(0.0, [1, 1, 0]), (0.99, [1, 1, 0]), (1.0, [0, 0, 0]), (2.0, [1, 1, 0])]:
         assert poser.sample(t).visible.tolist() == [bool(v) for v in expected]
 
 
-def test_a_nodes_matrix_wins_over_its_trs():
+def test_matrix_of_a_node_has_precedence_over_trs():
     matrix = np.eye(4)
-    matrix[0, 1] = 0.5  # shear, which no TRS can say
+    matrix[0, 1] = 0.5  # shear, which TRS cannot represent
     scene = make_scene([-1], matrix=[matrix], has_matrix=[True], translation=[[9, 9, 9]])
     assert np.array_equal(sample(scene, 0.0).world[0], matrix)
 
@@ -159,7 +159,7 @@ def morphing_primitive(**fields) -> Primitive:
     return triangle(targets=(up, away), **fields)
 
 
-def test_morph_weights_come_from_channel_then_node_then_mesh():
+def test_precedence_of_morph_weights():
     mesh = Mesh("m", (morphing_primitive(),), weights=np.array([0.1, 0.2]))
     bare = Mesh("bare", (morphing_primitive(),))
     channels = [make_channel(2, "weights", [0, 1], [[0, 0], [1, 4]])]
@@ -181,7 +181,7 @@ def test_morphed_vertices_and_normals():
 # --- node transforms, instances, normals ---------------------------------------------------------------------------
 
 
-def test_instances_are_placed_inside_their_node():
+def test_instances_are_relative_to_their_node():
     placed = np.stack([math3d.affine(np.eye(3), np.array(p, float)) for p in ([0, 0, 0], [0, 5, 0])])
     scene = make_scene(
         [-1], meshes=[triangle_mesh()], mesh=[0], instances={0: placed}, translation=[[1, 0, 0]], rotation=[HALF_Y]
@@ -195,10 +195,10 @@ def test_instances_are_placed_inside_their_node():
 
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_normals_stay_perpendicular_and_on_the_outer_side(seed):
+def test_normals_are_perpendicular_and_point_outwards(seed):
     rng = np.random.default_rng(seed)
     matrix = np.eye(4)
-    matrix[:3, :3] = rng.normal(size=(3, 3))  # shear, and a mirror every other time
+    matrix[:3, :3] = rng.normal(size=(3, 3))  # shear, and a mirror in half of the cases
     normal = math3d.normalize(rng.normal(size=3))
     primitive = triangle(normals=np.tile(normal, (3, 1)))
     scene = make_scene([-1], meshes=[Mesh("m", (primitive,))], mesh=[0], matrix=[matrix], has_matrix=[True])
@@ -209,7 +209,7 @@ def test_normals_stay_perpendicular_and_on_the_outer_side(seed):
     assert out @ (matrix[:3, :3] @ normal) > 0
 
 
-def test_normals_survive_a_scale_of_zero_along_one_axis():
+def test_normals_with_a_scale_of_zero_along_one_axis():
     primitive = triangle(normals=np.tile(np.float32([0, 0, 1]), (3, 1)))
     scene = make_scene([-1], meshes=[Mesh("m", (primitive,))], mesh=[0], scale=[[2, 3, 0]])
     assert np.allclose(pose_normals(scene, sample(scene, 0.0), 0, primitive), [0, 0, 1])
@@ -224,7 +224,7 @@ def test_flat_shaded_primitives_have_no_vertex_normals():
 
 
 def skinned_scene(rotation=HALF_Y, weights=((1, 0, 0, 0), (0, 1, 0, 0), (0.5, 0.5, 0, 0)), **fields):
-    """Two joints at the origin and at x = 1, the second turned; the mesh's own node is far away and must not matter."""
+    """Two joints at the origin and at x = 1, the second rotated; the transform of the mesh node is not used."""
     joints = np.zeros((3, 4), dtype=np.uint32)
     joints[:, 1] = 1
     primitive = triangle(joints=joints, weights=np.array(weights, np.float32), **fields)
@@ -237,14 +237,14 @@ def skinned_scene(rotation=HALF_Y, weights=((1, 0, 0, 0), (0, 1, 0, 0), (0.5, 0.
     return scene, primitive
 
 
-def test_bind_pose_leaves_the_mesh_where_it_was_made():
+def test_bind_pose_does_not_move_the_mesh():
     scene, primitive = skinned_scene(rotation=[0, 0, 0, 1])
     state = sample(scene, 0.0)
     assert np.allclose(skin_matrices(scene, state, 0), np.eye(4))
     assert np.allclose(pose_vertices(scene, state, 2, primitive), primitive.positions)
 
 
-def test_linear_blend_skinning_against_the_sum_written_out():
+def test_linear_blend_skinning_against_an_explicit_sum():
     scene, primitive = skinned_scene(normals=np.tile(np.float32([0, 0, 1]), (3, 1)))
     state = sample(scene, 0.0)
     turned = Rotation.from_quat(HALF_Y)

@@ -36,7 +36,7 @@ def raw(data):
 
 
 def times_of(raw, animation):
-    """Between the keys, on some of them, before the first and after the last."""
+    """Times between keys, at keys, before the first key and after the last."""
     keys = np.concatenate([raw.accessor(s["input"])[:, 0] for s in animation["samplers"]])
     between = np.random.default_rng(0).uniform(keys.min(), keys.max(), 6)
     return [keys.min() - 1, 0.0, *np.random.default_rng(1).choice(keys, 3), *between, keys.max(), keys.max() + 1]

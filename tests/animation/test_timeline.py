@@ -1,4 +1,4 @@
-"""The vectorised timeline equals channel-by-channel sampling, bit for bit."""
+"""The vectorized timeline equals channel-by-channel sampling, bit for bit."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def random_channels(seed: int, count: int):
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.lists(st.floats(-1, 6), min_size=1, max_size=5))
-def test_equals_the_scalar_twin(seed, count, times):
+def test_equals_the_scalar_reference(seed, count, times):
     channels = random_channels(seed, count)
     timeline = Timeline(channels)
     on_keys = [float(channels[0].times[0]), float(channels[-1].times[-1])]
@@ -42,14 +42,14 @@ def test_equals_the_scalar_twin(seed, count, times):
         assert seen == count
 
 
-def test_channels_share_a_search_when_they_share_times():
+def test_channels_with_equal_times_share_a_search():
     channels = [make_channel(i, "translation", [0, 1, 2], np.zeros((3, 3))) for i in range(100)]
     assert len(Timeline(channels)._count) == 1
     assert len(Timeline(channels).tracks) == 1
 
 
 @pytest.mark.parametrize("keys", [1, 2, 3, 4, 5, 8, 9, 1000])
-def test_finds_the_segment_of_every_key_count(keys):
+def test_segments_for_every_number_of_keys(keys):
     times = np.cumsum(np.random.default_rng(keys).uniform(0.1, 1, keys))
     timeline = Timeline([make_channel(0, "translation", times, np.zeros((keys, 3)))])
     middles = (times[:-1] + times[1:]) / 2
@@ -58,7 +58,7 @@ def test_finds_the_segment_of_every_key_count(keys):
         assert found == curves.segment(times, t)
 
 
-def test_the_last_channel_on_a_property_counts():
+def test_last_channel_of_a_property_is_used():
     first = make_channel(0, "translation", [0], [[1, 1, 1]], "STEP")
     last = make_channel(0, "translation", [0], [[2, 2, 2]], "LINEAR")
     ((_, values),) = Timeline([first, last]).sample(0.0)
@@ -69,7 +69,7 @@ def test_no_channels():
     assert Timeline([]).sample(1.0) == []
 
 
-def test_visible_is_never_blended():
+def test_visibility_is_not_interpolated():
     channel = make_channel(0, "visible", [0, 1], [[1], [0]], "LINEAR")
     ((_, values),) = Timeline([channel]).sample(0.75)
     assert values.tolist() == [[1]]

@@ -30,28 +30,28 @@ def camera_scene(**fields):
     )  # fmt: skip
 
 
-def test_choosing_by_name_index_and_default():
+def test_choose_camera_by_name_index_and_default():
     scene = camera_scene()
-    for wanted, node in [(None, 1), ("Camera_Orientation", 1), ("Main", 1), ("other", 2), (0, 1), (1, 2), ("1", 2)]:
-        assert choose_camera(scene, wanted).node == node
+    for requested, node in [(None, 1), ("Camera_Orientation", 1), ("Main", 1), ("other", 2), (0, 1), (1, 2), ("1", 2)]:
+        assert choose_camera(scene, requested).node == node
     assert choose_camera(scene).describe() == "camera 'Main' (node 'Camera_Orientation')"
     assert choose_camera(scene, 1).describe() == "camera 'other' (node 'other')"
 
 
-@pytest.mark.parametrize("wanted", ["main", "gone", 2, -1, "2", "", "²"])
-def test_unknown_cameras_list_what_there_is(wanted):
+@pytest.mark.parametrize("requested", ["main", "gone", 2, -1, "2", "", "²"])
+def test_error_for_unknown_cameras_lists_cameras(requested):
     with pytest.raises(SettingsError, match=r"Camera_Orientation.*other"):
-        choose_camera(camera_scene(), wanted)
+        choose_camera(camera_scene(), requested)
 
 
-def test_a_scene_without_cameras_gets_an_orbit_and_says_so():
+def test_scene_without_cameras_gets_an_orbit():
     scene = make_scene([-1], meshes=[triangle_mesh()], mesh=[0])
     assert choose_camera(scene).describe() == "framing orbit (the scene has no camera)"
     with pytest.raises(SettingsError, match="no camera"):
         choose_camera(scene, "Main")
 
 
-def test_file_camera_follows_its_node_and_its_parameters():
+def test_file_camera_follows_its_node_and_parameters():
     channels = [
         make_channel(0, "translation", [0, 1], [[0, 0, 0], [2, 0, 0]]),
         make_channel(0, "yfov", [0, 1], [[0.6], [0.8]], target="camera"),
@@ -65,7 +65,7 @@ def test_file_camera_follows_its_node_and_its_parameters():
 
 @settings(deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_scale_and_mirror_of_a_camera_node_are_left_out(seed):
+def test_scale_and_mirror_of_a_camera_node_are_ignored(seed):
     rng = np.random.default_rng(seed)
     scale = rng.uniform(0.1, 4, size=3) * rng.choice([-1, 1], size=3)
     scene = camera_scene(rotation=rng.normal(size=(4, 4)), scale=[[1, 1, 1], scale, [1, 1, 1], [1, 1, 1]])
@@ -76,7 +76,7 @@ def test_scale_and_mirror_of_a_camera_node_are_left_out(seed):
     assert np.allclose(-view.world_from_view[:, 2], looks / np.linalg.norm(looks))
 
 
-def test_a_camera_scaled_to_nothing_still_has_a_view():
+def test_camera_with_scale_zero_has_a_view():
     scene = camera_scene(scale=[[0, 0, 0]] * 4)
     assert is_rotation(FileCamera(scene, 1).view_at(sample(scene, 0.0)).world_from_view)
 
@@ -94,7 +94,7 @@ def orbit_scene(offset=(0.0, 0.0, 0.0), size=1.0, **fields):
 
 @pytest.mark.parametrize("offset", [(0, 0, 0), (1e6, -1e5, 3e6)])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-def test_the_orbit_sees_every_vertex_at_all_times(offset, size):
+def test_orbit_shows_every_vertex_at_all_times(offset, size):
     scene = orbit_scene(offset, size)
     orbit, poser = OrbitCamera(scene), Poser(scene)
     for t in np.linspace(0, orbit.period, 13):
@@ -109,7 +109,7 @@ def test_the_orbit_sees_every_vertex_at_all_times(offset, size):
             assert np.all(np.abs(ndc[:, :2]) < 1) and np.all((ndc[:, 2] > 0) & (ndc[:, 2] < 1))
 
 
-def test_the_orbit_is_periodic_steady_and_looks_at_the_middle():
+def test_orbit_is_periodic_and_looks_at_the_center():
     scene = orbit_scene()
     orbit, poser = OrbitCamera(scene), Poser(scene)
     start, quarter, whole = (orbit.view_at(poser.sample(t)) for t in (0, orbit.period / 4, orbit.period))
@@ -122,7 +122,7 @@ def test_the_orbit_is_periodic_steady_and_looks_at_the_middle():
     assert abs(start.world_from_view[1, 0]) < 1e-15  # no roll
 
 
-def test_pyrr_look_at_agrees_with_the_cross_products_written_out():
+def test_pyrr_look_at_against_explicit_cross_products():
     eye = np.array([0.3, 0.4, -0.7])
     z = eye / np.linalg.norm(eye)
     x = np.cross([0, 1, 0], z)
@@ -131,7 +131,7 @@ def test_pyrr_look_at_agrees_with_the_cross_products_written_out():
     assert np.allclose(matrix44.create_look_at(eye, np.zeros(3), np.array([0.0, 1.0, 0.0]))[:3, :3], ours, atol=1e-15)
 
 
-def test_bounds_cover_the_animation_and_leave_out_what_is_hidden():
+def test_bounds_cover_the_animation_without_hidden_nodes():
     channels = [make_channel(0, "translation", [0, 1], [[0, 0, 0], [10, 0, 0]])]
     scene = orbit_scene(channels=channels, visible=[1, 0])
     center, radius = bounding_sphere(Poser(scene), [0.0, 1.0])
@@ -139,7 +139,7 @@ def test_bounds_cover_the_animation_and_leave_out_what_is_hidden():
     assert radius == pytest.approx(math.hypot(5.5, 0.5))
 
 
-def test_bounds_of_nothing_and_of_a_point():
+def test_bounds_of_an_empty_scene_and_of_a_point():
     assert bounding_sphere(Poser(make_scene([])), [0.0])[1] == 1.0
     point = Primitive(np.full((3, 3), 2, np.float32), np.array([[0, 1, 2]], np.uint32))
     center, radius = bounding_sphere(Poser(make_scene([-1], meshes=[Mesh("p", (point,))], mesh=[0])), [0.0])

@@ -1,4 +1,4 @@
-"""What is a cut and what is only fast: camera paths with the statistics of Tables 2 and 3."""
+"""The cut rule on camera paths with the statistics of Tables 2 and 3."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def cuts_of(activity, **options):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_vr_cameras_one_teleport_is_found_and_nothing_else(seed):
+def test_only_the_teleport_of_the_vr_camera_is_a_cut(seed):
     rng = np.random.default_rng(seed)
     position = gamma(rng, 0.021, 0.0004)
     at = int(rng.integers(0, 360))
@@ -38,7 +38,7 @@ def test_the_vr_cameras_one_teleport_is_found_and_nothing_else(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_fast_game_camera_has_no_cuts(seed):
+def test_fast_game_camera_has_no_cuts(seed):
     rng = np.random.default_rng(seed)
     position = gamma(rng, 1.892, 0.826)
     position[rng.integers(0, 360)] = 5.475
@@ -51,7 +51,7 @@ def test_jittery_head_turns_are_no_cuts(seed):
     assert cuts_of(path(gamma(rng, 0.02, 0.0004), gamma(rng, 8.222, 72.563))) == []
 
 
-def test_lulls_in_jitter_do_not_make_the_next_turn_a_cut():
+def test_turn_after_a_lull_in_jitter_is_no_cut():
     angle = gamma(np.random.default_rng(3), 8.222, 72.563)
     angle[100:112] = 0.1
     angle[106] = 60.0
@@ -64,14 +64,14 @@ def test_still_sequences_have_no_cuts(n):
 
 
 @pytest.mark.parametrize("at", [0, 1, 7, 18, 19])
-def test_a_jump_in_an_otherwise_still_sequence_is_a_cut(at):
+def test_jump_in_a_still_sequence_is_a_cut(at):
     still = np.zeros(20)
     still[at] = 1.0
     assert cuts_of(path(still)) == [at]
     assert cuts_of(path(np.zeros(20), 45 * still)) == [at]
 
 
-def test_twitches_below_the_floor_are_no_cuts():
+def test_changes_below_the_floor_are_no_cuts():
     twitch = np.zeros(20)
     twitch[10] = 1.0
     assert cuts_of(path(0.2 * twitch, 25 * twitch)) == []
@@ -83,24 +83,24 @@ def test_starting_and_stopping_is_no_cut():
     assert cuts_of(path(moving, 20 * moving)) == []
 
 
-def test_cuts_next_to_each_other_do_not_hide_each_other():
+def test_adjacent_cuts_are_both_found():
     position = np.full(60, 0.05)
     position[[20, 22, 23]] = [5.0, 8.0, 6.0]
     assert cuts_of(path(position)) == [20, 22, 23]
 
 
-def test_constant_speed_is_never_a_cut_however_fast():
+def test_constant_speed_is_no_cut():
     assert cuts_of(path(np.full(100, 50.0), np.full(100, 120.0))) == []
 
 
 @pytest.mark.parametrize("n", [0, 1, 2])
-def test_too_few_pairs_to_tell(n):
+def test_no_cuts_with_too_few_pairs(n):
     assert cuts_of(path(np.full(n, 100.0))) == []
 
 
 @settings(deadline=None)
 @given(st.lists(st.floats(0, 100), min_size=3, max_size=40))
-def test_surroundings_are_what_the_rule_says(values):
+def test_typical_change_against_the_definition(values):
     values = np.array(values)
     for i, got in enumerate(typical_change(values)):
         before, after = values[max(0, i - WINDOW) : i], values[i + 1 : i + 1 + WINDOW]

@@ -17,7 +17,7 @@ from taubench_gl.settings import Settings
 RESAMPLINGS = 200
 
 
-def test_a_random_sample_has_the_textbook_interval():
+def test_interval_of_a_random_sample():
     values = np.array([3.0, 7.0, 4.0, 6.0])
     found = estimate(PairSample(20, ((20, (1, 5, 9, 17)),)), values)
     half = stats.t.ppf(0.975, 3) * values.std(ddof=1) / 2 * math.sqrt(1 - 4 / 20)
@@ -25,31 +25,31 @@ def test_a_random_sample_has_the_textbook_interval():
     assert found.half_width == pytest.approx(half, rel=1e-12)
 
 
-def test_strata_weigh_by_their_size():
+def test_strata_are_weighted_by_their_size():
     sample = PairSample(10, ((8, (0, 4)), (2, (8, 9))))
     found = estimate(sample, np.array([1.0, 3.0, 10.0, 20.0]))
     assert found.mean == pytest.approx(0.8 * 2.0 + 0.2 * 15.0)
-    # The second stretch is known whole: only the first one's two pairs leave anything to chance, with one degree.
+    # The second stratum is complete: only the two pairs of the first have an error, with one degree of freedom.
     assert found.half_width == pytest.approx(stats.t.ppf(0.975, 1) * 0.8 * math.sqrt((1 - 2 / 8) * 2.0 / 2))
 
 
-def test_all_pairs_leave_nothing_to_chance():
+def test_complete_samples_have_no_error():
     values = np.arange(7.0)
     assert estimate(sample_pairs(7, "all"), values).half_width == 0.0
     assert estimate(sample_pairs(7, "strata", 7), values).half_width == 0.0
 
 
-def test_one_pair_says_nothing_of_the_spread():
+def test_one_pair_has_no_interval():
     assert estimate(sample_pairs(5, "every", 5), np.array([2.0])).half_width is None
 
 
-def test_the_spread_of_all_draws_is_that_of_every_single_one():
-    # 12 pairs, one stretch of 7 with three drawn, one of 5 with two: 35 * 10 draws, counted out.
+def test_expected_half_width_against_all_samples():
+    # 12 pairs: 3 of a stratum of 7 and 2 of a stratum of 5, all 35 * 10 samples.
     values = np.random.default_rng(3).gamma(2.0, 3.0, size=12)
-    draws = product(combinations(range(7), 3), combinations(range(7, 12), 2))
-    means = [7 / 12 * values[list(a)].mean() + 5 / 12 * values[list(b)].mean() for a, b in draws]
+    samples = product(combinations(range(7), 3), combinations(range(7, 12), 2))
+    means = [7 / 12 * values[list(a)].mean() + 5 / 12 * values[list(b)].mean() for a, b in samples]
     sample = PairSample(12, ((7, (0, 1, 2)), (5, (7, 8))))
-    assert np.mean(means) == pytest.approx(values.mean(), rel=1e-12), "no draw is favoured"
+    assert np.mean(means) == pytest.approx(values.mean(), rel=1e-12), "the estimate has no bias"
     assert expected_half_width(sample, values) == pytest.approx(stats.norm.ppf(0.975) * np.std(means), rel=1e-12)
     assert expected_half_width(sample_pairs(12, "all"), values) == 0.0
     one_each = PairSample(12, ((7, (3,)), (5, (9,))))
@@ -60,7 +60,7 @@ def test_the_spread_of_all_draws_is_that_of_every_single_one():
 @pytest.mark.parametrize(
     ("scheme", "number"), [("every", 1), ("every", 4), ("every", 100), ("strata", 3), ("strata", 60)]
 )
-def test_samples_lie_in_the_sequence_and_repeat(total, scheme, number):
+def test_samples_are_valid_and_reproducible(total, scheme, number):
     sample = sample_pairs(total, scheme, number)
     assert len(set(sample.positions)) == len(sample.positions) > 0
     assert set(sample.positions) <= set(range(total))
@@ -69,7 +69,7 @@ def test_samples_lie_in_the_sequence_and_repeat(total, scheme, number):
 
 
 def coverage(values: np.ndarray, scheme: str, numbers: range) -> float:
-    """Share of RESAMPLINGS random draws whose interval holds the mean of all pairs; ``numbers`` to draw from."""
+    """Share of RESAMPLINGS random samples whose interval contains the mean of all pairs; ``numbers`` to choose from."""
     rng = np.random.default_rng(7)
     hits = 0
     for _ in range(RESAMPLINGS):
@@ -90,7 +90,7 @@ def populations() -> dict[str, np.ndarray]:
 
 
 SCHEMES = [("strata", range(6, 7)), ("strata", range(8, 9)), ("strata", range(20, 21)), ("every", range(3, 13))]
-"""Every k-th pair of one k allows k samples and no more, so its resamplings draw k too."""
+"""Every k-th pair allows only k samples for one k, so resampling also varies k."""
 
 
 MADE = ["independent", *(pytest.param(name, marks=pytest.mark.long) for name in ("drifting", "trend"))]
@@ -98,11 +98,11 @@ MADE = ["independent", *(pytest.param(name, marks=pytest.mark.long) for name in 
 
 @pytest.mark.parametrize("name", MADE)
 @pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
-def test_intervals_cover_made_populations(name, scheme, numbers):
+def test_coverage_for_synthetic_populations(name, scheme, numbers):
     assert coverage(populations()[name], scheme, numbers) >= 0.9
 
 
-def test_intervals_that_are_too_narrow_would_be_found():
+def test_narrow_intervals_fail_the_coverage_test():
     values = populations()["independent"]
     rng = np.random.default_rng(7)
     hits = 0
@@ -115,7 +115,7 @@ def test_intervals_that_are_too_narrow_would_be_found():
 
 @pytest.fixture(scope="module")
 def full_run(data):
-    """A real animation, every pair: CesiumMan's two seconds at 60 fps."""
+    """All pairs of a real animation: CesiumMan, two seconds at 60 fps."""
     path = data / "khronos" / "CesiumMan" / "CesiumMan.glb"
     columns = ("frustum", "position", "normal")
     return evaluate_scene(path, Settings.of(width=64, height=36, fps=60.0, columns=columns))
@@ -123,7 +123,7 @@ def full_run(data):
 
 @pytest.mark.parametrize("column", ["position", "normal"])
 @pytest.mark.parametrize(("scheme", "numbers"), SCHEMES)
-def test_intervals_cover_the_full_run(full_run, column, scheme, numbers):
+def test_coverage_for_a_full_run(full_run, column, scheme, numbers):
     values = np.array([percent(row, column) for row in full_run.frames])
     assert len(values) > 100 and values.std() > 0
     assert coverage(values, scheme, numbers) >= 0.9

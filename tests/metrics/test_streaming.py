@@ -1,4 +1,4 @@
-"""Welford and Chan against NumPy's two passes."""
+"""Welford and Chan against NumPy's two-pass algorithm."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def agrees(w: Welford, values) -> None:
 
 @settings(deadline=None)
 @given(finite)
-def test_one_by_one(values):
+def test_single_values(values):
     agrees(added(values), values)
 
 
 @settings(deadline=None)
 @given(finite, finite, finite)
-def test_blocks_and_merges_in_any_grouping(a, b, c):
+def test_blocks_and_merges(a, b, c):
     blocks = Welford()
     for part in (a, b, c):
         blocks.add_many(np.array(part))
@@ -52,7 +52,7 @@ def test_blocks_and_merges_in_any_grouping(a, b, c):
     agrees(left, a + b + c)
 
 
-def test_merging_leaves_the_other_as_it_was():
+def test_merge_does_not_change_its_argument():
     a, b = added([1, 2]), added([3, 4])
     a.merge(b)
     b.add(100)
@@ -69,7 +69,7 @@ def test_a_small_variance_around_1000_over_a_million_samples():
     assert w.mean == pytest.approx(1000, rel=1e-15)
     one = added(values[:100_000])
     assert one.variance == pytest.approx(exact, rel=1e-9)
-    # One pass over the sums of squares loses all of it, in float32 already here, in float64 around 1e8.
+    # Sums of squares lose it completely, in float32 here, in float64 around 1e8.
     single = values.astype(np.float32)
     assert abs(float(np.mean(single * single) - np.mean(single) ** 2) - exact) > exact
     big = values + 1e8
@@ -88,7 +88,7 @@ def test_equal_values_have_variance_exactly_zero():
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_invalid_values_are_not_hidden(bad):
+def test_invalid_values_propagate(bad):
     for w in (added([1.0, bad, 2.0]), added([bad, 1.0])):
         assert not math.isfinite(w.mean) and math.isnan(w.variance)
     block = Welford()
@@ -97,7 +97,7 @@ def test_invalid_values_are_not_hidden(bad):
     assert not math.isfinite(block.mean) and math.isnan(block.variance)
 
 
-def test_any_shape_is_taken_element_by_element():
+def test_arrays_of_any_shape():
     w = Welford()
     w.add_many(np.arange(24, dtype=np.float32).reshape(2, 3, 4))
     agrees(w, list(range(24)))

@@ -26,9 +26,9 @@ LIGHTS = (
 
 def lit_scene():
     b = SceneBuilder()
-    grey = b.material(base_color=(0.7, 0.5, 0.4, 1.0), metallic=0.0, roughness=0.6)
-    b.node(mesh=b.mesh(quad(4.0, 4.0, material=grey)), rotation=turn_x(-90.0))
-    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), material=grey)), translation=(0.0, 0.5, -0.4))
+    gray = b.material(base_color=(0.7, 0.5, 0.4, 1.0), metallic=0.0, roughness=0.6)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
+    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), material=gray)), translation=(0.0, 0.5, -0.4))
     for place, color, intensity in LIGHTS:
         b.light(translation=place, color=color, intensity=intensity)
     b.camera(translation=(0.0, 2.0, 4.0), rotation=turn_x(-22.0), yfov=np.radians(50.0), znear=0.1)
@@ -221,9 +221,9 @@ def test_mean_with_all_light_types_and_tile_lists(gpu, filtering):
     """Spots, a directional light and more lights than are unrolled: the mean is within 4 standard errors of exact
     light."""
     b = SceneBuilder()
-    grey = b.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=0.8)
-    b.node(mesh=b.mesh(quad(4.0, 4.0, material=grey)), rotation=turn_x(-90.0))
-    b.node(mesh=b.mesh(box((0.5, 0.5, 0.5), material=grey)), translation=(0.0, 0.5, 0.0))
+    gray = b.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=0.8)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
+    b.node(mesh=b.mesh(box((0.5, 0.5, 0.5), material=gray)), translation=(0.0, 0.5, 0.0))
     b.light(kind="directional", intensity=1.5, rotation=turn_x(-60.0))
     for k in range(18):
         angle = 2.0 * np.pi * k / 18

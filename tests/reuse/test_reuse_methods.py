@@ -15,7 +15,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.metrics.reuse_methods import neighborhood_box, variance_box, ycocg_from_rgb
 from taubench_gl.metrics.shading_rate import nearest_shaded, shaded
 from taubench_gl.reuse.loading import builtin_methods, load_method
-from taubench_gl.reuse.synthetic import LENS, draw, synthetic_steps
+from taubench_gl.reuse.synthetic import LENS, render_view, synthetic_steps
 
 SIZE = (48, 27)
 
@@ -170,7 +170,7 @@ def test_error_of_time_warp_under_translation(gpu):
     still = rotation(0, -8, 0)
     for sideways in (0.0, 0.3):
         views = [View(np.array([sideways * i, 0.6, 0.0]), still, LENS) for i in range(2)]
-        images = [draw(view, 0.0, size)["radiance"] for view in views]
+        images = [render_view(view, 0.0, size)["radiance"] for view in views]
         error = np.abs(warp(gpu, size, views, images, every=2)[1][..., :3] - images[1])
         if sideways:
             assert (error.max(axis=-1) > 0.1).mean() > 0.05

@@ -289,14 +289,14 @@ def test_color_transforms(gpu, steps, tmp_path):
     image = rng.normal(0.0, 3.0, (SIZE[1], SIZE[0], 3)).astype(np.float32).astype(np.float64)
     steps = [replace(steps[0], inputs=steps[0].inputs | {"radiance": with_weight(image, 1.0)})]
     low, high = np.array([-1.0, 0.0, -0.5]), np.array([0.5, 2.0, -0.25])
-    twins = {
+    expected_values = {
         "ycocg_from_rgb(c)": reference.ycocg_from_rgb(image),
         "rgb_from_ycocg(c)": reference.rgb_from_ycocg(image),
         "clip_to_box(vec3(-1.0, 0.0, -0.5), vec3(0.5, 2.0, -0.25), c)": reference.clip_to_box(low, high, image),
         "vec3(luminance(c))": np.repeat((image @ reference.LUMINANCE)[..., None], 3, axis=-1),
         "catmull_rom_weights(fract(c.x)).xyz": reference.catmull_rom_weights(image[..., 0] % 1.0)[..., :3],
     }
-    for i, (text, expected) in enumerate(twins.items()):
+    for i, (text, expected) in enumerate(expected_values.items()):
         folder = write_method(
             tmp_path / str(i),
             'reads = ["radiance"]\n[[pass]]\nshader = "a.glsl"\nwrites = ["result"]\n',

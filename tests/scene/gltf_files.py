@@ -1,4 +1,4 @@
-"""Writes small glTF files, good and bad, for the tests of the reader."""
+"""Writes small valid and invalid glTF files for tests of the reader."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 class Gltf:
-    """A document under construction; every method returns the index of what it added."""
+    """A document under construction; methods return the index of the new object."""
 
     def __init__(self) -> None:
         self.json: dict[str, Any] = {"asset": {"version": "2.0"}}
@@ -104,7 +104,7 @@ def glb(text: bytes, chunk: bytes | None = None) -> bytes:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """JSON of a .gltf or .glb by the shortest route, as a second opinion."""
+    """JSON of a .gltf or .glb, by a second implementation."""
     data = path.read_bytes()
     if data[:4] == b"glTF":
         (size,) = struct.unpack_from("<I", data, 12)

@@ -59,7 +59,7 @@ def test_keys_at_one_time(tmp_path: Path) -> None:
     assert notes_about(scene, 1) == ["/animations/0/samplers/0/input"]
 
 
-def test_single_key_is_fine(tmp_path: Path) -> None:
+def test_single_key(tmp_path: Path) -> None:
     gltf = triangle_scene()
     gltf.animation({"node": 0, "path": "translation"}, [0], [[1, 2, 3]])
     assert load_scene(gltf.save(tmp_path)).duration == 0.0
@@ -133,7 +133,7 @@ def test_animated_visibility(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text", ["/materials/0/alphaCutoff", "/nodes/0/weights/0", "/cameras/0/perspective/aspectRatio", "junk", ""]
 )
-def test_pointers_elsewhere_are_noted(tmp_path: Path, text: str) -> None:
+def test_unsupported_pointers_are_noted(tmp_path: Path, text: str) -> None:
     gltf = triangle_scene()
     gltf.extension("KHR_animation_pointer")
     gltf.add("cameras", {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}})

@@ -59,7 +59,7 @@ def test_meshopt_round_trip(tmp_path: Path, index_type: int) -> None:
 
 
 def test_meshopt_octahedral_filter(tmp_path: Path) -> None:
-    """Axis directions in octahedral form: x, y and the number that stands for 1."""
+    """Axis directions in octahedral form: x, y and the value of 1."""
     meshopt = pytest.importorskip("meshoptimizer")
     encoded = np.array([[127, 0, 127, 0], [0, 127, 127, 0], [0, 0, 127, 0], [0, -127, 127, 0]], np.int8)
     gltf = Gltf()

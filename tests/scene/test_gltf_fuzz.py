@@ -1,4 +1,4 @@
-"""Mutants of small real files: each loads or is refused by a SceneError, and allocates within reason."""
+"""Mutants of small real files: each loads or raises SceneError, with a limit on allocated memory."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_mutants(data: Path, tmp_path: Path, name: str) -> None:
             text = json.dumps(mutant).encode()
             path.write_bytes(text if chunk is None else glb(text, chunk))
             refused += not try_load(path)
-            # Bytes of the container, or of the buffers, with the JSON left whole every other time.
+            # Bytes of the container or of the buffers; the JSON is unchanged in half of the cases.
             if chunk is None or i % 2:
                 path.write_bytes(mutate_bytes(original, rng))
             else:
@@ -117,7 +117,7 @@ def test_mutants(data: Path, tmp_path: Path, name: str) -> None:
             refused += not try_load(path)
     finally:
         tracemalloc.stop()
-    assert refused > MUTANTS // 2  # the mutants do bite
+    assert refused > MUTANTS // 2  # the mutations have an effect
 
 
 def try_load_traced(path: Path) -> bool:

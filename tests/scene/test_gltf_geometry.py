@@ -1,4 +1,4 @@
-"""Containers, triangles and accessors: one tiny file per feature, with the expected numbers worked out here."""
+"""Containers, triangles and accessors: one small file per feature, with explicit expected numbers."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_minimal_scene(tmp_path: Path) -> None:
     assert scene.mesh_nodes.tolist() == [0]
 
 
-def test_nothing_but_an_asset(tmp_path: Path) -> None:
+def test_file_with_only_an_asset(tmp_path: Path) -> None:
     scene = load_scene(Gltf().save(tmp_path))
     assert len(scene.nodes) == 0 and not scene.meshes and scene.nodes.levels() == []
 
@@ -86,7 +86,7 @@ def test_bytes_after_a_glb_are_noted(tmp_path: Path) -> None:
 
 
 def test_strip_winding() -> None:
-    """A zigzag strip whose first triangle is counter-clockwise is so throughout."""
+    """All triangles of a strip have the orientation of the first."""
     points = np.array([[i // 2, -(i % 2)] for i in range(8)], float)
     triangles = triangle_list(TRIANGLE_STRIP, np.arange(8))
     assert triangles.tolist()[:3] == [[0, 1, 2], [1, 3, 2], [2, 3, 4]]
@@ -145,7 +145,7 @@ def test_normalized_unsigned(tmp_path: Path, dtype: str, stored: int, value: flo
 
 
 def test_quantized_positions_and_normals(tmp_path: Path) -> None:
-    """-128 and -127 both mean -1; integers that are not normalized are taken as they are."""
+    """-128 and -127 both mean -1; integers that are not normalized are unchanged."""
     gltf = Gltf()
     gltf.extension("KHR_mesh_quantization")
     normals = gltf.view(np.array([[0, 0, 127, 0], [0, 0, -127, 0], [0, 0, -128, 0]], "i1").tobytes(), byteStride=4)

@@ -46,7 +46,7 @@ def test_texture_transform(tmp_path: Path) -> None:
     gltf.extension("KHR_texture_transform")
     texture = load_scene(gltf.save(tmp_path)).materials[0].base_color_texture
     assert texture.texcoord == 1
-    # Scaled first, then turned counter-clockwise as seen (v down: u goes to -v), then moved.
+    # Scale, then counter-clockwise rotation in the image (v down: u to -v), then translation.
     np.testing.assert_allclose(texture.uv_transform @ [1, 0, 1], [0.1, 0.2 - 2.0], atol=1e-12)
     np.testing.assert_allclose(texture.uv_transform @ [0, 1, 1], [0.1 + 3.0, 0.2], atol=1e-12)
 
@@ -84,7 +84,7 @@ def test_image_in_a_buffer_view_and_lazy(tmp_path: Path) -> None:
     assert images[1].size == (0, 0)
 
 
-def test_sixteen_bit_grey_is_scaled_not_clipped(tmp_path: Path) -> None:
+def test_sixteen_bit_gray_is_scaled(tmp_path: Path) -> None:
     gltf = textured({})
     gltf.json["images"] = [{"bufferView": gltf.view(png(mode="I;16", color=0x8000)), "mimeType": "image/png"}]
     assert load_scene(gltf.save(tmp_path)).images[0].decode()[0, 0].tolist() == [128, 128, 128, 255]

@@ -1,4 +1,4 @@
-"""``Scene.sha256`` covers every file that a scene is read from, and nothing else."""
+"""``Scene.sha256`` covers exactly the files that a scene is read from."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from taubench_gl.scene.files import Identity
 
 
 def gltf(folder: Path) -> Path:
-    """A triangle with two pictures beside it; the third belongs to the file, but no material samples it."""
+    """A triangle with two images; a third image is in the file, but no material samples it."""
     made = Gltf()
     for index, name in enumerate(("color.png", "glow.png", "idle.png")):
         (folder / name).write_bytes(png(color=(index, 0, 0)))
@@ -30,7 +30,7 @@ def gltf(folder: Path) -> Path:
 
 
 def texts(folder: Path, **files: str) -> Path:
-    """A scene in text ``files`` (name, _ for the dot -> text; the first is the scene) beside two pictures."""
+    """A scene in text ``files`` (name, _ for the dot -> text; the first is the scene) with two images."""
     for name in ("color.png", "idle.png"):
         (folder / name).write_bytes(png())
     paths = [folder / name.replace("_", ".") for name in files]
@@ -51,7 +51,7 @@ def aff(folder: Path) -> Path:
 CASES = [
     pytest.param(gltf, "color.png", True, id="glTF texture"),
     pytest.param(gltf, "glow.png", True, id="glTF second texture"),
-    pytest.param(gltf, "idle.png", False, id="glTF picture that nothing samples"),
+    pytest.param(gltf, "idle.png", False, id="glTF image that is not sampled"),
     pytest.param(obj, "colors.mtl", True, id="OBJ materials"),
     pytest.param(obj, "color.png", True, id="OBJ texture"),
     pytest.param(obj, "idle.png", False, id="file beside an OBJ"),
@@ -62,13 +62,13 @@ CASES = [
 
 
 @pytest.mark.parametrize(("make", "name", "counts"), CASES)
-def test_a_changed_file_changes_the_identity(
+def test_changed_file_changes_the_identity(
     tmp_path: Path, make: Callable[[Path], Path], name: str, counts: bool
 ) -> None:
     path = make(tmp_path)
     before = load_scene(path).sha256
     old = (tmp_path / name).read_bytes()
-    # Of the same size, as a stored stamp of size and time might not tell; the text formats take it for a comment.
+    # The same size, which a comparison of size and time can miss; a comment in the text formats.
     new = png(color=(200, 100, 50)) if name.endswith(".png") else old + b"# another\n"
     assert new != old
     (tmp_path / name).write_bytes(new)
@@ -78,14 +78,14 @@ def test_a_changed_file_changes_the_identity(
 
 
 @pytest.mark.parametrize("make", [gltf, obj, aff])
-def test_the_identity_is_that_of_the_bytes_not_of_the_place(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+def test_identity_is_independent_of_the_folder(tmp_path: Path, make: Callable[[Path], Path]) -> None:
     (tmp_path / "here").mkdir()
     path = make(tmp_path / "here")
     shutil.copytree(tmp_path / "here", tmp_path / "there")
     assert load_scene(path).sha256 == load_scene(tmp_path / "there" / path.name).sha256
 
 
-def test_two_pictures_that_change_places_are_another_scene(tmp_path: Path) -> None:
+def test_exchanged_images_change_the_identity(tmp_path: Path) -> None:
     path = gltf(tmp_path)
     before = load_scene(path).sha256
     color, glow = ((tmp_path / name).read_bytes() for name in ("color.png", "glow.png"))
@@ -94,7 +94,7 @@ def test_two_pictures_that_change_places_are_another_scene(tmp_path: Path) -> No
     assert load_scene(path).sha256 != before
 
 
-def test_a_scene_in_one_file_has_the_checksum_of_the_file(tmp_path: Path) -> None:
+def test_identity_of_a_single_file_is_its_checksum(tmp_path: Path) -> None:
     made = Gltf()
     made.node(mesh=made.mesh())
     path = made.save(tmp_path)
@@ -103,17 +103,17 @@ def test_a_scene_in_one_file_has_the_checksum_of_the_file(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("make", [gltf, obj, aff])
-def test_every_file_that_is_read_is_counted(tmp_path: Path, make: Callable[[Path], Path]) -> None:
-    """Three each: the scene's own with two pictures, with a material file and a picture, with an include and one."""
+def test_number_of_files(tmp_path: Path, make: Callable[[Path], Path]) -> None:
+    """Three files each: scene and two images; scene, material library and image; scene, include and image."""
     assert load_scene(make(tmp_path)).files == 3
 
 
-def test_a_file_counts_once_and_bytes_in_order(tmp_path: Path) -> None:
-    (tmp_path / "a").write_bytes(b"a" * (3 << 20))  # more than is read at once
+def test_files_are_added_once_and_in_order(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"a" * (3 << 20))  # larger than one block
     identity = Identity()
     identity.add(b"first")
     for _ in range(2):
         identity.add_file(tmp_path / "a")
     assert identity.hexdigest() == sha256(b"first" + b"a" * (3 << 20)).hexdigest() and identity.files == 2
-    with pytest.raises(SceneError, match="gone: cannot be read"):
+    with pytest.raises(SceneError, match="gone"):
         identity.add_file(tmp_path / "gone")

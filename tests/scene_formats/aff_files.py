@@ -1,4 +1,4 @@
-"""AFF text for tests, and BART's splines a second time: basis matrices and SciPy rotations, nothing shared."""
+"""AFF text for tests, and a second implementation of BART's splines: basis matrices and SciPy rotations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ def keys(rows: Array) -> str:
 
 
 def tangents(times: Array, tcb: Array, i: int, before: Array, here: Array, after: Array) -> tuple[Array, Array]:
-    """Of the segment from key ``i``, at its start and end; ``before``, ``here``, ``after``: differences of keys."""
+    """Tangents of the segment from key ``i``, at its start and end; ``before``, ``here``, ``after``: key
+    differences."""
     te, co, bi = tcb[i]
     out = (1 - te) * ((1 + co) * (1 + bi) * before + (1 - co) * (1 - bi) * here) / 2
     out = out * 2 * (times[i + 1] - times[i]) / (times[i + 1] - times[i - 1])
@@ -35,7 +36,7 @@ def tangents(times: Array, tcb: Array, i: int, before: Array, here: Array, after
 
 
 def spline(times: Array, values: Array, tcb: Array, t: float) -> Array:
-    """Kochanek-Bartels in matrix form for increasing times; the outermost keys only shape tangents."""
+    """Kochanek-Bartels in matrix form for increasing times; the first and last key only affect tangents."""
     t = min(max(t, times[1]), times[-2])
     i = int(np.clip(np.searchsorted(times, t, side="right") - 1, 1, len(times) - 3))
     before, here, after = values[i] - values[i - 1], values[i + 1] - values[i], values[i + 2] - values[i + 1]
@@ -46,7 +47,7 @@ def spline(times: Array, values: Array, tcb: Array, t: float) -> Array:
 
 
 def rotation_spline(times: Array, rotations: Rotation, tcb: Array, t: float) -> Rotation:
-    """Squad with Kochanek-Bartels tangents for keys less than 180 degrees apart, by quaternions and plain slerp."""
+    """Squad with Kochanek-Bartels tangents for keys less than 180 degrees apart, by quaternions and slerp."""
     t = min(max(t, times[1]), times[-2])
     i = int(np.clip(np.searchsorted(times, t, side="right") - 1, 1, len(times) - 3))
     q = [rotations[j] for j in range(i - 1, i + 3)]
@@ -60,7 +61,7 @@ def rotation_spline(times: Array, rotations: Rotation, tcb: Array, t: float) -> 
 
 
 def _turned(q: Array, vector: Array) -> Array:
-    """q times the quaternion of a rotation vector, sign kept."""
+    """q times the quaternion of a rotation vector, with its sign."""
     half = np.linalg.norm(vector) / 2
     x = np.append(vector / 2 * (np.sin(half) / half if half else 1.0), np.cos(half))
     return np.append(q[3] * x[:3] + x[3] * q[:3] + np.cross(q[:3], x[:3]), q[3] * x[3] - q[:3] @ x[:3])

@@ -1,4 +1,4 @@
-"""The float64 ray caster of the frame tests judges the scenes of these formats too."""
+"""Gives access to the float64 ray caster of the frame tests."""
 
 from __future__ import annotations
 

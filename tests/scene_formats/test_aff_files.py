@@ -1,4 +1,4 @@
-"""Whole AFF files, written by hand, with poses known in closed form."""
+"""Complete AFF files with poses known in closed form."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from aff_files import TRIANGLE, VIEW, keys, write
 from bad_files import notes_about, refused
-from PIL import Image as Picture
+from PIL import Image
 
 from taubench_gl.animation import choose_camera, pose_normals, pose_vertices, sample
 from taubench_gl.effects.census import census
@@ -31,13 +31,13 @@ def corners(scene, at: int = 0, t: float = 0.0) -> np.ndarray:
     return pose_vertices(scene, sample(scene, t), n, scene.meshes[scene.nodes.mesh[n]].primitives[0])
 
 
-def test_static_transforms_scale_then_turn_then_move(tmp_path):
+def test_static_transforms_scale_rotate_and_translate(tmp_path):
     scene = load_scene(write(tmp_path, "xs 2 3 4  0 0 5 90  10 20 30 { xs 1 1 1 1 0 0 0 1 0 0 {" + TRIANGLE + "} }"))
     # (1, 0, 0) + (1, 0, 0) scaled to (4, 0, 0), turned to (0, 4, 0), moved
     np.testing.assert_allclose(corners(scene), [[10, 22, 30], [10, 24, 30], [7, 22, 30]], atol=1e-12)
 
 
-def test_movement_turn_scale_and_visibility_of_one_node(tmp_path):
+def test_animated_transform_and_visibility_of_one_node(tmp_path):
     move = keys(np.array([[t, t, 0, 0, 0, 0, 0] for t in (-1, 0, 2, 3)]))
     turn = keys(np.array([[t, 0, 0, 7, 90 * t, 0, 0, 0] for t in (-1, 0, 1, 2, 3)]))
     grow = keys(np.array([[t, 1 + t, 1, 1, 0, 0, 0] for t in (-1, 0, 2, 3)]))
@@ -52,12 +52,12 @@ def test_movement_turn_scale_and_visibility_of_one_node(tmp_path):
     assert census(scene, np.arange(0, 2, 0.25))["dynamic_rigid_objects"] == 1
 
 
-def test_the_animation_may_start_before_zero_and_keys_come_before_what_they_move(tmp_path):
+def test_negative_start_time_and_keys_before_their_target(tmp_path):
     move = keys(np.array([[t, t, 0, 0, 0, 0, 0] for t in (-3, -2, 2, 3)]))
     scene = load_scene(write(tmp_path, f"k car {{ transl {move} }} a -1 2 90 x car {{ {TRIANGLE} }} x car {{ }}"))
     assert scene.duration == 3.0
     np.testing.assert_allclose(world(scene, "car", 0.5)[:3, 3], [-0.5, 0, 0], atol=1e-12)
-    assert len(scene.channels) == 3, "both blocks called car, and the length of the whole"
+    assert len(scene.channels) == 3, "both blocks named car, and the duration"
 
 
 def test_camera(tmp_path):
@@ -74,7 +74,7 @@ def test_camera(tmp_path):
     assert lens.yfov == pytest.approx(np.radians(40)) and lens.aspect == 80 / 60 and lens.znear == 0.01
 
 
-def test_a_still_camera_looks_from_from_to_at(tmp_path):
+def test_still_camera(tmp_path):
     text = VIEW.replace("from 0 0 10", "from 3 4 0").replace("at 0 0 0", "at 3 0 0").replace("up 0 1 0", "up 0 0 9")
     view = choose_camera(scene := load_scene(write(tmp_path, text + TRIANGLE))).view_at(sample(scene, 0.0))
     np.testing.assert_allclose(view.world_from_view, np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]]), atol=1e-12)
@@ -93,15 +93,15 @@ def test_lights(tmp_path):
 
 
 @pytest.mark.parametrize("word", ["m", "mesh"])
-def test_meshes_have_index_triples_in_the_order_vertices_normals_texture(tmp_path, word):
-    Picture.new("RGB", (4, 2), (255, 0, 0)).save(tmp_path / "red.ppm")
+def test_order_of_index_triples_in_meshes(tmp_path, word):
+    Image.new("RGB", (4, 2), (255, 0, 0)).save(tmp_path / "red.ppm")
     text = (
         f"{word} vertices 3 0 0 0 1 0 0 0 1 0 normals 2 0 0 -4 0 9 0 texturecoords 3 red.ppm 0 0 1 0 0.25 0.75 "
         "triangles 2  0 1 2  0 0 1  2 1 0   0 1 2  0 0 1  2 1 0"
     )
     scene = load_scene(write(tmp_path, text))
     (primitive,) = scene.meshes[0].primitives
-    assert len(primitive.positions) == 3 and len(primitive.triangles) == 2, "equal corners are one vertex"
+    assert len(primitive.positions) == 3 and len(primitive.triangles) == 2, "equal corners share a vertex"
     order = primitive.triangles[0]
     np.testing.assert_array_equal(primitive.positions[order], [[0, 0, 0], [1, 0, 0], [0, 1, 0]])
     np.testing.assert_array_equal(primitive.normals[order], [[0, 0, -1], [0, 0, -1], [0, 1, 0]])
@@ -112,7 +112,7 @@ def test_meshes_have_index_triples_in_the_order_vertices_normals_texture(tmp_pat
 
 
 def test_polygons_patches_and_textured_triangles(tmp_path):
-    Picture.new("RGB", (1, 1)).save(tmp_path / "t.png")
+    Image.new("RGB", (1, 1)).save(tmp_path / "t.png")
     text = (
         "p 4 0 0 0 1 0 0 1 1 0 0 1 0\npp 3 0 0 0 0 0 9 1 0 0 0 0 1 0 1 0 0 0 1\n"
         "tt t.png 0 0 0 0 1  1 0 0 1 1  0 1 0 0 0\nttp t.png 0 0 0 0 0 2 0 1  1 0 0 0 0 1 1 1  0 1 0 0 0 1 0 0\n"
@@ -121,7 +121,7 @@ def test_polygons_patches_and_textured_triangles(tmp_path):
     primitives = load_scene(write(tmp_path, text)).meshes[0].primitives
     assert sum(len(p.triangles) for p in primitives) == 2 + 1 + 1 + 1 + 1
     flat, patch, textured, both = primitives
-    assert flat.normals is None and len(flat.triangles) == 3, "a normal without length makes its patch flat"
+    assert flat.normals is None and len(flat.triangles) == 3, "a normal of length 0 makes its patch flat"
     np.testing.assert_array_equal(patch.normals, np.tile([0, 0, 1], (3, 1)))
     np.testing.assert_array_equal(textured.texcoords[0], [[0, 1], [1, 1], [0, 0]])
     np.testing.assert_array_equal(both.texcoords[0], [[0, 1], [1, 1], [0, 0]])
@@ -143,7 +143,7 @@ def test_round_surfaces(tmp_path):
     faces_outwards(primitive, [0, 0, 2])
     assert len(primitive.triangles) == 64, "no caps"
     (primitive,) = load_scene(write(tmp_path, "c 0 0 0 2  0 0 4 0")).meshes[0].primitives
-    assert len(primitive.triangles) == 32, "a pointed cone has no triangle without area"
+    assert len(primitive.triangles) == 32, "a pointed cone has no triangle of area 0"
     faces_outwards(primitive, [0, 0, 1])
 
 
@@ -153,7 +153,7 @@ def faces_outwards(primitive, center) -> None:
     assert np.all(np.sum(normal * (a + b + c - 3 * np.array(center, np.float32)), axis=1) > 0)
 
 
-def test_animated_triangles_move_straight_between_their_times(tmp_path):
+def test_animated_triangles_are_interpolated_linearly(tmp_path):
     frame = "{t} {x} 0 0 0 0 2  {y} 0 0 0 0 1  {x} 1 0 0 1 0 "
     text = "tpa 3 " + "".join(frame.format(t=t, x=t * t, y=t * t + 1) for t in (0, 1, 2))
     scene = load_scene(write(tmp_path, f"a 0 1.5 30 {text} {text} tpa 1 0 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1"))
@@ -175,7 +175,7 @@ def test_materials(tmp_path):
     assert shiny.roughness == pytest.approx((2 / 32) ** 0.25) and shiny.alpha_mode == "OPAQUE"
     assert dull.base_color == pytest.approx((0.1, 0.2, 0.3, 0.75)) and dull.specular == 0.0
     assert dull.alpha_mode == "BLEND" and not any(dull.emissive)
-    assert lit.emissive == pytest.approx((0.1, 0.2, 2.0)), "nothing but ambient: it glows"
+    assert lit.emissive == pytest.approx((0.1, 0.2, 2.0)), "a surface with only ambient color emits it"
 
 
 def test_includes_share_material_and_block(tmp_path):
@@ -185,7 +185,7 @@ def test_includes_share_material_and_block(tmp_path):
         write(tmp_path, "xs 1 1 1 0 1 0 0 5 0 0 { i 0 part.aff }\ni 1 left_out.aff\np 3 0 0 0 1 0 0 0 1 0")
     )
     assert len(scene.mesh_nodes) == 2 and corners(scene, 1)[0, 0] == 5
-    assert {m.primitives[0].material for m in scene.meshes} == {0}, "what a file sets stays set behind it"
+    assert {m.primitives[0].material for m in scene.meshes} == {0}, "an include changes the current material"
     assert notes_about(scene, "left_out.aff")
     scene = load_scene(write(tmp_path, "d 3 i 3 part.aff"))
     assert len(scene.mesh_nodes) == 1
@@ -235,7 +235,7 @@ def test_errors_carry_file_and_line(tmp_path, text):
     refused(write(tmp_path, text), *BAD[text])
 
 
-def test_files_that_include_each_other(tmp_path):
+def test_include_cycles(tmp_path):
     write(tmp_path, "s 0 0 0 1\ni 0 b.aff", "a.aff")
     write(tmp_path, "i 0 a.aff", "b.aff")
     with pytest.raises(SceneError, match=r"a\.aff > b\.aff > a\.aff") as caught:
@@ -243,7 +243,7 @@ def test_files_that_include_each_other(tmp_path):
     assert caught.value.where == "b.aff:1"
 
 
-def test_include_bombs_end_early(tmp_path):
+def test_limit_on_includes(tmp_path):
     for k in range(30):
         write(tmp_path, f"i 0 f{k + 1}.aff\n" * 4, f"f{k}.aff")
     write(tmp_path, TRIANGLE, "f30.aff")
@@ -251,7 +251,7 @@ def test_include_bombs_end_early(tmp_path):
         load_scene(tmp_path / "f0.aff")
 
 
-def test_vertex_bombs_end_early(tmp_path, monkeypatch):
+def test_limit_on_vertices(tmp_path, monkeypatch):
     monkeypatch.setattr(parser, "MAX_VERTICES", 1000)
     write(tmp_path, "s 0 0 0 1", "ball.aff")
     with pytest.raises(SceneError, match="1000"):
@@ -259,14 +259,14 @@ def test_vertex_bombs_end_early(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("data", [b"", b"\0\1\2"])
-def test_not_a_text_file(tmp_path, data):
+def test_empty_and_binary_files(tmp_path, data):
     (tmp_path / "x.aff").write_bytes(data)
     with pytest.raises(SceneError) as caught:
         load_scene(tmp_path / "x.aff")
     assert caught.value.where == str(tmp_path / "x.aff")
 
 
-def test_scene_and_animation_choices(tmp_path):
+def test_scene_and_animation_arguments(tmp_path):
     path = write(tmp_path, f"x car {{ {TRIANGLE} }} k car {{ visibility 1 1 0 }} a 0 2 4")
     assert load_scene(path, animation=[]).channels == ()
     with pytest.raises(SceneError):

@@ -31,14 +31,14 @@ def test_positions(seed):
     values, tcb = rng.normal(size=(count, 3)) * 10, rng.uniform(-1, 1, (count, 3))
     window = key_window(times)
     curve = channel("translation", position_keys(times, values, tcb, window))
-    assert len(curve.times) == count - 2, "one key each, none added"
+    assert len(curve.times) == count - 2, "one key for each key"
     for t in np.linspace(times[0] - 1, times[-1] + 1, 200):
         got = sample_channel(curve, t - window[0])
         np.testing.assert_allclose(got, spline(times, values, tcb, t), atol=1e-11)
 
 
-def test_even_speed_stays_even():
-    """Keys on a straight line, as far apart as their times: without tension the spline is that line."""
+def test_constant_speed_along_a_line():
+    """Keys on a line, with distances proportional to times: without tension the spline is that line."""
     times = np.array([-1.0, 0.0, 0.3, 1.7, 2.0, 5.0])
     values = np.outer(times, [1.0, -2.0, 3.0])
     curve = channel("translation", position_keys(times, values, np.zeros((6, 3)), (0.0, 2.0)))
@@ -46,7 +46,7 @@ def test_even_speed_stays_even():
         np.testing.assert_allclose(sample_channel(curve, t), t * np.array([1.0, -2.0, 3.0]), atol=1e-12)
 
 
-def test_a_window_cuts_exactly():
+def test_window_clips_exactly():
     times, rng = np.arange(8.0), np.random.default_rng(1)
     values, tcb = rng.normal(size=(8, 3)), rng.uniform(-0.9, 0.9, (8, 3))
     curve = channel("translation", position_keys(times, values, tcb, (2.25, 4.5)))
@@ -56,7 +56,7 @@ def test_a_window_cuts_exactly():
 
 
 @pytest.mark.parametrize(("low", "high", "value"), [(-9.0, -5.0, 1.0), (20.0, 30.0, 6.0), (5.0, 5.0, 5.0)])
-def test_a_window_beside_the_keys_holds_their_ends(low, high, value):
+def test_window_outside_the_keys_is_constant(low, high, value):
     values = np.repeat(np.arange(8.0)[:, None], 3, axis=1)
     times, keys = position_keys(np.arange(8.0), values, np.zeros((8, 3)), (low, high))
     assert times[0] == 0.0
@@ -64,8 +64,8 @@ def test_a_window_beside_the_keys_holds_their_ends(low, high, value):
 
 
 @pytest.mark.parametrize("last", [180.0, 270.0, 359.0, 720.0, -1000.0, 3600.0])
-def test_turns_about_one_axis_are_the_spline_of_the_angle(last):
-    """Half turns, whole turns and more: as far as the keys say, never the shorter way; the axis has any length."""
+def test_rotation_about_one_axis_is_the_spline_of_the_angle(last):
+    """Half turns, whole turns and more: by the full difference, not the shorter arc; the axis has any length."""
     times, tcb = np.array([-1.0, 0.0, 1.0, 2.5, 3.0]), np.zeros((5, 3))
     tcb[2] = 0.3, -0.2, 0.1
     degrees = np.array([0.0, 0.0, last, last / 2, last])
@@ -96,8 +96,8 @@ def test_rotations_about_any_axes(seed):
     assert np.all(np.diff(curve.times) > 0)
 
 
-def test_an_axis_turned_over_takes_the_shorter_way():
-    """170 degrees about +Y, then 170 about -Y: 20 degrees on, as every exporter means it."""
+def test_reversed_axis_takes_the_shorter_arc():
+    """170 degrees about +Y, then 170 about -Y: a rotation by 20 degrees."""
     axes = np.array([[0, 1, 0], [0, 1, 0], [0, -1, 0], [0, -1, 0]], dtype=float)
     curve = channel("rotation", rotation_keys(np.arange(4.0), axes, np.full(4, 170.0), np.zeros((4, 3)), (1.0, 2.0)))
     half = Rotation.from_euler("y", 180, degrees=True)
@@ -105,7 +105,7 @@ def test_an_axis_turned_over_takes_the_shorter_way():
 
 
 @pytest.mark.parametrize("kind", ["translation", "rotation"])
-def test_what_stands_still_stands_still_bit_for_bit(kind):
+def test_constant_keys_are_constant_bit_for_bit(kind):
     times = np.array([0.0, 1.0, 1.7, 2.9, 4.0, 5.0])
     axes, degrees = np.tile([0.2, -0.9, 0.3], (6, 1)), np.full(6, -128.0)
     tcb = np.zeros((6, 3))
@@ -118,11 +118,11 @@ def test_what_stands_still_stands_still_bit_for_bit(kind):
 
 
 def test_equal_key_times_are_a_jump():
-    """0 1 | 1 2: the segment without length is never seen; from the second key on the next one is."""
+    """0 1 | 1 2: the segment of length 0 is never evaluated."""
     times = np.array([-1.0, 0.0, 1.0, 1.0, 2.0, 3.0])
     values = np.array([0.0, 0, 1, 5, 6, 6])[:, None] * np.ones(3)
     tcb = np.zeros((6, 3))
-    tcb[:, 0] = 1.0  # full tension: no tangents, so every segment eases from key to key
+    tcb[:, 0] = 1.0  # full tension: zero tangents
     curve = channel("translation", position_keys(times, values, tcb, (0.0, 2.0)))
     assert np.all(np.diff(curve.times) > 0)
     assert sample_channel(curve, np.nextafter(1.0, 0))[0] == pytest.approx(1.0, abs=1e-9)
@@ -130,8 +130,8 @@ def test_equal_key_times_are_a_jump():
     assert sample_channel(curve, 1.5)[0] == pytest.approx(5.5)
 
 
-def test_falling_key_times_follow_barts_own_search():
-    """The first segment that ends after t is the one: 1..2, then 1.5..3 entered at t = 2."""
+def test_decreasing_key_times_as_in_bart():
+    """The first segment that ends after t is evaluated: 1..2, then 1.5..3 from t = 2."""
     times = np.array([0.0, 1.0, 2.0, 1.5, 3.0, 4.0])
     values = np.array([0.0, 0, 10, 20, 30, 30])[:, None] * np.ones(3)
     tcb = np.zeros((6, 3))
@@ -146,13 +146,13 @@ def test_falling_key_times_follow_barts_own_search():
         assert sample_channel(curve, t - 1.0)[0] == pytest.approx(expected, abs=1e-9), t
 
 
-def test_no_segment_at_all_holds_a_key():
+def test_value_without_segments_is_a_key():
     values = np.arange(4.0)[:, None] * np.ones(3)
     times, keys = position_keys(np.ones(4), values, np.zeros((4, 3)), (0.0, 2.0))
     assert len(times) == 1 and keys[0, 1, 0] == 2.0
 
 
-def test_visibility_is_on_until_told_otherwise():
+def test_visible_until_the_first_key():
     times, values = visible_keys(np.array([1.0, 2.0, 1.5, 9.0]), np.array([0.0, 1, 0, 1]), (0.5, 5.0))
     np.testing.assert_array_equal(times, [0.0, 0.5, 1.5])
     np.testing.assert_array_equal(values[:, 0], [1.0, 0.0, 0.0])

@@ -22,7 +22,7 @@ def placed(primitive) -> np.ndarray:
     return primitive.positions[primitive.triangles]
 
 
-def test_polygons_are_fans_and_indices_may_count_back(tmp_path):
+def test_polygon_fans_and_negative_indices(tmp_path):
     scene = load_scene(write(tmp_path, QUAD + "f 1 2 3 4\nv 5 5 5\nf -5 -4 -1\n"))
     expected = [[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 0, 0], [1, 0, 0], [5, 5, 5]]]
     np.testing.assert_array_equal(placed(only_primitive(scene)), expected)

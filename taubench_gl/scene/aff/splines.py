@@ -227,7 +227,7 @@ def _resample(
     t1: float,
     ends: tuple[Array | None, Array | None],
 ) -> list[Piece]:
-    """Cubic pieces of the curve over [s0, s1], as many as its error asks for; ``ends``: keys to meet bit for bit."""
+    """Cubic pieces of the curve over [s0, s1] within ROTATION_ERROR; ``ends``: keys to match bit for bit, or None."""
     if not t1 > t0:
         value = curve(np.array([s0]))[0]
         return [Piece(t0, t1, value, np.zeros(4), value, np.zeros(4))]

@@ -1,4 +1,4 @@
-"""AFF and OBJ scenes on the GPU: positions, normals and motion vectors against float64 rays; whole runs of the tool."""
+"""AFF and OBJ scenes on the GPU: positions, normals and motion vectors against float64 ray casting; complete runs."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ def test_aff_motion(gpu, tmp_path, time):
     check_motion(seen)
     check_normals(seen)
     assert len(np.unique(seen.triangles.record[seen.hits.triangle[seen.hits.triangle >= 0]])) >= 4
-    # check_motion compares with float64 at every pixel, to less than 0.01 px; here: each kind of motion was among them.
+    # check_motion compares with float64 at every pixel, to less than 0.01 px; here: every kind of motion occurs.
     motion, record = np.linalg.norm(seen.result.motion, axis=-1), seen.result.current["ids"][..., 0]
     moved = {name: motion[record == row + 1].max(initial=0.0) for row, name in enumerate(drawn_names(scene))}
     assert moved["ball"] > 1.0 and moved["animated triangles"] > 0.3, moved
 
 
 def drawn_names(scene) -> list[str]:
-    """Names of the nodes behind the rows of the record table."""
+    """Node names of the rows of the record table."""
     nodes = [scene.nodes.names[d.node] for d in build_geometry(scene).draws]
     return ["animated triangles" if "animated triangles" in name else name for name in nodes]
 
@@ -90,7 +90,7 @@ def test_obj_motion(gpu, tmp_path, smooth):
         assert np.linalg.norm(seen.result.motion, axis=-1).max() > 0.3
 
 
-def test_an_object_whose_faces_change_is_another_object_and_the_rest_is_not(gpu, tmp_path):
+def test_only_the_object_with_changed_faces_has_no_history(gpu, tmp_path):
     left, right = "o left\nv -2 -1 0\nv 0 -1 0\nv 0 1 0\nv -2 1 0\n", "o right\nv 0 -1 0\nv 2 -1 0\nv 2 1 0\nv 0 1 0\n"
     for i, faces in enumerate(("f 1 2 3 4\n", "f 1 2 3\nf 1 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n")):
         obj_files.write(tmp_path, left + faces + right + "f 5 6 7 8\n", f"s{i}.obj")
@@ -101,17 +101,17 @@ def test_an_object_whose_faces_change_is_another_object_and_the_rest_is_not(gpu,
         pair = draw_pair(
             gpu, scene, camera, SIZE, (first / 24, (first + 1) / 24), reprojection="motion", extra=("ids",)
         )
-        assert not np.any(pair.motion), "what has no shape one frame ago has no motion either"
+        assert not np.any(pair.motion), "an object without a previous shape has zero motion"
         return pair.current["ids"][..., 0] != pair.history["ids"][..., 0]
 
-    assert not changed(0).any(), "a fan is the two triangles it is drawn as"
+    assert not changed(0).any(), "a fan equals its triangles"
     half = SIZE[0] // 2
     other = changed(1)
     assert other[20:30, 20 : half - 1].all() and not other[:, half + 1 :].any()
 
 
 @pytest.mark.parametrize("kind", ["aff", "obj", "sequence"])
-def test_evaluate_from_the_command_line(tmp_path, kind):
+def test_evaluate_command(tmp_path, kind):
     from click.testing import CliRunner
 
     if kind == "aff":
