@@ -296,12 +296,14 @@ class Settings:
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Settings:
-        """The inverse of ``to_dict``; fields left out get their defaults.
+        """The inverse of ``to_dict``; fields left out get their defaults, and ``REMOVED`` names are ignored.
 
         Raises SettingsError for a name that is no setting, and a value of the wrong type or out of range.
         """
         converted = {}
         for name, value in values.items():
+            if name in REMOVED:
+                continue
             _group_of(name)
             try:
                 converted[name] = msgspec.convert(value, FIELD_TYPES[name])
@@ -331,6 +333,9 @@ FIELDS: dict[str, dataclasses.Field[Any]] = {f.name: f for group in GROUPS.value
 """Every field by name; ``metadata`` holds ``meaning``, ``unit``, ``check`` and ``selects``."""
 
 FIELD_TYPES = {name: kind for group in GROUPS.values() for name, kind in typing.get_type_hints(group).items()}
+
+REMOVED = ("summation", "histogram_bits")
+"""Settings of earlier releases that files may still hold."""
 
 SELECTING = tuple(name for name, field in FIELDS.items() if field.metadata["selects"])
 """Fields that name the scene, frames or machine of a run: no part of a preset, and recorded elsewhere in a summary."""

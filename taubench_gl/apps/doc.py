@@ -21,7 +21,7 @@ WIDTH = 100
 
 MODULES: dict[str, tuple[str, ...]] = {
     "taubench_gl": ("evaluate", "Settings", "Run", "load_run", "load_scene", "sample", "TaubenchError"),
-    "taubench_gl.evaluation": ("evaluate_scene", "Pair"),
+    "taubench_gl.evaluation": ("evaluate_scene", "Pair", "PairEvaluator"),
     "taubench_gl.metrics.reprojection": ("Reprojection", "reproject"),
     "taubench_gl.metrics.masks": ("pair_masks", "PairMasks"),
     "taubench_gl.metrics.activity": ("camera_activity", "detect_cuts"),

@@ -10,7 +10,7 @@ from typing import Any
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import plain_text, write_atomically
-from taubench_gl.settings import FIELDS, SELECTING, Settings
+from taubench_gl.settings import FIELDS, REMOVED, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
 _HINT = "'taubench-gl cost --within' writes presets"
@@ -45,6 +45,7 @@ def load_preset(path: str | Path) -> dict[str, Any]:
     if not isinstance(settings, dict):
         what = "has no table [settings]" if settings is None else "settings is not a table"
         raise SettingsError(what, where=str(path), hint=_HINT)
+    settings = {name: value for name, value in settings.items() if name not in REMOVED}
     known = set(FIELDS) - set(SELECTING)
     for name in settings:
         if name not in known:

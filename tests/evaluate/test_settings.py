@@ -65,6 +65,10 @@ def test_serialization_round_trip_through_json():
         assert Settings.from_dict(stored) == settings
 
 
+def test_removed_settings_in_files_are_ignored():
+    assert Settings.from_dict({"width": 64, "summation": "plain", "histogram_bits": 5}) == Settings.of(width=64)
+
+
 def test_omitted_thresholds_get_the_default():
     thresholds = Settings.of(thresholds={"normal": 0.25}).metrics.thresholds
     assert thresholds == {name: 0.25 if name == "normal" else DEFAULT_THRESHOLD for name in FEATURES}
