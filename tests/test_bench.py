@@ -119,7 +119,7 @@ def test_missing_peers_are_reported_in_the_table(tmp_path: Path) -> None:
 
 
 def test_claims_hold_fail_or_are_not_measured() -> None:
-    from bench_claims import Claim, claim_cells, claim_lines, unmeasured
+    from benches import Claim, claim_cells, claim_lines, unmeasured
 
     fast, slow = Claim("a", ">=", 5.0, 5.0, 4.0, 6.0), Claim("b", "<=", 0.3, 0.31, note="at 4x4")
     absent = unmeasured("c", ">=", 30.0, "no bpy")

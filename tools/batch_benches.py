@@ -9,8 +9,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
-from bench_claims import Claim
-from benches import ROOT, Options, Result, bench, ratios, row
+from benches import ROOT, Claim, Options, Result, bench, ratios, row
 
 from taubench_gl.batch.driver import Listener
 from taubench_gl.batch.engines import THREADS_VARIABLE, available_cores

@@ -1,14 +1,15 @@
-"""What every bench is made of: a registry of functions by name, rows with ratios, and the tables that show them.
+"""The framework of the benchmarks: a registry of functions, rows with ratios, claims, and tables.
 
-Samples of what is compared are taken in turn (A, B, A, B, ...), after a round that is thrown away, by the clock that
-gpu.timing has proven, which is named with the numbers.  A time on its own says something of a machine; so each row also
-says how it compares with the first of its table, and what could not be measured is a row with the reason.
+Samples of the alternatives are interleaved (A, B, A, B, ...) after one discarded round.  The clock is the one that
+gpu.timing has verified, and is reported with the numbers.  A time alone depends on the machine, so each row also has
+its ratio to the first row of its table.  A row that cannot be measured has the reason instead.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import operator
 import os
 import platform
 import resource
@@ -19,8 +20,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from bench_claims import HEADS as CLAIM_HEADS
-from bench_claims import Claim, claim_cells, claim_lines
 from rich.console import Console
 from rich.table import Table
 
@@ -38,24 +37,70 @@ EIGHT = tuple(name for name in ("position", "normal", "prev_position", "geometri
                                 "emission", "ids") if name in CHANNELS)  # fmt: skip
 
 
+TESTS = {">=": operator.ge, "<=": operator.le}
+CLAIM_HEADS = ("claim", "target", "measured", "spread", "holds")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement on speed.  ``measured`` None: not measured, for the reason in ``note``.
+
+    ``low`` and ``high``: 10th and 90th percentile of the samples or rounds.
+    """
+
+    what: str
+    test: str  # of TESTS
+    target: float
+    measured: float | None
+    low: float | None = None
+    high: float | None = None
+    unit: str = "x"
+    note: str = ""
+
+    @property
+    def holds(self) -> bool | None:
+        return None if self.measured is None else bool(TESTS[self.test](self.measured, self.target))
+
+
+def unmeasured(what: str, test: str, target: float, why: str, unit: str = "x") -> Claim:
+    """A claim that this run does not measure."""
+    return Claim(what, test, target, None, unit=unit, note=why)
+
+
+def claim_cells(claim: Claim) -> list[str]:
+    """The cells of a claim, in the order of CLAIM_HEADS."""
+    what = f"{claim.what} ({claim.note})" if claim.note else claim.what
+    target = f"{claim.test} {claim.target:g} {claim.unit}"
+    if claim.measured is None:
+        return [what, target, "–", "–", "not measured"]
+    spread = "–" if claim.low is None else f"{claim.low:.3g} to {claim.high:.3g}"
+    return [what, target, f"{claim.measured:.3g} {claim.unit}", spread, "yes" if claim.holds else "NO"]
+
+
+def claim_lines(claims: list[Claim]) -> list[str]:
+    """The table as Markdown lines."""
+    rows = [CLAIM_HEADS, ["---", "---:", "---:", "---:", "---"], *map(claim_cells, claims)]
+    return [f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |" for cells in rows]
+
+
 @dataclass(frozen=True)
 class Row:
-    """Milliseconds of one thing, and how many times the table's base that is; all None where it was not measured."""
+    """Milliseconds of one alternative, and its ratio to the table's base row; None if it was not measured."""
 
     what: str
     median_ms: float | None
     low_ms: float | None  # 10th percentile
     high_ms: float | None  # 90th
     samples: int
-    note: str = ""  # where not measured: why
+    note: str = ""  # if not measured: the reason
     ratio: float | None = None
 
 
 @dataclass(frozen=True)
 class Result:
-    """``base``: the row whose ratio is 1; -1: rows that have their own ratios, named by ``unit``.
+    """One table.  ``base``: the row with ratio 1; -1: the rows have other ratios, named by ``unit``.
 
-    ``claims``: what this bench is the proof of, whether it holds or not.
+    ``claims``: the statements that this benchmark tests.
     """
 
     title: str
@@ -71,7 +116,7 @@ class Options:
     size: tuple[int, int]
     repeats: int
     quick: bool = False
-    alone: bool = False  # the only bench of this run
+    alone: bool = False  # the only benchmark of this run
     out: Path = field(default_factory=lambda: ROOT / "out" / "bench")
 
     @property
@@ -84,19 +129,19 @@ QUICK: list[str] = []
 
 
 def bench(function: Callable[[Gpu, Options], Result]) -> Callable[[Gpu, Options], Result]:
-    """Registers a bench under its function's name."""
+    """Register a benchmark under the name of its function."""
     BENCHES[function.__name__] = function
     return function
 
 
 def quick(function: Callable[[Gpu, Options], Result]) -> Callable[[Gpu, Options], Result]:
-    """Makes a bench part of ``tools/bench quick``."""
+    """Make a benchmark part of ``tools/bench quick``."""
     QUICK.append(function.__name__)
     return function
 
 
 def real_scene(*names: str) -> Path:
-    """The first of ``names`` among the real scenes beside the checkout; assets/demo.glb without them."""
+    """The first of ``names`` that exists in the folder of real scenes; otherwise assets/demo.glb."""
     data = Path(os.environ.get("TAUBENCH_DATA") or ROOT.parent / "shared" / "data")
     for name in names:
         if (data / name).is_file():
@@ -110,12 +155,12 @@ def row(what: str, samples: list[float], note: str = "") -> Row:
 
 
 def missing(what: str, reason: str) -> Row:
-    """A row of something that this machine cannot measure."""
+    """A row that this machine cannot measure."""
     return Row(what, None, None, None, 0, reason)
 
 
 def with_ratios(result: Result) -> Result:
-    """The same with each row's ratio to the base, where both were measured and no ratio was given."""
+    """``result`` with the ratio of each row to the base, where both are measured and no ratio is given."""
     if result.base < 0 or not result.rows:
         return result
     base = result.rows[result.base].median_ms
@@ -127,9 +172,9 @@ def with_ratios(result: Result) -> Result:
 
 
 def ratios(over: list[float], under: list[float]) -> tuple[float, float, float]:
-    """Median of ``over`` over median of ``under``, and the 10th and 90th percentile of sample over sample.
+    """Median of ``over`` / median of ``under``, and the 10th and 90th percentile of the ratios of sample pairs.
 
-    Samples that were taken in turn share what else the machine did then, so that each pair is a ratio of its own.
+    Interleaved samples share the load of the machine, so the ratio of each pair is meaningful.
     """
     each = np.array(over) / np.array(under)
     low, high = np.percentile(each, [10, 90])
@@ -137,7 +182,7 @@ def ratios(over: list[float], under: list[float]) -> tuple[float, float, float]:
 
 
 def cpu_seconds() -> float:
-    """Processor time of this process and of the children it has waited for."""
+    """CPU time, seconds, of this process and of the child processes that have ended."""
     return sum(os.times()[:4])
 
 
@@ -146,7 +191,7 @@ def peak_rss_mb() -> float:
 
 
 class Stopwatch:
-    """Wall-clock milliseconds by name, each closed by finish()."""
+    """Wall-clock milliseconds by name; each sample ends with finish()."""
 
     def __init__(self, gpu: Gpu):
         self._gpu, self.samples = gpu, defaultdict(list)
@@ -177,21 +222,21 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--repeats", type=int, help="rounds after the warm-up (default 3; quick 1)")
     parser.add_argument("--backend", default="auto")
-    parser.add_argument("--no-install", action="store_true", help="do not put missing peers into .venv")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here as well")
+    parser.add_argument("--no-install", action="store_true", help="do not install missing peers into .venv")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the numbers to FILE")
     parser.add_argument("--out", type=Path, help="folder of bench.json and bench.md (default out/bench)")
     group = parser.add_argument_group("agreement (needs Blender as a Python module; not part of all)")
     group.add_argument("--scene", default="room", help="of tools/light_scenes.py (default room)")
     group.add_argument("--converged", type=int, default=256, help="samples of the reference (default 256)")
     options = parser.parse_args(arguments)
     console = Console(soft_wrap=True)
-    console.width = max(console.width, 120)  # a table in a pipe or a log need not be narrow
+    console.width = max(console.width, 120)  # tables in a pipe or a log are wide
     if options.which == "agreement":
         return agreement(console, options)
-    hurried = options.which == "quick"
+    is_quick = options.which == "quick"
     out = options.out or ROOT / "out" / "bench"
-    repeats = options.repeats if options.repeats is not None else 1 if hurried else 3
-    size, alone = options.size or (QUICK_SIZE if hurried else FULL_SIZE), options.which in BENCHES
+    repeats = options.repeats if options.repeats is not None else 1 if is_quick else 3
+    size, alone = options.size or (QUICK_SIZE if is_quick else FULL_SIZE), options.which in BENCHES
     names = {"quick": QUICK, "all": list(BENCHES)}.get(options.which, [options.which])
     out.mkdir(parents=True, exist_ok=True)
 
@@ -202,32 +247,31 @@ def main(arguments: list[str]) -> int:
                 write_atomically(path, text)
         write_atomically(out / "bench.md", markdown(report))
 
-    run(console, names, Options(size, max(repeats, 1), hurried, alone, out), options.backend, save)
+    run(console, names, Options(size, max(repeats, 1), is_quick, alone, out), options.backend, save)
     console.print(f"written to {out / 'bench.json'} and bench.md", markup=False, highlight=False)
     return 0
 
 
 def run(console: Console, names: list[str], options: Options, backend: str, save: Callable[[dict], None]) -> None:
-    """Run benches one after another and show each; ``save`` takes everything measured so far, with where and by which
-    clock, after each of them."""
+    """Run benchmarks one after another and print each; ``save`` gets the report so far after each of them."""
     gpu = open_gpu(backend)
     with gpu:
-        told = provenance(gpu, PassTimer.clock)
+        origin = provenance(gpu, PassTimer.clock)
         load = os.getloadavg()[0]
-        machine = (f"{gpu.renderer}, {gpu.backend}; clock: {told['clock']}; {os.cpu_count()} cores, load {load:.1f}; "
+        machine = (f"{gpu.renderer}, {gpu.backend}; clock: {origin['clock']}; {os.cpu_count()} cores, load {load:.1f}; "
                    f"Python {platform.python_version()}, NumPy {np.__version__}")  # fmt: skip
         console.print(machine, markup=False)
         results: dict[str, dict] = {}
         claims: list[Claim] = []
         report = {
-            "machine": machine, "provenance": told, "cores": os.cpu_count(), "load": load, "size": list(options.size),
+            "machine": machine, "provenance": origin, "cores": os.cpu_count(), "load": load, "size": list(options.size),
             "repeats": options.repeats, "claims": [], "benches": results,
         }  # fmt: skip
         for name in names:
             started, spent = time.perf_counter(), cpu_seconds()
             try:
                 result = with_ratios(BENCHES[name](gpu, options))
-            except TaubenchError as error:  # one bench that cannot run here does not take the others with it
+            except TaubenchError as error:  # the other benchmarks still run
                 result = Result(name, [missing(name, str(error))], [])
             results[name] = asdict(result) | {
                 "seconds": time.perf_counter() - started, "cpu_seconds": cpu_seconds() - spent,
@@ -242,7 +286,7 @@ def run(console: Console, names: list[str], options: Options, backend: str, save
 
 
 def agreement(console: Console, options: argparse.Namespace) -> int:
-    """Its own program: it opens a context per evaluation, and its rows have columns of accuracy."""
+    """Run the agreement benchmark, which opens a context per evaluation and also has columns of accuracy."""
     from agreement_bench import SIZE, measure
     from agreement_bench import show as show_costs
 
@@ -259,7 +303,7 @@ HEADS = ("median ms", "10 %", "90 %", "samples")
 
 
 def cells(r: Row | dict) -> list[str]:
-    """A row as text: name, ratio, milliseconds, samples; dashes and the reason where it was not measured."""
+    """The cells of a row: name, ratio, milliseconds, samples; dashes and the reason if it was not measured."""
     r = asdict(r) if isinstance(r, Row) else r
     if r["median_ms"] is None:
         return [f"{r['what']}: {r['note']}", "–", "–", "–", "–", "0"]
@@ -292,18 +336,18 @@ def show_claims(console: Console, claims: list[Claim]) -> None:
 
 
 def markdown(report: dict) -> str:
-    """The same tables for people who read files, the claims first."""
+    """The tables as Markdown, the claims first."""
     benches = report["benches"].values()
     size, minutes = "x".join(map(str, report["size"])), sum(result["seconds"] for result in benches) / 60
     lines = ["# Speed", "", report["machine"], "", f"{size}, {report['repeats']} rounds, {minutes:.1f} minutes", ""]
     if report["claims"]:
         fields = Claim.__dataclass_fields__
-        claims = [Claim(**{name: told[name] for name in fields}) for told in report["claims"]]
+        claims = [Claim(**{name: values[name] for name in fields}) for values in report["claims"]]
         lines += ["## Claims", "", *claim_lines(claims), ""]
     for result in benches:
         lines += [f"## {result['title']}", "", f"| | {result['unit']} | {' | '.join(HEADS)} |", "|---|" + "---:|" * 5]
         lines += [f"| {' | '.join(c.replace('|', '/') for c in cells(r))} |" for r in result["rows"]]
         lines += ["", *(f"- {note}" for note in result["notes"])]
-        spent = f"{result['seconds']:.0f} s, {result['cpu_seconds']:.0f} s of processor time"
-        lines += [f"- took {spent}; the machine's load at the end {result['load']:.1f}", ""]
+        spent = f"{result['seconds']:.0f} s, {result['cpu_seconds']:.0f} s of CPU time"
+        lines += [f"- duration {spent}; load of the machine at the end {result['load']:.1f}", ""]
     return "\n".join(lines)

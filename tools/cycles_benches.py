@@ -7,8 +7,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from bench_claims import Claim, unmeasured
-from benches import FPS, Options, Result, Row, bench, missing, real_scene, row
+from benches import FPS, Claim, Options, Result, Row, bench, missing, real_scene, row, unmeasured
 from mask_benches import Walk
 
 from taubench_gl.animation import CameraTrack, choose_camera

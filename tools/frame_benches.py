@@ -1,4 +1,4 @@
-"""Benches of whole frames: what each pass's share is, what not waiting gains, and how near to the memory's speed."""
+"""Benchmarks of whole frames: share of each pass, overlap, read-back, bandwidth, and memory of a long run."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from bench_claims import Claim
 from benches import (
     EIGHT,
     FPS,
+    Claim,
     Options,
     Result,
     Row,
@@ -47,9 +47,9 @@ GEOMETRY = ("frustum", "position", "normal")
 @quick
 @bench
 def shares(gpu: Gpu, options: Options) -> Result:
-    """Each pass's share of a frame, masks included, on scenes that need little and much."""
+    """The share of each pass in a frame, masks included, on simple and complex scenes."""
     rows: list[Row] = []
-    notes = [f"{options.size_text}; every pass waited for; share of the sum of the passes' medians"]
+    notes = [f"{options.size_text}; finish() after every pass; share of the sum of the medians"]
     with tempfile.TemporaryDirectory() as name:
         for label, scene, camera, columns, fps in _cases(Path(name), options):
             timer = PassTimer(gpu)
@@ -93,7 +93,7 @@ WAITS, AT_ONCE, LATE = "waits for every pass", "reads each pair's counts at once
 
 @bench
 def overlap(gpu: Gpu, options: Options) -> Result:
-    """A run of frames in which every pass is waited for, one that waits for counts alone, and one that runs ahead."""
+    """A run with finish() after every pass, one that waits for the counts of each pair, and one that does not wait."""
     path = real_scene("khronos/CesiumMan/CesiumMan.glb")
     scene = load_scene(path)
     count = 13
@@ -113,7 +113,7 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     for name, evaluator in evaluators.items():
         evaluator.deferred = name == LATE
     watch = Stopwatch(gpu)
-    for _ in range(3 * options.repeats + 1):  # the differences are small: many rounds
+    for _ in range(3 * options.repeats + 1):  # many rounds, as the differences are small
         for name, evaluator in evaluators.items():
             watch.time(name, partial(_evaluate, evaluator, count))
     for part in (*evaluators.values(), *sources.values(), *contexts.values()):
@@ -121,7 +121,7 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     gpu.collect()
     samples = {name: [ms / (count - 1) for ms in watch.samples[name][1:]] for name in sources}
     rows = [row(name, ms) for name, ms in samples.items()]
-    notes = [f"{path.name}, {options.size_text}, {count - 1} pairs a run; the wall's clock: waiting costs no processor"]
+    notes = [f"{path.name}, {options.size_text}, {count - 1} pairs per run; wall-clock time"]
     for name in (WAITS, AT_ONCE):
         gain, low, high = ratios(samples[name], samples[LATE])
         notes.append(f"{name} : {LATE} = {gain:.3f} x ({low:.3f} to {high:.3f} round by round)")
@@ -141,7 +141,7 @@ READS = ("position", "normal", "base_color")
 
 @bench
 def readback(gpu: Gpu, options: Options) -> Result:
-    """Frames whose images go to the CPU: read at once, against copied to a pixel buffer and read one frame late."""
+    """Frames whose images are read back: immediately, and through pixel buffers one frame late."""
     path = real_scene("sponza/Sponza.gltf")
     scene = load_scene(path)
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
@@ -178,7 +178,7 @@ READ_FRAMES = 5
 
 @bench
 def bandwidth(gpu: Gpu, options: Options) -> Result:
-    """Bytes that passes must move over their time, against what a plain copy moves on the same device."""
+    """Bytes that passes must move per second, compared with a copy on the same device."""
     title = "Bytes moved, against the measured copy bandwidth"
     if gpu.software:
         return Result(title, [missing("bandwidth", f"{gpu.renderer} renders in software: its memory is the CPU's")], [])
@@ -187,7 +187,7 @@ def bandwidth(gpu: Gpu, options: Options) -> Result:
     watch = Stopwatch(gpu)
     size = 256 << 20
     source, target = gpu.ctx.buffer(reserve=size), gpu.ctx.buffer(reserve=size)
-    rounds = 20  # within one sample, so that starting it does not count
+    rounds = 20  # per sample, so that launch overhead is negligible
     history = subject.renderer.history
     for frame in range(1, 2 + 5 * options.repeats):
         subject.renderer.draw(frame / FPS, (frame - 1) / FPS)
@@ -209,7 +209,7 @@ def bandwidth(gpu: Gpu, options: Options) -> Result:
         r = row(f"{name}, {rounds} times", watch.samples[name][1:], f"{moved[name] / 2**20:.0f} MiB each")
         rows.append(Row(r.what, r.median_ms, r.low_ms, r.high_ms, r.samples, r.note, rate[name] / rate["copy"]))
     notes = [f"{options.size_text}; a copy reads and writes 256 MiB: {rate['copy'] / 1e9:.0f} GB/s",
-             f"{len(EIGHT)} channels in all; least bytes: each texel once, nothing for what caches miss"]  # fmt: skip
+             f"{len(EIGHT)} channels in all; minimum bytes: each texel once"]  # fmt: skip
     return Result(title, rows, notes, base=-1, unit="of copy's rate")
 
 
@@ -218,14 +218,14 @@ def _bytes(channel: str) -> int:
 
 
 STEADY_SECONDS, STEADY_GROWTH = 6.0, 0.05
-STEADY = "memory that a run of frames adds after its first quarter, over what it had then"
+STEADY = "memory that a run adds after its first quarter, relative to its memory then"
 
 
 @bench
 def steady(gpu: Gpu, options: Options) -> Result:
-    """A stand-in with all columns: does a run's memory grow with its frames?  In ``all`` half a second of it.
+    """Memory of a run of a stand-in with all columns.  As part of ``all``: half a second.
 
-    By its own name (``tools/bench steady``) it is six seconds, 360 frames at 60 a second.
+    Alone (``tools/bench steady``): six seconds, 360 frames at 60 fps.
     """
     seconds = STEADY_SECONDS if options.alone else STEADY_SECONDS / 12
     with tempfile.TemporaryDirectory() as folder:
@@ -240,7 +240,7 @@ def steady(gpu: Gpu, options: Options) -> Result:
     before, after = max(resident[: quarter + 1]), max(resident[quarter:])
     rows = [row("a frame", [run.hello["frame_ms"]], "start included")]
     notes = [
-        f"valley stand-in, {len(resident)} pairs, all columns, {options.size_text}, a process of its own; resident "
+        f"valley stand-in, {len(resident)} pairs, all columns, {options.size_text}, in a separate process; resident "
         f"after a quarter {before:.0f} MiB, at most {after:.0f} MiB later, {resident[-1]:.0f} MiB at the end"
     ]
     claim = Claim(STEADY, "<=", STEADY_GROWTH, after / before - 1, note=f"{len(resident)} pairs of a stand-in")

@@ -1,7 +1,7 @@
-"""Which way to OpenGL works here, without installing or importing anything (standard library only).
+"""Checks whether EGL and OSMesa work on this machine, with the standard library only.
 
-Prints one line per way and exits 0 when at least one of EGL and OSMesa can work, 1 when neither can.  A library that
-loads is not enough: EGL is a switchboard, and without a vendor driver behind it no display initialises.
+Prints one line for each and exits with 0 if at least one works, otherwise 1.  Loading the library is not enough: EGL is
+a dispatcher, and no display initializes without a vendor driver.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ EGL_PLATFORM_SURFACELESS = 0x31DD
 
 
 def probe_egl() -> str | None:
-    """None when EGL with desktop GL works, else what is missing."""
+    """None if EGL with desktop OpenGL works, else the missing part."""
     try:
         egl = ctypes.CDLL("libEGL.so.1")
     except OSError:
         return "libEGL.so.1 is not installed"
-    # glcontext finds both by this lookup, so what only the loader finds would not be found later.
+    # glcontext uses the same lookup for both libraries.
     for name in ("EGL", "GL"):
         if ctypes.util.find_library(name) is None:
             return f"lib{name}.so is not installed"
@@ -30,7 +30,7 @@ def probe_egl() -> str | None:
     query = egl.eglGetProcAddress(b"eglQueryDevicesEXT")
     platform = egl.eglGetProcAddress(b"eglGetPlatformDisplayEXT")
     if not query or not platform:
-        return "libEGL.so.1 is too old to open a device without a screen"
+        return "libEGL.so.1 is too old to open a device without a display"
     query_devices = ctypes.CFUNCTYPE(ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)(query)
     get_display = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p)(platform)
     devices, count = (ctypes.c_void_p * 32)(), ctypes.c_int(0)
@@ -40,11 +40,11 @@ def probe_egl() -> str | None:
         display = get_display(kind, native, None)
         if display and egl.eglInitialize(display, None, None):
             return None
-    return "libEGL.so.1 has no driver behind it"
+    return "libEGL.so.1 finds no driver"
 
 
 def probe_osmesa() -> str | None:
-    """None when OSMesa can be loaded, else what is missing."""
+    """None if OSMesa can be loaded, else the missing part."""
     for name in ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"):
         try:
             ctypes.CDLL(name)

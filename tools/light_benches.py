@@ -1,4 +1,4 @@
-"""Benches of light: many lights against few, and what each skipped effect would have cost."""
+"""Benchmarks of light: many lights, indirect-light methods, and the cost of skipped effects."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from taubench_gl.selftest.scenes import lamp_field
 from taubench_gl.settings import Settings
 
 LIGHT_FRAMES = 2
-"""Frames per round: a frame under 690 lights without ranges takes seconds on llvmpipe."""
+"""Frames per round; few, because a frame with 690 lights without ranges takes seconds on llvmpipe."""
 
 
 class Subject:
-    """A source with a timer of its own."""
+    """A source with its own timer."""
 
     def __init__(self, gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...] = ()):
         self.timer = PassTimer(gpu)
@@ -39,7 +39,7 @@ class Subject:
         self._frame += 1
 
     def samples(self, name: str) -> list[float]:
-        """Milliseconds, without the first frame, which compiles."""
+        """Milliseconds of all frames except the first, which includes compilation."""
         return self.timer.samples_ms()[name][1:].tolist()
 
     def release(self) -> None:
@@ -49,7 +49,7 @@ class Subject:
 
 @bench
 def lights(gpu: Gpu, options: Options) -> Result:
-    """Direct light of 690 point lights, culled, against 16 lights, in one interleaved run."""
+    """Direct light of 690 point lights with culling, compared with 16 lights, interleaved."""
     settings = Settings.of(
         width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0
     )
@@ -66,7 +66,7 @@ def lights(gpu: Gpu, options: Options) -> Result:
             subject.advance()
     rows = [row(f"direct, {name}", subject.samples("direct")) for name, subject in subjects.items()]
     size = f"{settings.sequence.width}x{settings.sequence.height}"
-    notes = [f"40 x 40 m of rolling ground, {size}, light error {settings.lighting.light_error:g}"]
+    notes = [f"hilly ground of 40 x 40 m, {size}, light error {settings.lighting.light_error:g}"]
     for measured, (name, subject) in zip(rows, subjects.items(), strict=True):
         light = subject.source.light
         counts = light.tile_counts()
@@ -85,7 +85,7 @@ def lights(gpu: Gpu, options: Options) -> Result:
 
 @bench
 def valley(gpu: Gpu, options: Options) -> Result:
-    """The stand-in's 690 lights (73 static, 617 moving, and a sun) against 16 of them, in one interleaved run."""
+    """The stand-in's 690 lights (73 static, 617 moving) and its sun, compared with 16 lights, interleaved."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "valley.glb"
         make_stand_in("eternal-valley-fps", path)
@@ -119,31 +119,33 @@ def valley(gpu: Gpu, options: Options) -> Result:
 
 
 @bench
-def rungs(gpu: Gpu, options: Options) -> Result:
-    """What each rung of indirect light costs a frame, on the demo scene: lights and surfaces move all the time."""
+def indirect(gpu: Gpu, options: Options) -> Result:
+    """Frame time of each indirect-light method on the demo scene, in which lights and surfaces always move."""
     scene = load_scene(ASSETS / "demo.glb")
     subjects = {
-        rung: Subject(gpu, scene, Settings.of(width=options.size[0], height=options.size[1], fps=FPS, indirect=rung))
-        for rung in ("none", "rsm", "probes")
+        method: Subject(
+            gpu, scene, Settings.of(width=options.size[0], height=options.size[1], fps=FPS, indirect=method)
+        )
+        for method in ("none", "rsm", "probes")
     }
     for _ in range(1 + LIGHT_FRAMES * options.repeats):
         for subject in subjects.values():
             subject.advance()
     rows, notes = [], []
     base = float(np.median(subjects["none"].samples("frame")))
-    for rung, subject in subjects.items():
+    for method, subject in subjects.items():
         samples = subject.samples("frame")
-        rows.append(row(f"frame, indirect {rung}", samples))
-        if rung != "none":
-            rows.append(row(f"of it the indirect pass, {rung}", subject.samples("indirect")))
-        notes.append(f"indirect {rung}: {float(np.median(samples)) / base:.2f} x a frame without indirect light")
+        rows.append(row(f"frame, indirect {method}", samples))
+        if method != "none":
+            rows.append(row(f"of it the indirect pass, {method}", subject.samples("indirect")))
+        notes.append(f"indirect {method}: {float(np.median(samples)) / base:.2f} x a frame without indirect light")
         subject.release()
-    return Result("Rungs of indirect light, assets/demo.glb", rows, notes)
+    return Result("Methods of indirect light, assets/demo.glb", rows, notes)
 
 
 @bench
 def effects(gpu: Gpu, options: Options) -> Result:
-    """Per scene and skipped effect: a frame with that effect alone forced on, less a frame on demand."""
+    """Per scene and skipped effect: frame time with this effect forced, minus frame time on demand."""
     settings = Settings.of(width=options.size[0], height=options.size[1], fps=FPS)
     geometry = Settings.of(width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"))
     cases = [
@@ -163,11 +165,11 @@ def effects(gpu: Gpu, options: Options) -> Result:
             saved, extra = _saved(gpu, scene, chosen, force, options.repeats)
             rows.append(row(f"{path.stem} ({columns}): {what}", saved, f"{extra / 2**20:.1f} MiB"))
             notes.append(f"{path.stem}: skipping {what} saves {extra / 2**20:.1f} MiB")
-    return Result("Milliseconds a frame that skipped effects save", rows, notes)
+    return Result("Milliseconds per frame saved by skipping effects", rows, notes)
 
 
 def _saved(gpu: Gpu, scene: Scene, settings: Settings, force: tuple[str, ...], repeats: int) -> tuple[list[float], int]:
-    """Differences in ms, frame by frame, and in bytes."""
+    """Differences in milliseconds per frame, and in bytes."""
     pair = [Subject(gpu, scene, settings), Subject(gpu, scene, settings, force)]
     try:
         for _ in range(1 + 2 * repeats):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make assets/demo.glb: a walk through a courtyard in which everything that can move does.
+"""Write assets/demo.glb: a courtyard with moving objects of every kind, lights, and a walking camera.
 
 usage: tools/make_assets.py [FOLDER]        (default: assets)
 """
@@ -16,7 +16,7 @@ from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere, tube
 
 DURATION = 2.5
-LICENCE = "CC0-1.0, made for taubench-gl"
+LICENSE = "CC0-1.0, made for taubench-gl"
 
 
 def turn(axis: str, degrees) -> np.ndarray:
@@ -33,7 +33,7 @@ def times(count: int) -> np.ndarray:
 
 # ---------------------------------------------------------------------------------------------------------- textures
 def bricks(size: int = 128) -> tuple[np.ndarray, np.ndarray]:
-    """Colour and height of a brick wall, (h, w, 3) uint8 and (h, w) float; tiles seamlessly."""
+    """Color and height of a seamless brick wall: (h, w, 3) uint8 and (h, w) float."""
     rng = np.random.default_rng(1)
     y, x = np.mgrid[0:size, 0:size]
     row = y // (size // 8)
@@ -64,7 +64,7 @@ def tiles(size: int = 64) -> np.ndarray:
 
 
 def lattice(size: int = 64) -> np.ndarray:
-    """A garden trellis: wood where opaque, nothing between."""
+    """A garden trellis with alpha: opaque wood, transparent gaps."""
     y, x = np.mgrid[0:size, 0:size]
     slat = ((x + y) % (size // 4) < 5) | ((x - y) % (size // 4) < 5)
     over = (x + y) % (size // 4) < 5
@@ -74,7 +74,7 @@ def lattice(size: int = 64) -> np.ndarray:
 
 # ------------------------------------------------------------------------------------------------------------ objects
 def tentacle_shape(height: float, joints: int) -> Shape:
-    """A tapered tube along +Y; every ring is shared by the two joints around it."""
+    """A tapered tube along +Y; every ring is skinned to the two adjacent joints."""
     heights = np.linspace(0, height, 33)
     shape = tube(0.05 + 0.3 * (1 - heights / height) ** 0.7, heights)
     along = np.clip(shape["POSITION"][:, 1] / height * joints - 0.5, 0, joints - 1)
@@ -93,7 +93,7 @@ def add_tentacle(w: Writer, material: int, at, height: float = 2.6, joints: int 
     for i in range(joints):
         parent = w.node(f"joint {i}", parent, translation=[0.0, step if i else 0.0, 0.0])
         nodes.append(parent)
-    # A joint binds where its segment begins; the skinned node's own place plays no part.
+    # A joint binds at the start of its segment; the transform of the skinned node has no effect.
     inverse = np.tile(np.eye(4), (joints, 1, 1))
     inverse[:, 1, 3] = -step * np.arange(joints)
     skin = w.skin("tentacle", nodes, inverse)
@@ -129,7 +129,7 @@ def add_morph(w: Writer, material: int, at) -> list[tuple]:
 
 
 def add_carousel(w: Writer, metal: int, paints: list[int], at) -> list[tuple]:
-    """A turning cross that carries counter-turning boxes: motion of a node, of its parent, and of both."""
+    """A rotating cross that carries counter-rotating boxes: motion of a node, of its parent, and of both."""
     pole = w.mesh("post", w.primitive(box((-0.12, 0, -0.12), (0.12, 2.1, 0.12)), metal))
     post = w.node("post", translation=list(at), mesh=pole)
     arms = join([box((-1.5, -0.06, -0.06), (1.5, 0.06, 0.06)), box((-0.06, -0.06, -1.5), (0.06, 0.06, 1.5))])
@@ -192,7 +192,7 @@ def add_court(w: Writer) -> None:
 
 
 def add_lights(w: Writer) -> list[tuple]:
-    """A sun, two lamps that stay, one that travels, one that its scale switches on and off, a spot that turns."""
+    """A sun, two static lamps, a moving one, one that is switched by its scale, and a rotating spot light."""
     glow = w.material("glow", (1.0, 0.9, 0.7), emissiveFactor=[1.0, 0.75, 0.4])
     bulb = w.mesh("bulb", w.primitive(sphere(0.1, 8, 12), glow))
     sun = w.light(type="directional", name="sun", color=[1.0, 0.95, 0.85], intensity=3.0)
@@ -223,7 +223,7 @@ def add_lights(w: Writer) -> list[tuple]:
 
 
 def hang(w: Writer, bulb: int, light: dict) -> None:
-    """A light just below its bulb: inside, the bulb's own shell would keep all of its light."""
+    """Add a light below its bulb: inside, the mesh of the bulb would shadow it."""
     w.node("light", bulb, translation=[0.0, -0.15, 0.0], extensions=light)
 
 
@@ -234,7 +234,7 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def add_camera(w: Writer) -> list[tuple]:
-    """Walks in from the corner along the arcade, turning into the court, at eye height with a step's bob."""
+    """Walks along the arcade and turns into the court, at eye height, with vertical bobbing."""
     walker = w.node("walker")
     w.node("eye", walker, camera=w.camera("walk", math.radians(55), 0.1, 100.0), rotation=turn("x", -6.0).tolist())
     t = times(31)
@@ -250,8 +250,8 @@ def add_camera(w: Writer) -> list[tuple]:
 
 
 def demo() -> Writer:
-    """The whole scene: one animation per object, all of which play together, as Blender writes them."""
-    w = Writer(LICENCE, "taubench-gl tools/make_assets.py")
+    """The complete scene, with one animation per object, all played together, as Blender writes them."""
+    w = Writer(LICENSE, "taubench-gl tools/make_assets.py")
     add_court(w)
     metal = w.material("brass", (0.9, 0.65, 0.3), metallic=1.0, roughness=0.3)
     paints = [w.material(f"paint {i}", c, roughness=0.35) for i, c in enumerate(((0.75, 0.1, 0.08), (0.1, 0.25, 0.7)))]

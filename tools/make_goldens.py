@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Write tests/goldens anew, on purpose and after looking: tools/make_goldens.py [NAME ...] [--sheet PICTURE.png]
+"""Rewrite tests/goldens, after a visual check: tools/make_goldens.py [NAME ...] [--sheet IMAGE.png]
 
-Goldens are of one renderer, llvmpipe; on any other this refuses.  --sheet also writes all pictures in one, to look at.
+Goldens are rendered by llvmpipe only; other renderers are refused.  --sheet also writes all images side by side.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from taubench_gl.gpu.context import open_gpu  # noqa: E402
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help=f"of {', '.join(CASES)}; default: all")
-    parser.add_argument("--sheet", type=Path, help="write all pictures side by side")
+    parser.add_argument("--sheet", type=Path, help="write all images side by side")
     options = parser.parse_args()
     unknown = set(options.names) - set(CASES)
     if unknown:
@@ -32,15 +32,15 @@ def main() -> int:
     data = Path(os.environ.get("TAUBENCH_DATA") or ROOT.parent / "shared" / "data")
     gpu = open_gpu()
     if "llvmpipe" not in gpu.renderer:
-        print(f"goldens are made on llvmpipe, this is {gpu.renderer}", file=sys.stderr)
+        print(f"goldens are rendered by llvmpipe, this is {gpu.renderer}", file=sys.stderr)
         return 2
     FOLDER.mkdir(exist_ok=True)
     sheet = []
     with gpu:
         for name in options.names or CASES:
             images = render(gpu, scene_path(data, name), CASES[name])
-            made_on = {"renderer": np.array(gpu.renderer), "version": np.array(gpu.version)}
-            np.savez_compressed(golden_file(name), **made_on, **images)
+            origin = {"renderer": np.array(gpu.renderer), "version": np.array(gpu.version)}
+            np.savez_compressed(golden_file(name), **origin, **images)
             print(f"{golden_file(name).relative_to(ROOT)}: {golden_file(name).stat().st_size} bytes")
             normal = np.where(images["depth"][..., None] > 0, images["normal"] + 128.0, 0)
             word = images["mask"].astype(int)

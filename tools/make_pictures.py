@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Make the pictures of the README anew: tools/make_pictures.py [NAME ...]; they land in docs/pictures.
+"""Render the images of the README into docs/pictures: tools/make_pictures.py [NAME ...]
 
-Each comes out of a command a user can type.  The report is photographed in Chromium, the viewer under Xvfb.
+Each image comes from a command of the package.  The report is captured in Chromium, the viewer under Xvfb.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ def taubench(*arguments: object, before: tuple[str, ...] = ()) -> None:
 
 
 def keep(picture: Path, name: str) -> None:
-    """Into docs/pictures, in full colour: the masks' colours are what their legends say."""
+    """Save to docs/pictures without a palette, so that mask colors match their legends."""
     image = Image.open(picture).convert("RGB")
-    if name.endswith(".jpg"):  # noise, which PNG cannot pack
+    if name.endswith(".jpg"):  # noise compresses badly as PNG
         image.save(FOLDER / name, quality=88, subsampling=0)
     else:
         image.save(FOLDER / name, optimize=True)

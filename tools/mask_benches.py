@@ -1,14 +1,14 @@
-"""Benches of the masks, against the same in NumPy, Numba and PyTorch, and of the geometry pass."""
+"""Benchmarks of the mask pass, compared with NumPy, Numba and PyTorch, and of the geometry pass."""
 
 from __future__ import annotations
 
 import importlib.util
 
 import numpy as np
-from bench_claims import Claim, unmeasured
 from benches import (
     EIGHT,
     FPS,
+    Claim,
     Options,
     Result,
     Row,
@@ -20,6 +20,7 @@ from benches import (
     ratios,
     real_scene,
     row,
+    unmeasured,
 )
 from peers import Peer, torch_python
 
@@ -44,7 +45,7 @@ NO_NUMBA = "numba is not installed (pip install 'taubench-gl[bench]')"
 
 
 class MaskBench:
-    """One scene and reprojection mode: draws a pair, masks it, and asks the twins."""
+    """One scene and reprojection mode: renders pairs and computes their masks on the GPU and with the peers."""
 
     def __init__(self, gpu: Gpu, path, mode: str, size: tuple[int, int], torch: Peer | None = None):
         scene = load_scene(path)
@@ -60,7 +61,7 @@ class MaskBench:
         history = self.renderer.history
         return self.evaluator.compare(pair, current=history.current.textures, previous=history.previous.textures)
 
-    def run_twin(self, pair: Reprojection, current: dict, history: dict) -> np.ndarray:
+    def run_numpy(self, pair: Reprojection, current: dict, history: dict) -> np.ndarray:
         return pair_masks(current, history, pair, self.thresholds, reprojection=self.mode).mask_histogram()
 
     def run_numba(self, pair: Reprojection, current: dict, history: dict) -> np.ndarray:
@@ -68,8 +69,8 @@ class MaskBench:
 
         return numba_masks(current, history, pair, self.thresholds, reprojection=self.mode)[0]
 
-    def round(self, watch: Stopwatch, *, frames: int = 7, twins: int = 0) -> None:
-        """``frames`` less one pairs; the twins, which are slow, are asked for every ``twins``-th of them (0: none)."""
+    def round(self, watch: Stopwatch, *, frames: int = 7, peers_every: int = 0) -> None:
+        """Evaluate ``frames`` - 1 pairs; the peers, which are slow, every ``peers_every``-th pair (0: never)."""
         view = None
         for frame in range(frames):
             watch.time("g-buffer", lambda f=frame: self.renderer.draw(f / FPS, (f - 1) / FPS))
@@ -78,26 +79,26 @@ class MaskBench:
                 continue
             pair = reprojection(view, before, *self.size)
             counts = watch.time("masks and counts", lambda p=pair: self.run_masks(p))
-            if twins and frame % twins == 1 % twins:
-                self._ask_twins(watch, pair, counts)
+            if peers_every and frame % peers_every == 1 % peers_every:
+                self._run_peers(watch, pair, counts)
 
-    def _ask_twins(self, watch: Stopwatch, pair: Reprojection, counts: Counts) -> None:
+    def _run_peers(self, watch: Stopwatch, pair: Reprojection, counts: Counts) -> None:
         current = {n: self.renderer.read(n) for n in self.channels}
         history = {n: self.renderer.read(n, previous=True) for n in self.channels}
-        self._compare("NumPy", watch.time("NumPy", lambda: self.run_twin(pair, current, history)), counts)
+        self._compare("NumPy", watch.time("NumPy", lambda: self.run_numpy(pair, current, history)), counts)
         if HAS_NUMBA:
             self._compare("Numba", watch.time("Numba", lambda: self.run_numba(pair, current, history)), counts)
         if self.torch is not None:
             bits = {bit.name: int(bit) for bit in Reason}
-            told = self.torch.ask(current=current, history=history, pair=pair, thresholds=self.thresholds, bits=bits)
-            self._compare("PyTorch", told["mask_histogram"], counts)
-            watch.samples["PyTorch"].append(told["ms"])
+            answer = self.torch.ask(current=current, history=history, pair=pair, thresholds=self.thresholds, bits=bits)
+            self._compare("PyTorch", answer["mask_histogram"], counts)
+            watch.samples["PyTorch"].append(answer["ms"])
 
     def _compare(self, name: str, mask_histogram: np.ndarray, counts: Counts) -> None:
-        """In float32 and float64 a few pixels lie on either side of a threshold; more than that is a fault."""
+        """Stop if the counts differ by more than the rounding of float32 at thresholds explains."""
         differ = int(np.abs(mask_histogram - counts.mask_histogram.astype(np.int64)).sum())
         if differ > 1e-3 * self.size[0] * self.size[1]:
-            raise SystemExit(f"tools/bench: masks and {name} differ in {differ} counts; no timing means anything")
+            raise SystemExit(f"tools/bench: masks and {name} differ in {differ} counts")
 
     def release(self) -> None:
         for part in (self.evaluator, self.renderer, self.context):
@@ -107,7 +108,7 @@ class MaskBench:
 @quick
 @bench
 def masks(gpu: Gpu, options: Options) -> Result:
-    """Seven frames of a skinned figure: masks with their counts, and the same in NumPy, Numba and PyTorch."""
+    """Masks and counts of seven frames of a skinned figure, on the GPU and in NumPy, Numba and PyTorch."""
     path = real_scene("khronos/CesiumMan/CesiumMan.glb")
     torch = Peer.start("torch_masks.py", python=torch_python())
     modes = {
@@ -116,13 +117,13 @@ def masks(gpu: Gpu, options: Options) -> Result:
     }
     for subject in modes.values():
         subject.round(Stopwatch(gpu))
-    memory = peak_rss_mb()  # what an evaluation needs: the twin's float64 arrays come on top
+    memory = peak_rss_mb()  # of an evaluation, without the float64 arrays of the reference
     for subject in modes.values():
-        subject.round(Stopwatch(gpu), frames=2, twins=1)  # compiles Numba's
+        subject.round(Stopwatch(gpu), frames=2, peers_every=1)  # compiles the Numba code
     watches = {mode: Stopwatch(gpu) for mode in modes}
     for _ in range(options.repeats):
         for mode, subject in modes.items():
-            subject.round(watches[mode], twins=2)
+            subject.round(watches[mode], peers_every=2)
     held = sum(subject.renderer.bytes for subject in modes.values()) / len(modes)
     for subject in modes.values():
         subject.release()
@@ -132,9 +133,9 @@ def masks(gpu: Gpu, options: Options) -> Result:
         [],
         [
             f"{path.name}, 7 frames at {FPS:g} fps, {options.size_text}; GPU memory {held / 2**20:.0f} MiB",
-            f"peak resident memory before the twins ran, both modes open: {memory:.0f} MiB",
-            "all counts agree but for pixels within rounding of a threshold",
-            "NumPy is the float64 twin, whose histograms are not in its time; the others count in float32 or float64",
+            f"peak resident memory before the peers ran, both modes open: {memory:.0f} MiB",
+            "all counts agree except for pixels within rounding of a threshold",
+            "NumPy is the float64 reference, timed without histograms; the others use float32 or float64",
         ],
     )
     for mode, watch in watches.items():
@@ -142,7 +143,7 @@ def masks(gpu: Gpu, options: Options) -> Result:
         peers = [row(f"{n} ({mode})", watch.samples[n]) for n in ("NumPy", "Numba", "PyTorch") if watch.samples.get(n)]
         rows += [_relative(r, own[0]) for r in (*own, *peers)]
         ratio, frame = watch.median("NumPy") / own[0].median_ms, own[0].median_ms + own[1].median_ms
-        notes.append(f"{mode}: twin : masks = {ratio:.1f} x; a frame (g-buffer + masks) takes {frame:.1f} ms")
+        notes.append(f"{mode}: NumPy / masks = {ratio:.1f} x; a frame (g-buffer + masks) takes {frame:.1f} ms")
     if not HAS_NUMBA:
         rows.append(missing("Numba", NO_NUMBA))
     if torch.missing is not None:
@@ -165,7 +166,7 @@ def _relative(r: Row, base: Row) -> Row:
 
 
 class Walk:
-    """A walk along Sponza's nave."""
+    """A camera that moves along the nave of Sponza."""
 
     name = "walk"
     lens = Camera(yfov=0.9, znear=0.05, zfar=200.0)
@@ -180,17 +181,15 @@ class Walk:
 
 @bench
 def geometry(gpu: Gpu, options: Options) -> Result:
-    """The G-buffer alone, from two channels to eight: what each further channel costs."""
+    """The G-buffer with two, five and eight channels."""
     path = real_scene("sponza/Sponza.gltf")
     scene = load_scene(path)
     camera = Walk() if path.name.startswith("Sponza") else choose_camera(scene)
     sets = {"2 channels": EIGHT[:2], "5 channels": EIGHT[:5], f"{len(EIGHT)} channels": EIGHT}
     timers = {name: PassTimer(gpu) for name in sets}
-    renderers = {
-        n: Renderer(GpuContext(gpu, timer=timers[n]), scene, camera, options.size, c) for n, c in sets.items()
-    }
+    renderers = {n: Renderer(GpuContext(gpu, timer=timers[n]), scene, camera, options.size, c) for n, c in sets.items()}
     for frame in range(7 * options.repeats + 1):
-        for renderer in renderers.values():  # interleaved; the first round warms up
+        for renderer in renderers.values():  # interleaved; the first round is a warm-up
             renderer.draw(frame % 7 / FPS, (frame % 7 - 1) / FPS)
     rows = []
     for name, timer in timers.items():
@@ -205,5 +204,5 @@ def geometry(gpu: Gpu, options: Options) -> Result:
     gpu.collect()
     triangles = sum(len(p.triangles) for m in scene.meshes for p in m.primitives)
     memory = ", ".join(f"{name.split()[0]} channels {mib:.0f} MiB" for name, mib in held.items())
-    told = f"{path.name}, {triangles} triangles, {options.size_text}; GPU memory: {memory}"
-    return Result("Geometry pass", rows, [told, f"8 : 2 channels = {last / first:.1f} x"], unit="x 2 channels")
+    note = f"{path.name}, {triangles} triangles, {options.size_text}; GPU memory: {memory}"
+    return Result("Geometry pass", rows, [note, f"8 / 2 channels = {last / first:.1f} x"], unit="x 2 channels")

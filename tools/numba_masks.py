@@ -1,4 +1,4 @@
-"""The masks in Numba: what a careful person would write for a CPU without OpenGL.  One pass, threads over rows.
+"""The masks in Numba: a careful CPU implementation without OpenGL.  One pass, threads over rows.
 
 Camera and motion reprojection, nearest history, position and normal; the same reason bits and histograms as
 shaders/masks/masks.comp.glsl, in float64 registers over float32 images.
@@ -41,7 +41,7 @@ def numba_masks(
     mask_histogram = np.zeros((threads, 1 << 16), dtype=np.int64)
     histograms = np.zeros((threads, 2, HISTOGRAM_BINS), dtype=np.int64)
     motion = reprojection == "motion"
-    _judge(
+    _classify(
         current["position"], current["normal"], current["prev_position" if motion else "position"],
         history["position"], history["normal"], pair.clip_from_current, pair.prev_clip_from_prev, pair.sky_origin,
         pair.sky_dx, pair.sky_dy, pair.prev_forward, pair.camera_delta, pair.prev_near * (1.0 - NEAR_GUARD),
@@ -62,7 +62,7 @@ def _row(m, i, x, y, z, w):
 
 
 @njit(parallel=True)
-def _judge(
+def _classify(
     position, normal, prev_position, history_position, history_normal, clip, prev_clip, sky, sky_dx, sky_dy, forward,
     delta, prev_near, near, most_moved, most_turned, motion, mask_histogram, histograms,
 ):  # fmt: skip

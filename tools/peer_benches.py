@@ -1,12 +1,25 @@
-"""Benches beside other programs: pyrender's frame, and what trimesh and pygltflib take to read a file."""
+"""Benchmarks of other programs: a frame of pyrender, and reading a file with trimesh and pygltflib."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 
 import numpy as np
-from bench_claims import Claim, unmeasured
-from benches import EIGHT, FPS, Options, Result, Stopwatch, bench, missing, quick, ratios, real_scene, row
+from benches import (
+    EIGHT,
+    FPS,
+    Claim,
+    Options,
+    Result,
+    Stopwatch,
+    bench,
+    missing,
+    quick,
+    ratios,
+    real_scene,
+    row,
+    unmeasured,
+)
 from mask_benches import Walk
 from peers import Peer
 
@@ -20,14 +33,14 @@ from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 PYRENDER, OURS, MASKED, READ = (
-    "pyrender: colour and depth, read back",
+    "pyrender: color and depth, read back",
     f"ours: {len(EIGHT)} channels",
     f"ours: {len(EIGHT)} channels, masks and counts",
-    "ours: the same, colour and position read back",
+    "ours: the same, color and position read back",
 )
 CLAIMS = {
-    OURS: "a geometry frame, over pyrender's colour and depth",
-    MASKED: "a geometry frame with masks and counts, over the same",
+    OURS: "a geometry frame, relative to pyrender's color and depth",
+    MASKED: "a geometry frame with masks and counts, relative to the same",
 }
 FRAMES = 7
 
@@ -42,9 +55,9 @@ def matrix_of(view: View) -> np.ndarray:
 @quick
 @bench
 def pyrender(gpu: Gpu, options: Options) -> Result:
-    """A walk through Sponza: our whole geometry frame against pyrender's, by the same driver and in turn."""
+    """A camera path through Sponza: geometry frames of this package and of pyrender, same driver, interleaved."""
     path = real_scene("sponza/Sponza.gltf")
-    title = f"A frame of {path.name} beside pyrender's, {options.size_text}"
+    title = f"A frame of {path.name} and of pyrender, {options.size_text}"
     peer = Peer.start("pyrender_frames.py", str(path), *map(str, options.size))
     if peer.missing is not None:
         claims = tuple(unmeasured(what, "<=", 0.3, "no pyrender") for what in CLAIMS.values())
@@ -69,12 +82,12 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
     lens = {"yfov": camera.lens.yfov, "znear": camera.lens.znear, "zfar": camera.lens.zfar}
     for frame in range(FRAMES * options.repeats + 1):
         step = frame % FRAMES
-        told = peer.ask(world_from_view=matrix_of(renderer.view(step / FPS)[1]), **lens)
-        watch.samples[PYRENDER].append(told["ms"])
+        answer = peer.ask(world_from_view=matrix_of(renderer.view(step / FPS)[1]), **lens)
+        watch.samples[PYRENDER].append(answer["ms"])
         watch.time(OURS, lambda f=step: renderer.draw(f / FPS, (f - 1) / FPS))
         watch.time(MASKED, lambda f=step: masked(f))
         watch.time(READ, lambda f=step: read(f))
-        covered.append((told["covered"], float((renderer.read("position")[..., 3] > 0).mean())))
+        covered.append((answer["covered"], float((renderer.read("position")[..., 3] > 0).mean())))
     rows = [row(name, watch.samples[name][1:]) for name in (PYRENDER, OURS, MASKED, READ)]
     theirs, mine = 100 * np.mean(covered, axis=0)
     for part in (evaluator, renderer, context):
@@ -83,7 +96,7 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
     gpu.collect()
     triangles = sum(len(p.triangles) for m in scene.meshes for p in m.primitives)
     notes = [
-        f"{triangles} triangles; geometry alone on both sides (pyrender: ambient light, no shadows; ours: no light)",
+        f"{triangles} triangles; geometry only (pyrender: ambient light, no shadows; ours: no light)",
         f"pixels that show a surface: pyrender {theirs:.2f} %, ours {mine:.2f} %",
     ]
     samples = {name: watch.samples[name][1:] for name in (PYRENDER, *CLAIMS)}
@@ -94,7 +107,7 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
 @quick
 @bench
 def load(gpu: Gpu, options: Options) -> Result:
-    """Import and read a scene in a fresh process, ours against trimesh and pygltflib alone."""
+    """Import and read a scene in a new process: this package, trimesh and pygltflib."""
     path = real_scene("sponza/Sponza.gltf")
     samples: dict[str, list[float]] = defaultdict(list)
     reasons: dict[str, str] = {}
@@ -107,18 +120,22 @@ def load(gpu: Gpu, options: Options) -> Result:
             for name, ms in peer.hello.items():
                 samples[f"{who} {name}"].append(ms)
             peer.close()
-    what = {"import_ms": "import", "load_ms": "read", "first_ms": "from nothing to the first pair's counts, 64x36"}
+    what = {
+        "import_ms": "import",
+        "load_ms": "read",
+        "first_ms": "process start to first counts, 64x36",
+    }
     order = [k for k in ("ours load_ms", "ours import_ms", "ours first_ms", *samples) if k in samples]
     rows = [
         row(f"{key.split()[0]}: {what[key.split()[1]]}", samples[key][1:], _did(key)) for key in dict.fromkeys(order)
     ]
     rows += [missing(who, reason) for who, reason in reasons.items()]
-    notes = [f"{path.name}; each sample in a process of its own, the first round (cold files) left out"]
+    notes = [f"{path.name}; one process per sample; without the first round (cold file cache)"]
     return Result("Start-up and reading a file", rows, notes, unit="x ours")
 
 
 def _did(key: str) -> str:
-    """What each of them has done by then."""
+    """The work included in a measurement."""
     return {
         "ours load_ms": "JSON, buffers, every rule checked",
         "trimesh load_ms": "JSON, buffers, images decoded",

@@ -1,6 +1,6 @@
-"""Other programs, each in a process of its own: two OpenGL contexts in one process get in each other's way.
+"""Other programs in separate processes, because two OpenGL contexts in one process interfere.
 
-A peer answers one request at a time over its pipes, so that its frames and ours are made in turn.
+A peer answers one request at a time over its pipes, so that its frames can be interleaved with ours.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def torch_python() -> str:
 
 
 class Peer:
-    """A running program of ``peer_programs``; ``missing`` says why it cannot serve, None if it can."""
+    """A running program of ``peer_programs``; ``missing``: why it cannot run, else None."""
 
     def __init__(self, process: subprocess.Popen | None, hello: dict[str, Any]):
         self._process, self.hello = process, hello
@@ -32,7 +32,7 @@ class Peer:
 
     @classmethod
     def start(cls, program: str, *arguments: str, python: str | None = None, **variables: str) -> Peer:
-        """Start it and wait until it has said what it is.  Never raises: who cannot start is missing."""
+        """Start a program and wait for its first message.  Never raises: ``missing`` has the reason of a failure."""
         command = [python or sys.executable, str(PROGRAMS / program), *arguments]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
         try:
@@ -50,7 +50,7 @@ class Peer:
         return peer
 
     def ask(self, **request: Any) -> dict[str, Any]:
-        """One answer.  Dataclasses travel as dictionaries.  Raises RuntimeError if the program ends instead."""
+        """Send a request and return the answer.  Dataclasses become dictionaries.  Raises RuntimeError if it ends."""
         plain = {name: asdict(v) if is_dataclass(v) else v for name, v in request.items()}
         payload = pickle.dumps(plain, protocol=5)
         try:

@@ -1,4 +1,4 @@
-"""Benches of growth: how time grows with pixels, triangles, lights, bones and frames, as a fitted power."""
+"""Benchmarks of scaling: time against pixels, triangles, lights, bones and frames, with a fitted power law."""
 
 from __future__ import annotations
 
@@ -27,14 +27,16 @@ SMALL = (320, 180)
 
 
 def fit(counts: list[float], times: list[float]) -> tuple[float, float]:
-    """Exponent k of time = c count^k by least squares of logarithms, and over the larger half alone."""
+    """Exponent k of time = c count^k by least squares of logarithms: over all counts, and over the larger half."""
     x, y = np.log(counts), np.log(times)
     half = len(x) // 2
     return float(np.polyfit(x, y, 1)[0]), float(np.polyfit(x[half:], y[half:], 1)[0])
 
 
-def grown(title: str, counts: list[int], samples: dict[str, list[list[float]]], unit: str, notes: list[str]) -> Result:
-    """Rows of every count and thing measured, each relative to its own smallest count, and the fitted exponents."""
+def scaling(
+    title: str, counts: list[int], samples: dict[str, list[list[float]]], unit: str, notes: list[str]
+) -> Result:
+    """Rows per count and alternative, relative to the smallest count, and the fitted exponents."""
     rows: list[Row] = []
     for what, series in samples.items():
         measured = [row(f"{what}, {count} {unit}", ms) for count, ms in zip(counts, series, strict=True)]
@@ -47,8 +49,8 @@ def grown(title: str, counts: list[int], samples: dict[str, list[list[float]]], 
     return Result(title, rows, notes, base=-1, unit="x smallest")
 
 
-def in_turn(gpu: Gpu, subjects: list[Callable[[], object]], rounds: int) -> list[list[float]]:
-    """Milliseconds of every subject, taken in turn; the first round warms up."""
+def interleaved(gpu: Gpu, subjects: list[Callable[[], object]], rounds: int) -> list[list[float]]:
+    """Milliseconds of every subject, interleaved; the first round is a warm-up."""
     watch = Stopwatch(gpu)
     for _ in range(rounds + 1):
         for i, subject in enumerate(subjects):
@@ -57,7 +59,7 @@ def in_turn(gpu: Gpu, subjects: list[Callable[[], object]], rounds: int) -> list
 
 
 class Walker:
-    """Draws the next frame of a scene at every call."""
+    """Renders the next frame of a scene at every call."""
 
     def __init__(self, gpu: Gpu, scene: Scene, size: tuple[int, int], channels=("position", "normal"), camera=None):
         self.renderer = Renderer(GpuContext(gpu), scene, camera or choose_camera(scene), size, channels)
@@ -73,9 +75,9 @@ class Walker:
         self.renderer.context.release()
 
 
-def frames_in_turn(gpu: Gpu, walkers: list[Walker], rounds: int) -> list[list[float]]:
-    """As ``in_turn``; releases the walkers."""
-    times = in_turn(gpu, list(walkers), rounds)
+def interleaved_frames(gpu: Gpu, walkers: list[Walker], rounds: int) -> list[list[float]]:
+    """As ``interleaved``; releases the walkers."""
+    times = interleaved(gpu, list(walkers), rounds)
     for walker in walkers:
         walker.release()
     gpu.collect()
@@ -99,18 +101,18 @@ def pixels(gpu: Gpu, options: Options) -> Result:
         current, previous = history.current.textures, history.previous.textures
         return lambda: evaluators[i].submit(pair, current=current, previous=previous)
 
-    drawn = in_turn(gpu, list(walkers), 3 * options.repeats)
-    masked = in_turn(gpu, [mask(i) for i in range(len(sizes))], 3 * options.repeats)
+    drawn = interleaved(gpu, list(walkers), 3 * options.repeats)
+    masked = interleaved(gpu, [mask(i) for i in range(len(sizes))], 3 * options.repeats)
     for part in (*evaluators, context, *walkers):
         part.release()
     gpu.collect()
     counts = [w * h for w, h in sizes]
-    return grown("Pixels", counts, {"g-buffer": drawn, "masks": masked}, "pixels", [path.name])
+    return scaling("Pixels", counts, {"g-buffer": drawn, "masks": masked}, "pixels", [path.name])
 
 
 @bench
 def triangles(gpu: Gpu, options: Options) -> Result:
-    """G-buffer against the number of triangles of a sphere that fills the picture."""
+    """G-buffer against the number of triangles of a sphere that fills the image."""
     rings = (16, 32, 64, 128, 256)
     subjects, counts = [], []
     for count in rings:
@@ -120,8 +122,8 @@ def triangles(gpu: Gpu, options: Options) -> Result:
         b.animate(b.camera(translation=(0.0, 0.0, 2.5)), "translation", [0.0, 1.0], [(0, 0, 2.5), (0.2, 0, 2.5)])
         counts.append(len(primitive.triangles))
         subjects.append(Walker(gpu, b.build(), SMALL))
-    times = frames_in_turn(gpu, subjects, 5 * options.repeats)
-    return grown("Triangles", counts, {"frame": times}, "triangles", [f"a sphere, {SMALL[0]}x{SMALL[1]}"])
+    times = interleaved_frames(gpu, subjects, 5 * options.repeats)
+    return scaling("Triangles", counts, {"frame": times}, "triangles", [f"a sphere, {SMALL[0]}x{SMALL[1]}"])
 
 
 @bench
@@ -142,11 +144,11 @@ def lights_growth(gpu: Gpu, options: Options) -> Result:
         source.release()
     gpu.collect()
     times = [timer.samples_ms()["direct"][1:].tolist() for timer in timers]
-    return grown("Lights", counts, {"direct": times}, "lights", [f"range 4 m, {SMALL[0]}x{SMALL[1]}"])
+    return scaling("Lights", counts, {"direct": times}, "lights", [f"range 4 m, {SMALL[0]}x{SMALL[1]}"])
 
 
 def banner(bones: int, vertices: int = 4096) -> Scene:
-    """A strip of a fixed number of vertices on a chain of ``bones`` joints, all of which turn."""
+    """A strip with a fixed number of vertices, skinned to a chain of ``bones`` rotating joints."""
     b = SceneBuilder()
     joints, above = [], -1
     for i in range(bones):
@@ -171,13 +173,13 @@ def bones(gpu: Gpu, options: Options) -> Result:
     """Posing and deforming against the number of bones, for a fixed number of vertices."""
     counts = [16, 64, 256, 1024]
     subjects = [Walker(gpu, banner(count), SMALL, ("position", "normal", "prev_position")) for count in counts]
-    times = frames_in_turn(gpu, subjects, 5 * options.repeats)
-    return grown("Bones", counts, {"frame": times}, "bones", [f"4096 vertices, {SMALL[0]}x{SMALL[1]}"])
+    times = interleaved_frames(gpu, subjects, 5 * options.repeats)
+    return scaling("Bones", counts, {"frame": times}, "bones", [f"4096 vertices, {SMALL[0]}x{SMALL[1]}"])
 
 
 @bench
 def frames(gpu: Gpu, options: Options) -> Result:
-    """A whole run against its number of frames, its start included: what a run costs before its first pair."""
+    """A whole run against its number of frames, start-up included."""
     scene = load_scene(ASSETS / "demo.glb")
     counts = [4, 8, 16, 32]
     times: list[list[float]] = [[] for _ in counts]
@@ -192,5 +194,5 @@ def frames(gpu: Gpu, options: Options) -> Result:
                 into.append((time.perf_counter() - start) * 1e3)
     medians = [float(np.median(ms)) for ms in times]
     slope, start = np.polyfit(counts, medians, 1)
-    notes = [f"demo.glb, 192x108; starting a run costs as much as {start / slope:.1f} pairs"]
-    return grown("Frames", counts, {"run": times}, "pairs", notes)
+    notes = [f"demo.glb, 192x108; start-up takes as long as {start / slope:.1f} pairs"]
+    return scaling("Frames", counts, {"run": times}, "pairs", notes)

@@ -1,4 +1,4 @@
-# Sourced by tools/demo and tools/test: everything a bare Debian or Ubuntu with Python and git still lacks.
+# Sourced by tools/demo and tools/test: installs what a bare Debian or Ubuntu with Python and git lacks.
 #
 # Leaves $root (the checkout) and $py (the environment's Python).  Installs system packages only as root or with
 # password-free sudo; otherwise prints the exact command and exits 2.  A stamp makes the second run skip pip altogether.
@@ -34,7 +34,7 @@ apt_install() {
   local get="$prefix env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0"
   $get install -y --no-install-recommends "$@" >/dev/null 2>&1 </dev/null && return 0
   $get update >/dev/null 2>&1 </dev/null
-  # What apt-get says is noise unless it fails.
+  # The output of apt-get matters only if it fails.
   local output
   output=$($get install -y --no-install-recommends "$@" 2>&1 </dev/null) || {
     say "$output"
@@ -63,7 +63,7 @@ find_python() {
 }
 
 ensure_venv() {
-  # Not only whether it is there: an interrupted run leaves half an environment, a system upgrade a dangling one.
+  # Existence is not enough: an interrupted run leaves a partial environment, a system upgrade a dangling one.
   if "$py" -c 'import pip' 2>/dev/null; then return 0; fi
   local base version
   base=$(find_python) || exit 2
@@ -71,8 +71,8 @@ ensure_venv() {
   if ! "$base" -c 'import ensurepip, venv' 2>/dev/null; then
     need_apt "Python's venv module is missing" "python$version-venv"
   fi
-  say "making the environment .venv (Python $version)"
-  "$base" -m venv --clear "$venv" || stop "cannot make $venv"
+  say "creating the environment .venv (Python $version)"
+  "$base" -m venv --clear "$venv" || stop "cannot create $venv"
 }
 
 ensure_packages() {
@@ -80,10 +80,10 @@ ensure_packages() {
   # The path is part of the key: an editable install and the scripts of an environment hold absolute paths.
   key=$({ cat "$root/pyproject.toml" "$root/setup.py" "$root/constraints.txt"; "$py" -VV; echo "$root"; } | sha256sum)
   if [ "$(cat "$stamp" 2>/dev/null)" = "$key" ]; then return 0; fi
-  say "installing taubench-gl and what it needs into .venv (a minute or two, once)"
+  say "installing taubench-gl and its dependencies into .venv (a minute or two, once)"
   local pip=("$py" -m pip --disable-pip-version-check install -qq --constraint "$root/constraints.txt")
   "${pip[@]}" --editable "$root[test]" || stop "pip could not install the package (see above)"
-  # No wheels for every Python, and building it takes a compiler: without it, meshopt-compressed files cannot be read.
+  # meshoptimizer has no wheels for some Pythons and is optional: without it, meshopt-compressed files cannot be read.
   "${pip[@]}" "meshoptimizer" >/dev/null 2>&1 \
     || say "note: meshoptimizer could not be installed (it needs a C++ compiler); scenes with EXT_meshopt_compression will not load"
   printf '%s\n' "$key" >"$stamp"
@@ -92,13 +92,12 @@ ensure_packages() {
 ensure_gl() {
   if "$py" "$root/tools/gl_probe.py" >/dev/null; then return 0; fi
   need_apt "no OpenGL driver was found" "${gl_packages[@]}"
-  # A second way beside EGL where the distribution still has it; Mesa 25.1 dropped it.
-  apt_install libosmesa6 2>/dev/null || say "note: this distribution has no libosmesa6; carrying on with EGL alone"
+  # An alternative to EGL, if the distribution has it; Mesa 25.1 dropped it.
+  apt_install libosmesa6 2>/dev/null || say "note: this distribution has no libosmesa6; continuing with EGL only"
   "$py" "$root/tools/gl_probe.py" >&2 || stop "OpenGL still cannot be opened (see above)"
 }
 
-# ensure_test_programs: a screen for the viewer, a browser for the reports, a second way to OpenGL.  Without them those
-# tests skip by name.
+# ensure_test_programs: a display for the viewer, a browser for the reports, OSMesa.  Tests that lack one are skipped.
 ensure_test_programs() {
   local missing=()
   command -v Xvfb >/dev/null || missing+=(xvfb)
@@ -107,14 +106,14 @@ ensure_test_programs() {
     say "installing for the tests: ${missing[*]}"
     apt_install "${missing[@]}" || say "note: could not install ${missing[*]}; the tests that need them will be skipped"
   fi
-  # Where the distribution still has it: Mesa 25.1 dropped it.
+  # If the distribution has it; Mesa 25.1 dropped it.
   if ! ldconfig -p | grep -q libOSMesa && apt-cache show libosmesa6 >/dev/null 2>&1; then
     say "installing for the tests: libosmesa6"
     apt_install libosmesa6 || say "note: could not install libosmesa6; the tests that need it will be skipped"
   fi
 }
 
-# ensure_validator: the Khronos glTF validator, where npm can get it.  Without it its tests skip by name.
+# ensure_validator: the Khronos glTF validator, if npm can install it.  Otherwise its tests are skipped.
 ensure_validator() {
   local folder=${GLTF_VALIDATOR:-$venv/gltf-validator}
   if [ ! -d "$folder/node_modules/gltf-validator" ]; then
@@ -124,14 +123,14 @@ ensure_validator() {
   export GLTF_VALIDATOR=$folder
 }
 
-# one_at_a_time: waits for whoever is setting up this checkout already; two pips in one environment break it.  The lock is
-# on the checkout's folder, so that no file is left behind; it ends with done_setting_up, or with this process.
+# one_at_a_time: waits for another setup of this checkout, because two pips in one environment break it.  The lock is on
+# the checkout's folder, so it leaves no file; it ends with done_setting_up, or with this process.
 one_at_a_time() {
-  command -v flock >/dev/null || return 0 # carry on: not every system has it
+  command -v flock >/dev/null || return 0 # continue: not every system has flock
   exec 9<"$root"
   flock -n 9 2>/dev/null && return 0
   say "waiting for another tools/demo or tools/test that is setting up .venv"
-  flock 9 || say "note: this folder cannot be locked; carrying on"
+  flock 9 || say "note: this folder cannot be locked; continuing"
 }
 
 done_setting_up() { exec 9<&-; }

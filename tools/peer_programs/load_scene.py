@@ -1,6 +1,6 @@
 """Start-up and reading of one scene file by one program.  Arguments: ours | trimesh | pygltflib | json, scene.
 
-Says import_ms and load_ms, and for ours first_ms (to the first pair's counts).  Ends by itself.
+Reports import_ms and load_ms, and for ours first_ms (to the counts of the first pair), and ends.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ def prepare():
 
     imported = time.perf_counter()
     scene = load()
-    told = {"import_ms": (imported - start) * 1e3, "load_ms": (time.perf_counter() - imported) * 1e3}
+    times = {"import_ms": (imported - start) * 1e3, "load_ms": (time.perf_counter() - imported) * 1e3}
     if who == "ours":
         from taubench_gl.evaluation import evaluate_scene
         from taubench_gl.settings import Settings
 
         columns = ("frustum", "position", "normal")
         evaluate_scene(scene, Settings.of(width=64, height=36, frames=(0, 2), columns=columns))
-        told["first_ms"] = (time.perf_counter() - start) * 1e3
-    return (lambda request: {}), told
+        times["first_ms"] = (time.perf_counter() - start) * 1e3
+    return (lambda request: {}), times
 
 
 serve(prepare)

@@ -1,8 +1,8 @@
-"""One evaluation with all columns in a process of its own, and its memory.
+"""An evaluation with all columns in a separate process, and its memory.
 
-Arguments: scene, width, height, frames, frames a second.
+Arguments: scene, width, height, frames, frames per second.
 
-Says resident_mib, one for each pair, and frame_ms.  Ends by itself.
+Reports resident_mib, one value per pair, and frame_ms, and ends.
 """
 
 from __future__ import annotations

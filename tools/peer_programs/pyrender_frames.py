@@ -1,4 +1,4 @@
-"""pyrender drawing colour and depth of a scene, by the same GL driver as ours.  Arguments: scene, width, height."""
+"""pyrender rendering color and depth of a scene with the same GL driver.  Arguments: scene, width, height."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def prepare():
     import numpy as np
 
     if not hasattr(np, "infty"):
-        np.inf = np.inf  # pyrender 0.1.45 was written for NumPy 1
+        setattr(np, "infty", np.inf)  # noqa: B010 (pyrender 0.1.45 uses the name that NumPy 2 removed)
     import pyrender
     import trimesh
 

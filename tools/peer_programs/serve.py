@@ -1,4 +1,4 @@
-"""The far end of tools/peers.py: answers pickled requests on stdin, one at a time.  Standard library alone."""
+"""The server side of tools/peers.py: answers pickled requests on stdin, one at a time.  Standard library only."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 
 def serve(prepare: Callable[[], tuple[Callable[[dict], dict], dict]]) -> None:
-    """``prepare`` gives the function that answers a request, and what to say first; what it raises is why not."""
+    """``prepare`` returns the function that answers a request, and the first message; an exception is reported."""
     out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # libraries print; what they print is no answer
+    os.dup2(2, 1)  # output of libraries must not mix with the answers
 
     def send(value: dict) -> None:
         payload = pickle.dumps(value, protocol=5)

@@ -1,4 +1,4 @@
-"""The masks in PyTorch: camera reprojection as tensors, history by grid_sample.  Runs in whichever Python has torch."""
+"""The masks in PyTorch: camera reprojection as tensors, history by grid_sample.  Runs in any Python with torch."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def prepare():
         images = {f"{w}_{n}": torch.from_numpy(np.array(v)) for w in ("current", "history")
                   for n, v in request[w].items()}  # fmt: skip
         numbers = {k: torch.tensor(np.asarray(v), dtype=torch.float32) for k, v in pair.items()}
-        # History planes as grid_sample wants them; getting them there is not timed.
+        # History planes in the layout of grid_sample; this conversion is not timed.
         both = torch.cat([images["history_position"], images["history_normal"]], dim=-1)
         return images, numbers, both.permute(2, 0, 1)[None].contiguous(), request["thresholds"], request["bits"]
 
