@@ -39,7 +39,7 @@ def assert_consistent(run: Run, pixels: int) -> None:
 
 
 def assert_summary(summary: dict, pairs: int) -> None:
-    """Every key of SPEC section 6, in valid JSON."""
+    """Every key that summary.json must have, in valid JSON."""
     assert json.loads(json.dumps(summary, allow_nan=False, default=lambda x: x.tolist()))
     assert summary["schema"] == SUMMARY_SCHEMA
     assert {"name", "path", "sha256"} <= summary["scene"].keys()
