@@ -6,6 +6,7 @@ KHR_lights_punctual; glTF 2.0, appendix B.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
 
@@ -68,16 +69,27 @@ ALBEDO_TABLE = 32
 """Rows (perceptual roughness) and columns (cosine of the view angle) of the albedo table, both ends included."""
 
 
-def evaluate_brdf(
-    base_color: Array, metallic: Array, roughness: Array, n: Array, v: Array, to_light: Array, specular: float = 1.0
-) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class SurfaceMaterial:
+    """Material of shaded points: ``base_color`` (..., 3) linear; ``metallic`` and perceptual ``roughness`` (...).
+
+    ``specular`` scales the dielectric lobe (KHR_materials_specular).
+    """
+
+    base_color: Array
+    metallic: Array
+    roughness: Array
+    specular: float = 1.0
+
+
+def evaluate_brdf(material: SurfaceMaterial, n: Array, v: Array, to_light: Array) -> tuple[Array, Array]:
     """Diffuse and glossy brdf * cos(theta_l), 1/sr.
 
-    ``base_color`` (..., 3) linear; ``metallic``, perceptual ``roughness`` (...); unit vectors (..., 3).  ``specular``
-    scales the dielectric lobe (KHR_materials_specular).  -> (..., 3), (..., 3); 0 where the light is below the surface.
+    Unit vectors (..., 3): normal, to the viewer, to the light.  -> (..., 3), (..., 3); 0 where the light is below the
+    surface.
     """
-    base_color, n, v, to_light = (np.asarray(x, dtype=np.float64) for x in (base_color, n, v, to_light))
-    metallic, alpha = np.asarray(metallic)[..., None], (np.asarray(roughness) ** 2)[..., None]
+    base_color, n, v, to_light = (np.asarray(x, dtype=np.float64) for x in (material.base_color, n, v, to_light))
+    metallic, alpha = np.asarray(material.metallic)[..., None], (np.asarray(material.roughness) ** 2)[..., None]
     alpha = np.maximum(alpha, MIN_ALPHA)
 
     def dot(a: Array, b: Array) -> Array:
@@ -93,7 +105,7 @@ def evaluate_brdf(
     a2 = alpha**2
     d = a2 / (np.pi * (n_h**2 * (a2 - 1) + 1) ** 2)
     visibility = 0.5 / (n_l * np.sqrt(n_v**2 * (1 - a2) + a2) + n_v * np.sqrt(n_l**2 * (1 - a2) + a2))
-    dielectric = specular * (0.04 + 0.96 * schlick)
+    dielectric = material.specular * (0.04 + 0.96 * schlick)
     metal = base_color + (1 - base_color) * schlick
     diffuse = (1 - metallic) * (1 - dielectric) * base_color / np.pi * n_l
     glossy = ((1 - metallic) * dielectric + metallic * metal) * d * visibility * n_l

@@ -7,7 +7,7 @@ import pytest
 from light_tools import facing, floor, integrate_hemisphere, lambert, look, picture, worst
 
 from taubench_gl import math3d
-from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, evaluate_brdf, incident
+from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE, SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.scene.model import Light, Scene
 from taubench_gl.selftest.scenes import SceneBuilder, sphere
 
@@ -94,9 +94,8 @@ def test_metallic_roughness_pixels_equal_the_twin(gpu, metallic, roughness):
     base = np.broadcast_to(np.array(color[:3]), n.shape)
     # Channels hold half floats: the twin is asked about what the shader was told.
     r = np.float64(np.float16(roughness))
-    diffuse, glossy = evaluate_brdf(
-        np.float64(np.float16(base)), full * metallic, full * r, n, v, to_light, specular=float(np.float16(0.7))
-    )
+    material = SurfaceMaterial(np.float64(np.float16(base)), full * metallic, full * r, float(np.float16(0.7)))
+    diffuse, glossy = evaluate_brdf(material, n, v, to_light)
     # Where the triangle turns away nothing arrives; the rim itself is a matter of rounding.
     facing_light = np.sum(g * to_light, axis=-1)
     sure = shot.surface & (np.abs(facing_light) > 2e-3)
@@ -124,7 +123,7 @@ def test_the_glossy_lobe_gives_back_no_more_than_it_gets(roughness, degrees):
     def lobe(to_light):
         ones = np.ones(len(to_light))
         white = np.ones((len(to_light), 3))
-        return evaluate_brdf(white, ones, ones * roughness, n, v, to_light)[1][:, 0]
+        return evaluate_brdf(SurfaceMaterial(white, ones, ones * roughness), n, v, to_light)[1][:, 0]
 
     def microfacets(h):
         """Smith G of the masked-and-shadowed facets: the same integral over half vectors, weighted by D."""
@@ -188,7 +187,8 @@ def test_sky_light_is_the_lobes_hemisphere_integral(gpu, roughness, metallic, sp
             ones = np.ones(len(to_light))
             base = np.full((len(to_light), 3), 0.8)
             up = np.array([0.0, 0.0, 1.0])
-            lobes = evaluate_brdf(base, ones * metallic, ones * roughness, up, view, to_light, specular)
+            material = SurfaceMaterial(base, ones * metallic, ones * roughness, specular)
+            lobes = evaluate_brdf(material, up, view, to_light)
             return np.stack([part[:, 0] for part in lobes], axis=-1)
 
         diffuse, glossy = integrate_hemisphere(lobe, 500)

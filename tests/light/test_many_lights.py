@@ -10,7 +10,14 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.passes.lighting import TILE, direct_light
 from taubench_gl.frame.spec import FrameSpec, SceneFacts
 from taubench_gl.frame.tuning import MAX_LIGHTS
-from taubench_gl.metrics.lighting import evaluate_brdf, kept_lights, largest_brdf, light_bounds, tile_boxes
+from taubench_gl.metrics.lighting import (
+    SurfaceMaterial,
+    evaluate_brdf,
+    kept_lights,
+    largest_brdf,
+    light_bounds,
+    tile_boxes,
+)
 from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
 from taubench_gl.settings import Settings
 
@@ -85,7 +92,8 @@ def test_no_direction_of_light_exceeds_the_largest_brdf(roughness, metallic):
         theta, phi = np.meshgrid(np.linspace(0, np.pi / 2, 700)[:-1], np.linspace(-0.3, 0.3, 151) ** 3, indexing="ij")
         l = np.stack([-np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)  # noqa: E741
         full = np.ones(l.shape[:-1])
-        diffuse, glossy = evaluate_brdf(np.broadcast_to(base, l.shape), full * metallic, full * roughness, n, v, l, 0.8)
+        material = SurfaceMaterial(np.broadcast_to(base, l.shape), full * metallic, full * roughness, 0.8)
+        diffuse, glossy = evaluate_brdf(material, n, v, l)
         bound = float(largest_brdf(-v, n, base, np.array([metallic, roughness, 1.0, 0.8])))
         assert (diffuse + glossy).max() <= bound
         tightest = min(tightest, bound / (diffuse + glossy).max())

@@ -9,7 +9,7 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics import shading_rate
-from taubench_gl.metrics.lighting import evaluate_brdf, incident
+from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.metrics.stochastic import choose, estimate_direct, estimate_indirect, light_choice, pcg4d, random4
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
 from taubench_gl.settings import Settings
@@ -114,7 +114,8 @@ def per_light_direct(source):
     scene, out = source.renderer.scene, []
     for (place, _, _), lamp in zip(LIGHTS, scene.lights, strict=True):
         to_light, radiance = incident(lamp, np.array(place), np.array([0.0, 0.0, -1.0]), points)
-        lobes = evaluate_brdf(base, channel["material"][..., 0], channel["material"][..., 1], n, to_eye, to_light)
+        material = SurfaceMaterial(base, channel["material"][..., 0], channel["material"][..., 1])
+        lobes = evaluate_brdf(material, n, to_eye, to_light)
         facing = np.sum(channel["geometric_normal"][..., :3] * to_light, axis=-1) > 0
         out.append(np.where((surface & facing)[..., None], (lobes[0] + lobes[1]) * radiance, 0.0))
     return np.array(out)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -228,15 +229,15 @@ def pick(document: Document, requested: str | int, names: list[str], what: str, 
     raise document.error(f"has no {what} {requested!r}", pointer, f"it has {known}{', ...' if len(names) > 20 else ''}")
 
 
-def read_nodes(
-    document: Document,
-    accessors: Accessors,
-    parent: Array,
-    in_scene: Array,
-    meshes: tuple[Mesh, ...],
-    skins: tuple[Skin, ...],
-    light_count: int,
-) -> Nodes:
+class NodeTargets(NamedTuple):
+    """The objects that nodes refer to, already read."""
+
+    meshes: tuple[Mesh, ...]
+    skins: tuple[Skin, ...]
+    lights: tuple[Light, ...]
+
+
+def read_nodes(document: Document, accessors: Accessors, parent: Array, in_scene: Array, targets: NodeTargets) -> Nodes:
     """All nodes as arrays.  Raises SceneError for invalid references."""
     nodes = document.root.nodes or []
     n = len(nodes)
@@ -259,11 +260,11 @@ def read_nodes(
     for i, node in enumerate(nodes):
         pointer = f"/nodes/{i}"
         _transform(document, node, out, i)
-        _references(document, node, out, i, meshes, skins)
+        _references(document, node, out, i, targets)
         light = document.extension(node, LIGHTS, schema.LightReference, pointer)
         if light is not None:
-            if light.light >= light_count:
-                raise document.error(f"refers to lights[{light.light}]; the file has {light_count}",
+            if light.light >= len(targets.lights):
+                raise document.error(f"refers to lights[{light.light}]; the file has {len(targets.lights)}",
                                      f"{pointer}/extensions/{LIGHTS}/light")  # fmt: skip
             out.light[i] = light.light
         visibility = document.extension(node, VISIBILITY, schema.Visibility, pointer)
@@ -305,9 +306,7 @@ def _transform(document: Document, node: schema.Node, out: Nodes, i: int) -> Non
         out.scale[i] = node.scale
 
 
-def _references(
-    document: Document, node: schema.Node, out: Nodes, i: int, meshes: tuple[Mesh, ...], skins: tuple[Skin, ...]
-) -> None:
+def _references(document: Document, node: schema.Node, out: Nodes, i: int, targets: NodeTargets) -> None:
     pointer = f"/nodes/{i}"
     if node.camera is not None:
         document.item("cameras", node.camera, f"{pointer}/camera")
@@ -317,7 +316,7 @@ def _references(
             raise document.error("has a skin or weights but no mesh", pointer)
         return
     declared = document.item("meshes", node.mesh, f"{pointer}/mesh")
-    mesh = meshes[node.mesh]
+    mesh = targets.meshes[node.mesh]
     out.mesh[i] = node.mesh
     if node.weights is not None:
         if len(node.weights) != len(mesh.weights):
@@ -331,7 +330,7 @@ def _references(
     out.skin[i] = node.skin
     if any("JOINTS_0" not in p.attributes for p in declared.primitives):
         raise document.error("has a skin, and its mesh has no joints and weights", pointer)
-    joints = len(skins[node.skin].joints)
+    joints = len(targets.skins[node.skin].joints)
     for k, primitive in enumerate(mesh.primitives):
         if primitive.joints is not None and int(primitive.joints.max()) >= joints:
             raise document.error(

@@ -10,7 +10,15 @@ from taubench_gl.scene.gltf.animations import AnimationReader, choose_animations
 from taubench_gl.scene.gltf.document import Document, check_extensions, open_document
 from taubench_gl.scene.gltf.materials import MaterialReader
 from taubench_gl.scene.gltf.meshes import MeshReader
-from taubench_gl.scene.gltf.nodes import choose_scene, parents, read_cameras, read_lights, read_nodes, read_skins
+from taubench_gl.scene.gltf.nodes import (
+    NodeTargets,
+    choose_scene,
+    parents,
+    read_cameras,
+    read_lights,
+    read_nodes,
+    read_skins,
+)
 from taubench_gl.scene.model import Scene
 
 
@@ -31,7 +39,7 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
     in_scene, scene_names = choose_scene(document, scene, parent)
     skins = read_skins(document, accessors, parent)
     cameras, lights = read_cameras(document), read_lights(document)
-    nodes = read_nodes(document, accessors, parent, in_scene, meshes, skins, len(lights))
+    nodes = read_nodes(document, accessors, parent, in_scene, NodeTargets(meshes, skins, lights))
     animations = AnimationReader(document, accessors, meshes).read()
     channels, playing = choose_animations(document, animations, animation)
     own = _own_extras(document)
