@@ -49,7 +49,7 @@ def test_registry_of_the_user(tmp_path):
         ('["a b"]\ntitle = "x"\nformat = "gltf"', "a b"),
         ('[a]\nformat = "gltf"', "title"),
         ('[a]\ntitle = 3\nformat = "gltf"', "expected|Expected"),
-        ('[a]\ntitle = "x"\nformat = "gltf"\ncolour = 1', "colour"),
+        ('[a]\ntitle = "x"\nformat = "gltf"\nhue = 1', "hue"),
         ('[a]\ntitle = "x"\nformat = "3ds"', "'3ds'"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nurl = "file:///etc/x"', "url"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nsha256 = "12"', "sha256"),

@@ -156,7 +156,7 @@ def test_presets_load():
     ("values", "key"),
     [
         ([], "passes"),
-        ({"passes": {"colour": "x"}}, "colour"),
+        ({"passes": {"hue": "x"}}, "hue"),
         ({"passes": {"position": {"channels": ["x"]}}}, "position"),
         ({"passes": {"position": 3}}, "position"),
         ({"up": "x", "passes": {}}, "up"),

@@ -192,8 +192,8 @@ def test_entry_points(tmp_path, monkeypatch):
         (FILE + "class Other(Mine): pass\n", r"Mine, Other"),
         ("class M:\n    reads = ('radiance',)\n    step = 3\n", "step"),
         ("class M:\n    def step(self, frame): pass\n", "reads: "),
-        ("class M:\n    reads = ('colour',)\n    settings = {'a': 'x', 'int': 1}\n    def step(self, frame): pass\n",
-         "'colour'.*settings.a.default.*settings: 'int'"),
+        ("class M:\n    reads = ('hue',)\n    settings = {'a': 'x', 'int': 1}\n    def step(self, frame): pass\n",
+         "'hue'.*settings.a.default.*settings: 'int'"),
     ],
 )  # fmt: skip
 def test_errors_of_classes(tmp_path, text, part):

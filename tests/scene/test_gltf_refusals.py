@@ -113,7 +113,7 @@ CASES: dict[str, tuple[Callable[[], Gltf], str, object]] = {
     "bad-buffer": (scene_with(lambda j: j["bufferViews"][0].update(buffer=7)), "/bufferViews/0/buffer", "buffers[7]"),
     "bad-accessor": (primitive(attributes={"POSITION": 9}), f"{AT}/POSITION", "accessors[9]"),
     "bad-material": (primitive(material=0), "/meshes/0/primitives/0/material", "materials[0]"),
-    "bad-attribute": (primitive(attributes={"POSITION": 0, "COLOUR": 0}), f"{AT}/COLOUR", ""),
+    "bad-attribute": (primitive(attributes={"POSITION": 0, "HUE": 0}), f"{AT}/HUE", ""),
     "gap": (primitive(attributes={"POSITION": 0, "TEXCOORD_1": 0}), AT, "TEXCOORD"),
     "joints-alone": (with_attribute("JOINTS_0", [[0, 0, 0, 0]] * 3, "u1"), AT, "JOINTS"),
     "uint32-attribute": (with_attribute("_ID", [1, 2, 3], "u4"), f"{AT}/_ID", "UNSIGNED_INT"),
