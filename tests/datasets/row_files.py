@@ -75,7 +75,7 @@ def row_file(entry: Entry, folder: Path, blender: str | None = None) -> Path:
 def _gltf(entry: Entry, folder: Path, _: str | None) -> Path:
     w = Writer("", "tests")
     times = [0.0, SECONDS]
-    thing = w.node("thing", mesh=w.mesh("thing", w.primitive(box((-1, -1, -1), (1, 1, 1)), w.material("grey"))))
+    thing = w.node("thing", mesh=w.mesh("thing", w.primitive(box((-1, -1, -1), (1, 1, 1)), w.material("gray"))))
     eye = w.node("eye", camera=w.camera("eye", 0.8, 0.1, 100.0), translation=[0.0, 1.0, 8.0])
     w.node("lamp", translation=[0.0, 3.0, 4.0], extensions=w.light(type="point", intensity=90.0))
     w.animation("all", (thing, "translation", times, [[0, 0, 0], [1, 0, 0]], "LINEAR"),
@@ -92,8 +92,8 @@ def _sequence(entry: Entry, folder: Path, _: str | None) -> Path:
         for i in range(int(SECONDS * 24) + 1):
             place = shape["POSITION"] + np.array([i / 24, 0, 0])
             lines = "".join("v {:.9g} {:.9g} {:.9g}\n".format(*p) for p in place)
-            archive.writestr(f"toasters/toasters{i:03d}.obj", f"mtllib t.mtl\no t\nusemtl grey\n{lines}{faces}")
-        archive.writestr("toasters/t.mtl", "newmtl grey\nKd 0.5 0.5 0.5\n")
+            archive.writestr(f"toasters/toasters{i:03d}.obj", f"mtllib t.mtl\no t\nusemtl gray\n{lines}{faces}")
+        archive.writestr("toasters/t.mtl", "newmtl gray\nKd 0.5 0.5 0.5\n")
     return folder / "toasters.zip"
 
 

@@ -43,7 +43,7 @@ def scene_path(data: Path, name: str) -> Path:
 
 
 def render(gpu: Gpu, path: Path, time: float) -> dict[str, np.ndarray]:
-    """Depth (half float), normal and base colour (8 bits), ids, and the reason word of the pair before ``time``."""
+    """Depth (half float), normal and base color (8 bits), ids, and the reason word of the pair before ``time``."""
     scene = load_scene(path)
     result = draw_pair(gpu, scene, choose_camera(scene), SIZE, (time - STEP, time), reprojection="motion",
                        extra=("base_color", "ids"))  # fmt: skip

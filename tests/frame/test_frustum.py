@@ -36,7 +36,7 @@ def stays(size, yfov: float, prev_from_now: np.ndarray) -> float:
     """Share of the image plane whose view rays also meet the previous image, by clipping and the shoelace formula.
 
     A ray (x, y, -1) lands at R (x, y, -1); each edge of the previous image is one linear inequality in (x, y).  The
-    previous image is the rectangle of pixel *centres* widened by the guard, as Eq. (3) has it; the current one has an
+    previous image is the rectangle of pixel *centers* widened by the guard, as Eq. (3) has it; the current one has an
     area of w x h pixels.
     """
     w, h = size
@@ -57,7 +57,7 @@ def stays(size, yfov: float, prev_from_now: np.ndarray) -> float:
 
 
 def grid(size, yfov: float, prev_from_now: np.ndarray) -> float:
-    """Percentage of pixel centres whose ray misses the previous pixel-centre rectangle, float64."""
+    """Percentage of pixel centers whose ray misses the previous pixel-center rectangle, float64."""
     w, h = size
     ty = np.tan(yfov / 2)
     scale = 2 * ty / h  # square pixels

@@ -102,7 +102,7 @@ def test_hidden_nodes_are_not_drawn_and_come_back(gpu) -> None:
     assert not (result.mask[~new] & Reason.POSITION).any()
 
 
-def test_a_material_decides_colour_not_shape(gpu) -> None:
+def test_a_material_decides_color_not_shape(gpu) -> None:
     """Alpha-tested, double-sided and plain materials that cut nothing draw the same positions and normals."""
     at = places(5)
     looks = [Material(), Material(alpha_mode="MASK", alpha_cutoff=0.3), Material(alpha_mode="BLEND"),

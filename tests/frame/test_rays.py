@@ -130,7 +130,7 @@ def check_motion(seen: Seen) -> None:
 
 
 def inside_triangle(seen: Seen, where: np.ndarray) -> np.ndarray:
-    """Pixels so far inside their triangle that the sub-pixel grid cannot give them to a neighbour."""
+    """Pixels so far inside their triangle that the sub-pixel grid cannot give them to a neighbor."""
     corners = seen.triangles.corners[seen.hits.triangle[where]]
     flat = project(seen.view, SIZE, corners.reshape(-1, 3)).reshape(-1, 3, 2)
     distance = np.full(len(flat), np.inf)

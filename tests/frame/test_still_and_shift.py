@@ -98,11 +98,11 @@ def test_moving_the_world_changes_nothing(gpu) -> None:
 
 
 def noise_wall(distance: float, half: float):
-    """A wall across the view with a random texture, one colour per texel, nearest filtering."""
+    """A wall across the view with a random texture, one color per texel, nearest filtering."""
     pixels = np.random.default_rng(3).integers(0, 256, (64, 64, 4))
     pixels[..., 3] = 255
     texture = Texture(0, Sampler(mag_filter=9728, min_filter=9728))
-    # Off centre by a little, so that no pixel centre falls on the edge of a texel.
+    # Off center by a little, so that no pixel center falls on the edge of a texel.
     wall = quad((-half + 0.0037, -half + 0.0041, -distance), (2 * half, 0, 0), (0, 2 * half, 0), material=0)
     return make_scene(wall, materials=(Material(base_color_texture=texture),), images=(picture(pixels),))
 
@@ -131,7 +131,7 @@ def test_a_shift_by_whole_pixels_discards_its_rows_and_columns(gpu, kind: str, s
     assert counts_of(result.counts.mask_histogram)["frustum"] == w * h - (w - abs(right)) * (h - abs(up))
     np.testing.assert_allclose(result.motion[..., 0], right, atol=2e-4)
     np.testing.assert_allclose(result.motion[..., 1], -up, atol=2e-4)
-    # The texture went along: the colour now is the colour then at the place the motion points to.
+    # The texture went along: the color now is the color then at the place the motion points to.
     y, x = np.nonzero(~outside)
     now, then = result.current["base_color"][y, x], result.history["base_color"][y - up, x + right]
     assert (now == then).all()

@@ -1,4 +1,4 @@
-"""Colour, emission and material channels where their value is known: factors, textures, sets, transforms, wrapping."""
+"""Color, emission and material channels where their value is known: factors, textures, sets, transforms, wrapping."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from frame_tools import draw_frame, make_scene, picture, primitive, still_camera
 from taubench_gl.scene.model import Camera, Material, Sampler, Texture
 
 SIZE = (64, 64)
-# A wall two units wide that fills the view: pixel centres run from (0.5 / 64) to (63.5 / 64) in texture coordinates.
+# A wall two units wide that fills the view: pixel centers run from (0.5 / 64) to (63.5 / 64) in texture coordinates.
 LENS = Camera(kind="orthographic", ymag=1.0, znear=0.1, zfar=10.0)
 SRGB = 3e-3  # llvmpipe decodes sRGB by a polynomial that is off by 0.0015; half floats add 0.0005
 NEAREST = {"mag_filter": 9728, "min_filter": 9728}
@@ -37,7 +37,7 @@ def linear(byte) -> np.ndarray:
 
 
 def quarters() -> np.ndarray:
-    """Four colours in 2 x 2 texels, row 0 at the top."""
+    """Four colors in 2 x 2 texels, row 0 at the top."""
     return np.array([[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255], [200, 100, 50, 255]]])
 
 
@@ -59,7 +59,7 @@ def test_the_image_stands_upright_and_is_decoded_from_srgb(gpu) -> None:
         np.testing.assert_allclose(tile, np.broadcast_to(expected[row, column], tile.shape), atol=SRGB)
 
 
-def test_vertex_colours_multiply_and_interpolate(gpu) -> None:
+def test_vertex_colors_multiply_and_interpolate(gpu) -> None:
     colors = np.array([[0, 0.5, 1, 1], [1, 0.5, 1, 1], [1, 0.5, 0, 1], [0, 0.5, 0, 1]], dtype=np.float32)
     color = shade(gpu, Material(base_color=(1, 1, 0.5, 1)), colors=colors)["base_color"]
     at = (np.arange(64) + 0.5) / 64
@@ -69,7 +69,7 @@ def test_vertex_colours_multiply_and_interpolate(gpu) -> None:
 
 
 def test_each_texture_has_its_own_set_and_transform(gpu) -> None:
-    """Base colour by set 0, emission by set 1 (which is transposed), offset by half a texture along u."""
+    """Base color by set 0, emission by set 1 (which is transposed), offset by half a texture along u."""
     shifted = np.array([[1.0, 0, 0.5], [0, 1, 0]])
     material = Material(
         base_color_texture=Texture(0, Sampler(**NEAREST)),
@@ -112,7 +112,7 @@ def test_wrapping(gpu, wrap: int, columns: list[int]) -> None:
 
 
 def test_minification_averages(gpu) -> None:
-    """A checkerboard of single texels seen from afar is grey, in linear light: mipmaps, not a coin toss."""
+    """A checkerboard of single texels seen from afar is gray, in linear light: mipmaps, not a coin toss."""
     board = np.zeros((256, 256, 4), dtype=int)
     board[(np.indices((256, 256)).sum(axis=0) % 2) == 1] = 255
     board[..., 3] = 255

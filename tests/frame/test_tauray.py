@@ -2,7 +2,7 @@
 
 The references are half floats, so tolerances are half a unit in the last place (2 m: 1 mm, 8 m: 4 mm) plus rounding.
 What differs and why: (a) the rim of the blended sign has alpha below 0.5, where Tauray draws the sign and we, by the
-documented rule for blended surfaces, what is behind it; (b) two edges of the room run exactly through the pixel centres
+documented rule for blended surfaces, what is behind it; (b) two edges of the room run exactly through the pixel centers
 of a diagonal, and which wall wins there is a matter of the last bit; (c) the sign's texture is minified, and mipmaps
 filter it differently from a single lookup.
 """
@@ -79,7 +79,7 @@ MEASURED = {
 def test_agreement(ours, data: Path, name: str) -> None:
     theirs = reference(data / "tauray_test" / "references", name)
     error = np.abs(ours[name] - theirs)
-    # Our own base colour is a half float too: two roundings.
+    # Our own base color is a half float too: two roundings.
     within = (error <= half_ulp(theirs) * (2 if name == "albedo" else 1) + 2e-4).all(axis=-1)
     median, share = MEASURED[name]
     assert np.median(error.max(axis=-1)) <= median

@@ -25,14 +25,14 @@ SETTINGS = Settings.of(width=48, height=32, indirect="probes", indirect_samples=
 def crowded() -> Scene:
     """A room with pillars askew, one of which walks under a lamp that moves, and a block that bends."""
     s = SceneBuilder()
-    grey = s.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
-    s.node(mesh=s.mesh(box((3.0, 1.5, 2.0), inside=True, material=grey)))
+    gray = s.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
+    s.node(mesh=s.mesh(box((3.0, 1.5, 2.0), inside=True, material=gray)))
     for i in range(3):
-        pillar = s.mesh(box((0.2, 1.2, 0.3), material=grey))
+        pillar = s.mesh(box((0.2, 1.2, 0.3), material=gray))
         s.node(mesh=pillar, translation=(1.3 * i - 1.6, -0.2, 0.7 - 0.6 * i), rotation=turn_y(17.0 + 31.0 * i))
-    walker = s.node(mesh=s.mesh(box((0.25, 0.9, 0.2), material=grey)), translation=(0.0, -0.5, 1.3))
+    walker = s.node(mesh=s.mesh(box((0.25, 0.9, 0.2), material=gray)), translation=(0.0, -0.5, 1.3))
     s.animate(walker, "translation", [0.0, 1.0], [[-2.0, -0.5, 1.3], [2.0, -0.5, 1.0]])
-    soft = box((0.3, 0.3, 0.3), material=grey)
+    soft = box((0.3, 0.3, 0.3), material=gray)
     bent = s.node(mesh=s.mesh(morphed(soft, 0.4 * soft.positions), weights=(0.0,)), translation=(0.7, -1.0, -1.0))
     s.animate(bent, "weights", [0.0, 1.0], [[0.0], [1.0]])
     lamp = s.light(kind="point", intensity=4.0, translation=(-1.0, 1.0, 0.0))
@@ -143,8 +143,8 @@ def test_what_is_kept_is_what_would_be_drawn_again(gpu, make):
 def test_a_lamp_that_changes_its_reach_or_cone_gives_other_indirect_light(gpu, path, values):
     """Nothing moves but one number of a light, back and forth: as a source that has seen no other frame."""
     s = SceneBuilder()
-    grey = s.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
-    s.node(mesh=s.mesh(box((3.0, 1.5, 2.0), inside=True, material=grey)))
+    gray = s.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
+    s.node(mesh=s.mesh(box((3.0, 1.5, 2.0), inside=True, material=gray)))
     s.light(kind="spot", intensity=40.0, range=9.0, inner_cone=0.0, outer_cone=0.7, translation=(0.0, 0.5, 1.0))
     s.camera(translation=(-2.6, 0.3, 1.6), rotation=turn_y(-50.0), yfov=1.2, znear=0.05)
     change = Channel("light", 0, path, "LINEAR", np.array([0.0, 1.0]), np.array(values)[:, None])

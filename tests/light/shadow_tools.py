@@ -78,7 +78,7 @@ class Case:
         """Points of the plane that are surely lit, and surely dark, for a map whose texels are what they are.
 
         A map may answer for any ray within ``texels`` of the point's own: surely lit is a point with no blocked ray
-        among eight such neighbours where they meet the plane (under the box counts as blocked), surely dark one with
+        among eight such neighbors where they meet the plane (under the box counts as blocked), surely dark one with
         no open ray.  (..., 3) -> (...), (...) bool.
         """
         size = texels * self.texel(shadow_size, points)[..., None]

@@ -1,4 +1,4 @@
-"""LIT and SHADOWED where light comes and goes, colour from its twin, and exposure (docs/light.md)."""
+"""LIT and SHADOWED where light comes and goes, color from its twin, and exposure (docs/light.md)."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_a_moving_light_lights_what_it_nears_and_dims_what_it_leaves(gpu):
 
 
 def bulbs() -> Scene:
-    """Bright and dim floor, a glowing box, an unlit box, and sky behind: every source of colour."""
+    """Bright and dim floor, a glowing box, an unlit box, and sky behind: every source of color."""
     b = SceneBuilder()
     floor(b, 3.0, material=lambert(b, 0.7))
     glow = b.material(base_color=(0.2, 0.2, 0.2, 1), metallic=0.0, specular=0.0, emissive=(0.1, 2.5, 0.6))
@@ -125,7 +125,7 @@ def test_color_is_its_twin(gpu, tone_map, exposure):
 
 
 def test_emission_alone_is_emission_beside_base_color(gpu):
-    """What is unlit sends out its base colour, whether or not somebody wants that channel too."""
+    """What is unlit sends out its base color, whether or not somebody wants that channel too."""
     asked = ("emission",), ("emission", "base_color")
     alone, beside = (picture(gpu, bulbs(), extra=extra, columns=("frustum",))["emission"] for extra in asked)
     assert np.array_equal(alone, beside) and np.isclose(alone[..., 0], 0.9, atol=1e-3).any()
@@ -154,7 +154,7 @@ def test_exposure_and_threshold_are_one_scale(exposure):
 
 
 def test_radiance_that_is_no_number_is_invalid_not_black(gpu):
-    """A light beyond float32 overflows to Inf: its pixels are counted as INVALID, never as colour."""
+    """A light beyond float32 overflows to Inf: its pixels are counted as INVALID, never as color."""
     b = SceneBuilder()
     floor(b, 3.0, material=lambert(b, 0.5))
     b.light(translation=(0.0, 0.5, 0.0), kind="point", intensity=3e38)

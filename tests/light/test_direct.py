@@ -212,7 +212,7 @@ def test_a_light_at_the_surface_is_finite(gpu, height):
 def test_radiance_keeps_its_precision_over_sixteen_decades(gpu, intensity):
     light = Light(kind="directional", intensity=intensity)
     shot = picture(gpu, lit_floor(light), shadow_lights=0)
-    # The base colour is a half float, which llvmpipe rounds towards 0: all that is lost.
+    # The base color is a half float, which llvmpipe rounds towards 0: all that is lost.
     stored = shot["base_color"][..., :1]
     assert np.all(np.abs(stored - ALBEDO) < 1e-3 * ALBEDO)
     assert worst(shot.direct, closed_form(light, shot.points) * stored / ALBEDO, shot.surface) < 1e-5
