@@ -59,7 +59,7 @@ def slerp(a: Array, b: Array, u: Array) -> Array:
 
 
 def hermite(v0: Array, out0: Array, in1: Array, v1: Array, u: Array, dt: Array) -> Array:
-    """glTF's cubic spline; tangents are per second and are scaled by ``dt``.  4 x (..., n), (...), (...) -> (...,
+    """glTF's cubic spline; tangents, per second, are scaled by ``dt``.  4 x (..., n), (...), (...) -> (...,
     n)."""
     u = np.asarray(u, dtype=np.float64)[..., None]
     dt = np.asarray(dt, dtype=np.float64)[..., None]
@@ -130,8 +130,7 @@ def sample_channel(channel: Channel, t: float) -> Array:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """(..., 4), (..., 4) -> (..., 1).  Written out so that the order of the sum does not depend on the number of
-    rows."""
+    """(..., 4), (..., 4) -> (..., 1).  The order of the sum is independent of the number of rows."""
     p = a * b
     return (p[..., 0] + p[..., 1] + p[..., 2] + p[..., 3])[..., None]
 

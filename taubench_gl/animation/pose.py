@@ -41,8 +41,7 @@ class Poser:
         return self.scene.duration
 
     def sample(self, t: float) -> FrameState:
-        """The scene at ``t`` seconds, a pure function of (scene, t).  Raises SceneError for transforms that
-        overflow."""
+        """The scene at ``t`` seconds, a pure function of (scene, t).  Raises SceneError for huge transforms."""
         nodes = self.scene.nodes
         values = {
             "translation": np.array(nodes.translation, dtype=np.float64),

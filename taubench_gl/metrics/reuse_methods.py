@@ -94,8 +94,7 @@ def sample_history(values: Array, at_px: Array, filtering: str = "bilinear") -> 
 
 
 def consistent_blend(values: Array, at_px: Array, accept: Callable[[Array, Array], Array]) -> tuple[Array, Array]:
-    """Bilinear blend of the taps inside the image that ``accept(row, column)`` accepts, with renormalized weights
-    (Schied 2017, section 4.1; Koskela 2019).
+    """Schied 2017, section 4.1; Koskela 2019: bilinear blend of accepted taps inside the image, weights renormalized.
 
     ``accept``: (h, w) int, (h, w) int -> (h, w) bool.  -> blend (h, w, c), 0 without an accepted tap, and the sum of
     the weights before renormalization (h, w).
@@ -147,8 +146,9 @@ def refresh_due(index: int, size: tuple[int, int], block: int, refresh: int) -> 
 
 
 def timewarp_px(clip_from_view: Array, key_from_view: Array, size: tuple[int, int]) -> Array:
-    """Position of each pixel's view ray in an image from the same position with another rotation (homography
-    K R_key^T R_now K^-1; Hartley and Zisserman 2004, section 8.4).
+    """Position of each pixel's view ray in an image from the same position with another rotation.
+
+    Homography K R_key^T R_now K^-1; Hartley and Zisserman 2004, section 8.4.
 
     ``clip_from_view`` (4, 4) of both cameras (perspective); ``key_from_view`` (3, 3) rotation from this camera's axes
     to the key camera's.  -> (h, w, 2) (column, row); NaN where the ray points behind the key camera.
@@ -236,10 +236,9 @@ def neighborhood_box(rgb: Array, rounded: bool = True) -> tuple[Array, Array]:
 
 
 def variance_box(rgb: Array, gamma: float = 1.0, keep_own: bool = True) -> tuple[Array, Array]:
-    """Salvi 2016: mean +- gamma standard deviations of 3x3 pixels in YCoCg.  ``keep_own``: extended to the pixel's
-    color.
+    """Salvi 2016: mean +- gamma standard deviations of 3x3 pixels in YCoCg.
 
-    -> low, high (h, w, 3).
+    ``keep_own``: extended to the pixel's color.  -> low, high (h, w, 3).
     """
     around = neighbors(ycocg_from_rgb(rgb))
     every = np.stack(list(around.values()))
@@ -268,9 +267,9 @@ def karis_blend(now: Array, history: Array, alpha: float, weighting: bool = True
 
 
 def shaded_neighbors(radiance: Array) -> tuple[Array, Array, Array, Array]:
-    """Mean and range of those of the four neighbors that are shaded in this frame (alpha 1).  (h, w, 4) ->
+    """Mean and range of those of the four neighbors that are shaded in this frame (alpha 1).
 
-    mean, low, high (h, w, 3) and their number (h, w); without one, mean 0 and an inverted box.
+    (h, w, 4) -> mean, low, high (h, w, 3) and their number (h, w); without one, mean 0 and an inverted box.
     """
     around = neighbors(radiance)
     taps = np.stack([around[k] for k in ((0, 1), (0, -1), (-1, 0), (1, 0))])

@@ -7,6 +7,7 @@ from typing import Any
 
 _LAZY = {
     "Evaluation": "taubench_gl.reuse.evaluate",
+    "EvaluationRequest": "taubench_gl.reuse.evaluate",
     "Fit": "taubench_gl.reuse.fit",
     "InputKind": "taubench_gl.reuse.input_kind",
     "MethodSpec": "taubench_gl.reuse.evaluate",

@@ -1,5 +1,4 @@
-"""``reuse check``: loads, compiles and runs a method on a small synthetic sequence; ``reuse new``: writes an
-example."""
+"""``reuse check``: runs a method on a small synthetic sequence; ``reuse new``: writes an example method."""
 
 from __future__ import annotations
 

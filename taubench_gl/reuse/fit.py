@@ -1,5 +1,4 @@
-"""Search for the settings of a method, such as rejection thresholds, with the smallest error: a grid, then finer
-grids."""
+"""Search for the settings of a method with the smallest error: a grid, then finer grids."""
 
 from __future__ import annotations
 

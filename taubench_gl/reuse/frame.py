@@ -115,8 +115,10 @@ def write_input(texture: moderngl.Texture, name: str, values: np.ndarray) -> Non
 
 
 def read_result(texture: moderngl.Texture) -> np.ndarray:
-    """A result as (h, w, 4) float32, row 0 at the top: rgb linear radiance x exposure, a the weight of history (-1:
-    not reported)."""
+    """A result as (h, w, 4) float32, row 0 at the top.
+
+    rgb: linear radiance x exposure; a: weight of history, -1 where it is not reported.
+    """
     width, height = texture.size
     out = np.empty((height, width, 4), dtype=np.float32)
     texture.read_into(out)

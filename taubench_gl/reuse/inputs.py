@@ -72,8 +72,11 @@ class RasterInputs:
         exact: bool = False,
         jitter: Callable[[int], Array] = halton_jitter,
     ):
-        """``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history; ``exact``:
-        provide ``exact_mask`` and ``exact_motion`` even if no method reads them.  Raises SettingsError."""
+        """Raises SettingsError.
+
+        ``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history; ``exact``:
+        provide ``exact_mask`` and ``exact_motion`` even if no method reads them.
+        """
         gpu, kind, settings = request.gpu, request.kind, request.settings
         if kind.rate != "full" and min(settings.sequence.width, settings.sequence.height) < 2:
             raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")

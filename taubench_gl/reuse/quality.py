@@ -106,8 +106,7 @@ def flip_map(shown: Array, reference: Array) -> Array:
 
 
 def temporal_squared_error(shown: Array, before: Array, reference: Array, reference_before: Array) -> Array:
-    """Squared difference between the change from frame to frame of an image and of the reference.  -> (h, w)
-    float64."""
+    """Squared difference of the frame-to-frame changes of an image and of the reference.  -> (h, w) float64."""
     return np.mean(((shown - before) - (reference - reference_before)) ** 2, axis=-1)
 
 

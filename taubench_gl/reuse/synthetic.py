@@ -56,8 +56,7 @@ def ball_at(time: float, speed: float = 1.0) -> Array:
 
 
 def render_view(view: View, time: float, size: tuple[int, int], speed: float = 1.0) -> dict[str, Array]:
-    """Geometry and noise-free radiance at ``time``; ``world``: world positions; ``ball`` (h, w) bool: pixels of the
-    ball."""
+    """Geometry and noise-free radiance at ``time``; also ``world`` positions and ``ball`` (h, w) bool."""
     width, height = size
     pair = reprojection(view, view, width, height)
     x, y = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height - 1, -1, -1, dtype=np.float64))

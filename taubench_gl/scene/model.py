@@ -56,8 +56,7 @@ class Texture:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """glTF metallic-roughness.  Colors are linear; ``emissive`` is radiance (factor x
-    KHR_materials_emissive_strength)."""
+    """glTF metallic-roughness, linear colors; ``emissive``: radiance (factor x KHR_materials_emissive_strength)."""
 
     name: str = ""
     base_color: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)

@@ -1,5 +1,4 @@
-"""One channel at one time: closed forms, SciPy as second implementation, and inputs where the textbook formula
-fails."""
+"""One channel at one time: closed forms, SciPy, and inputs where the textbook formula fails."""
 
 from __future__ import annotations
 

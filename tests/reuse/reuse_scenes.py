@@ -58,8 +58,7 @@ def passing_box(speed: float = 3.0) -> Scene:
 
 
 def looking_around(kind: str) -> Scene:
-    """Panels at two distances; a camera that only rotates (``turn``) or translates (``slide``), about 4 pixels a
-    frame."""
+    """Panels at two distances; a camera that only rotates (``turn``) or translates (``slide``)."""
     b = SceneBuilder()
     for k in range(24):
         far, shade = k % 2, 0.15 + 0.08 * (5 * k % 9)

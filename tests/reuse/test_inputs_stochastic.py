@@ -219,8 +219,7 @@ def test_unshaded_pixels_use_a_nearest_shaded_one(rate, size):
 
 @pytest.mark.parametrize("filtering", ["bilinear", "hard"])
 def test_mean_with_all_light_types_and_tile_lists(gpu, filtering):
-    """Spots, a directional light and more lights than are unrolled: the mean is within 4 standard errors of exact
-    light."""
+    """Spots, a directional light, more lights than are unrolled: within 4 standard errors of exact light."""
     b = SceneBuilder()
     gray = b.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=0.8)
     b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))

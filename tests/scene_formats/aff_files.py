@@ -24,8 +24,7 @@ def keys(rows: Array) -> str:
 
 
 def tangents(times: Array, tcb: Array, i: int, before: Array, here: Array, after: Array) -> tuple[Array, Array]:
-    """Tangents of the segment from key ``i``, at its start and end; ``before``, ``here``, ``after``: key
-    differences."""
+    """Tangents of the segment from key ``i``, at its start and end; ``before`` .. ``after``: key differences."""
     te, co, bi = tcb[i]
     out = (1 - te) * ((1 + co) * (1 + bi) * before + (1 - co) * (1 - bi) * here) / 2
     out = out * 2 * (times[i + 1] - times[i]) / (times[i + 1] - times[i - 1])

@@ -33,7 +33,7 @@ SMALLEST_HITHER = 1e-4
 def read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
     """``load_scene`` for .aff and .nff.  Raises SceneError with file and line."""
     if scene is not None:
-        raise SceneError("AFF files hold one scene", where=path.name, hint="omit the scene's name")
+        raise SceneError("AFF files contain one scene", where=path.name, hint="omit the scene's name")
     return _Assembly(Parser(path).parse(), path, animation).scene()
 
 

@@ -261,10 +261,9 @@ def _slopes(curve: Callable[[Array], Array], s: Array) -> Array:
 
 
 def _join(pieces: list[Piece], origin: float, held: Array) -> Keys:
-    """Pieces in order, without gaps, as keys with times relative to ``origin``.  A jump becomes two adjacent float64
-    times.
+    """Pieces in order, without gaps, as keys with times relative to ``origin``.
 
-    ``held``: the value if there are no pieces.
+    A jump becomes two keys at adjacent float64 times.  ``held``: the value if there are no pieces.
     """
     rest = np.zeros_like(held)
     if not pieces or pieces[0].t1 == pieces[-1].t0 == pieces[0].t0:

@@ -48,8 +48,7 @@ _SEMANTIC = re.compile(r"POSITION|NORMAL|TANGENT|(?:TEXCOORD|COLOR|JOINTS|WEIGHT
 
 
 def check_semantics(document: Document, primitive: schema.Primitive, pointer: str) -> None:
-    """Check attribute names: glTF's, or with a leading underscore; numbers are consecutive from 0.  Raises
-    SceneError."""
+    """Check attribute names: glTF's, or with a leading underscore; numbers consecutive from 0."""
     sets: dict[str, set[int]] = {}
     for name in primitive.attributes:
         if name.startswith("_"):
