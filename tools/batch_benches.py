@@ -26,7 +26,7 @@ class _Watch(Listener):
     def __init__(self) -> None:
         self.ready: float | None = None
 
-    def say(self, line: str) -> None:
+    def message(self, line: str) -> None:
         self.ready = self.ready or time.perf_counter()
 
 

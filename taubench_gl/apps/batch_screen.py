@@ -56,13 +56,13 @@ class BatchScreen(Listener):
         self._close(job)
         seconds = max(time.monotonic() - self._started, 1e-9)
         rate = f", {self._counted / seconds:.2f} pairs/s" if self._counted else ""
-        self.say(f"{job.label}: done, {self._total.get(job.id, 0)} pairs{rate}")
+        self.message(f"{job.label}: done, {self._total.get(job.id, 0)} pairs{rate}")
 
     def job_failed(self, job: Job, message: str) -> None:
         self._close(job)
-        self.say(f"{job.label}: failed: {message}")
+        self.message(f"{job.label}: failed: {message}")
 
-    def say(self, line: str) -> None:
+    def message(self, line: str) -> None:
         if self._bar is not None:
             self._bar.console.print(line, markup=False, highlight=False)
         else:

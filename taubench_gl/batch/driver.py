@@ -46,7 +46,7 @@ class Listener:
 
     def job_failed(self, job: Job, message: str) -> None: ...
 
-    def say(self, line: str) -> None:
+    def message(self, line: str) -> None:
         """A message: a worker died, or has no OpenGL."""
 
 
@@ -197,12 +197,12 @@ class Driver:
             message = f"{event.reason}, {self._attempts[unit.key]} times in {unit.name}"
             self._fail(state, f"{state.job.scene}: {message}", event.details)
         elif not state.over:
-            self.listener.say(f"{state.job.label}: {event.reason}; {unit.name} is repeated")
+            self.listener.message(f"{state.job.label}: {event.reason}; {unit.name} is repeated")
             state.pending.appendleft(unit)
 
     def _lost_graphics(self, event: NoGraphics) -> None:
         if event.worker:
-            self.listener.say(f"{event.worker} has no OpenGL and gets no more units: {event.message}")
+            self.listener.message(f"{event.worker} has no OpenGL and gets no more units: {event.message}")
             self._without_gl.append(event.message)
         if event.unit is not None:
             state = self._states[event.unit.job]

@@ -76,7 +76,7 @@ def run_batch(
             store.save_spec(spec)
             if listener is not None:
                 jobs = len(spec.jobs)
-                listener.say(f"{jobs} job{'' if jobs == 1 else 's'} on {running.describe()}")
+                listener.message(f"{jobs} job{'' if jobs == 1 else 's'} on {running.describe()}")
             drivers.append(Driver(spec, store, running, listener, chunk))
             return drivers[0].run()
 

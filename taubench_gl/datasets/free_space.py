@@ -106,9 +106,9 @@ class VoxelSpace:
         for before, after in moving:
             way = float(np.linalg.norm(after - before, axis=-1).max(initial=0.0))
             count = min(int(way / self.size) + 1, MAX_BETWEEN)
-            wanted = MOVING_DENSITY * float(areas(after).sum()) / self.size**2
+            samples = MOVING_DENSITY * float(areas(after).sum()) / self.size**2
             for part in np.arange(1, count + 1) / count:
-                self._fill(filled, surface_points(before + part * (after - before), int(min(wanted, MOVING_SAMPLES))))
+                self._fill(filled, surface_points(before + part * (after - before), int(min(samples, MOVING_SAMPLES))))
         self._room = np.zeros(shape, dtype=np.uint8)
         for _ in range(ENOUGH):
             self._room += ~filled

@@ -49,7 +49,7 @@ class StandIn:
     @property
     def note(self) -> str:
         return (
-            f"stand-in for {self.stands_for}, made by code, not the dataset; its camera has the paper's Table 2 and 3 "
+            f"procedural stand-in for {self.stands_for}, not the dataset; its camera has the paper's Table 2 and 3 "
             f"rows, within 5 %, at {self.camera.fps:g} fps"
         )
 

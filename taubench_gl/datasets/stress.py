@@ -49,7 +49,7 @@ class Moves:
 
 
 @dataclass(frozen=True, slots=True)
-class Stressed:
+class StressResult:
     """Result of ``stress``.  ``path`` is None for a recorded camera."""
 
     file: Path
@@ -62,7 +62,7 @@ class Stressed:
 
 def stress(
     source: str | Path, out: str | Path, camera: CameraSpec | RecordedPath, moves: Moves | None = None, seed: int = 0
-) -> Stressed:
+) -> StressResult:
     """Write ``source``, any argument of ``load_scene``, with ``camera`` and ``moves`` to ``out`` (.glb, .gltf).
 
     Raises SceneError, SettingsError, OutputError.
@@ -96,7 +96,7 @@ def stress(
     moved = f", {lights} moving lights and {objects} moving objects" if lights or objects else ""
     editor.note(camera=CAMERA_NAME, note=f"stressed: {what} at {fps:.6g} fps{moved}{lost}")
     editor.save(out)
-    return Stressed(Path(out), path, fps, (frames - 1) / fps, lights, objects)
+    return StressResult(Path(out), path, fps, (frames - 1) / fps, lights, objects)
 
 
 def _opened(source: str) -> tuple[Scene, GltfEditor, str]:

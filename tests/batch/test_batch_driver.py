@@ -80,7 +80,7 @@ class Recorder(Listener):
     def __init__(self):
         self.lines, self.pairs = [], {}
 
-    def say(self, line):
+    def message(self, line):
         self.lines.append(line)
 
     def job_known(self, job, done, total):

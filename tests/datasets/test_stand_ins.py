@@ -43,8 +43,8 @@ def assert_rows(camera, recipe):
         if key == "max":
             continue
         for axis in ("pitch", "yaw", "roll"):
-            wanted = paper["rotation"][f"{axis}_{key}"]
-            assert camera[axis][key] == pytest.approx(wanted, rel=tolerance, abs=1e-12), (axis, key)
+            expected = paper["rotation"][f"{axis}_{key}"]
+            assert camera[axis][key] == pytest.approx(expected, rel=tolerance, abs=1e-12), (axis, key)
 
 
 @cache

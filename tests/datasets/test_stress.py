@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from PIL import Image as Picture
+from PIL import Image as PillowImage
 from row_files import row_file
 from validator import errors
 
@@ -301,7 +301,7 @@ def test_other_formats_are_written_as_gltf(other, tmp_path):
 
 def test_visibility_and_textures_are_kept(tmp_path):
     """Objects appear and disappear at the same frames; textures are equal; lost cuts are noted."""
-    Picture.new("RGB", (4, 2), (200, 30, 10)).save(tmp_path / "red.png")
+    PillowImage.new("RGB", (4, 2), (200, 30, 10)).save(tmp_path / "red.png")
     (tmp_path / "m.mtl").write_text("newmtl red\nmap_Kd red.png\nKe 3 0 0\n")
     quad = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl red\n"
     for i, faces in enumerate(("1/1 2/2 3/3 4/4", "1/1 2/2 3/3 4/4", "1/1 2/2 3/3", "1/1 2/2 3/3")):
