@@ -197,8 +197,8 @@ def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: P
     assert late.frames == at_once.frames and len(late.frames) == 6
     assert late.summary["discard"] == at_once.summary["discard"]
 
-    def stop(told) -> None:
-        if told.done == 3:
+    def stop(progress) -> None:
+        if progress.done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -1,6 +1,6 @@
-"""The mask pass on made-up channels: everything a rasterizer never gives but a file may, and all features at once.
+"""The mask pass on synthetic channels, which a file may contain but a rasterizer never writes, and all features at once.
 
-NaN and infinity in any channel, sky anywhere, surfaces behind the previous camera, radiance; against the float64 twin.
+NaN and infinity in any channel, sky anywhere, surfaces behind the previous camera, radiance: against the reference.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from frame_tools import THRESHOLDS, rotation_about
-from test_mask_twin import in_band
+from test_mask_reference import in_band
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
@@ -64,7 +64,7 @@ def frame(rng, view: View, broken: float, smooth: bool = True) -> dict[str, np.n
     return out
 
 
-def judge(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", radiance=RADIANCE, declared=0):
+def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", radiance=RADIANCE, declared=0):
     """Upload, run, read back; the channels come back as the GPU held them (some are half floats)."""
     textures = []
     for channels in (now, then):
@@ -103,11 +103,11 @@ def test_every_feature_and_every_fault(gpu, broken: float, sampling: str, reproj
     now_view, then_view = views()
     now, then = frame(rng, now_view, broken), frame(rng, then_view, broken)
     pair = pair_matrices(now_view, then_view, *SIZE)
-    got = judge(gpu, now, then, pair, reprojection=reprojection, sampling=sampling)
-    twin = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling, reprojection=reprojection)
-    differ = got.mask != twin.mask
+    got = evaluate(gpu, now, then, pair, reprojection=reprojection, sampling=sampling)
+    reference = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling, reprojection=reprojection)
+    differ = got.mask != reference.mask
     ranges = np.uint32(Reason.DISOCCLUDED | Reason.OCCLUDING)
-    hard = differ & ~in_band(twin, got, sampling, THRESHOLDS) & ((got.mask ^ twin.mask) & ~ranges > 0)
+    hard = differ & ~in_band(reference, got, sampling, THRESHOLDS) & ((got.mask ^ reference.mask) & ~ranges > 0)
     assert not hard.any(), f"{hard.sum()} differ, first at {np.argwhere(hard)[0]}"
     assert differ.mean() <= FLIPS
     np.testing.assert_array_equal(got.mask_histogram, np.bincount(got.mask.ravel(), minlength=1 << 16))
@@ -118,7 +118,7 @@ def test_every_feature_and_every_fault(gpu, broken: float, sampling: str, reproj
                  "occluding", "lit", "shadowed"):  # fmt: skip
         assert counts[name] > 0, name
     for i, feature in enumerate(FEATURES):
-        tail, expected = (np.cumsum(x[:0:-1]) for x in (got.histograms[i], twin.histogram(feature)))
+        tail, expected = (np.cumsum(x[:0:-1]) for x in (got.histograms[i], reference.histogram(feature)))
         assert np.abs(tail - expected).max() <= FLIPS * got.mask.size
 
 
@@ -127,11 +127,11 @@ def test_what_is_behind_is_decided_before_dividing(gpu) -> None:
     rng = np.random.default_rng(5)
     now_view, then_view = views(turn=95.0, step=(0, 0, 0))
     pair = pair_matrices(now_view, then_view, *SIZE)
-    got = judge(gpu, frame(rng, now_view, 0), frame(rng, then_view, 0), pair)
-    twin = pair_masks(got.current, got.history, pair, THRESHOLDS)
+    got = evaluate(gpu, frame(rng, now_view, 0), frame(rng, then_view, 0), pair)
+    reference = pair_masks(got.current, got.history, pair, THRESHOLDS)
     behind = got.mask & Reason.BEHIND > 0
     assert 0.2 < behind.mean() < 1
-    assert (behind != (twin.mask & Reason.BEHIND > 0)).mean() <= FLIPS
+    assert (behind != (reference.mask & Reason.BEHIND > 0)).mean() <= FLIPS
     assert not got.motion[behind].any() and np.isfinite(got.motion).all()
 
 
@@ -142,11 +142,11 @@ def test_surfaces_without_history_are_cut_alone(gpu, sampling: str) -> None:
     now_view, then_view = views()
     now, then = frame(rng, now_view, 0.02), frame(rng, then_view, 0.02)
     pair = pair_matrices(now_view, then_view, *SIZE)
-    plain = judge(gpu, now, then, pair, sampling=sampling)
+    plain = evaluate(gpu, now, then, pair, sampling=sampling)
     marked = rng.random(plain.mask.shape) < 0.3
     ids = np.stack([rng.integers(1, 99, plain.mask.shape), np.where(marked, NO_HISTORY, 0) | 7], axis=-1)
-    got = judge(gpu, now | {"ids": ids.astype(np.uint32)}, then, pair, sampling=sampling)
-    twin = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling)
+    got = evaluate(gpu, now | {"ids": ids.astype(np.uint32)}, then, pair, sampling=sampling)
+    reference = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling)
     broken = np.logical_or.reduce(
         [~np.isfinite(got.current[n]).all(axis=-1) for n in ("position", "normal", *RADIANCE)]
     )
@@ -154,19 +154,19 @@ def test_surfaces_without_history_are_cut_alone(gpu, sampling: str) -> None:
     assert 0.1 < cut.mean() < 0.3
     np.testing.assert_array_equal(got.mask[cut], int(Reason.CUT))
     np.testing.assert_array_equal(got.mask[~cut], plain.mask[~cut])
-    np.testing.assert_array_equal(twin.mask & Reason.CUT > 0, cut)
+    np.testing.assert_array_equal(reference.mask & Reason.CUT > 0, cut)
     counts = counts_of(got.mask_histogram)
     assert counts["cut"] == cut.sum() and not got.motion[cut].any()
     assert sum(counts[name] for name in ("cut", "invalid", "frustum", "comparable")) == counts["pixels"]
-    assert (got.mask != twin.mask).mean() <= FLIPS
+    assert (got.mask != reference.mask).mean() <= FLIPS
 
 
 @pytest.mark.parametrize("declared", [Reason.FIRST, Reason.CUT])
 def test_a_declared_frame_compares_nothing(gpu, declared: Reason) -> None:
     rng = np.random.default_rng(6)
     now_view, then_view = views()
-    got = judge(gpu, frame(rng, now_view, 0.1), frame(rng, then_view, 0.1), pair_matrices(now_view, then_view, *SIZE),
-                declared=int(declared))  # fmt: skip
+    pair = pair_matrices(now_view, then_view, *SIZE)
+    got = evaluate(gpu, frame(rng, now_view, 0.1), frame(rng, then_view, 0.1), pair, declared=int(declared))
     assert np.all(got.mask & NOT_COMPARABLE == declared)
     assert not got.histograms.any()
     counts = counts_of(got.mask_histogram)
@@ -186,7 +186,7 @@ def test_one_broken_value_is_one_invalid_pixel(gpu) -> None:
                 spoiled[name][40, 60, 1] = value
                 pairs = (spoiled, clean) if broken_now else (clean, spoiled)
                 for sampling in ("nearest", "bilinear"):
-                    got = judge(gpu, *pairs, pair, sampling=sampling)
+                    got = evaluate(gpu, *pairs, pair, sampling=sampling)
                     expected = np.zeros_like(got.mask, dtype=bool)
                     expected[40, 60] = True
                     np.testing.assert_array_equal(got.mask & Reason.INVALID > 0, expected)
@@ -198,8 +198,8 @@ def test_features_not_given_are_not_judged(gpu) -> None:
     now_view, then_view = views()
     now, then = frame(rng, now_view, 0), frame(rng, then_view, 0)
     pair = pair_matrices(now_view, then_view, *SIZE)
-    full = judge(gpu, now, then, pair)
-    lean = judge(gpu, now, then, pair, radiance=())
+    full = evaluate(gpu, now, then, pair)
+    lean = evaluate(gpu, now, then, pair, radiance=())
     radiance = np.uint32(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR | Reason.LIT | Reason.SHADOWED)
     assert not (lean.mask & radiance).any()
     np.testing.assert_array_equal(lean.mask, full.mask & ~radiance)

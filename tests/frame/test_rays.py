@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from frame_tools import draw_pair, find_scene
 from ray_caster import Hits, Triangles, cast_pixels, gather, pixel_rays, project, states
-from test_mask_twin import walk_in_sponza
+from test_mask_reference import walk_in_sponza
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import NOT_COMPARABLE, Reason

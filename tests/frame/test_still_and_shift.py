@@ -66,7 +66,7 @@ def test_still_clutter_at_any_world_offset(gpu, reprojection: str, sampling: str
 @pytest.mark.parametrize(("reprojection", "sampling"), MODES)
 @pytest.mark.parametrize("name", ["CesiumMan.glb", "AlphaBlendModeTest.glb", "MorphStressTest.glb", "Duck.glb"])
 def test_still_real_scenes(gpu, data, name: str, reprojection: str, sampling: str) -> None:
-    """Posed anew for each frame at one and the same time: skins and morphs stand still bit for bit."""
+    """Every frame is posed at the same time: skins and morphs stay unchanged, bit for bit."""
     scene = load_scene(find_scene(data, name))
     result = draw_pair(gpu, scene, choose_camera(scene), (320, 180), (0.7, 0.7), reprojection=reprojection,
                        sampling=sampling, thresholds=ZERO)  # fmt: skip

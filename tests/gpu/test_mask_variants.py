@@ -19,7 +19,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 SIZE = (97, 54)
-"""Neither a multiple of a work group nor of what an invocation judges."""
+"""Neither a multiple of the work group nor of the pixels per invocation."""
 
 
 @pytest.mark.parametrize("storage", ["float", "half"])

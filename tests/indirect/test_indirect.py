@@ -90,9 +90,9 @@ def ceiling_irradiance(points: np.ndarray, *, wall: bool = False) -> np.ndarray:
     return np.array(out)
 
 
-@pytest.mark.parametrize(("rung", "tolerance"), [("rsm", 0.03), ("probes", 0.12)])
-def test_ceiling_sees_the_lit_floor(rung, tolerance):
-    got = draw(floor_and_ceiling(), indirect=rung, indirect_samples=2048, probes=1728)
+@pytest.mark.parametrize(("method", "tolerance"), [("rsm", 0.03), ("probes", 0.12)])
+def test_ceiling_sees_the_lit_floor(method, tolerance):
+    got = draw(floor_and_ceiling(), indirect=method, indirect_samples=2048, probes=1728)
     points = got["points"][::8, ::8].reshape(-1, 3)
     expected = ceiling_irradiance(points) * ALBEDO / np.pi
     measured = got["indirect"][::8, ::8, 0].reshape(-1)
@@ -103,7 +103,7 @@ def test_ceiling_sees_the_lit_floor(rung, tolerance):
 
 def test_only_probes_see_the_wall_between():
     scene = floor_and_ceiling(wall=True)
-    rsm, probes = (draw(scene, indirect=rung, indirect_samples=2048, probes=1728) for rung in ("rsm", "probes"))
+    rsm, probes = (draw(scene, indirect=method, indirect_samples=2048, probes=1728) for method in ("rsm", "probes"))
     behind = probes["points"][..., 0] < -1.4
     points = probes["points"][behind][::40]
     expected = ceiling_irradiance(points, wall=True).mean() * ALBEDO / np.pi
@@ -113,8 +113,8 @@ def test_only_probes_see_the_wall_between():
     assert probes["indirect"][behind][..., 0].mean() < expected + 0.25 * (open_air - expected)
 
 
-@pytest.mark.parametrize(("rung", "bounces"), [("rsm", 1), ("probes", 4)])
-def test_a_closed_box_conserves_flux(rung, bounces):
+@pytest.mark.parametrize(("method", "bounces"), [("rsm", 1), ("probes", 4)])
+def test_a_closed_box_conserves_flux(method, bounces):
     """In a closed box of albedo a the mean indirect irradiance after k bounces is flux (a + .. + a^k) / area."""
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))
@@ -124,7 +124,7 @@ def test_a_closed_box_conserves_flux(rung, bounces):
         s.camera(translation=(0.0, 0.0, 0.0), rotation=turn_y(turn), yfov=np.radians(90), znear=0.01)
     scene = s.build()
     for camera in range(4):
-        got = draw(scene, camera=camera, indirect=rung, indirect_samples=2400, probes=1000)
+        got = draw(scene, camera=camera, indirect=method, indirect_samples=2400, probes=1000)
         # On the wall looked at, every pixel shows the same area: a plain mean is a mean over the wall.
         wall = np.abs(got["position"][..., 3] - 1.0) < 1e-4
         means.append(got["indirect"][..., 0][wall].mean() * np.pi / ALBEDO)

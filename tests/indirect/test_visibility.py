@@ -100,7 +100,7 @@ def test_rays_that_stride_see_what_an_exact_test_of_every_voxel_sees(gpu):
     counts = record["probe_counts"][:3]
     low, voxel = record["grid_origin"][:3].astype(np.float64), float(record["grid_origin"][3])
     rng = np.random.default_rng(4)
-    told = {True: 0, False: 0}
+    seen_counts = {True: 0, False: 0}
     for _ in range(3000):
         i, k = rng.integers(len(seen)), rng.integers(len(lights))
         at = np.array([i % counts[0], i // counts[0] % counts[1], i // (counts[0] * counts[1])])
@@ -115,9 +115,9 @@ def test_rays_that_stride_see_what_an_exact_test_of_every_voxel_sees(gpu):
         start, end = a + 0.5 * way, b - (0.5 if lift > voxel else 0.0) * way
         blocked = {meets(start, end, cells, grow) for grow in (-1e-3, 1e-3)}
         if len(blocked) == 1:  # else it grazes a voxel, and rounding decides
-            told[seen[i, k]] += 1
+            seen_counts[seen[i, k]] += 1
             assert seen[i, k] != blocked.pop(), f"probe {i}, virtual light {k}"
-    assert min(told.values()) > 200, told
+    assert min(seen_counts.values()) > 200, seen_counts
 
 
 @pytest.mark.parametrize("make", [crowded, partial(busy_room, lamps=2)], ids=["crowded", "busy"])

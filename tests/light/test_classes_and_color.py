@@ -1,4 +1,4 @@
-"""LIT and SHADOWED where light comes and goes, color from its twin, and exposure (docs/light.md)."""
+"""LIT and SHADOWED where light comes and goes, color against its float64 reference, and exposure (docs/light.md)."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_a_moving_box_uncovers_light_behind_it_and_shadows_what_is_ahead(gpu, ki
     with opened(gpu, scene, width=WIDTH, height=WIDTH) as source:
         shot = shoot(source, 0)
     before, after = (Case(kind, 35.0, center=tuple(p)) for p in path)
-    # Judged on ground that neither box covers: there position compares equal.
+    # Tested on ground that neither box covers, where position does not change.
     ground = on_plane(shot) & (mask & Reason.POSITION == 0) & (np.abs(shot.points[..., :3:2]).max(axis=-1) < 3.0)
     (lit0, dark0), (lit1, dark1) = (c.band(shot.points, 2.0, SIZE) for c in (before, after))
     for sure, bits in (
@@ -64,7 +64,7 @@ def test_a_moving_box_uncovers_light_behind_it_and_shadows_what_is_ahead(gpu, ki
         (ground & lit0 & lit1, 0),
         (ground & dark0 & dark1, 0),
     ):
-        assert sure.sum() > 20, f"no pixel to judge {bits!r} by"
+        assert sure.sum() > 20, f"no pixel tests {bits!r}"
         assert np.all(mask[sure] == int(bits)), f"{bits!r}: {np.mean(mask[sure] == int(bits)):.4f}"
     assert row["direct"] == np.count_nonzero(mask & Reason.DIRECT)
     assert row["lit"] == np.count_nonzero(mask & Reason.LIT)

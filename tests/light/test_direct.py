@@ -1,4 +1,4 @@
-"""Direct radiance against closed forms, in float64 on the position channel, and against the twin of the shader."""
+"""Direct radiance against closed forms in float64 on the position channel, and against the shader's reference."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def lit_floor(light: Light, *, place=PLACE, aim=AIM, **material) -> Scene:
 
 
 def closed_form(light: Light, points: np.ndarray) -> np.ndarray:
-    """albedo / pi times irradiance of the plane y = 0, written out from KHR_lights_punctual, not from the twin."""
+    """albedo / pi times irradiance of the plane y = 0, written out from KHR_lights_punctual, not from the reference."""
     cosine = np.full(points.shape[:-1], -AIM[1])
     gain = np.ones(points.shape[:-1])
     if light.kind != "directional":
@@ -92,7 +92,7 @@ def test_metallic_roughness_pixels_equal_the_twin(gpu, metallic, roughness):
     to_light, irradiance = incident(light, np.array([2.0, 2.5, 2.0]), UP, shot.points)
     full = np.full(n.shape[:-1], 1.0)
     base = np.broadcast_to(np.array(color[:3]), n.shape)
-    # Channels hold half floats: the twin is asked about what the shader was told.
+    # Channels hold half floats: the reference gets the inputs of the shader.
     r = np.float64(np.float16(roughness))
     material = SurfaceMaterial(np.float64(np.float16(base)), full * metallic, full * r, float(np.float16(0.7)))
     diffuse, glossy = evaluate_brdf(material, n, v, to_light)
@@ -116,7 +116,7 @@ def test_metallic_roughness_pixels_equal_the_twin(gpu, metallic, roughness):
 @pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
 @pytest.mark.parametrize("degrees", [0.0, 45.0, 75.0])
 def test_the_glossy_lobe_gives_back_no_more_than_it_gets(roughness, degrees):
-    """Directional albedo of the twin, as a hemisphere integral; equal to an independent one over microfacets."""
+    """Directional albedo of the reference, as a hemisphere integral; equal to an independent one over microfacets."""
     v = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
     n = np.array([0.0, 0.0, 1.0])
 

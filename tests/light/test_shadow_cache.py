@@ -37,7 +37,7 @@ FACES = 6 + 1 + 1
 
 
 def redrawn(gpu, scene: Scene, frames: int) -> list[int]:
-    """Faces that each frame draws anew."""
+    """Faces that are rendered in every frame."""
     out = []
     with opened(gpu, scene, **SIZE) as source:
         for frame in range(frames):

@@ -35,7 +35,7 @@ def test_a_box_on_a_plane(gpu, kind, elevation, azimuth, shadow_filter):
     shot, lit = visibility(gpu, case.scene(), shadow_size=SIZE, shadow_filter=shadow_filter)
     plane = on_plane(shot) & np.isfinite(lit)
     sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
-    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to judge"
+    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to test"
     assert np.all(lit[sure_lit] > 0.999), f"{np.sum(lit[sure_lit] <= 0.999)} lit pixels are shadowed (acne)"
     assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit (detached)"
     # And the shadow's area, by pixels of equal area: all of the difference lies in the band.
@@ -55,7 +55,7 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
     plane = on_plane(shot) & np.isfinite(lit)
     assert np.all(off_axis[plane] < 85.01) and np.any(off_axis[plane] > 84.9), "the cone lights what it should"
     sure_lit, sure_dark = (s & plane for s in case.band(shot.points, TEXELS, SIZE))
-    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to judge"
+    assert np.mean((sure_lit | sure_dark)[plane]) > 0.9, "the band leaves too little to test"
     assert np.sum(sure_dark & (off_axis > 80.0)) > 50, "no shadow to be seen at the rim"
     assert np.all(lit[sure_lit] > 0.999), f"{np.sum(lit[sure_lit] <= 0.999)} lit pixels are shadowed (acne)"
     assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit"
@@ -84,9 +84,9 @@ def test_no_acne_on_a_bare_plane(gpu, kind, elevation, shadow_filter):
     for azimuth in (0.0, 17.0, 45.0):
         scene = Case(kind, elevation, azimuth).scene(with_box=False)
         shot, lit = visibility(gpu, scene, shadow_size=64, shadow_filter=shadow_filter)
-        judged = on_plane(shot) & np.isfinite(lit)
-        assert judged.mean() > 0.9
-        assert np.all(lit[judged] > 0.999)
+        tested = on_plane(shot) & np.isfinite(lit)
+        assert tested.mean() > 0.9
+        assert np.all(lit[tested] > 0.999)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -102,8 +102,8 @@ def test_no_acne_on_a_plane_of_any_slope(gpu, kind):
     camera = b.camera(root, translation=(1.0, 2.0, 4.0), rotation=facing((-1.0, -2.0, -4.0)), znear=0.01)
     assert camera > 0
     shot, lit = visibility(gpu, b.build(), shadow_size=64)
-    judged = shot.surface & np.isfinite(lit)
-    assert judged.mean() > 0.4 and np.all(lit[judged] > 0.999)
+    tested = shot.surface & np.isfinite(lit)
+    assert tested.mean() > 0.4 and np.all(lit[tested] > 0.999)
 
 
 @pytest.mark.parametrize("elevation", [10.0, 45.0, 80.0])
@@ -140,9 +140,9 @@ def test_a_balls_terminator(gpu, kind):
     ray = np.broadcast_to(towards, n.shape) if kind == "directional" else 6 * towards - shot.points
     cosine = np.sum(n * ray, axis=-1) / np.linalg.norm(ray, axis=-1)
     away = np.degrees(np.arcsin(np.clip(cosine, -1, 1)))
-    judged = shot.surface & np.isfinite(lit)
-    assert np.all(lit[judged & (away > 3.0)] > 0.999)
-    assert np.mean(1.0 - lit[judged]) < 0.002
+    tested = shot.surface & np.isfinite(lit)
+    assert np.all(lit[tested & (away > 3.0)] > 0.999)
+    assert np.mean(1.0 - lit[tested]) < 0.002
 
 
 def masked_card() -> Scene:

@@ -1,4 +1,4 @@
-"""GPU masks against their float64 twin on real scenes, in two tiers.
+"""GPU masks against their float64 reference on real scenes, in two tiers.
 
 Away from every threshold the two must agree bit for bit.  Within a stated band around one (a distance at its threshold,
 a sample position half-way between two pixels, the edge of the screen) float32 and float64 may decide differently: few.
@@ -59,15 +59,15 @@ def near_half(x: np.ndarray, sampling: str) -> np.ndarray:
     return np.abs(shifted - np.round(shifted)) < BAND_PX
 
 
-def in_band(twin, result, sampling: str, thresholds) -> np.ndarray:
+def in_band(reference, result, sampling: str, thresholds) -> np.ndarray:
     h, w = result.mask.shape
-    at = np.nan_to_num(twin.at_px, nan=-1e9)
+    at = np.nan_to_num(reference.at_px, nan=-1e9)
     band = near_half(at[..., 0], sampling) | near_half(at[..., 1], sampling)
     band |= (np.abs(at[..., 0]) < 1) & (np.abs(at[..., 0] + 1 / 256) < BAND_PX)
     for k, last in ((0, w - 1), (1, h - 1)):
         for edge in (-1 / 256, last + 1 / 256):
             band |= np.abs(at[..., k] - edge) < BAND_PX
-    for feature, distance in twin.distances.items():
+    for feature, distance in reference.distances.items():
         t = thresholds[feature]
         band |= np.abs(np.nan_to_num(distance, nan=1e9, posinf=1e9) - t) < BAND * (1 + t)
     # DISOCCLUDED and OCCLUDING hang on a difference of ranges; its sign cannot be near its threshold by less.
@@ -82,15 +82,19 @@ def test_masks_equal_the_twin(gpu, data, name: str, reprojection: str, sampling:
     result = pair_of(gpu, data, name, reprojection, sampling)
     for values in (*result.current.values(), *result.history.values()):
         assert np.isfinite(values).all()
-    twin = pair_masks(result.current, result.history, result.pair, THRESHOLDS, sampling=sampling,
+    reference = pair_masks(result.current, result.history, result.pair, THRESHOLDS, sampling=sampling,
                       reprojection=reprojection)  # fmt: skip
-    differ = result.mask != twin.mask
+    differ = result.mask != reference.mask
     ranges = Reason.DISOCCLUDED | Reason.OCCLUDING
-    hard = differ & ~in_band(twin, result, sampling, THRESHOLDS) & ((result.mask ^ twin.mask) & ~np.uint32(ranges) > 0)
+    hard = (
+        differ
+        & ~in_band(reference, result, sampling, THRESHOLDS)
+        & ((result.mask ^ reference.mask) & ~np.uint32(ranges) > 0)
+    )
     assert not hard.any(), f"{hard.sum()} pixels differ away from every threshold, first at {np.argwhere(hard)[0]}"
     assert differ.mean() <= FLIPS, f"{differ.sum()} flips"
-    valid = (twin.mask & Reason.BEHIND) == 0
-    np.testing.assert_allclose(result.motion[valid], twin.motion_px[valid], atol=2e-3)
+    valid = (reference.mask & Reason.BEHIND) == 0
+    np.testing.assert_allclose(result.motion[valid], reference.motion_px[valid], atol=2e-3)
     assert (result.mask & NOT_COMPARABLE == 0).any()
 
 
@@ -118,10 +122,10 @@ def test_histogram_tail_is_the_count_at_that_threshold(gpu, data, edge: float) -
 @pytest.mark.parametrize("name", ["Sponza.gltf", "CesiumMan.glb"])
 def test_histograms_equal_the_twin(gpu, data, name: str) -> None:
     result = pair_of(gpu, data, name, "camera", "nearest")
-    twin = pair_masks(result.current, result.history, result.pair, THRESHOLDS)
+    reference = pair_masks(result.current, result.history, result.pair, THRESHOLDS)
     for feature in ("position", "normal"):
         got = result.counts.histograms[FEATURES.index(feature)].astype(np.int64)
-        want = twin.histogram(feature)
+        want = reference.histogram(feature)
         # Values on a bin's edge may fall to either side; the tails, which are what curves are made of, hardly move.
         large = edges() > 1e-3
         tail_got, tail_want = (np.cumsum(x[::-1])[::-1][1:][large] for x in (got, want))
