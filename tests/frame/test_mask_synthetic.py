@@ -1,4 +1,4 @@
-"""The mask pass on synthetic channels, which a file may contain but a rasterizer never writes, and all features at once.
+"""The mask pass on synthetic channels that a file may contain but a rasterizer never writes; all features at once.
 
 NaN and infinity in any channel, sky anywhere, surfaces behind the previous camera, radiance: against the reference.
 """
