@@ -1,9 +1,9 @@
 // Color of a pixel: direct + indirect + emission (or the sky's radiance), exposed, tone-mapped, sRGB-encoded.
 //
-// Paper    section 3.2, f_color.
-// Reads    position and, where they are enabled, direct, indirect, emission.
-// Writes   color in [0, 1].
-// Reference metrics.color
+// Paper      section 3.2, f_color.
+// Reads      position and, where enabled, direct, indirect, emission.
+// Writes     color in [0, 1].
+// Reference  metrics.color
 #define READ(channel, at) channel##_at(at)
 #include "common/numbers.glsl"
 #include "common/radiance.glsl"

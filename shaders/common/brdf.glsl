@@ -1,4 +1,4 @@
-// glTF 2.0 metallic-roughness (appendix B of the specification), per lobe.  Twin: metrics.lighting
+// glTF 2.0 metallic-roughness (appendix B of the specification), per lobe.  Reference: metrics.lighting
 //
 // Every function returns brdf * cos(theta_l) for unit vectors n, v, l.  ``specular`` scales the dielectric lobe
 // (KHR_materials_specular): F0 = 0.04 specular, F90 = specular; 0 is a pure Lambert surface.

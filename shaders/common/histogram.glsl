@@ -1,4 +1,4 @@
-// Log-linear histogram bin of a distance >= 0, cut from the bits of the float (twin: metrics.counts.bin_of).
+// Log-linear histogram bin of a distance >= 0, cut from the bits of the float (reference: metrics.counts.bin_of).
 // Bin 0 holds everything below 2^-20; the last bin 2^12 and above, +Inf included.
 uint histogram_bin(float distance) {
     uint key = floatBitsToUint(distance) >> (23 - HISTOGRAM_MANTISSA_BITS);

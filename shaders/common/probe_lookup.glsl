@@ -1,9 +1,9 @@
-// Irradiance from the eight probes around x: trilinear, less those inside geometry and those behind the surface.
+// Irradiance from the eight probes around x: trilinear, without those inside geometry, less from those behind the surface.
 #include "common/probes.glsl"
 
 vec3 probe_irradiance(vec3 x, vec3 n) {
     ivec3 counts = P.probe_counts.xyz;
-    // Half a voxel off the surface, so that a wall asks the probes in front of it.
+    // Half a voxel off the surface, so that a wall reads the probes in front of it.
     vec3 g = clamp((x + 0.5 * P.grid_origin.w * n - P.probe_origin.xyz) / P.probe_step.xyz, vec3(0.0), vec3(counts - 1));
     ivec3 base = min(ivec3(g), counts - 2);
     vec3 f = clamp(g - vec3(base), vec3(0.0), vec3(1.0));

@@ -49,10 +49,10 @@ Receiver receiver_of_cube(int first, vec3 q, vec3 g) {
     bool x = a.x >= a.y && a.x >= a.z, y = !x && a.y >= a.z;
     float major = x ? q.x : y ? q.y : q.z;
     bool back = !(major >= 0.0);
-    float turn = back ? -1.0 : 1.0;
+    float side = back ? -1.0 : 1.0;
     Receiver r;
-    r.q = vec3((x ? q.z : y ? q.x : -q.x) * turn, y ? q.z : q.y, abs(major));
-    r.g = vec3((x ? g.z : y ? g.x : -g.x) * turn, y ? g.z : g.y, (x ? g.x : y ? g.y : g.z) * turn);
+    r.q = vec3((x ? q.z : y ? q.x : -q.x) * side, y ? q.z : q.y, abs(major));
+    r.g = vec3((x ? g.z : y ? g.x : -g.x) * side, y ? g.z : g.y, (x ? g.x : y ? g.y : g.z) * side);
     r.plane = dot(g, q);
 #if UNROLLED_LIGHTS // a choice of six constants, not one index that differs from lane to lane
     vec2 corner = face_corner(first + 4);
@@ -73,7 +73,7 @@ float face_visibility(ShadowFace f, bool parallel, Receiver r, bool needed) {
     vec2 at = r.q.xy / depth;
     float resolution = f.extent.x;
     vec2 texel = (at * 0.5 + 0.5) * resolution - 0.5;
-    // The four texels about the point; at the map's rim the last four, of which the outer two have all the weight.
+    // The four texels about the point; at the edge of the map the last four, of which the outer two have all the weight.
     vec2 base = clamp(floor(texel), vec2(0.0), vec2(resolution - 2.0)), w = clamp(texel - base, vec2(0.0), vec2(1.0));
 #if SHADOW_RANDOM // one of the bilinear filter's four taps, with its weight as the probability
     base += vec2(lessThan(shadow_random, w));
@@ -90,8 +90,8 @@ float face_visibility(ShadowFace f, bool parallel, Receiver r, bool needed) {
     float lit = 0.0;
     for (int tap = 0; tap < SHADOW_TAPS; ++tap) {
         float beside = across.x + across.y + ((tap & 1) == 1 ? more.x : 0.0) + ((tap >> 1) == 1 ? more.y : 0.0);
-        // Depth at which this texel's ray meets the receiver's plane.  At most a texel aside it is off by the plane's
-        // slope; a ray almost in the plane meets it nowhere useful.
+        // Depth at which this texel's ray meets the receiver's plane.  It differs by at most the plane's slope
+        // over one texel; a ray almost in the plane is clamped.
         float inverse = 1.0 / (parallel ? r.g.z : r.g.z + beside);
         float receiver = (parallel ? r.plane - beside : r.plane) * inverse;
         receiver = non_finite(receiver) ? z : clamp(receiver, z - reach, z + reach);

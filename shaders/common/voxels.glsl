@@ -22,8 +22,8 @@ bool sees(vec3 from, vec3 to, vec2 slack) {
     d /= span;
     a += d * slack.x;
     float reach = span - slack.x - slack.y;
-    // Mirrored so that the ray climbs along every axis; ``turn`` is -1 where it is, and maps cells back.
-    ivec3 turn = -ivec3(lessThan(d, vec3(0.0)));
+    // Mirrored so that the ray climbs along every axis; ``mirror`` is -1 where it is, and maps cells back.
+    ivec3 mirror = -ivec3(lessThan(d, vec3(0.0)));
     a = mix(a, float(GRID) - a, lessThan(d, vec3(0.0)));
     d = abs(d);
     vec3 inverse = 1.0 / max(d, vec3(1e-6));
@@ -34,13 +34,13 @@ bool sees(vec3 from, vec3 to, vec2 slack) {
     ivec3 c = clamp(ivec3(floor(a + d * t)), ivec3(0), ivec3(GRID - 1));
     bool free = true;
     for (int i = 0; i < 3 * GRID && t < reach; ++i) {
-        ivec3 cell = (c ^ turn) + (turn & GRID);
+        ivec3 cell = (c ^ mirror) + (mirror & GRID);
         uvec4 brick = brick_of(cell);
         if (has_surface(brick, cell)) {
             free = false;
             break;
         }
-        // Without branches, as lanes go different ways at every turn: leave the voxel, or the empty bricks around it.
+        // Without branches, as lanes go different ways at every mirror: leave the voxel, or the empty bricks around it.
         int stride = int(brick.z);
         ivec3 end = stride > 0 ? ((c >> 2) + stride) << 2 : c + 1;
         vec3 out_at = (vec3(end) - a) * inverse;

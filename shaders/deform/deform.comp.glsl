@@ -1,9 +1,9 @@
-// Morphing and skinning of every posed vertex, now and one frame ago, into camera-relative positions.
+// Morphing and skinning of every posed vertex, in this frame and the frame before, into camera-relative positions.
 //
-// Reads    source attributes, joints, weights, morph displacements, palettes (relative_from_bind, 3 rows each; one
-//          matrix per joint, or the node's own where there is no skin).
-// Writes   posed position, previous position (where HAS_PREVIOUS), normal, tangent of the posed vertex pool.
-// Twin     animation.pose.pose_vertices
+// Reads      source attributes, joints, weights, morph displacements, palettes (relative_from_bind, 3 rows each; one
+//            matrix per joint, or the node's where there is no skin).
+// Writes     posed position, previous position (with HAS_PREVIOUS), normal, tangent of the posed vertex pool.
+// Reference  animation.pose.pose_vertices
 #include "common/affine.glsl"
 
 vec3 load3(uint base, uint index) {

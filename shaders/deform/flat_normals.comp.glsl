@@ -1,7 +1,9 @@
-// One normal per triangle for posed primitives without normals: from the posed corners, which the file's bind pose cannot
-// know.  Vertices are unwelded, three in a row are a triangle.
+// One normal per triangle for posed primitives without normals, from the posed corners.  Vertices are unwelded, three in a
+// row are a triangle.
 //
-// Reads    posed positions.   Writes   posed normals.   Twin     frame.geometry.face_normals
+// Reads      posed positions.
+// Writes     posed normals.
+// Reference  frame.geometry.face_normals
 #include "common/affine.glsl"
 
 vec3 corner(uint at) { return vec3(position[3u * at], position[3u * at + 1u], position[3u * at + 2u]); }

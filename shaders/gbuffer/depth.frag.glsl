@@ -1,3 +1,3 @@
-// Depth alone, before the geometry pass: no outputs.
+// Depth pre-pass: no outputs.
 
 void main() {}

@@ -1,8 +1,8 @@
 // Geometry pass, fragments: one set of channels per visible surface point.
 //
-// Writes   the channels of OUTPUTS (channels.py), each at its own attachment.
-// Departs  Shading normals are turned over where the *triangle* faces away (as Cycles does), not where the interpolated
-//          normal does: turning smooth normals at a silhouette would make them jump by 180 degrees.
+// Writes     the channels of OUTPUT_<name> (channels.py), each at its own attachment.
+// Departs    Shading normals are turned over where the *triangle* faces away (as Cycles does), not where the interpolated
+//            normal does: turning smooth normals at a silhouette would make them jump by 180 degrees.
 #include "common/affine.glsl"
 #include "common/material.glsl"
 
@@ -55,7 +55,7 @@ void main() {
     out_prev_position = vec4(prev_pos_rel, 1.0);
 #endif
 #if OUTPUT_GEOMETRIC_NORMAL
-    // The triangle's plane from screen-space derivatives; where they vanish (sub-pixel slivers) the vertex normal stands in.
+    // The triangle's plane from screen-space derivatives; where they vanish (sub-pixel slivers) the vertex normal is used.
     vec3 g = safe_normalize(cross(dFdx(pos_rel), dFdy(pos_rel)));
     if (g == vec3(0.0)) g = safe_normalize(normal_ws) * (gl_FrontFacing ? 1.0 : -1.0);
     out_geometric_normal = vec4(dot(g, pos_rel) > 0.0 ? -g : g, 1.0);
@@ -80,7 +80,7 @@ void main() {
     emission *= sample_map(emissive_map, m, SLOT_EMISSIVE).rgb;
 #endif
 #if OUTPUT_BASE_COLOR
-    if (m.emissive.w > 0.5) emission = base.rgb; // unlit: the base colour is what leaves the surface
+    if (m.emissive.w > 0.5) emission = base.rgb; // an unlit surface emits its base color
 #endif
     out_emission = vec4(emission, 1.0);
 #endif

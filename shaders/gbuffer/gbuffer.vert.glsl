@@ -1,7 +1,7 @@
-// Geometry pass, vertices: object space to camera-relative world axes, now and one frame ago.
+// Geometry pass, vertices: object space to camera-relative world axes, in this frame and the frame before.
 //
-// Reads    DrawRecord of this draw as attributes that advance once per instance (posed pool: already posed, only its ids).
-// Twin     animation.pose.pose_vertices
+// Reads      DrawRecord of this draw as attributes that advance once per instance (posed pool: already posed, only its ids).
+// Reference  animation.pose.pose_vertices
 #include "common/affine.glsl"
 
 in vec3 in_position;
@@ -48,7 +48,7 @@ out vec4 texcoord;
 out vec4 vertex_color;
 #endif
 
-invariant gl_Position; // the depth that is laid down first covers exactly the pixels of the channels
+invariant gl_Position; // the depth pre-pass covers exactly the pixels of the channels
 
 void main() {
     ids = record_ids;

@@ -1,9 +1,11 @@
-// Indirect radiance of every pixel from the irradiance around it: probes, or the small gathered image brought up to full
-// size between samples of the same plane and orientation (a pixel that has none gathers for itself; with GATHER_EACH
-// every pixel does).  Only of the pixels shaded in this frame.
+// Indirect radiance of every pixel from the irradiance around it: from probes, or from the small gathered image, upsampled
+// between samples of the same plane and orientation.  A pixel without such samples, and every pixel with GATHER_EACH,
+// gathers all VPLs.
 //
-// Paper    section 3.2, f_ind.
-// Departs  The glossy lobe sees the irradiance of its mirror direction, not an image; diffuse light is what bounces on.
+// Paper      section 3.2, f_ind.
+// Reads      position normal base_color material, and probes, or irradiance and VPLs.
+// Writes     indirect, only of the pixels shaded in this frame.
+// Departs    The glossy lobe sees the irradiance of its mirror direction, not an image; only diffuse light bounces on.
 #include "common/affine.glsl"
 #include "common/vpl.glsl"
 #include "common/shading_rate.glsl"

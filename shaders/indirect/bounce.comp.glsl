@@ -1,6 +1,8 @@
-// One more bounce: every virtual light also reflects what the probes around it receive.
-// A patch that several lights see has a virtual light of each, so each reflects its share.
-// Reads    probes, virtual lights' place, area, albedo, share and first flux.   Writes   their flux, on top of the first bounce's.
+// One more bounce: every VPL also reflects the irradiance of the probes around it.  A patch that several lights see has a
+// VPL of each, so each reflects its share.
+//
+// Reads      VPLs (position, area, albedo, share, flux of the first bounce), probes.
+// Writes     flux of the VPLs: the first bounce's plus this one's.
 #include "common/vpl.glsl"
 #include "common/probe_lookup.glsl"
 

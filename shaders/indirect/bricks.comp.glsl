@@ -1,9 +1,9 @@
-// Bricks of 4 x 4 x 4 voxels, a texel each, for rays to read: their voxels' bits, and how far there is nothing around.
-// One invocation for each row of bricks along x.
+// Bricks of 4 x 4 x 4 voxels, a texel each, for visibility rays: the bits of their voxels, and the distance to the nearest
+// brick that is not empty.  One invocation for each row of bricks along x.
 //
-// Reads    occupancy bits (voxelize.frag.glsl) of what no animation moves and of the rest; with DISTANCES the bricks' own bits.
-// Writes   xy: bits, x fastest, then y, then z.  z: Chebyshev distance in bricks to the nearest one that is not empty,
-//          at most FAR: 0 = this one.
+// Reads      occupancy bits (voxelize.frag.glsl) of what no animation moves and of the rest; with DISTANCES the bricks.
+// Writes     bricks, xy: bits, x fastest, then y, then z; z: Chebyshev distance in bricks, at most FAR, 0 = not empty.
+//            rows: a bit for each brick of a row that is not empty.
 const int BRICKS = GRID / 4, FAR = 4;
 
 void main() {

@@ -1,5 +1,7 @@
-// The cheap rung: irradiance of all virtual lights, without visibility, at every SCALE-th pixel of both axes.
-// Reads    position, normal, virtual lights.   Writes   a small irradiance image.
+// Method rsm: irradiance of all VPLs, without visibility, at every SCALE-th pixel of both axes.
+//
+// Reads      position, normal, VPLs.
+// Writes     a small irradiance image.
 #include "common/vpl.glsl"
 
 void main() {

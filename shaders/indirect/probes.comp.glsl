@@ -1,14 +1,13 @@
-// Irradiance at a grid of probes: six directions each (ambient cube, Valve 2004), from the virtual lights each one sees.
+// Irradiance at a grid of probes, in six directions each (ambient cube, Valve 2004), from the VPLs that each probe sees.
 //
-// Reads    virtual lights, their flux after the last bounce, visibility, bricks of voxels.
-// Writes   (adds to) probes: six texels per probe, w: 0 where the probe lies inside geometry.
+// Reads      VPLs, their flux after the last bounce, visibility, bricks of voxels.
+// Writes     (adds to) probes: six texels per probe, w: 0 where the probe lies inside geometry.
 #include "common/vpl.glsl"
 #include "common/voxels.glsl"
 #include "common/probes.glsl"
 
-// Virtual lights [x, y) of this dispatch.  Mesa's llvmpipe ends every loop of an invocation after 65,535 turns in all,
-// without a word; so the lights come in chunks that cannot reach that, and the sums go on where they stopped.
-uniform ivec2 chunk; // both ends multiples of 32, but the last
+// VPLs [x, y) of this dispatch, both multiples of 32 except the last; later chunks add to the sums (tuning.VPL_CHUNK).
+uniform ivec2 chunk;
 
 void main() {
     int i = int(gl_GlobalInvocationID.x);
@@ -20,7 +19,7 @@ void main() {
         cube[side] = chunk.x == 0 ? vec3(0.0) : probes_at(texel + ivec2(side, 0)).rgb;
     int words = (P.counts.x + 31) / 32;
     for (int first = chunk.x; first < chunk.y; first += 32) {
-        // Only those it sees, each lane its own: as many turns as the lane that sees most.
+        // Only the VPLs that this probe sees.
         for (uint seen = visibility[i * words + first / 32]; seen != 0u; seen &= seen - 1u) {
             int k = first + findLSB(seen);
             ivec2 at = vpl_texel(k);

@@ -1,7 +1,7 @@
-// Which virtual lights each probe sees through the occupancy grid.  The same for every bounce, so it is found once.
+// Which VPLs each probe sees through the occupancy grid.  The same for every bounce, so it is computed once.
 //
-// Reads    virtual lights, bricks of voxels.
-// Writes   visibility: one bit per probe and virtual light, 32 lights a word, a row of words per probe.
+// Reads      VPLs, bricks of voxels.
+// Writes     visibility: one bit per probe and VPL, 32 VPLs a word, a row of words per probe.
 #include "common/vpl.glsl"
 #include "common/voxels.glsl"
 #include "common/probes.glsl"

@@ -1,8 +1,8 @@
-// Reflective shadow maps (Dachsbacher and Stamminger 2005): every texel a light sees becomes a diffuse virtual light.
+// Reflective shadow maps (Dachsbacher and Stamminger 2005): every texel that a light sees becomes a diffuse VPL.
 //
-// Reads    the lights' own G-buffer (position relative to the current camera, normal, base colour, material).
-// Writes   virtual lights in scene space: flux reflected by the texel's patch = irradiance * area * albedo.  With PROBES also
-//          the share of the patch that is this one's: lights that see the same surface all have virtual lights on it.
+// Reads      the lights' G-buffer (position relative to the current camera, normal, base color, material), light table.
+// Writes     VPLs in scene space: flux reflected by the texel's patch = irradiance * area * albedo.  With PROBES also the
+//            share of this VPL in its patch: lights that see the same surface all have VPLs on it.
 #include "common/affine.glsl"
 #include "common/vpl.glsl"
 #include "common/lights.glsl"
@@ -10,8 +10,8 @@
 #if PROBES
 #include "common/voxels.glsl"
 
-// How many lights with maps see the patch at p (relative to the camera), its own light ``row`` among them.  aim: a point
-// just above it, scene space; slack: as of the probes' rays.
+// Number of lights with maps that see the patch at p (relative to the camera), including light ``row``.  aim: a point just
+// above it, scene space; slack: as in the probes' rays.
 int lights_that_see(vec3 p, vec3 n, vec3 aim, float slack, uint row) {
     int count = 1;
     for (int k = 0; k < P.counts.z; ++k) {

@@ -4,9 +4,9 @@
 // Bound of one light in one tile: its irradiance at the tile's nearest point times the largest brdf * cos that any pixel of
 // the tile can have for any direction of light (``largest_brdf``).
 //
-// Reads    position normal base_color material, light table.
-// Writes   tile_counts, tile_lists: rows of the light table, ascending.
-// Twin     metrics.lighting
+// Reads      position normal base_color material, light table.
+// Writes     tile_counts, tile_lists: rows of the light table, ascending.
+// Reference  metrics.lighting
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"

@@ -1,10 +1,10 @@
-// Direct radiance: what every punctual light and the uniform sky give the visible point, scattered once to the camera.
+// Direct radiance: light of every punctual light and of the uniform sky that the visible point scatters to the camera.
 //
-// Paper    section 3.2, f_dir: the direct radiance whose change is thresholded.
-// Reads    position normal geometric_normal base_color material, light table, shadow atlas, tile light lists.
-// Writes   direct (diffuse + glossy), and each lobe on request; only of the pixels shaded in this frame.
-// Twin     metrics.lighting (albedo_table for the sky)
-// Departs  Occlusion of the sky is not simulated: its light is that of an unoccluded point.
+// Paper      section 3.2, f_dir: the direct radiance whose change is thresholded.
+// Reads      position normal geometric_normal base_color material, light table, shadow atlas, tile light lists.
+// Writes     direct (diffuse + glossy) and, where requested, each lobe; only of the pixels shaded in this frame.
+// Reference  metrics.lighting (albedo_table for the sky)
+// Departs    Occlusion of the sky is not simulated: its light is that of an unoccluded point.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"
@@ -17,7 +17,7 @@
 
 void add_light(LightRecord light, bool shadowed, Surface s, vec3 p, vec3 g, inout Lobes sum) {
     Incident in_light = incident(light, p);
-    // Behind the triangle nothing arrives, whatever the interpolated normal says.
+    // No light arrives behind the triangle, whichever way the interpolated normal points.
     vec3 radiance = dot(g, in_light.l) > 0.0 ? in_light.radiance : vec3(0.0);
     bool lit = radiance.r + radiance.g + radiance.b > 0.0 && dot(s.n, in_light.l) > 0.0;
     RETURN_IF(!lit);

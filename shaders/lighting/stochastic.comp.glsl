@@ -1,11 +1,11 @@
 // An unbiased estimate of what lighting.comp (and, per pixel, indirect/apply.comp with method rsm) computes exactly: random
 // samples of lights and VPLs, each divided by its probability, and one random tap of the shadow filter.
 //
-// Paper    section 3.2, f_dir and f_ind, with the noise of a real-time renderer.
-// Reads    position normal geometric_normal base_color material, light table, shadow atlas, VPLs.
-// Writes   direct, indirect (where asked for); only of the pixels shaded in this frame.
-// Twin     metrics.stochastic
-// Departs  As lighting.comp: occlusion of the sky is not simulated, so its light has no noise.
+// Paper      section 3.2, f_dir and f_ind, with the noise of a real-time renderer.
+// Reads      position normal geometric_normal base_color material, light table, light probabilities, shadow atlas, VPLs.
+// Writes     direct and, where enabled, indirect; only of the pixels shaded in this frame.
+// Reference  metrics.stochastic
+// Departs    As lighting.comp: occlusion of the sky is not simulated, so its light has no noise.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"

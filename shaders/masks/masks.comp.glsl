@@ -1,14 +1,15 @@
-// Reprojection (Eq. 3) and feature masks (f_B, section 3.2) of one frame pair, counted as they are made.
+// Reprojection (Eq. 3) and feature masks (f_B, section 3.2) of one frame pair, with their counts.
 //
-// Paper    Eq. (3), section 3.2 (f_B).
-// Reads    current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
-//          and, where defined, prev_position, ids, direct, indirect, color.
-// Writes   mask (reason bits), motion (previous - current, pixels, +y up).
-// Counts   mask_histogram[mask] (16 reason bits: every count is a sum of these), histogram of each feature's distance.
-// Reference metrics.masks.pair_masks
-// Departs  Eq. (3) carries a guard of GUARD_PX and the near test one of NEAR_GUARD: a still pixel lies exactly on the
-//          boundary.  The position is interpolated and projected here, which equals interpolating the previous clip
-//          position (the map is linear) and never divides before w is tested.
+// Paper      Eq. (3); section 3.2, f_B.
+// Reads      current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
+//            and, where enabled, prev_position, ids, direct, indirect, color.
+// Writes     mask (reason bits), motion (previous - current, pixels, +y up).
+// Counts     mask_histogram[mask]: pixels per mask of 16 reason bits, of which every count is a sum; a histogram of each
+//            feature's distance.
+// Reference  metrics.masks.pair_masks
+// Departs    Eq. (3) has a guard of GUARD_PX, and the near test one of NEAR_GUARD: a still pixel lies exactly on the
+//            boundary.  The position is interpolated and then projected, which equals interpolating the previous clip
+//            position (the map is linear) and never divides before w is tested.
 #include "common/histogram.glsl"
 #include "common/numbers.glsl"
 #include "common/tuning.glsl"

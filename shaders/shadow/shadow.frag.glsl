@@ -1,4 +1,4 @@
-// Shadow pass, fragments: depth alone, less what an alpha mask cuts out.
+// Shadow pass, fragments: depth, without what an alpha mask cuts out.
 #include "common/material.glsl"
 
 in vec3 pos_rel;

@@ -1,4 +1,4 @@
-"""``taubench-gl inspect``: what is in a scene file, without drawing it."""
+"""``taubench-gl inspect``: contents of a scene file, without rendering it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from taubench_gl.scene.model import Scene
 
 MAX_INSPECTED = 10_000
-"""Frames at which the census looks for changes: seven minutes at 24 fps, and seconds of work."""
+"""Frames compared for scene statistics: seven minutes at 24 fps, seconds of work."""
 
 
 @click.command(
@@ -26,11 +26,11 @@ Examples:
 )
 @click.argument("path", metavar="SCENE")
 @scene_options
-@click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Rate at which changes are looked for.")
+@click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Frames compared per second.")
 @unit_scale_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: bool, **options: float) -> None:
-    """Show what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
+    """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
     Needs no OpenGL.
     """
@@ -48,9 +48,9 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: 
 
 
 def describe(scene: Scene, settings: Any) -> dict[str, Any]:
-    """Facts of a scene as plain values fit for JSON; lengths in metres, angles in degrees, times in seconds.
+    """Facts of a scene as JSON values; lengths in metres, angles in degrees, times in seconds.
 
-    Of more than MAX_INSPECTED frames the census looks at so many, evenly spaced (``frames_inspected``).
+    Statistics compare at most MAX_INSPECTED frames, evenly spaced (``frames_inspected``).
     """
     from taubench_gl.animation import Poser, bounding_sphere, choose_camera
     from taubench_gl.effects.census import census
@@ -135,15 +135,15 @@ def _show(facts: dict[str, Any]) -> None:
         },
     )
     counts = {name.replace("_", " "): n for name, n in facts["census"].items() if not isinstance(n, dict | list)}
-    looked = f"changes looked for at {facts['fps']:g} fps"
+    compared = f"frames compared at {facts['fps']:g} fps"
     if facts["frames_inspected"] < facts["frames"]:
-        looked = f"changes looked for in {facts['frames_inspected']} of the frames, evenly spaced"
-    show_pairs(f"Contents ({looked})", counts)
+        compared = f"{facts['frames_inspected']} frames compared, evenly spaced"
+    show_pairs(f"Contents ({compared})", counts)
     for heading, key in (("Cameras", "cameras"), ("Animations", "animations"), ("Lights", "lights")):
-        listed = facts[key]
-        lines = {f"{i}": _line(entry) for i, entry in enumerate(listed[:20])}
-        if len(listed) > 20:
-            lines["..."] = f"{len(listed) - 20} more, see --json"
+        entries = facts[key]
+        lines = {f"{i}": _line(entry) for i, entry in enumerate(entries[:20])}
+        if len(entries) > 20:
+            lines["..."] = f"{len(entries) - 20} more, see --json"
         if lines:
             show_pairs(heading, lines)
     show_pairs("Effects of an evaluation at 1920x1080 with default settings", _effect_lines(facts["effects"]))
@@ -152,7 +152,7 @@ def _show(facts: dict[str, Any]) -> None:
 
 
 def _effect_lines(effects: dict[str, Any]) -> dict[str, str]:
-    """One line per effect: whether, why, and what a frame has because of it (what is off: would have)."""
+    """One line per effect: enabled or not, why, and what a frame has because of it, or would have."""
     lines = {}
     for name, effect in effects.items():
         parts = [f"{'on ' if effect['on'] else 'off'} {effect['reason']}"]

@@ -1,12 +1,12 @@
-"""What a scene contains and which of it changes: Table 1 of the paper, and what it leaves out.
+"""Scene statistics: what a scene contains and what of it changes (Table 1 of the paper, and more).
 
-Counted is what the chosen scene reaches and, for meshes, what has triangles.  *Changes* compares every evaluated time
-with the first, so a thing that moves only between two evaluated times, or never inside them, is static.
+Counts include nodes that the chosen scene reaches; meshes count if they have triangles.  *Changes* compares every
+evaluated time with the first, so a thing that moves only between two evaluated times, or never inside them, is static.
 
 Matrices are compared as they are sampled.  A node without animation above it is sampled to the same bits every time;
-the tolerance is only for a child that turns back exactly what its parent turns, where rounding is left over.  A chain
-of some tens of float64 products is off by at most a few 1e-15 of its magnitude; 1e-12 of it is far above that, and far
-below what any renderer could show.
+the tolerance is for a child whose rotation cancels its parent's, where rounding remains.  A chain of some tens of
+float64 products has an error of at most a few 1e-15 of its magnitude; 1e-12 is far above that, and far below what a
+renderer can show.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ def census(scene: Scene, times: Iterable[float], poser: Poser | None = None) -> 
     Deforming  ``armatures``: skins that deform a drawn mesh; ``bones``: their joints, a shared joint once; ``morphs``:
                drawn mesh nodes with morph targets; ``morphs_dynamic``: those whose weights change.
     Lights     ``static_K_lights``, ``dynamic_K_lights`` for K = point, spot, directional.  Dynamic: position (point,
-               spot), direction (spot, directional), intensity, colour, range, cone or whether it is on changes.
+               spot), direction (spot, directional), intensity, color, range, cone or visibility changes.
     Cameras    ``cameras``, ``cameras_dynamic``: transform or parameters change.
     ``lights_per_frame``: lists ``born``, ``moved``, ``killed`` with a count per pair of times, all kinds of light.  A
-    light is on when its node is visible and not scaled to zero, and its colour times intensity is not black; moved
+    light is on when its node is visible and not scaled to zero, and its color times intensity is not black; moved
     counts lights that are on at both times.
 
-    One pass over the times; what is kept does not grow with their number.
+    One pass over the times; memory does not grow with their number.
     """
     poser = poser or Poser(scene)
     nodes = scene.nodes
@@ -125,7 +125,7 @@ class _Lights:
         return position | (self.has_direction & _differs(self.world[:, :3, 2], later.world[:, :3, 2]))
 
     def emission_differs(self, later: _Lights) -> Array:
-        """Colour, intensity, range or cone differs.  -> (L,) bool."""
+        """Color, intensity, range or cone differs.  -> (L,) bool."""
         return np.any(self.parameters != later.parameters, axis=1)
 
 
@@ -137,7 +137,7 @@ def _moved(a: Array, b: Array) -> Array:
 def _translated(a: Array, b: Array) -> Array:
     """Do world positions differ?  (n, 4, 4), (n, 4, 4) -> (n,) bool.
 
-    The tolerance is relative to the whole transform: what is left of a position that cancels to 0 is rounding.
+    The tolerance is relative to the whole transform: a position that should cancel to 0 leaves rounding.
     """
     return np.abs(a[:, :3, 3] - b[:, :3, 3]).max(axis=1) > TOLERANCE * _magnitude(a[:, :3], b[:, :3])
 

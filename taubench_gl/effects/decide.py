@@ -1,7 +1,7 @@
-"""Which effects a scene calls for, with the evidence: what is off is not compiled, not allocated and not drawn.
+"""Which effects a scene needs, and why.  A disabled effect is not compiled, not allocated and not rendered.
 
-An effect is on when the scene holds what it shows *and* some requested column could see it.  ``effects="all"`` turns
-on whatever can be turned on; the counts stay the same (tests run both over every scene), only time is lost.
+An effect is enabled if the scene contains what it shows *and* some requested column depends on it.  ``effects="all"``
+enables every effect that can be simulated; counts stay the same (tests run both on every scene), only time is lost.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from taubench_gl.settings import Settings
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """One thing the renderer can simulate, whether it does, and why."""
+    """A part of the renderer that is simulated on demand: whether it is, and why."""
 
     enabled: bool
     reason: str
 
 
 def decide(scene: Scene, settings: Settings) -> dict[str, Effect]:
-    """Effects by name, for this scene and what is asked of it."""
+    """Effects by name, for this scene and these settings."""
     effects = _geometry(scene, settings) | _light(scene, settings)
     if settings.lighting.effects == "all":
         return force(effects, FORCEABLE, "forced on by --effects all")
@@ -35,7 +35,7 @@ def decide(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
 
 def force(effects: dict[str, Effect], names: Iterable[str], why: str = "forced on") -> dict[str, Effect]:
-    """``effects`` with those of ``names`` on, each saying ``why`` besides what spoke against it."""
+    """``effects`` with ``names`` enabled; the reason is ``why`` and the reason against it."""
     out = dict(effects)
     for name in effects.keys() & set(names):
         if not effects[name].enabled:
@@ -81,15 +81,15 @@ FORCEABLE = {
     "shadows",
     "light_culling",
 }
-"""What can be simulated although nothing calls for it.  The others have nothing to work on."""
+"""Effects that can be simulated although nothing needs them.  The others have nothing to work on."""
 
 
 def unmeasured(effects: dict[str, Effect], settings: Settings) -> dict[str, str]:
-    """Columns that come out as null, and why."""
+    """Columns that are null, and why."""
     out = {}
     for column in COLUMNS:
         if column not in settings.metrics.columns:
-            out[column] = "not asked for"
+            out[column] = "not requested"
         elif column in effects and not effects[column].enabled:
             out[column] = effects[column].reason
     return out
@@ -117,7 +117,7 @@ def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
         "skinning": Effect(bool(skins), _count(len(skins), "skin deforms drawn meshes", "skins deform drawn meshes")),
         "morphing": Effect(bool(morphed), _count(len(morphed), "drawn mesh has targets", "drawn meshes have targets")),
         "alpha_mask": Effect(bool(masked + blended), alpha),
-        "normal_maps": Effect(bool(mapped) and seen, maps if seen or not mapped else f"{maps}, no column asks"),
+        "normal_maps": Effect(bool(mapped) and seen, maps if seen or not mapped else f"{maps}, no column needs them"),
         "previous_pose": _previous_pose(scene, settings),
         "cuts": _cuts(scene),
     }
@@ -125,7 +125,7 @@ def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
 def _cuts(scene: Scene) -> Effect:
     count = len(scene.replacements)
-    return Effect(count > 0, _count(count, "surface takes another's place", "surfaces take others' places"))
+    return Effect(count > 0, _count(count, "surface replaces another", "surfaces replace others"))
 
 
 def _previous_pose(scene: Scene, settings: Settings) -> Effect:
@@ -138,30 +138,32 @@ def _previous_pose(scene: Scene, settings: Settings) -> Effect:
 
 def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     kinds = [scene.lights[i].kind for i in scene.nodes.light[scene.light_nodes]]
-    asked = set(settings.metrics.columns)
+    columns = set(settings.metrics.columns)
     sky = any(settings.lighting.sky)
     emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
-    lit, glowing = bool(kinds) or sky, bool(emitters)
+    lit, emissive = bool(kinds) or sky, bool(emitters)
     # Indirect light starts from what the lights give directly.
-    wants_direct = bool(asked & {"direct", "color"}) or ("indirect" in asked and settings.lighting.indirect != "none")
+    wants_direct = bool(columns & {"direct", "color"}) or (
+        "indirect" in columns and settings.lighting.indirect != "none"
+    )
     effects = {
         f"{kind}_lights": Effect(
             kinds.count(kind) > 0 and wants_direct, _count(kinds.count(kind), f"{kind} light", f"{kind} lights")
         )
         for kind in ("point", "spot", "directional")
     }
-    effects["sky"] = Effect(sky and wants_direct, "a uniform sky was asked for" if sky else "the scene names no sky")
+    effects["sky"] = Effect(sky and wants_direct, "a uniform sky is set" if sky else "no sky is set")
     source = "lights or sky to scatter" if lit else "no light and no sky in the scene"
-    effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column asks for it")
+    effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column needs it")
     shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)
     effects["glossy"] = Effect(
         effects["direct"].enabled and shiny > 0,
         _count(shiny, "primitive has a glossy lobe", "primitives have a glossy lobe") if lit else source,
     )
     if not effects["direct"].enabled or not kinds:
-        shadows = Effect(False, "nothing casts them")
+        shadows = Effect(False, "no punctual light to cast them")
     elif settings.lighting.shadow_lights == 0:
-        shadows = Effect(False, "no light may have shadows (--shadow-lights 0)")
+        shadows = Effect(False, "no light has shadows (--shadow-lights 0)")
     else:
         given = min(settings.lighting.shadow_lights, len(kinds))
         shadows = Effect(
@@ -170,39 +172,42 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     effects["shadows"] = shadows
     many = len(kinds) > MANY_LIGHTS
     effects["light_culling"] = Effect(
-        many and effects["direct"].enabled, f"{len(kinds)} lights, lists pay above {MANY_LIGHTS}"
+        many and effects["direct"].enabled, f"{len(kinds)} lights, tile lists save time above {MANY_LIGHTS}"
     )
     effects["indirect"] = _indirect(effects["shadows"], settings)
     effects["emission"] = Effect(
-        glowing and "color" in asked, _count(emitters, "primitive glows or is unlit", "primitives glow or are unlit")
+        emissive and "color" in columns,
+        _count(emitters, "primitive is emissive or unlit", "primitives are emissive or unlit"),
     )
-    if "color" not in asked:
-        effects["color"] = Effect(False, "no column asks for it")
+    if "color" not in columns:
+        effects["color"] = Effect(False, "no column needs it")
     else:
-        color = "light reaches the camera" if lit or glowing else "no light, no sky and nothing that glows in the scene"
-        effects["color"] = Effect(lit or glowing, color)
+        color = (
+            "light reaches the camera" if lit or emissive else "no light, no sky and no emissive surface in the scene"
+        )
+        effects["color"] = Effect(lit or emissive, color)
     return effects
 
 
 def _indirect(shadows: Effect, settings: Settings) -> Effect:
     if not {"indirect", "color"} & set(settings.metrics.columns):
-        return Effect(False, "no column asks for it")
+        return Effect(False, "no column needs it")
     if settings.lighting.indirect == "none":
-        return Effect(False, "indirect light was switched off (--indirect none)")
+        return Effect(False, "indirect light is switched off (--indirect none)")
     if not shadows.enabled:
-        return Effect(False, "no light with a shadow map to start from")
-    rung = indirect_method(settings)
-    ignores = "no occlusion between surfaces, one bounce" if rung == "rsm" else "coarse occlusion, four bounces"
-    return Effect(True, f"light bounces: rung {rung} ({ignores})")
+        return Effect(False, "no light has a shadow map to start from")
+    method = indirect_method(settings)
+    ignores = "no occlusion between surfaces, one bounce" if method == "rsm" else "coarse occlusion, four bounces"
+    return Effect(True, f"indirect light by {method} ({ignores})")
 
 
 def indirect_method(settings: Settings) -> str:
-    """The rung that ``auto`` stands for: the best."""
+    """Method of indirect light; ``auto`` is the most accurate."""
     return "probes" if settings.lighting.indirect == "auto" else settings.lighting.indirect
 
 
 MANY_LIGHTS = 16
-"""Up to this many lights every pixel asks every light: building per-tile lists would cost more than it saves."""
+"""Up to this many lights every pixel evaluates every light: tile lists would cost more than they save."""
 
 
 def drawn_materials(scene: Scene) -> list[Material]:
@@ -216,7 +221,7 @@ def drawn_materials(scene: Scene) -> list[Material]:
 
 
 def _default_materials(scene: Scene) -> int:
-    """Drawn primitives that name no material: glTF's default is a rough metal."""
+    """Drawn primitives without a material: glTF's default is a rough metal."""
     primitives = (p for n in scene.mesh_nodes.tolist() for p in scene.meshes[scene.nodes.mesh[n]].primitives)
     return sum(len(p.triangles) > 0 and p.material < 0 for p in primitives)
 

@@ -1,4 +1,4 @@
-"""World bounding spheres of all draws at one instant, conservative, without looking at a vertex per frame."""
+"""World bounding spheres of all draws at one instant, conservative, without a loop over vertices per frame."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = np.ndarray
 class DrawBounds:
     """Spheres of fixed draws move with their matrix.
 
-    A skinned vertex is a weighted mean of where its joints take it, so it lies in the hull of the joints' own spheres
+    A skinned vertex is a weighted mean of its positions under each joint, so it lies in the hull of the joints' spheres
     (each around the bind positions that joint moves).  Morph displacements widen a sphere by their largest length.
     """
 
@@ -28,7 +28,7 @@ class DrawBounds:
         self._reach = {i: _morph_reach(_primitive(scene, draws[i])) for i in self._posed}
 
     def at(self, state: FrameState, world: Array) -> tuple[Array, Array]:
-        """Centres (D, 3) and radii (D,), world; ``world`` (D, 4, 4) float64 world_from_object."""
+        """Centers (D, 3) and radii (D,), world; ``world`` (D, 4, 4) float64 world_from_object."""
         centers, radii = _moved(world, self._centers, self._radii)
         skins: dict[int, Array] = {}
         for i in self._posed:
@@ -48,7 +48,7 @@ class DrawBounds:
         return centers, radii
 
     def of_fixed(self, world: Array) -> tuple[Array, Array]:
-        """As ``at``, for fixed draws alone: those of posed draws are infinitely large."""
+        """As ``at``, for fixed draws; posed draws get infinite radii."""
         centers, radii = _moved(world, self._centers, self._radii)
         centers[self._posed], radii[self._posed] = 0.0, np.inf
         return centers, radii
@@ -77,7 +77,7 @@ class DrawBounds:
 
 
 def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Array) -> Array:
-    """Which spheres may reach into the view volume, (D,) bool; those that are not finite always.
+    """Which spheres may reach into the view volume, (D,) bool; spheres that are not finite are always in.
 
     ``centers`` (D, 3), ``radii`` (D,) and ``clip_from_relative`` (4, 4) relative to the camera; ``offsets`` (D,): how
     far the origins of the draws are from it.  The slack covers what float32 makes of vertices on the GPU: its rounding
@@ -94,7 +94,7 @@ def in_view(clip_from_relative: Array, centers: Array, radii: Array, offsets: Ar
 
 
 def bounding_sphere_of(points: Array) -> tuple[Array, float]:
-    """A sphere around points (P, 3), centred on their box: (3,) and radius."""
+    """A sphere around points (P, 3), centered on their box: (3,) and radius."""
     points = np.asarray(points, dtype=np.float64)
     center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return center, float(np.linalg.norm(points - center, axis=1).max())

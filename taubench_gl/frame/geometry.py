@@ -1,4 +1,4 @@
-"""From a Scene's meshes to flat vertex pools and draw records.  NumPy only; ``frame.scene_buffers`` uploads the result.
+"""From a Scene's meshes to flat vertex pools and draw records.  NumPy only; ``frame.scene_buffers`` uploads them.
 
 Two pools: *fixed* primitives are stored once and placed by a matrix per draw; *posed* ones (skinned or morphed) get a
 vertex range per draw, which the deform pass fills with camera-relative positions every frame.

@@ -1,4 +1,4 @@
-"""Which of a material's textures the requested channels make necessary.  No OpenGL."""
+"""Which textures of a material the channels need.  No OpenGL."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ SRGB_SLOTS = ("base_color", "emissive")
 """Slots whose texels are sRGB-encoded."""
 
 MIRRORED_REPEAT = 33648
-"""The wrap mode that OpenGL's samplers here are not asked for: the shaders fold the coordinates instead."""
+"""Wrap mode that samplers do not use: the shaders fold the coordinates instead."""
 
 
 @dataclass(frozen=True, slots=True)
 class MaterialKey:
-    """What of a material decides which shader variant draws it."""
+    """Properties of a material that select its shader variant."""
 
     slots: tuple[str, ...]  # textures sampled
     alpha_test: bool
@@ -47,7 +47,7 @@ def wanted_slots(channels: Iterable[str], material: Material, *, normal_maps: bo
 
 
 def has_plain_uv(material: Material, slots: Iterable[str]) -> bool:
-    """Whether these textures all lie on the first texture coordinates as they are: not transformed, not mirrored."""
+    """Whether all these textures use the first texture coordinates without transform and without mirroring."""
     textures = [texture_of(material, slot) for slot in slots]
     return all(
         t.texcoord == 0
@@ -62,7 +62,7 @@ def tests_alpha(material: Material) -> bool:
 
 
 def material_key(material: Material, channels: Iterable[str], *, normal_maps: bool = True) -> MaterialKey:
-    """What of ``material`` decides the shader variant that writes ``channels``."""
+    """Key of the shader variant of ``material`` that writes ``channels``."""
     slots = wanted_slots(channels, material, normal_maps=normal_maps)
     return MaterialKey(slots, tests_alpha(material), material.double_sided, has_plain_uv(material, slots))
 

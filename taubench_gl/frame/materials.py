@@ -74,11 +74,11 @@ class MaterialTable:
         self._upload(scene, set(used))
 
     def _upload(self, scene: Scene, used: set[int]) -> None:
-        wanted = images_of((self._materials[m + 1], self.keys[m + 1].slots) for m in used)
-        images = sorted({image for image, _ in wanted})
+        needed = images_of((self._materials[m + 1], self.keys[m + 1].slots) for m in used)
+        images = sorted({image for image, _ in needed})
         with ThreadPoolExecutor() as pool:
             decoded = dict(zip(images, pool.map(lambda i: scene.images[i].decode(), images), strict=True))
-        for image, srgb in sorted(wanted):
+        for image, srgb in sorted(needed):
             self._textures[image, srgb] = self._texture(decoded[image], srgb, scene.images[image].name)
 
     def _texture(self, pixels: np.ndarray, srgb: bool, name: str) -> moderngl.Texture:

@@ -30,12 +30,12 @@ from taubench_gl.settings import Settings
 
 @stage(options=("normal_maps", "alpha_mask", "previous_pose", "cuts", "skinning", "morphing"))
 def geometry(spec: FrameSpec) -> Sequence[Pass]:
-    """The geometry pass writes what the passes after it read, and what is wanted besides."""
+    """The geometry pass writes what the passes after it read, and ``spec.extra``."""
     read = {name for declare in AFTER_GEOMETRY for p in declare(spec) for name in (*p.reads, *p.history)}
-    wanted = read | set(spec.extra)
-    if "emission" in wanted:
-        wanted.add("base_color")  # an unlit surface emits its base color
-    return (channel_pass("gbuffer", attachments(wanted), spec),)
+    channels = read | set(spec.extra)
+    if "emission" in channels:
+        channels.add("base_color")  # an unlit surface emits its base color
+    return (channel_pass("gbuffer", attachments(channels), spec),)
 
 
 LIGHT = (shadow_maps, light_lists, direct_light, indirect_light, stochastic_light, color)

@@ -1,4 +1,4 @@
-"""Images of frames on the way to the CPU: read at once, or copied to a buffer first and read when the copy is done."""
+"""Read-back of channels: at once, or through a pixel buffer that is read when its copy is done."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
 
 
 class PendingImage:
-    """A channel whose copy was submitted; ``get`` waits for it.  One that nobody gets holds its buffer."""
+    """A channel whose copy was submitted; ``get`` waits for it.  Without ``get`` its buffer stays in use."""
 
     def __init__(self, image: np.ndarray, name: str, buffer: moderngl.Buffer, free: list[moderngl.Buffer]):
-        """``image``: where it goes, not filled; ``free``: where the buffer goes then."""
+        """``image``: destination, not filled; ``free``: receives the buffer after ``get``."""
         self._image, self._name, self._buffer, self._free = image, name, buffer, free
 
     def get(self) -> np.ndarray:
-        """As ``read_channel``, of what the texture held when the copy was submitted.  Once."""
+        """As ``read_channel``, with the contents of the texture when the copy was submitted.  Call once."""
         self._buffer.read_into(self._image)
         self._free.append(self._buffer)
         return from_gl(self._image, self._name)
 
 
 class ReadImage:
-    """A channel that was read at once."""
+    """A channel that was read immediately."""
 
     def __init__(self, values: np.ndarray):
         self._values = values
@@ -42,22 +42,22 @@ Image = PendingImage | ReadImage
 
 
 class ChannelReader:
-    """Reads channels; buffers are kept and used again.
+    """Reads channels; buffers are reused.
 
-    On a GPU a texture is copied to a pixel buffer by the GPU itself, in the order of its work, so that whoever gets
-    it one frame later waits for nothing.  On llvmpipe, whose textures are in the CPU's memory already, that copy is
-    slower than reading at once (tools/bench readback), and nothing would run beside it.
+    A GPU copies a texture to a pixel buffer in the order of its work, so a read one frame later does not wait.  On
+    llvmpipe textures are in the CPU's memory already: the copy is slower than reading at once (tools/bench readback),
+    and nothing would run in parallel with it.
     """
 
     def __init__(self, gpu: Gpu, *, buffered: bool | None = None):
-        """``buffered``: whether to go through pixel buffers; None: as it is best on this device."""
+        """``buffered``: use pixel buffers; None: where that is faster."""
         self._gpu = gpu
         self.buffered = not gpu.software if buffered is None else buffered
         self._free: dict[int, list[moderngl.Buffer]] = defaultdict(list)
         self._made: list[moderngl.Buffer] = []
 
     def start(self, texture: moderngl.Texture, name: str) -> Image:
-        """Begin to read a channel as it is now; the texture may be drawn over afterwards."""
+        """Start reading a channel; later rendering to the texture does not change the result."""
         if not self.buffered:
             return ReadImage(read_channel(texture, name))
         image = raw_image(texture)

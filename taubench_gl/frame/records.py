@@ -1,4 +1,4 @@
-"""The record table: one row per draw, with its camera-relative matrices now and one frame ago."""
+"""The record table: one row per draw, with its camera-relative matrices of this frame and of the frame before."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RECORD = Struct(
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where every draw is at one instant, relative to one camera."""
+    """Transforms of all draws at one instant, relative to one camera."""
 
     world: Array  # (D, 4, 4) float64 world_from_object (of the node, for posed draws)
     relative: Array  # (D, 4, 4) float64 relative_from_object; identity for posed draws
@@ -36,7 +36,7 @@ class Placement:
 
 
 class RecordTable:
-    """Turns FrameStates into rows.  Vectorised over draws: a scene of thousands of objects costs a millisecond."""
+    """Turns FrameStates into rows.  Vectorized over draws: a scene of thousands of objects takes a millisecond."""
 
     def __init__(self, draws: tuple[Draw, ...], replacements: frozenset[int] = frozenset()):
         """``replacements``: ``Scene.replacements``."""
@@ -60,7 +60,7 @@ class RecordTable:
         return Placement(world, relative, state.visible[self._node], np.where(self._posed, mirrored_posed, mirrored))
 
     def mark_cuts(self, now: FrameState, earlier: FrameState) -> None:
-        """Mark the draws that take another surface's place between ``earlier`` and ``now``."""
+        """Mark the draws that replace another surface between ``earlier`` and ``now``."""
         came = self._replaces & now.visible[self._node] & ~earlier.visible[self._node]
         self.rows["ids"][:, 2] = np.where(came, NO_HISTORY, 0)
 

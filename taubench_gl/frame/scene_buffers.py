@@ -110,7 +110,7 @@ class SceneBuffers:
         self.shown = None
 
     def show(self, seen: Array) -> None:
-        """Make the commands and ``seen_groups`` draw only what is in ``seen`` (D,) bool, in the same order as ever."""
+        """Make the commands and ``seen_groups`` draw only what is in ``seen`` (D,) bool, in their order."""
         shown = np.zeros(len(self._whole), dtype=bool)
         shown[self._command_of[seen[self.order]]] = True
         if self.shown is not None and np.array_equal(shown, self.shown):
@@ -124,7 +124,7 @@ class SceneBuffers:
             self._commands.write(commands.tobytes())
 
     def write_records(self, rows: Array) -> None:
-        """Upload the RECORD rows (D,) of visible draws, in ``order``; of them only the range that is not there yet.
+        """Upload the RECORD rows (D,) of visible draws, in ``order``; only the range that has changed.
 
         Under a moving camera that is all of them (their matrices are relative to it), 112 bytes a draw.
         """

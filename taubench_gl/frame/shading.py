@@ -1,4 +1,4 @@
-"""How a frame is shaded when not every pixel gets its exact light: rates, and numbers of random samples."""
+"""Shading that is not exact at every pixel: shading rates, and numbers of random samples."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.shading_rate import RATES
 
 MAX_SAMPLES = 4096
-"""Loop turns of one invocation stay far below llvmpipe's silent limit of 65,535."""
+"""Far below ``tuning.LOOP_LIMIT``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shading:
-    """How light departs from exact light at every pixel.  Unless ``exact`` there is no tone-mapped ``color``."""
+    """How light differs from exact light at every pixel.  Unless ``exact`` there is no tone-mapped ``color``."""
 
     rate: str = "full"  # of metrics.shading_rate.RATES
-    light_samples: int = 0  # lights drawn at random per pixel; 0: all of them, exactly
-    indirect_samples: int = 0  # virtual lights drawn at random per pixel; 0 with ``light_samples`` 0: exact
+    light_samples: int = 0  # light samples per pixel; 0: all lights, exactly
+    indirect_samples: int = 0  # VPL samples per pixel; 0 with ``light_samples`` 0: exact
     seed: int = 0  # of the random numbers, 16 bits
-    gather_each: bool = False  # rsm rung: every pixel gathers for itself, as the estimate's expectation does
+    gather_each: bool = False  # method rsm: every pixel gathers, which is the expectation of the stochastic estimate
 
     def __post_init__(self) -> None:
         if self.rate not in RATES:
@@ -34,7 +34,7 @@ class Shading:
 
     @property
     def exact(self) -> bool:
-        """Whether every pixel gets its exact light, so that a colour can be made of it."""
+        """Whether every pixel gets its exact light, so that it has a color."""
         return self.rate == "full" and not self.stochastic
 
     @property

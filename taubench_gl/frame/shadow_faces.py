@@ -1,7 +1,7 @@
-"""Shadow faces: where each shadow map looks, and where in the atlas it lies.  NumPy only.
+"""Shadow faces: the view of each shadow map, and its place in the atlas.  NumPy only.
 
 Faces are placed relative to their light and aligned with the world, never with the camera: a face whose light and
-casters stand still keeps its texels, so a moving camera sees no shimmering shadow edges (shimmer is counted as change).
+casters stand still keeps its texels, so shadow edges do not shimmer under a moving camera (shimmer counts as change).
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ NEAR_FRACTION = 1e-4
 """Near plane of a point or spot light's map, as a fraction of the scene's radius; nothing nearer casts a shadow."""
 
 COVER_MARGIN = 2.0
-"""Texels about the picture of a sphere that count as covered: what float32 makes of vertices on the GPU."""
+"""Texels around the projection of a sphere that count as covered: float32 rounding of vertices on the GPU."""
 
 CONE_MARGIN = 1.02
-"""A spot's map is this much wider than its cone, so that filter taps at the rim still see casters."""
+"""A spot's map is this much wider than its cone, so that filter taps at its edge still see casters."""
 
 WIDEST_MAP = np.radians(80.0)
-"""Half angle of the widest cone that has one map; at 90 degrees a plane across the axis would be endless."""
+"""Half angle of the widest cone that has one map; at 90 degrees the map would be infinite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class Face:
 
     @property
     def key(self) -> bytes:
-        """Equal for faces that see the same volume the same way."""
+        """Equal for faces with the same view volume."""
         return np.concatenate([self.origin, self.right, self.up, self.forward, [self.half, self.near]]).tobytes()
 
     def clip_from_relative(self, camera: Array) -> Array:
@@ -98,7 +98,7 @@ class Face:
         if not self.parallel:
             z = q @ self.forward
             front, back = z - radii, z + radii
-            ahead = front > self.near  # whoever reaches behind the near plane may be anywhere
+            ahead = front > self.near  # a sphere that reaches behind the near plane may be anywhere
             nearest, farthest = np.where(ahead, front, 1.0)[:, None], np.where(ahead, back, 1.0)[:, None]
             near = np.where(ahead[:, None], near / np.where(near < 0, nearest, farthest), -np.inf)
             far = np.where(ahead[:, None], far / np.where(far > 0, nearest, farthest), np.inf)
@@ -108,7 +108,10 @@ class Face:
 
 
 def is_wide(light: Light) -> bool:
-    """Whether a spot has the cube of maps of a point light.  Asked of lights at rest: each keeps its maps for good."""
+    """Whether a spot has the cube of maps of a point light.
+
+    Taken from the rest state: a light keeps its maps over the animation.
+    """
     return light.kind == "spot" and light.outer_cone > WIDEST_MAP
 
 
@@ -124,7 +127,7 @@ def light_faces(
 ) -> list[Face]:
     """The faces a light needs: six for a point and for a spot that ``is_wide`` (``cube``), one for others.
 
-    ``bounds``: centre (3,) and radius of everything that casts or receives, world.
+    ``bounds``: center (3,) and radius of everything that casts or receives, world.
     """
     center, radius = bounds
     near = max(NEAR_FRACTION * radius, 1e-6)
@@ -170,7 +173,7 @@ def first_faces(faces: list[Face]) -> dict[int, int]:
 
 
 def _frame(forward: Array) -> tuple[Array, Array]:
-    """Two unit axes across ``forward``, a pure function of it."""
+    """Two unit axes across ``forward``, a function of it alone."""
     helper = np.array([0.0, 1.0, 0.0]) if abs(forward[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
     right = normalize(np.cross(forward, helper))
     return right, np.cross(right, forward)

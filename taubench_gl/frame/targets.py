@@ -74,7 +74,7 @@ class History:
         return self._frames[1]
 
     def advance(self) -> None:
-        """What was current becomes history; call before drawing a frame."""
+        """The current frame becomes the previous one; call before drawing."""
         self._frames.reverse()
 
     def release(self) -> None:
@@ -97,7 +97,7 @@ def raw_image(texture: moderngl.Texture) -> np.ndarray:
 
 
 def from_gl(raw: np.ndarray, name: str) -> np.ndarray:
-    """What GL gave of a channel, row 0 at the top: the one flip of the package; motion turns +y down here."""
+    """A channel as read from GL, row 0 at the top: the one flip of the package; motion becomes +y down."""
     out = raw[::-1]
     if name == "motion":
         out = out * np.float32([1, -1])

@@ -29,7 +29,7 @@ class Field:
 
 
 class Struct:
-    """A std430 struct.  vec3 is left out on purpose: its 16-byte alignment with 12-byte size is a trap."""
+    """A std430 struct.  There is no vec3: its 16-byte alignment with 12-byte size invites errors."""
 
     def __init__(self, name: str, *fields: Field):
         self.name, self.fields = name, fields

@@ -1,4 +1,4 @@
-"""Refusing in one line what would otherwise exhaust the machine."""
+"""Refuses allocations that would exhaust the memory of the machine."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from taubench_gl.errors import GraphicsError
 from taubench_gl.gpu.context import Gpu
 
 SHARE = 0.8
-"""Of what is free: the rest is for the driver, the scene and everybody else."""
+"""Share of free memory that may be used; the rest is for the driver, the scene and other programs."""
 
 
 def available_bytes() -> int | None:
-    """Memory a program may still take without swapping, or None where the system does not say."""
+    """Memory a program can still use without swapping; None where the system does not report it."""
     try:
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
@@ -23,9 +23,9 @@ def available_bytes() -> int | None:
 
 
 def require_memory(gpu: Gpu, needed: int, what: str, hint: str) -> None:
-    """Raise GraphicsError if ``needed`` bytes for ``what`` are not there.
+    """Raise GraphicsError if ``needed`` bytes for ``what`` are not available.
 
-    Known for software rendering alone, whose textures are the machine's own memory; a GPU says so when it allocates.
+    Checked for software rendering only, whose textures are in the memory of the machine; a GPU fails when it allocates.
     """
     free = available_bytes() if gpu.software else None
     if free is not None and needed > SHARE * free:

@@ -1,7 +1,7 @@
-"""GLSL sources: include-once resolution, defines, and errors that name the file and line a person wrote.
+"""GLSL sources: include-once resolution, defines, and errors that name the original file and line.
 
-moderngl's own include is a single pass; Mesa drops the source number of ``#line``.  So sources are expanded here and a
-map from expanded line to ``file:line`` translates what the driver says.
+moderngl's include is a single pass, and Mesa drops the source number of ``#line``.  So sources are expanded here, and
+a map from expanded line to ``file:line`` translates the driver's messages.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _read(path: Path, entry: str, chain: tuple[str, ...]) -> str:
 
 
 class ShaderCache:
-    """Programs by entry points and defines: nothing is compiled twice, and nothing before it is asked for."""
+    """Programs by entry points and defines, compiled when first requested and only once."""
 
     def __init__(self, ctx: moderngl.Context):
         self._ctx = ctx
@@ -148,5 +148,5 @@ def _compile(make, sources: list[Source]):
         source = sources[-1] if "fragment_shader" in text.lower() or len(sources) == 1 else sources[0]
         body = [line.strip() for line in text.splitlines() if _DRIVER_LINE.search(line)]
         faults = [line for line in body if "error" in line.lower()] or body or text.splitlines()[-3:]
-        body = faults[:3]  # the first faults; what follows is mostly their echo
+        body = faults[:3]  # the first faults; the rest mostly follows from them
         raise GraphicsError(f"shader does not compile: {source.translate('; '.join(body))}") from None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FRAME = Struct(
     "FrameRecord",
     Field("clip_from_relative", "mat4", "clip, reversed Z in [0, 1] <- relative to the current camera, world axes"),
-    Field("forward", "vec4", "xyz: unit, where the camera looks: dot with a relative position is planar depth"),
+    Field("forward", "vec4", "xyz: unit, view direction: dot with a relative position is planar depth"),
 )
 _GLSL_TYPE = {("f4", 4): "vec4", ("f2", 4): "vec4", ("u4", 2): "uvec2"}
 PIXELS_PER_TRIANGLE = 4

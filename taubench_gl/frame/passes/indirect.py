@@ -185,7 +185,7 @@ class Declarations:
         return p.allocate(Resource.texture("rsm_depth", size, dtype="depth", label=_LABEL, **room))
 
     def _room(self) -> dict[str, str]:
-        """What to say where the device has no room."""
+        """Error of a device that has no room."""
         faces = len(rsm_faces(self._spec))
         what = f"{self.count} virtual point lights in {faces} reflective shadow map{'s' * (faces != 1)}"
         return {"what": what, "hint": "lower --shadow-lights or indirect_samples"}

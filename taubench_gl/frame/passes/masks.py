@@ -28,7 +28,7 @@ REPROJECTION = Struct(
     Field("sky_origin", "vec4", "view ray of pixel (0, 0), world axes; w = 0 direction, 1 far-plane point"),
     Field("sky_dx", "vec4", "its step per pixel to the right"),
     Field("sky_dy", "vec4", "its step per pixel up"),
-    Field("prev_forward", "vec4", "xyz: unit, where the previous camera looked"),
+    Field("prev_forward", "vec4", "xyz: unit view direction of the previous camera"),
     Field("camera_delta", "vec4", "xyz: current - previous camera position, metres"),
     Field("size", "ivec4", "xy: pixels; z: 0"),
     Field("prev_near", "float", "metres, previous camera's near plane minus NEAR_GUARD"),
