@@ -251,10 +251,10 @@ def test_other_formats_and_unwritable_places_are_refused(tmp_path):
 def test_the_camera_avoids_moving_objects(tmp_path):
     """A wall sweeps half of a court; only the other half is free at all times."""
     w = Writer("CC0-1.0", "test")
-    grey = w.material("grey")
-    w.node("floor", mesh=w.mesh("floor", w.primitive(box((-12, -0.2, -6), (12, 0, 6)), grey)))
-    w.node("far wall", mesh=w.mesh("far wall", w.primitive(box((-12, 0, -6.2), (12, 4, -6)), grey)))
-    wall = w.node("wall", mesh=w.mesh("wall", w.primitive(box((-0.1, 0, -6), (0.1, 4, 6)), grey)),
+    gray = w.material("gray")
+    w.node("floor", mesh=w.mesh("floor", w.primitive(box((-12, -0.2, -6), (12, 0, 6)), gray)))
+    w.node("far wall", mesh=w.mesh("far wall", w.primitive(box((-12, 0, -6.2), (12, 4, -6)), gray)))
+    wall = w.node("wall", mesh=w.mesh("wall", w.primitive(box((-0.1, 0, -6), (0.1, 4, 6)), gray)),
                   translation=[-11.5, 0, 0])  # fmt: skip
     w.animation("sweep", (wall, "translation", [0.0, 1.0, 2.0], [[-11.5, 0, 0], [0, 0, 0], [-11.5, 0, 0]], "LINEAR"))
     w.save(tmp_path / "court.glb")
