@@ -29,9 +29,9 @@ vec2 face_corner(int i) {
 
 // A receiver as one face sees it.
 struct Receiver {
-    vec3 q; // place in units of the face's half extents, z: metres along its axis
+    vec3 q; // place in units of the face's half extents, z: meters along its axis
     vec3 g; // normal: slope of the plane per half extent, z: along the axis
-    float plane; // distance of the plane from the face's origin, metres
+    float plane; // distance of the plane from the face's origin, meters
     ivec2 corner; // of the face in the atlas
 };
 

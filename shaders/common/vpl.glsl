@@ -1,4 +1,4 @@
-// Virtual point lights (VPLs), in scene space: world axes, metres from the center of the scene's bounds.  Scene space does
+// Virtual point lights (VPLs), in scene space: world axes, meters from the center of the scene's bounds.  Scene space does
 // not move with the camera, so a still scene keeps its indirect light bit for bit.
 const float IRRADIANCE_PI = 3.14159265358979;
 

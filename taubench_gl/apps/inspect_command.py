@@ -48,7 +48,7 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: 
 
 
 def describe(scene: Scene, settings: Any) -> dict[str, Any]:
-    """Facts of a scene as JSON values; lengths in metres, angles in degrees, times in seconds.
+    """Facts of a scene as JSON values; lengths in meters, angles in degrees, times in seconds.
 
     Statistics compare at most MAX_INSPECTED frames, evenly spaced (``frames_inspected``).
     """

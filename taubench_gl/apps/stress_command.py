@@ -76,7 +76,7 @@ Examples:
   taubench-gl stress scene.glb --sweep yaw=0:12:7 --out results
 
 \b
-A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, metres, +Y up, quaternion
+A recorded camera is CSV with the header time,x,y,z,qx,qy,qz,qw (seconds, meters, +Y up, quaternion
 world_from_view of a camera that looks along -Z), or JSON: a list of objects with those keys, or an object
 of lists time, position, rotation.  The presets have the paper's rows of Tables 2 and 3 at 60 fps."""
 )
@@ -84,7 +84,7 @@ of lists time, position, rotation.  The presets have the paper's rows of Tables 
 @click.option("--camera", default=None, metavar="fps|vr|still|FILE",
               help="Camera statistics of the paper's EternalValley rows, a still camera, or a recorded path (.csv, "
                    ".json).  [default: fps; with --sweep still]")  # fmt: skip
-@click.option("--translation", type=Stats(), help="Metres per frame: mean, variance and maximum.")
+@click.option("--translation", type=Stats(), help="Meters per frame: mean, variance and maximum.")
 @click.option("--yaw", type=Stats(), help="Degrees per frame, likewise.")
 @click.option("--pitch", type=Stats(), help="Degrees per frame, likewise.")
 @click.option("--roll", type=Stats(), help="Degrees per frame, likewise.")
@@ -94,7 +94,7 @@ of lists time, position, rotation.  The presets have the paper's rows of Tables 
 @click.option("--move-lights", type=Count(), default="0", help="Also move this many lights.")
 @click.option("--move-objects", type=Count(), default="0", help="Also move this many small rigid objects.")
 @click.option(
-    "--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Their motion, metres per frame."
+    "--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Their motion, meters per frame."
 )
 @click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; write a table and a plot to --out.")
 @click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")

@@ -42,16 +42,16 @@ class FreeSpace(Protocol):
     """The positions that a camera can have, and its steps."""
 
     def start(self) -> tuple[Array, float]:
-        """The first pose: position (3,) metres, and yaw in degrees."""
+        """The first pose: position (3,) meters, and yaw in degrees."""
 
     def step(self, position: Array, angles: Array, length: float) -> Array:
-        """Points exactly ``length`` metres away in horizontal directions ``angles`` (K,) radians.  -> (K, 3)."""
+        """Points exactly ``length`` meters away in horizontal directions ``angles`` (K,) radians.  -> (K, 3)."""
 
     def clearance(self, points: Array) -> Array:
         """Free space around points (..., 3): <= 0 where a camera cannot be, at most 1 far from obstacles."""
 
     def resolution(self) -> float:
-        """Distance, metres, between the tested points of a step."""
+        """Distance, meters, between the tested points of a step."""
 
     def look_at(self) -> Array | None:
         """The point to look at, (3,); None: the direction of motion."""
@@ -59,7 +59,7 @@ class FreeSpace(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class CameraSpec:
-    """Change per frame of a generated camera, metres and degrees, as in Tables 2 and 3.  ``seed`` fixes the path."""
+    """Change per frame of a generated camera, meters and degrees, as in Tables 2 and 3.  ``seed`` fixes the path."""
 
     translation: MotionStats = STILL
     yaw: MotionStats = STILL
@@ -81,7 +81,7 @@ class CameraPath:
     """Camera pose per frame.  ``angles``: yaw, pitch, roll (intrinsic Y-X-Z), degrees, unwrapped."""
 
     times: Array  # (N,) seconds
-    position: Array  # (N, 3) metres, world
+    position: Array  # (N, 3) meters, world
     angles: Array  # (N, 3) degrees
     fps: float
     jumps: tuple[int, ...] = field(default=())  # frames at which the camera jumps

@@ -20,7 +20,7 @@ _KEYS_PER_SECOND = 10
 
 
 def skeleton() -> list[tuple[str, int, tuple[float, float, float], tuple[float, float, float], float]]:
-    """(name, parent, offset from the parent, extent, thickness) of each bone, metres; a T-pose that faces +Z.
+    """(name, parent, offset from the parent, extent, thickness) of each bone, meters; a T-pose that faces +Z.
 
     6 bones of the trunk, 4 of each arm, 4 of each leg and 15 of the fingers of each hand: 52.
     """

@@ -25,10 +25,10 @@ ENOUGH = 4
 """Distance from surfaces, voxels, at which the clearance is 1."""
 
 EYE_HEIGHT = 1.7
-"""Metres above the ground, in scenes of sufficient height."""
+"""Meters above the ground, in scenes of sufficient height."""
 
 WALKABLE = 3.0
-"""Smallest extent along x and z, metres, of a scene to walk in; the camera circles smaller objects."""
+"""Smallest extent along x and z, meters, of a scene to walk in; the camera circles smaller objects."""
 
 CANDIDATES = 24
 INSIDE = 0.5
@@ -152,7 +152,7 @@ class VoxelSpace:
 
 
 def world_triangles(scene: Scene, state: FrameState) -> Array:
-    """Corners of every drawn triangle, world metres.  -> (T, 3, 3) float64, finite."""
+    """Corners of every drawn triangle, world meters.  -> (T, 3, 3) float64, finite."""
     corners = [c for node in scene.mesh_nodes.tolist() if state.visible[node] for c in _triangles(scene, state, node)]
     triangles = np.concatenate([np.zeros((0, 3, 3)), *corners])
     return triangles[np.all(np.isfinite(triangles), axis=(1, 2))]
@@ -161,7 +161,7 @@ def world_triangles(scene: Scene, state: FrameState) -> Array:
 def moving_triangles(scene: Scene, poser: Poser) -> Iterator[tuple[Array, Array]]:
     """Triangles that move, appear or deform between successive times of the animation, at both times.
 
-    Yields pairs of (T, 3, 3) float64, world metres; a triangle that is invisible at the earlier time is the same twice.
+    Yields pairs of (T, 3, 3) float64, world meters; a triangle that is invisible at the earlier time is the same twice.
     """
     before = poser.sample(0.0)
     for t in _times(scene)[1:].tolist():

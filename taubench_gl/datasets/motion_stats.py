@@ -24,7 +24,7 @@ _SLACK = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class MotionStats:
-    """Absolute change per frame of one quantity, in metres or degrees, as in Tables 2 and 3 of the paper.
+    """Absolute change per frame of one quantity, in meters or degrees, as in Tables 2 and 3 of the paper.
 
     ``variance`` is the population variance.  ``maximum``, if given, is attained; ``usual_maximum`` then bounds all
     other steps, so that the largest one is a jump.  Raises SettingsError for impossible values.

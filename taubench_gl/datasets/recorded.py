@@ -3,7 +3,7 @@
 Columns (CSV with a header; any order, others are ignored) or keys (JSON, a list of objects):
 
     time              seconds, increasing; the first becomes 0
-    x, y, z           metres, world, +Y up
+    x, y, z           meters, world, +Y up
     qx, qy, qz, qw    unit quaternion world_from_view; the camera looks along its -Z, +Y up, as in glTF and OpenXR
 
 JSON may also be an object of three lists: time (N), position (N, 3), rotation (N, 4) as xyzw.
@@ -32,7 +32,7 @@ UNIT_TOLERANCE = 0.05
 
 @dataclass(frozen=True, slots=True)
 class RecordedPath:
-    """N >= 2 poses: times (N,) seconds from 0, increasing; position (N, 3) metres; rotation (N, 4) unit xyzw."""
+    """N >= 2 poses: times (N,) seconds from 0, increasing; position (N, 3) meters; rotation (N, 4) unit xyzw."""
 
     times: Array
     position: Array

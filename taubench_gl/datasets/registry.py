@@ -2,7 +2,7 @@
 
 A registry is a TOML file with one table per scene (``[my-scene]``): ``title`` and ``format`` (gltf, obj, obj sequence,
 aff, fbx, blend), and if known ``authors``, ``license``, ``homepage``, ``url`` (http or https), ``sha256`` of the file
-at the URL, ``scene`` (path or pattern of the scene inside the archive), ``unit_scale`` (units per metre), ``fps``,
+at the URL, ``scene`` (path or pattern of the scene inside the archive), ``unit_scale`` (units per meter), ``fps``,
 ``frames`` ([first, last + 1]), ``camera``, ``paper`` (its row in the paper's tables), ``note``. A name in a later file
 replaces the same name in an earlier one.
 """

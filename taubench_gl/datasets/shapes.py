@@ -10,7 +10,7 @@ Shape = dict[str, np.ndarray]
 
 
 def quad(origin, u, v, uv_scale: float = 1.0) -> Shape:
-    """A parallelogram with corners origin, +u, +v, facing u x v; texture coordinates in metres * uv_scale."""
+    """A parallelogram with corners origin, +u, +v, facing u x v; texture coordinates in meters * uv_scale."""
     origin, u, v = (np.array(x, dtype=float) for x in (origin, u, v))
     normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
     lu, lv = np.linalg.norm(u) * uv_scale, np.linalg.norm(v) * uv_scale

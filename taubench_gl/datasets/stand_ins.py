@@ -43,7 +43,7 @@ class StandIn:
     birds: int
     debris: int
     yfov: float  # degrees
-    reach: float  # metres along the valley that the camera and the events cover
+    reach: float  # meters along the valley that the camera and the events cover
     seed: int
 
     @property
@@ -125,7 +125,7 @@ class _Events:
         return int(self._rng.integers(0, self.frames))
 
     def place(self, frame: int | None = None) -> tuple[float, float]:
-        """(x, z) on the valley floor, some metres from the camera in ``frame`` (None: a random frame)."""
+        """(x, z) on the valley floor, some meters from the camera in ``frame`` (None: a random frame)."""
         eye = self._path.position[self.frame() if frame is None else frame]
         while True:
             x, z = eye[[0, 2]] + self._rng.normal(0.0, self._spread, 2)

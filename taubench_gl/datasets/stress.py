@@ -36,7 +36,7 @@ LARGE = 0.35
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """Number of lights and objects to move, chosen by the seed (-1: all).  ``motion``: metres per frame."""
+    """Number of lights and objects to move, chosen by the seed (-1: all).  ``motion``: meters per frame."""
 
     lights: int = 0
     objects: int = 0

@@ -34,7 +34,7 @@ CSV_NAME, PLOT_NAME = "sweep.csv", "sweep"
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """``count`` speeds from ``low`` to ``high`` of one of ``AXES``, metres or degrees per frame."""
+    """``count`` speeds from ``low`` to ``high`` of one of ``AXES``, meters or degrees per frame."""
 
     axis: str
     low: float

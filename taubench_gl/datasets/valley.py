@@ -15,10 +15,10 @@ from taubench_gl.datasets.shapes import Shape, box, grid_indices, join, moved, q
 Array = np.ndarray
 
 HALF_LENGTH, HALF_WIDTH = 190.0, 130.0
-"""Half the extent of the terrain along x and z, metres."""
+"""Half the extent of the terrain along x and z, meters."""
 
 FLOOR_END, FLOOR_SIDE = 140.0, 40.0
-"""Extent of the valley floor along x, and to either side of its middle line, metres."""
+"""Extent of the valley floor along x, and to either side of its middle line, meters."""
 
 CELL = 4.0
 
@@ -26,7 +26,7 @@ ROUGHNESS = 1.0
 """Root mean square slope of the ground's bump map."""
 
 TILE = 6.0
-"""Period of the ground texture, metres."""
+"""Period of the ground texture, meters."""
 
 EYE_HEIGHT = 1.75
 
@@ -35,12 +35,12 @@ _CRAGS = np.random.default_rng(21).uniform([0.05, 0.05, 0.0], [0.16, 0.16, 2 * n
 
 
 def middle(x: Array) -> Array:
-    """z of the valley's middle line at ``x``, metres; same shape as ``x``."""
+    """z of the valley's middle line at ``x``, meters; same shape as ``x``."""
     return 14.0 * np.sin(np.asarray(x) / 46.0)
 
 
 def height(x: Array, z: Array) -> Array:
-    """y of the ground, metres.  Broadcasts x and z, metres."""
+    """y of the ground, meters.  Broadcasts x and z, meters."""
     x, z = np.asarray(x, dtype=np.float64), np.asarray(z, dtype=np.float64)
     side = np.abs(z - middle(x)) - FLOOR_SIDE
     # The southern ridge, towards the sun, is higher: its shadow covers half of the floor.

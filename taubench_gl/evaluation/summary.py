@@ -57,7 +57,7 @@ def assemble_summary(
     rotations = np.array([v.world_from_view for v in views]).reshape(-1, 3, 3)
     activity = camera_activity(positions, rotations)
     cuts = detect_cuts(activity, settings.metrics.unit_scale)
-    in_meters = activity.in_metres(settings.metrics.unit_scale)
+    in_meters = activity.in_meters(settings.metrics.unit_scale)
     sample = sampled_pairs(frames, settings)
     discard = stats.discard(cuts[list(sample.positions)])
     sampling = _sampling(sample, stats, settings, discard) if settings.metrics.pairs != "all" else None

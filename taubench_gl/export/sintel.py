@@ -3,7 +3,7 @@
     flow/SCENE/frame_0001.flo          forward flow to the next frame: u right, v down, pixels; > 1e9: unknown
     occlusions/SCENE/frame_0001.png    8-bit gray, 255: inside the next frame but hidden there by something nearer
     invalid/SCENE/frame_0001.png       255: outside the next frame, or without a position in it
-    depth/SCENE/frame_0001.dpt         planar depth, metres; 1e10 where there is no surface
+    depth/SCENE/frame_0001.dpt         planar depth, meters; 1e10 where there is no surface
     camdata_left/SCENE/frame_0001.cam  M (3, 3) and N (3, 4), float64: pixel = M N world; pixel centers at integers
     clean/SCENE/frame_0001.png         8-bit RGB, if ``color`` is exported
 

@@ -122,7 +122,7 @@ def _joint_spheres(scene: Scene, draw: Draw) -> tuple[Array, Array, Array] | Non
 
 
 def _morph_reach(primitive: Primitive) -> Array:
-    """The longest displacement of every target, metres.  (M,)."""
+    """The longest displacement of every target, meters.  (M,)."""
     return np.array(
         [0.0 if t.positions is None else float(np.linalg.norm(t.positions, axis=1).max()) for t in primitive.targets]
     )

@@ -23,7 +23,7 @@ Array = np.ndarray
 
 LIGHT = Struct(
     "LightRecord",
-    Field("position", "vec4", "xyz: metres, relative to the current camera; w: range, 0 = unlimited"),
+    Field("position", "vec4", "xyz: meters, relative to the current camera; w: range, 0 = unlimited"),
     Field("direction", "vec4", "xyz: unit, where it shines; w: 0 point, 1 spot, 2 directional, 3 spot with cube maps"),
     Field("color", "vec4", "xyz: linear color x intensity (candela or lux); w: first shadow face, -1 = none"),
     Field("spot", "vec4", "xy: scale and offset of the cone falloff"),

@@ -19,10 +19,10 @@ Array = np.ndarray
 
 FACE = Struct(
     "ShadowFace",
-    Field("origin", "vec4", "xyz: light, relative to the current camera, metres; w: 1 parallel, 0 perspective"),
+    Field("origin", "vec4", "xyz: light, relative to the current camera, meters; w: 1 parallel, 0 perspective"),
     Field("right", "vec4", "xyz: world axis over half extent (or tan of half the angle); w: atlas x, texels"),
     Field("up", "vec4", "likewise; w: atlas y, texels"),
-    Field("forward", "vec4", "xyz: unit world axis; w: near (perspective) or depth range (parallel), metres"),
+    Field("forward", "vec4", "xyz: unit world axis; w: near (perspective) or depth range (parallel), meters"),
     Field("extent", "vec4", "x: resolution, texels; y: world size of a texel at distance 1 (or anywhere, parallel)"),
 )
 _CUBE = (  # forward, up of the faces +x -x +y -y +z -z
@@ -56,7 +56,7 @@ class Face:
     right: Array  # (3,) unit
     up: Array  # (3,) unit
     forward: Array  # (3,) unit
-    half: float  # tan of half the angle, or half extent in metres
+    half: float  # tan of half the angle, or half extent in meters
     near: float  # near plane, or depth range of a parallel map
     resolution: int
 

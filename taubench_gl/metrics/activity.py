@@ -60,7 +60,7 @@ class Activity:
     def __len__(self) -> int:
         return len(self.position)
 
-    def in_metres(self, unit_scale: float) -> Activity:
+    def in_meters(self, unit_scale: float) -> Activity:
         """A copy with ``position`` in meters.  ``unit_scale``: scene units per meter."""
         return replace(self, position=self.position / unit_scale)
 

@@ -1,6 +1,6 @@
 """Cameras of path-traced sequences: a JSON sidecar, the camera of a scene file, or a fit to the position pass.
 
-Sidecar (schema ``taubench-gl/camera/1``), glTF axes (+Y up, the camera looks along its local -Z), metres, radians::
+Sidecar (schema ``taubench-gl/camera/1``), glTF axes (+Y up, the camera looks along its local -Z), meters, radians::
 
     {"schema": "taubench-gl/camera/1", "fps": 24.0, "width": 320, "height": 180,
      "camera": {"kind": "perspective", "yfov": 0.8, "znear": 0.1, "zfar": null},
@@ -8,7 +8,7 @@ Sidecar (schema ``taubench-gl/camera/1``), glTF axes (+Y up, the camera looks al
                 "13": {"position": [x, y, z], "rotation": [x, y, z, w], "yfov": 0.7}}}
 
 Each frame has ``world_from_view`` (4x4, rows) or ``position`` and ``rotation`` (xyzw), and may override the keys of
-``camera``.  ``kind`` is perspective (``yfov``) or orthographic (``ymag``, half the height in metres).  ``zfar`` null is
+``camera``.  ``kind`` is perspective (``yfov``) or orthographic (``ymag``, half the height in meters).  ``zfar`` null is
 infinity.  ``fps``, ``width`` and ``height`` are optional.
 """
 
@@ -40,7 +40,7 @@ MAX_MISMATCH_PX = 0.5
 
 _INTRINSICS = ("yfov", "ymag", "znear", "zfar")
 _CHECK_POINTS = 4000
-_ORTHOGRAPHIC_ZFAR = 1e4  # metres, where a sidecar gives none: an orthographic projection needs a far plane
+_ORTHOGRAPHIC_ZFAR = 1e4  # meters, where a sidecar gives none: an orthographic projection needs a far plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ def _read_view(entry: dict[str, Any], where: str) -> View:
     lens = "yfov" if kind == "perspective" else "ymag"
     values = {name: _number(entry, name, where) for name in _INTRINSICS}
     if values[lens] is None:
-        hint = "radians" if lens == "yfov" else "half the height, metres"
+        hint = "radians" if lens == "yfov" else "half the height, meters"
         raise PathTracedError(f"has no {lens}", where=where, hint=hint)
     most = math.pi if lens == "yfov" else math.inf
     if not 0 < values[lens] < most:

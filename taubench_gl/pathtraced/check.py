@@ -37,7 +37,7 @@ _MOTION_SIGNS = {
     (1, -1): "motion has +y the other way (set motion.y in the mapping)",
     (-1, 1): "motion is current - previous with +y the other way (set motion.direction and motion.y in the mapping)",
 }
-_UNITS = {"centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254, "feet": 0.3048}
+_UNITS = {"centimeters": 0.01, "millimeters": 0.001, "inches": 0.0254, "feet": 0.3048}
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +129,8 @@ def _mistakes(
         ("positions are +Z up (up = 'z' in the mapping)", view, moved(p[..., [0, 2, 1]] * [1, 1, -1])),
     ]
     for unit, factor in _UNITS.items():
-        out.append((f"positions are in {unit}, the camera in metres", view, moved(p * factor)))
-        out.append((f"the camera is in {unit}, positions in metres", view, moved(p / factor)))
+        out.append((f"positions are in {unit}, the camera in meters", view, moved(p * factor)))
+        out.append((f"the camera is in {unit}, positions in meters", view, moved(p / factor)))
     out.append(("positions are relative to the camera", view, moved(p + view.position)))
     out.append(("positions are in view space", view, moved(p @ view.world_from_view.T + view.position)))
     for step in (-1, 1):

@@ -40,7 +40,7 @@ class CameraFit:
 def fit_camera(position: Array, sky: Array, depth: Array | None = None, where: str | None = None) -> CameraFit:
     """Least squares on pixel coordinates, float64, seven unknowns: position, rotation, field of view.
 
-    ``position`` (h, w, 3): world points at pixel centers.  ``sky`` (h, w) bool.  ``depth`` (h, w): planar, metres; it
+    ``position`` (h, w, 3): world points at pixel centers.  ``sky`` (h, w) bool.  ``depth`` (h, w): planar, meters; it
     makes the initial guess linear.  Pixels are square and the principal point is the image center.  ``where``: prefix
     of error messages.  Raises PathTracedError if the points are too few, too flat, or fit no pinhole camera.
     """

@@ -183,7 +183,7 @@ class ChannelIndex:
 
 @dataclass(frozen=True, slots=True)
 class PathTracedFrame:
-    """One path-traced frame.  Row 0 is the top row; glTF axes (+Y up); metres.  None: the file has no such pass.
+    """One path-traced frame.  Row 0 is the top row; glTF axes (+Y up); meters.  None: the file has no such pass.
 
     NaN marks pixels outside the data window.
     """

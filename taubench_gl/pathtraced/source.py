@@ -152,7 +152,7 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
 
 
 def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
-    """Surface points minus the camera position, world axes, (h, w, 3), and planar depth, (h, w); float64, metres.
+    """Surface points minus the camera position, world axes, (h, w, 3), and planar depth, (h, w); float64, meters.
 
     Without a position pass, points are reconstructed from depth.
     """

@@ -80,7 +80,7 @@ class _File:
     elsewhere="(t - t0) / (t1 - t0) is 0/0 at the key, and the object disappears for a frame",
     here="of keys with equal times the last one holds; a note reports it",
     tolerance=1e-6,
-    source="metres; float64 of float32 keys, sampled 1e-7 s before the key",
+    source="meters; float64 of float32 keys, sampled 1e-7 s before the key",
 )
 def duplicate_key_times(bench: Bench) -> Outcome:
     file = _File()
@@ -131,7 +131,7 @@ def _weighted(weights: list[list[float]]) -> tuple[Scene, Array]:
     elsewhere="the blend is scaled by 1.5: the mesh grows and moves by 5 m",
     here="weights are normalized on load; a note reports it",
     tolerance=1e-5,
-    source="metres; float32 weights: 2 ulps of 10 m",
+    source="meters; float32 weights: 2 ulps of 10 m",
 )
 def weights_not_one(bench: Bench) -> Outcome:
     scene, posed = _weighted([[1.0, 0.5, 0.0, 0.0]] * 3)
@@ -147,7 +147,7 @@ def weights_not_one(bench: Bench) -> Outcome:
     elsewhere="the normalization is 0 / 0, or the vertex collapses to the origin",
     here="the vertex follows its first joint; a note reports it",
     tolerance=1e-5,
-    source="metres; float32 weights: 2 ulps of 10 m",
+    source="meters; float32 weights: 2 ulps of 10 m",
 )
 def weights_all_zero(bench: Bench) -> Outcome:
     scene, posed = _weighted([[0.0] * 4, [1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]])

@@ -17,7 +17,7 @@ FLOAT_NORMAL = "float32: 16 ulps of 1"
 
 
 def one_metre_per_pixel(b: SceneBuilder, bench: Bench, **node) -> int:
-    """An orthographic camera with 1 m per pixel; pixel borders lie at integer metres."""
+    """An orthographic camera with 1 m per pixel; pixel borders lie at integer meters."""
     return b.camera(kind="orthographic", xmag=bench.size[0] / 2, ymag=bench.size[1] / 2, zfar=1000.0, **node)
 
 

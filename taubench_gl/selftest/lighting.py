@@ -44,7 +44,7 @@ def light_on_the_surface(bench: Bench) -> Outcome:
 @case(
     "inverse-square-near",
     what="a light 1 m, 1/8 m and 1/64 m from a wall: radiance at the nearest point against 1 / d^2, relative",
-    elsewhere="1 / (d^2 + 1) or a clamp at a few centimetres makes near lights up to 100 times too dark",
+    elsewhere="1 / (d^2 + 1) or a clamp at a few centimeters makes near lights up to 100 times too dark",
     here="1 / d^2 for distances down to 1 mm",
     tolerance=1e-4,
     source="relative; float32: 2 ulps of 2 m (the camera's distance) in 1/64 m, twice",

@@ -37,16 +37,16 @@ def _in_world_floats(images: PairImages) -> int:
     return int((pair_masks(*world, images.pair, limits(None)).mask != exact).sum())
 
 
-def _offset_case(name: str, metres: float) -> None:
+def _offset_case(name: str, meters: float) -> None:
     @case(
         name,
-        what=f"the busy room {metres:g} m from the origin: pixels whose mask differs from that at the origin",
+        what=f"the busy room {meters:g} m from the origin: pixels whose mask differs from that at the origin",
         elsewhere="float32 world positions have steps of 6e-5 m at 1e3 m, 6 cm at 1e6 m and 64 m at 1e9 m",
         here="matrices are composed in float64 relative to the camera; the GPU gets no world positions",
         source="exact: all keys are dyadic, so float64 holds every difference without rounding",
     )
     def offset(bench: Bench) -> Outcome:
-        there = _both(bench, (metres, -metres, 0.5 * metres))
+        there = _both(bench, (meters, -meters, 0.5 * meters))
         different = _different(_both(bench), there)
         naive = _in_world_floats(there[0])
         return count(0, different, Naive("float32 world positions", naive, naive) if naive else None)
@@ -73,7 +73,7 @@ def _scale_case(name: str, scale: float, tolerance: float, source: str) -> None:
     @case(
         name,
         what=f"the busy room at scale {scale:g} with the same unit_scale: pixels whose mask differs",
-        elsewhere="absolute tolerances in metres (1e-3, 1e-4) are too large at one scale and too small at another",
+        elsewhere="absolute tolerances in meters (1e-3, 1e-4) are too large at one scale and too small at another",
         here="the position threshold is the only length and scales with unit_scale; other tolerances are relative",
         tolerance=tolerance,
         source=source,

@@ -1,4 +1,4 @@
-"""Small scenes built in code for cases with known answers.  Space: world, +Y up, metres."""
+"""Small scenes built in code for cases with known answers.  Space: world, +Y up, meters."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def busy_room(
 ) -> Scene:
     """A closed room with a moving box, a skinned strip and a camera that walks and turns; one second long.
 
-    All nodes are children of a node at ``offset`` (metres) with uniform ``scale``.  Every key is a small dyadic number,
+    All nodes are children of a node at ``offset`` (meters) with uniform ``scale``.  Every key is a small dyadic number,
     so that float64 world matrices are exact at any offset up to 1e9 m.  ``still``: nothing moves, for one second.
     ``lamps``: number of point lights below the ceiling.
     """
@@ -214,8 +214,8 @@ def lamp_field(
     """A hilly ground of 40 x 40 m below point lights, and a moving camera; one second long, deterministic.
 
     The defaults are the numbers of point lights of the paper's scene with most lights.  ``reach``: range of
-    every light, metres; ``intensity``: candela.  Lights are 0.3 to 1.5 m above the ground; the moving ones move by up
-    to half a metre per axis.
+    every light, meters; ``intensity``: candela.  Lights are 0.3 to 1.5 m above the ground; the moving ones move by up
+    to half a meter per axis.
     """
     b = SceneBuilder()
     ground = quad(20.0, 20.0, cells=(cells, cells), material=b.material(metallic=0.0, roughness=0.8))

@@ -67,7 +67,7 @@ def skinned_with_camera(bench: Bench) -> Outcome:
     elsewhere="previous positions are interpolated in time, or taken from the bind pose",
     here="the same vertices are skinned with the previous palette",
     tolerance=2e-5,
-    source="metres; float32: 4 ulps of 50 m, the distance to the camera",
+    source="meters; float32: 4 ulps of 50 m, the distance to the camera",
 )
 def skinned_rotation(bench: Bench) -> Outcome:
     q = turn((0.0, 0.0, 1.0), 60.0)
@@ -108,7 +108,7 @@ def morph_motion(bench: Bench) -> Outcome:
     elsewhere="blending world matrices scales the world offset by that sum: an error of 3 cm",
     here="palettes are relative to the camera before they are blended",
     tolerance=1e-5,
-    source="metres; float32: 2 ulps of 50 m, the distance to the camera",
+    source="meters; float32: 2 ulps of 50 m, the distance to the camera",
 )
 def weights_of_thirds(bench: Bench) -> Outcome:
     wall = quad(10, 10)
@@ -133,7 +133,7 @@ def weights_of_thirds(bench: Bench) -> Outcome:
     elsewhere="dual quaternions, normalized blends or half-float palettes give a different surface",
     here="linear blend skinning in float32 on the GPU, with a float64 reference",
     tolerance=2e-5,
-    source="metres; float32: 32 ulps of 5 m through two matrices",
+    source="meters; float32: 32 ulps of 5 m through two matrices",
 )
 def skinned_reference(bench: Bench) -> Outcome:
     strip = quad(1.0, 2.0, cells=(1, 1))

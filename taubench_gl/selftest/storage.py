@@ -91,7 +91,7 @@ _reference_case("reference-bilinear", "motion", "bilinear")
     "masks-in-half-floats",
     what="a wall 100 m away that moves sideways by 1 mm per frame, threshold 1 cm: position discards",
     elsewhere="half-float positions have steps of 6 cm at 100 m, so the wall is discarded",
-    here="float32 positions: steps of 8 micrometres",
+    here="float32 positions: steps of 8 micrometers",
     source="exact: an unsigned count on the GPU",
 )
 def masks_in_half_floats(bench: Bench) -> Outcome:

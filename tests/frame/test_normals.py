@@ -25,7 +25,7 @@ from taubench_gl.scene.model import Camera, Material, MorphTarget, Sampler, Text
 
 SIZE = (64, 36)
 LENS = Camera(yfov=1.0, znear=0.01, zfar=100.0)
-WALL = {"origin": (-1, -1, 0), "u": (2, 0, 0), "v": (0, 2, 0)}  # two metres wide, facing +Z
+WALL = {"origin": (-1, -1, 0), "u": (2, 0, 0), "v": (0, 2, 0)}  # two meters wide, facing +Z
 AHEAD = affine(np.eye(3), np.array([0.0, 0.0, -3.0]))
 
 

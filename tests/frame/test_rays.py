@@ -201,5 +201,5 @@ def test_sponza(gpu, data) -> None:
     position = seen.channel("position").astype(float)
     hit = seen.hits.triangle >= 0
     error = np.linalg.norm(position[hit, :3] - (seen.points[hit] - seen.view.position), axis=-1)
-    assert np.median(error) < 2e-4  # metres; a pixel is centimetres wide
+    assert np.median(error) < 2e-4  # meters; a pixel is centimeters wide
     assert (error < 0.02).mean() > 0.9  # leaves are alpha-tested on the GPU and not in the rays

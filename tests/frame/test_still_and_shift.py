@@ -82,7 +82,7 @@ def test_a_surface_cut_open_by_the_near_plane_stands_still(gpu) -> None:
 
 
 def test_moving_the_world_changes_nothing(gpu) -> None:
-    """A moving camera counts the same a thousand kilometres away."""
+    """A moving camera counts the same a thousand kilometers away."""
     mask_histograms = []
     for offset in ((0, 0, 0), (1e6, 1e6, -1e6)):
         scene = make_scene(clutter(2), materials=(Material(double_sided=True),), origin=offset)

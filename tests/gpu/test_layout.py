@@ -127,6 +127,6 @@ void main() { r = m * v; }
 
 
 def test_documentation_travels_into_glsl() -> None:
-    struct = Struct("S", Field("x", "float", "metres, 0..1"), Field("y", "vec4", "color", 2))
-    assert "float x; // metres, 0..1" in struct.glsl and "vec4 y[2]; // color" in struct.glsl
+    struct = Struct("S", Field("x", "float", "meters, 0..1"), Field("y", "vec4", "color", 2))
+    assert "float x; // meters, 0..1" in struct.glsl and "vec4 y[2]; // color" in struct.glsl
     assert struct.dtype.itemsize == 48 and struct.dtype.fields["y"][1] == 16

@@ -65,7 +65,7 @@ class Case:
         return b.build()
 
     def texel(self, shadow_size: int, points: Array) -> Array:
-        """Size of a texel across the light's rays where they hit the plane, metres.  (..., 3) -> (...)."""
+        """Size of a texel across the light's rays where they hit the plane, meters.  (..., 3) -> (...)."""
         if self.kind == "directional":
             radius = np.sqrt(2) * self.ground + 1.0  # at least the scene's bounding sphere with its margin
             return np.full(points.shape[:-1], 2.0 * radius * 1.05 / (4 * shadow_size))

@@ -96,7 +96,7 @@ def test_two_runs_give_the_same_bits(gpu):
 
 
 def test_a_kept_map_is_the_map_that_would_be_drawn_now(gpu):
-    """The whole atlas, bit for bit, from two cameras metres apart: a far stricter question than what pixels show."""
+    """The whole atlas, bit for bit, from two cameras meters apart: a far stricter question than what pixels show."""
     atlases = []
     for frames in ((23,), (0, 11, 23), (5,)):
         with opened(gpu, street(), **(SIZE | {"shadow_size": 512})) as source:

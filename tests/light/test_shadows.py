@@ -164,7 +164,7 @@ def test_a_masked_caster_casts_what_is_left_of_it(gpu):
     shot, lit = visibility(gpu, masked_card(), shadow_size=SIZE)
     plane = on_plane(shot)
     x, z = shot.points[..., 0], shot.points[..., 2]
-    # The sun travels one metre left per metre down: the right half's shadow is x in [-1, 0].
+    # The sun travels one meter left per meter down: the right half's shadow is x in [-1, 0].
     inside = (np.abs(x + 0.5) < 0.45) & (np.abs(z) < 0.95)
     outside = ~((np.abs(x + 0.5) < 0.55) & (np.abs(z) < 1.05))
     assert (plane & inside).sum() > 500
@@ -172,7 +172,7 @@ def test_a_masked_caster_casts_what_is_left_of_it(gpu):
 
 
 def posed_box(how: str) -> Scene:
-    """The same half-metre box at (1, 0.5, 0.25): moved by its node, its joint, or its morph target."""
+    """The same half-meter box at (1, 0.5, 0.25): moved by its node, its joint, or its morph target."""
     b = SceneBuilder()
     floor(b, material=lambert(b))
     to = np.array([1.0, 0.5, 0.25])

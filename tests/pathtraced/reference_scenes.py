@@ -69,9 +69,9 @@ class PanCamera:
 
     name = "pan"
 
-    def __init__(self, scene: Scene, degrees: float = 48.0, metres: float = 0.5):
+    def __init__(self, scene: Scene, degrees: float = 48.0, meters: float = 0.5):
         self._start = choose_camera(scene).view_at(Poser(scene).sample(0.0))
-        self._rate, self._speed = math.radians(degrees), metres
+        self._rate, self._speed = math.radians(degrees), meters
 
     def describe(self) -> str:
         return "the file's first camera, panned"

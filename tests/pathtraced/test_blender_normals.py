@@ -47,7 +47,7 @@ os._exit(0)
 
 
 def test_blender_rebuilds_custom_normals_after_the_armature(data, tmp_path, blender):
-    """In Blender's mesh: positions agree to a micrometre in the pose, normals agree only at rest."""
+    """In Blender's mesh: positions agree to a micrometer in the pose, normals agree only at rest."""
     scene = load_scene(data / "khronos" / "CesiumMan" / "CesiumMan.glb")
     path = write_resampled(scene, range(FRAME - 1, FRAME + 2), 24.0, tmp_path)
     code = Path(taubench_gl.pathtraced.blender.__file__).parent

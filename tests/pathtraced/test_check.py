@@ -74,9 +74,9 @@ def test_correct_files_have_no_fault(tmp_path):
     [
         (flip, "camera", "bottom first"),
         (y_up, "camera", r"\+Y up already"),
-        (scaled(100.0), "camera", "positions are in centimetres"),
-        (scaled(1000.0), "camera", "positions are in millimetres"),
-        (scaled(0.01), "camera", "camera is in centimetres"),
+        (scaled(100.0), "camera", "positions are in centimeters"),
+        (scaled(1000.0), "camera", "positions are in millimeters"),
+        (scaled(0.01), "camera", "camera is in centimeters"),
         (backwards, "motion", "current - previous"),
         (fractions, "motion", "fractions of the image"),
     ],

@@ -37,18 +37,18 @@ Array = np.ndarray
 
 INDIRECT = Struct(
     "IndirectRecord",
-    Field("scene_from_relative", "vec4", "xyz: current camera - center of the scene's bounds, metres"),
-    Field("grid_origin", "vec4", "xyz: low corner of the occupancy grid, scene space; w: size of a voxel, metres"),
+    Field("scene_from_relative", "vec4", "xyz: current camera - center of the scene's bounds, meters"),
+    Field("grid_origin", "vec4", "xyz: low corner of the occupancy grid, scene space; w: size of a voxel, meters"),
     Field("probe_origin", "vec4", "xyz: first probe, scene space"),
-    Field("probe_step", "vec4", "xyz: distance between probes along each axis, metres"),
+    Field("probe_step", "vec4", "xyz: distance between probes along each axis, meters"),
     Field("probe_counts", "ivec4", "xyz: probes along each axis"),
     Field("size", "ivec4", "xy: pixels, zw: pixels of the small irradiance image"),
     Field("counts", "ivec4", "x: VPLs, y: phase of the shading rate, z: faces of lights"),
 )
 VPL = Struct(
     "VirtualPointLight",
-    Field("position", "vec4", "xyz: scene space, metres; w: area of its patch, m2, 0 = none"),
-    Field("normal", "vec4", "xyz: unit, world axes; w: height above the patch that visibility rays aim at, metres"),
+    Field("position", "vec4", "xyz: scene space, meters; w: area of its patch, m2, 0 = none"),
+    Field("normal", "vec4", "xyz: unit, world axes; w: height above the patch that visibility rays aim at, meters"),
     Field("flux", "vec4", "xyz: reflected flux, linear"),
     Field("albedo", "vec4", "xyz: diffuse albedo of its patch; w: 1 / lights that see it, its share of later bounces"),
 )

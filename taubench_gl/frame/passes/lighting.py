@@ -29,7 +29,7 @@ LIGHTING = Struct(
 )
 STOCHASTIC = Struct(
     "StochasticRecord",
-    Field("scene_from_relative", "vec4", "xyz: current camera - center of the scene's bounds, metres"),
+    Field("scene_from_relative", "vec4", "xyz: current camera - center of the scene's bounds, meters"),
     Field("samples", "uvec4", "x: frame, y: seed, z: light samples per pixel, w: VPL samples per pixel"),
     Field("counts", "ivec4", "x: lights, 0 if all are off, y: VPLs, z: phase of the shading rate"),
 )

@@ -21,7 +21,7 @@ PASSES = (
 )  # fmt: skip
 CRISP_FILTER_PX = 0.01  # smallest filter width of Cycles, for Blackman-Harris; its BOX filter is always 1 pixel wide
 NODE_NAME = "taubench node {}"  # of mesh nodes, by index, as in job.py
-INFINITE_ZFAR = 1e6  # metres, for cameras without a far plane
+INFINITE_ZFAR = 1e6  # meters, for cameras without a far plane
 SAMPLES_EVERY = 1.0  # seconds between reports of finished samples
 
 
