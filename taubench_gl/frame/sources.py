@@ -12,7 +12,7 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import grid_offsets
-from taubench_gl.effects.decide import as_summary, decide, disable, unmeasured
+from taubench_gl.effects.decide import Effect, as_summary, decide, disable, unmeasured
 from taubench_gl.effects.decide import force as force_on
 from taubench_gl.frame.light_stage import LightStage
 from taubench_gl.frame.plan import DEPENDS, LIGHT, frame_channels, frame_spec
@@ -85,7 +85,8 @@ class RasterSource:
         self._fps = settings.sequence.fps
         self.effects = disable(force_on(decide(scene, settings), force), without, DEPENDS)
         if shading is not None and not shading.exact:
-            self.effects = disable(self.effects, ("color",), DEPENDS, "not every pixel has its exact light")
+            # Emission stays: it is part of the radiance of such frames (reuse.inputs).
+            self.effects = {**self.effects, "color": Effect(False, "not every pixel has its exact light")}
         # Where no surface moves by itself, motion reprojection is camera reprojection: nothing is stored for it.
         self.reprojection = settings.metrics.reprojection if self.effects["previous_pose"].enabled else "camera"
         self.unmeasured = unmeasured(self.effects, settings)

@@ -18,6 +18,7 @@ from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, Reason
+from taubench_gl.effects.decide import decide
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.shading import Shading
@@ -89,6 +90,8 @@ class RasterInputs:
         self._jitter = (lambda frame: jitter(frame // cycle(kind.rate))) if kind.jitter else None
         extra = tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
         extra += ("ids",) if "history_ids" in self.reads else ()
+        emits = decide(request.scene, self.settings)["emission"].enabled
+        extra += ("emission",) if emits else ()  # part of radiance, also where there is no color pass
         shading = None if kind.exact else kind.shading()
         common = {"settings": self.settings, "poser": request.poser or Poser(request.scene)}
         self.source = RasterSource(

@@ -106,6 +106,16 @@ def test_radiance_is_exposed_light_and_sky(gpu):
     np.testing.assert_array_equal(got[~sky], 2.0 * direct[~sky])
 
 
+@pytest.mark.parametrize("kind", ["noisy", "jittered+noisy"])
+def test_emission_is_part_of_noisy_radiance(gpu, kind):
+    """In a scene with emission only, radiance is the emission of the samples, without noise."""
+    with inputs_of(gpu, passing_box(), kind) as inputs:
+        got = arrays(inputs.advance(12))
+    surface = got["position"][..., 3] > 0
+    assert got["emission"][surface].max() > 0.5
+    np.testing.assert_array_equal(got["radiance"][surface, :3], got["emission"][surface, :3])
+
+
 @pytest.mark.parametrize("rate", RATES[1:])
 def test_unshaded_pixels_are_filled(gpu, rate):
     with inputs_of(gpu, still()) as whole, inputs_of(gpu, still(), rate) as part:
