@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from typing import Any
 
 from taubench_gl.cost.analysis import ColumnError, Point, Time
@@ -23,3 +24,24 @@ def point(name: str, error: float, ms: float, spread: float | None = 0.01, **mor
     role = more.pop("role", "baseline" if name == "baseline" else "single")
     column = ColumnError(10.0 + error, error, more.pop("half_width", None))
     return Point(name, name, role, {}, {"direct": column}, Time(ms, spread, 5), "a clock", **more)
+
+
+class ModelClock:
+    """Seconds of a machine on which a visit takes 20 ms times its share of pixels and its samples, give or take 1 %.
+
+    ``listen`` gets the progress of a study, so the same visit takes the same time in every run.
+    """
+
+    def __init__(self) -> None:
+        self.seconds = self.step = 0.0
+
+    def __call__(self) -> float:
+        self.seconds += self.step
+        return self.seconds
+
+    def listen(self, step: Any) -> None:
+        name = step.what.partition(": ")[2]
+        values = dict(part.split("=") for part in name.split(", ") if "=" in part)
+        samples = float(values.get("samples_per_pixel", 16 if name == "highest_quality" else 1))
+        noise = random.Random(step.what).uniform(0.99, 1.01)
+        self.step = 20e-3 * float(values.get("scale", 1.0)) ** 2 * samples * noise

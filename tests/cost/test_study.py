@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import pytest
 from click.testing import CliRunner
-from cost_tools import SMALL
+from cost_tools import SMALL, ModelClock
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.apps.evaluate_command import evaluate
@@ -155,25 +155,39 @@ def test_killed_study_resumes_to_the_same_errors(demo, tmp_path):
     assert killed["reference"] == whole["reference"]
 
 
-def test_interrupted_study_repeats_no_measurement(demo, tmp_path):
+def test_interrupted_study_resumes_to_the_same_front(demo, tmp_path):
     class Stop(Exception):
         pass
 
-    def until_round_2(step):
-        if "round 2" in step.what:
-            raise Stop
+    request = SMALL | {"parameters": ("scale", "samples_per_pixel"), "frames": (20, 26), "within": 1.0}
 
-    tiny = SMALL | {"parameters": ("storage",), "frames": (20, 23), "columns": ("frustum", "position")}
-    tiny["choose_for"] = ("position",)
-    with pytest.raises(Stop):
-        cost(demo, out=tmp_path, progress=until_round_2, **tiny)
-    path = tmp_path / RECORDS_FILE
+    def run(folder, stop_at=None):
+        clock, steps = ModelClock(), []
+
+        def progress(step):
+            if step.what == stop_at:
+                raise Stop
+            steps.append(step.what)
+            clock.listen(step)
+
+        return cost(demo, out=folder, now=clock, progress=progress, **request), steps
+
+    for stop_at in ("errors: scale=0.5", "round 2 of 3: scale=0.5"):
+        with pytest.raises(Stop):
+            run(tmp_path / "resumed", stop_at)
+    path = tmp_path / "resumed" / RECORDS_FILE
     kept = path.read_text()
     path.write_text(kept + '{"kind": "time", "configuration": "ba')  # an incomplete last line
-    steps = []
-    study = cost(demo, out=tmp_path, progress=lambda step: steps.append(step.what), **tiny)
-    assert path.read_text().startswith(kept) and not any("round 1" in what or "errors" in what for what in steps)
-    assert all(p.time.samples == 3 for p in study.points if p.time)
+    resumed, steps = run(tmp_path / "resumed")
+    assert path.read_text().startswith(kept)
+    assert not any(what.startswith(("errors", "round 1")) for what in steps), "no measurement is repeated"
+    whole, _ = run(tmp_path / "whole")
+    for name in whole.fronts:
+        assert [p.name for p in resumed.front(name)] == [p.name for p in whole.front(name)]
+    for a, b in zip(resumed.points, whole.points, strict=True):
+        assert a.time.rounds == pytest.approx(b.time.rounds)
+    assert resumed.chosen.point.name == whole.chosen.point.name
+    assert resumed.validation["errors"] == whole.validation["errors"]
 
 
 def test_records_of_another_study_are_refused(small_study, demo):
