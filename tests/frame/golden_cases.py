@@ -1,4 +1,4 @@
-"""What the goldens hold: small pictures of Khronos' samples at telling moments, as integers that compress well."""
+"""Golden images: small images of Khronos' samples at characteristic times, as integers that compress well."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SIZE = (160, 90)
 STEP = 1 / 24
 FOLDER = PACKAGE.parent / "tests" / "goldens"
 
-# file: seconds.  What each one is there for is what its name says; times are such that wrong poses show.
+# file: seconds.  Names say what each one tests; at these times wrong poses are visible.
 CASES = {
     "InterpolationTest.glb": 0.62,  # step, linear and cubic, side by side
     "AnimatedMorphCube.glb": 0.9,

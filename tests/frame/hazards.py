@@ -66,8 +66,8 @@ def bindings_of(gpu: Gpu, program: int) -> Bindings:
             found[what].append((text.value.decode(), number("glGetUniformiv", program, place)))
     storage = []
     for i in range(number("glGetProgramInterfaceiv", program, _BLOCKS, _ACTIVE_RESOURCES)):
-        asked, out = ctypes.c_uint(_BUFFER_BINDING), ctypes.c_int()
-        rest = (1, ctypes.byref(asked), 1, None, ctypes.byref(out))
+        property_, out = ctypes.c_uint(_BUFFER_BINDING), ctypes.c_int()
+        rest = (1, ctypes.byref(property_), 1, None, ctypes.byref(out))
         call("glGetProgramResourceiv", None, program, _BLOCKS, i, *rest)
         storage.append(out.value)
     return Bindings(tuple(found["image"]), tuple(found["sampler"]), tuple(storage))

@@ -1,4 +1,4 @@
-"""Depth laid down before the channels, and textures on plain coordinates: ways that are quicker and change no bit."""
+"""Depth pre-pass, and textures on plain coordinates: faster paths that change no bit."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def frames(gpu, scene, camera, *, per_triangle: int | None = None, times=(0.0,),
         gpu.collect()
 
 
-def both(gpu, scene, camera, monkeypatch, **asked):
+def both(gpu, scene, camera, monkeypatch, **chosen):
     """Frames with and without a depth pre-pass; the facts of both."""
-    with_it, on = frames(gpu, scene, camera, per_triangle=0, monkeypatch=monkeypatch, **asked)
-    without, off = frames(gpu, scene, camera, per_triangle=10**9, monkeypatch=monkeypatch, **asked)
+    with_it, on = frames(gpu, scene, camera, per_triangle=0, monkeypatch=monkeypatch, **chosen)
+    without, off = frames(gpu, scene, camera, per_triangle=10**9, monkeypatch=monkeypatch, **chosen)
     assert on[2] and not off[2]
     for key, values in without.items():
         assert np.array_equal(with_it[key].view(np.uint8), values.view(np.uint8)), key

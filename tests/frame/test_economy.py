@@ -102,7 +102,7 @@ def test_what_the_camera_cannot_see_changes_no_pixel(gpu: Gpu, name: str, reques
 
 
 def test_frames_out_of_order_have_the_same_bits(gpu: Gpu, data: Path) -> None:
-    """Poses are kept by their time: nothing may depend on which were asked for before."""
+    """Poses are cached by their time: no result depends on earlier calls."""
     scene = load_scene(data / SCENES[0])
     camera = choose_camera(scene)
 

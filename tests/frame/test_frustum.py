@@ -1,4 +1,4 @@
-"""Eq. (3): a camera turned about its own axis inside a closed room loses a share of pixels that geometry alone decides.
+"""Eq. (3): a camera rotated about its axis inside a closed room loses a share of pixels that geometry alone decides.
 
 Two independent answers: the area of the part of the screen that stays (exact integrals), and a float64 count over the
 pixel grid.  Neither uses the package.

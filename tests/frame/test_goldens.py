@@ -1,4 +1,4 @@
-"""Pictures against goldens that were looked at when made (tools/make_goldens.py), on the renderer that made them.
+"""Images against goldens that were inspected when made (tools/make_goldens.py), on the renderer that made them.
 
 A missing golden fails: nothing here writes one.
 """

@@ -1,4 +1,4 @@
-"""Two ways to say the same scene must give the same picture: instances and copies, posed and rigid, any draw order."""
+"""Two descriptions of the same scene give the same image: instances and copies, posed and rigid, any draw order."""
 
 from __future__ import annotations
 

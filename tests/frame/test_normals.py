@@ -34,7 +34,7 @@ def wall(**fields):
 
 
 def middle(gpu, scene, *, eye=(0, 0, 0), rotation=None, culling: str = "gltf") -> np.ndarray | None:
-    """Normal at the middle of the picture; None where nothing is drawn there."""
+    """Normal at the middle of the image; None where nothing is drawn there."""
     track = still_camera(LENS, eye, rotation)
     channels, _ = draw_frame(gpu, scene, track, SIZE, ("position", "normal"), culling=culling)
     y, x = SIZE[1] // 2, SIZE[0] // 2
@@ -151,7 +151,7 @@ def test_normal_map_of_known_tilt(gpu, given: bool, scale: float) -> None:
     material, images = tilt_map(scale)
     expected = TILT * [scale, scale, 1]
     expected /= np.linalg.norm(expected)
-    # The wall turned: the tilt turns with it.  Mirrored in x: the picture is, and so is the tilt.
+    # The wall rotated: the tilt rotates with it.  Mirrored in x: so are the image and the tilt.
     for matrix in (np.eye(3), rotation_about("z", 90) @ rotation_about("x", -20), np.diag([-1.0, 1.0, 1.0])):
         scene = placed(matrix, upright(**fields), materials=(material,), images=images)
         np.testing.assert_allclose(middle(gpu, scene), matrix @ expected, atol=0.006)  # 8-bit texels
@@ -162,7 +162,7 @@ def test_normal_map_of_known_tilt(gpu, given: bool, scale: float) -> None:
 
 
 def test_made_tangents_follow_the_normal_maps_own_set(gpu) -> None:
-    """The map uses set 1, in which the picture lies on its side: its right is the wall's up, its up the wall's left."""
+    """Set 1 rotates the image by 90 degrees: its right is the wall's up, its up the wall's left."""
     material, images = tilt_map()
     material = replace(material, normal_texture=replace(material.normal_texture, texcoord=1))
     shape = upright()
@@ -174,7 +174,7 @@ def test_made_tangents_follow_the_normal_maps_own_set(gpu) -> None:
 
 @pytest.mark.parametrize("name", ["AlphaBlendModeTest.glb", "01_alpha_mask.gltf", "LightsPunctualLamp.gltf"])
 def test_made_tangents_agree_with_exporters(data, name: str) -> None:
-    """Files that bring tangents: ours, made from their texture coordinates, point the same way round."""
+    """Files with tangents: the tangents made from their texture coordinates have the same direction."""
     for mesh in load_scene(find_scene(data, name)).meshes:
         for p in mesh.primitives:
             if p.tangents is None:

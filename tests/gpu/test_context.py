@@ -1,4 +1,4 @@
-"""Contexts: what is said when there is none, what can be said of one, and that nothing is left behind in it."""
+"""Contexts: errors when there is none, capabilities, and release of all GL objects."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_depth_runs_from_zero_to_one(gpu: Gpu) -> None:
     gpu.collect()
 
 
-def test_the_timer_is_not_believed_unproven(gpu: Gpu) -> None:
+def test_an_unproven_timer_is_not_used(gpu: Gpu) -> None:
     verdict = probe_timer(gpu)
     assert verdict.usable == (0.5 * verdict.wall_ms <= verdict.gpu_ms <= 1.5 * verdict.wall_ms)
     assert "wall clock" in verdict.why

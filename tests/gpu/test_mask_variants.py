@@ -1,4 +1,4 @@
-"""The mask pass has two ways of reading and counting, one for llvmpipe and one for GPUs: the same bits by both."""
+"""The mask pass has two variants, one for llvmpipe and one for GPUs, with the same results bit for bit."""
 
 from __future__ import annotations
 

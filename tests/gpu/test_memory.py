@@ -1,4 +1,4 @@
-"""A picture that does not fit is refused in one line, before anything is allocated."""
+"""An image larger than memory is refused before anything is allocated."""
 
 from __future__ import annotations
 

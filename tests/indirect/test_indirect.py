@@ -190,7 +190,7 @@ def test_indirect_stays_where_it_is_when_only_the_camera_moves():
 
 
 def test_a_light_inside_a_bulb_stays_inside():
-    """A closed bulb far smaller than a voxel: neither its shadow map nor its virtual lights let light out."""
+    """A closed bulb far smaller than a voxel: neither its shadow map nor its VPLs let light out."""
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((2.0, 2.0, 2.0), inside=True, material=lambert(s))))
     s.node(mesh=s.mesh(box((0.02, 0.02, 0.02), material=lambert(s))), translation=(1.0, 0.3, 0.2))
@@ -204,7 +204,7 @@ def test_a_light_inside_a_bulb_stays_inside():
 
 @pytest.mark.parametrize(("kind", "solid_angle"), [("point", 4 * np.pi), ("spot", 2 * np.pi)])
 def test_every_face_of_a_light_away_from_the_camera_counts(kind, solid_angle):
-    """Virtual lights must not depend on where the camera is: total flux is the light's times the albedo.  The spot
+    """VPLs do not depend on the camera's position: total flux is the light's times the albedo.  The spot
     lights half a sphere."""
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(s))))

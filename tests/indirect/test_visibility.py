@@ -23,7 +23,7 @@ SETTINGS = Settings.of(width=48, height=32, indirect="probes", indirect_samples=
 
 
 def crowded() -> Scene:
-    """A room with pillars askew, one of which walks under a lamp that moves, and a block that bends."""
+    """A room with pillars askew, one of which moves under a moving lamp, and a block that bends."""
     s = SceneBuilder()
     gray = s.material(base_color=(0.6, 0.6, 0.6, 1.0), metallic=0.0, roughness=1.0, double_sided=True)
     s.node(mesh=s.mesh(box((3.0, 1.5, 2.0), inside=True, material=gray)))
@@ -116,7 +116,7 @@ def test_rays_that_stride_see_what_an_exact_test_of_every_voxel_sees(gpu):
         blocked = {meets(start, end, cells, grow) for grow in (-1e-3, 1e-3)}
         if len(blocked) == 1:  # else it grazes a voxel, and rounding decides
             seen_counts[seen[i, k]] += 1
-            assert seen[i, k] != blocked.pop(), f"probe {i}, virtual light {k}"
+            assert seen[i, k] != blocked.pop(), f"probe {i}, VPL {k}"
     assert min(seen_counts.values()) > 200, seen_counts
 
 

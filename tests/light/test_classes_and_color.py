@@ -119,15 +119,15 @@ def test_color_is_its_twin(gpu, tone_map, exposure):
     expected = display_color(radiance, exposure, tone_map)
     assert np.abs(shot["color"][..., :3] - expected).max() < 2e-4
     assert shot["color"].max() <= 1.0 and np.ptp(shot["color"][..., :3]) > 0.01
-    # Emission is apart from direct: what glows or is unlit does not scatter its own light.
+    # Emission is not part of direct: an emissive or unlit surface does not scatter its own light.
     green = shot["emission"][..., 1] > 2.0
     assert green.any() and np.all(shot.direct[shot["material"][..., 3] < 0] == 0)
 
 
 def test_emission_alone_is_emission_beside_base_color(gpu):
     """What is unlit sends out its base color, whether or not somebody wants that channel too."""
-    asked = ("emission",), ("emission", "base_color")
-    alone, beside = (picture(gpu, bulbs(), extra=extra, columns=("frustum",))["emission"] for extra in asked)
+    extras = ("emission",), ("emission", "base_color")
+    alone, beside = (picture(gpu, bulbs(), extra=extra, columns=("frustum",))["emission"] for extra in extras)
     assert np.array_equal(alone, beside) and np.isclose(alone[..., 0], 0.9, atol=1e-3).any()
 
 

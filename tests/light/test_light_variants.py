@@ -1,4 +1,4 @@
-"""Light has two ways of working, one for llvmpipe and one for GPUs: the same bits by both."""
+"""The light passes have two variants, one for llvmpipe and one for GPUs, with the same results bit for bit."""
 
 from __future__ import annotations
 

@@ -48,12 +48,12 @@ def test_what_is_left_out_stays_below_the_given_error(gpu, field, light_error):
 def test_unlimited_lights_are_bounded_too(gpu):
     """Without ranges hundreds of faint lights add up: few can go, and what goes is still within the error."""
     field = lamp_field(intensity=0.01)
-    pictures = []
+    images = []
     for light_error in (0.0, 2e-2):
         with opened(gpu, field, light_error=light_error, **SIZE) as source:
-            pictures.append(shoot(source, 3).direct)
+            images.append(shoot(source, 3).direct)
             kept = source.light.tile_counts()
-    left_out = pictures[0] - pictures[1]
+    left_out = images[0] - images[1]
     assert 0 < left_out.max() <= 2e-2 + 1e-5 and left_out.min() >= -1e-5
     assert kept.max() < 690
 
@@ -117,7 +117,7 @@ def test_a_shiny_floor_keeps_more(gpu):
 
 def test_culling_keeps_suns_and_spots(gpu):
     """Lights of all kinds through the lists give what they give without lists."""
-    pictures = []
+    images = []
     for effects in ("auto", "all"):
         b = SceneBuilder()
         b.node(mesh=b.mesh(quad(4.0, 4.0, material=lambert(b))))
@@ -129,8 +129,8 @@ def test_culling_keeps_suns_and_spots(gpu):
         b.camera(translation=(0.0, 0.0, 4.0))
         with opened(gpu, b.build(), effects=effects, light_error=0.0, **SIZE) as source:
             assert source.effects["light_culling"].enabled == (effects == "all")
-            pictures.append(shoot(source).direct)
-    assert pictures[0].max() > 0.1 and np.allclose(pictures[0], pictures[1], rtol=1e-5, atol=1e-7)
+            images.append(shoot(source).direct)
+    assert images[0].max() > 0.1 and np.allclose(images[0], images[1], rtol=1e-5, atol=1e-7)
 
 
 def test_a_black_or_hidden_light_is_in_no_list(gpu):

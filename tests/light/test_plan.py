@@ -41,9 +41,8 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_plan_is_what_is_made(gpu, case):
-    make, asked = CASES[case]
-    scene, asked = make(), SIZE | {"columns": COLUMNS} | asked
-    check(gpu, scene, asked)
+    make, chosen = CASES[case]
+    check(gpu, make(), SIZE | {"columns": COLUMNS} | chosen)
 
 
 REAL = ("CesiumMan.glb", "LightsPunctualLamp.gltf", "AlphaBlendModeTest.glb", "04_lights.gltf")
@@ -59,11 +58,11 @@ def test_the_demo_is_planned_right(gpu):
     check(gpu, load_scene(ASSETS / "demo.glb"), SIZE | {"columns": COLUMNS})
 
 
-def check(gpu, scene, asked) -> None:
-    settings = Settings.of(**asked)
+def check(gpu, scene, chosen) -> None:
+    settings = Settings.of(**chosen)
     plan = FramePlan(scene, settings)
     resources = plan.resources()
-    with opened(gpu, scene, **asked) as source:
+    with opened(gpu, scene, **chosen) as source:
         shoot(source, 0)
         assert source.effects == plan.effects
         assert source.channels == frame_channels(plan.spec())

@@ -1,4 +1,4 @@
-"""A shadow face is redrawn only when what it sees has moved, and nobody can tell from the picture."""
+"""A shadow face is redrawn only when what it sees has moved, and the image does not depend on it."""
 
 from __future__ import annotations
 
@@ -88,11 +88,11 @@ def test_the_cache_does_not_show(gpu, moving, shadow_filter):
 
 
 def test_two_runs_give_the_same_bits(gpu):
-    pictures = []
+    images = []
     for _ in range(2):
         with opened(gpu, street(move_box=True, move_light=True), sky=(0.1, 0.2, 0.3), **SIZE) as source:
-            pictures.append([shoot(source, frame).direct for frame in range(4)])
-    assert np.array_equal(*pictures)
+            images.append([shoot(source, frame).direct for frame in range(4)])
+    assert np.array_equal(*images)
 
 
 def test_a_kept_map_is_the_map_that_would_be_drawn_now(gpu):
