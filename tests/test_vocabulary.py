@@ -27,6 +27,8 @@ BANNED = {
     "grey\\w*": "gray",
     "centred?s?": "center",
     "neighbour\\w*": "neighbor",
+    "(kilo|centi|milli|micro)?metres?": "meter",
+    "(normal|minim|maxim|initial|raster|recogn|optim|serial|visual|quant)is(e[sd]?|ing|ations?)": "-ize",
 }
 """Regular expression of a word -> what to write instead."""
 

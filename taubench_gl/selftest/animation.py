@@ -137,7 +137,7 @@ def cubic_still(bench: Bench) -> Outcome:
 @case(
     "cubic-rotation",
     what="CUBICSPLINE rotation with tangents that pull the quaternion to length 0: is the result a rotation?",
-    elsewhere="normalising a zero quaternion gives NaN",
+    elsewhere="normalizing a zero quaternion gives NaN",
     here="normalized; the zero quaternion means no rotation",
     tolerance=1e-15,
     source="float64: 4 ulps of 1",

@@ -75,7 +75,7 @@ class Bench:
     ) -> PairImages:
         """Render the frames at ``times`` (previous, current; seconds), compare them, and read all images back.
 
-        ``thresholds``: those that differ from the default, position in metres; ``extra``: further channels to render;
+        ``thresholds``: those that differ from the default, position in meters; ``extra``: further channels to render;
         ``size``: (width, height), None: that of the bench.
         """
         size = size or self.size

@@ -41,7 +41,8 @@ def test_errors_name_their_line(drive, text, line):
 
 def test_former_names_in_scripts(drive, capsys):
     driven = drive()
-    driven.run("minimise\nresize 700 500\naction next picture\nexpect picture.width == 96\naction motion error")
+    former = "minimise\nresize 700 500\naction next picture\nexpect picture.width == 96\naction motion error"
+    driven.run(former)
     assert driven.state.channel == "object_motion"
     assert capsys.readouterr().err.count(" is now ") == 4
 
