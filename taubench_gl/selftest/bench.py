@@ -66,19 +66,17 @@ class Bench:
         times: tuple[float, float] = (0.0, 1.0),
         *,
         camera: CameraTrack | None = None,
-        reprojection: str = "camera",
-        sampling: str = "nearest",
-        thresholds: Mapping[str, float] | None = None,
-        unit_scale: float = 1.0,
         extra: Sequence[str] = (),
         size: Size | None = None,
+        **metrics: Any,
     ) -> PairImages:
         """Render the frames at ``times`` (previous, current; seconds), compare them, and read all images back.
 
-        ``thresholds``: those that differ from the default, position in meters; ``extra``: further channels to render;
-        ``size``: (width, height), None: that of the bench.
+        ``extra``: further channels to render; ``size``: (width, height), None: that of the bench; ``metrics``: fields
+        of MetricsSettings.
         """
-        size = size or self.size
+        size, settings = size or self.size, Settings.of(**metrics)
+        reprojection = settings.metrics.reprojection
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
         camera = camera or choose_camera(scene)
         renderer = Renderer(GpuContext(self.gpu, self.shaders), scene, camera, size, names)
@@ -91,7 +89,6 @@ class Bench:
             pair = pairing.reprojection(view, previous_view, *size)
             textures = renderer.history.current.textures, renderer.history.previous.textures
             drawn = ChannelPair(size, *textures, reprojection=reprojection)
-            settings = Settings.of(thresholds=thresholds or {}, unit_scale=unit_scale, sampling=sampling)
             found = self._compare(drawn, settings, pair)
             current = {n: renderer.read(n) for n in renderer.channels}
             history = {n: renderer.read(n, previous=True) for n in renderer.channels}
@@ -146,15 +143,14 @@ class Bench:
         history: Mapping[str, Array],
         pair: Reprojection | None = None,
         *,
-        thresholds: Mapping[str, float] | None = None,
-        sampling: str = "nearest",
-        reprojection: str = "camera",
         declared: int = 0,
         dtype: str = "f4",
+        **metrics: Any,
     ) -> PairImages:
         """Compare arrays (h, w, n) with the mask pass, stored as ``dtype`` (f4 or f2).
 
         ``position`` and ``normal`` default to a still wall 1 m away; radiance is compared if it is given.
+        ``declared``: reason bits of every pixel; ``metrics``: fields of MetricsSettings.
         """
         radiance = tuple(n for n in ("direct", "indirect", "color") if n in current)
         given = next(iter(current.values()), None)
@@ -164,8 +160,8 @@ class Bench:
         current, history = {**wall, **current}, {**wall, **history}
         now = {n: self._texture(v, dtype) for n, v in current.items()}
         then = {n: self._texture(v, dtype) for n, v in history.items()}
-        uploaded = ChannelPair((width, height), now, then, reprojection, radiance)
-        settings = Settings.of(thresholds=thresholds or {}, sampling=sampling)
+        settings = Settings.of(**metrics)
+        uploaded = ChannelPair((width, height), now, then, settings.metrics.reprojection, radiance)
         try:
             return PairImages(*self._compare(uploaded, settings, pair, declared), pair, current, history)
         finally:
