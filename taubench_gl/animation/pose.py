@@ -203,6 +203,6 @@ def _fit(weights: Array, count: int) -> Array:
     return out
 
 
-def _set_parameters(things: list[Camera] | list[Light], index: Array, path: str, values: Array) -> None:
+def _set_parameters(items: list[Camera] | list[Light], index: Array, path: str, values: Array) -> None:
     for i, row in zip(index.tolist(), values.tolist()):
-        things[i] = dataclasses.replace(things[i], **{path: tuple(row) if path == "color" else row[0]})
+        items[i] = dataclasses.replace(items[i], **{path: tuple(row) if path == "color" else row[0]})

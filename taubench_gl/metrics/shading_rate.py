@@ -58,13 +58,13 @@ def nearest_shaded(rate: str, size: tuple[int, int], frame: int) -> Array:
     x, y = np.meshgrid(np.arange(w), np.arange(h - 1, -1, -1))
     p = phase(rate, frame)
 
-    def beside(at: Array, odd: Array) -> Array:
+    def neighbor(at: Array, odd: Array) -> Array:
         return np.where(odd, np.where(at > 0, at - 1, at + 1), at)
 
     if rate == "half":
-        y = beside(y, y % 2 != p)
+        y = neighbor(y, y % 2 != p)
     elif rate == "checkerboard":
-        x = beside(x, (x + y) % 2 != p)
+        x = neighbor(x, (x + y) % 2 != p)
     elif rate == "quarter":
-        x, y = beside(x, x % 2 != p % 2), beside(y, y % 2 != p // 2)
+        x, y = neighbor(x, x % 2 != p % 2), neighbor(y, y % 2 != p // 2)
     return np.stack([np.clip(x, 0, w - 1), h - 1 - np.clip(y, 0, h - 1)], axis=-1)

@@ -78,8 +78,8 @@ def test_cubicspline_against_scipy(steps, seed, places):
         t = place * times[-1]
         i = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 2)
         # glTF has separate in- and out-tangents, so SciPy evaluates one segment at a time.
-        oracle = CubicHermiteSpline(times[i : i + 2], values[i : i + 2, 1], [values[i, 2], values[i + 1, 0]])
-        assert np.allclose(curves.sample_channel(channel, t), oracle(t), rtol=1e-10, atol=1e-10)
+        expected = CubicHermiteSpline(times[i : i + 2], values[i : i + 2, 1], [values[i, 2], values[i + 1, 0]])
+        assert np.allclose(curves.sample_channel(channel, t), expected(t), rtol=1e-10, atol=1e-10)
 
 
 def test_cubicspline_tangents_are_per_second():
@@ -131,11 +131,11 @@ def test_denormal_time_steps_give_finite_values(dt, interpolation, path):
 @given(components, components, unit)
 def test_slerp_against_scipy(a, b, u):
     a, b = quat(*a), quat(*b)
-    if abs(np.dot(a, b)) < 1e-6:  # 180 degrees apart: both ways are right
+    if abs(np.dot(a, b)) < 1e-6:  # 180 degrees apart: both arcs are valid
         return
-    oracle = Slerp([0, 1], Rotation.from_quat([a, b]))(u)
+    expected = Slerp([0, 1], Rotation.from_quat([a, b]))(u)
     ours = Rotation.from_quat(curves.slerp(a, b, u))
-    assert (oracle.inv() * ours).magnitude() < 1e-7
+    assert (expected.inv() * ours).magnitude() < 1e-7
 
 
 @settings(deadline=None)
