@@ -9,6 +9,7 @@ import numpy as np
 
 from taubench_gl.conventions import GUARD_PX, NOT_COMPARABLE, Reason
 from taubench_gl.errors import GraphicsError, MethodError
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct, column_major
 from taubench_gl.gpu.shader import VERSION, Source, compile_compute, resolve
@@ -180,7 +181,7 @@ class GlslPasses:
 
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int]):
         self._gpu, self._method, self._size = gpu, method, size
-        self._group = (32, 1) if gpu.software else (8, 8)  # llvmpipe stores textures by scanline, GPUs in square tiles
+        self._group = Tuning(gpu.software).shading_group
         self._programs: list[moderngl.ComputeShader] = []
         self._parameters: moderngl.Buffer | None = None
         self._now: dict[str, moderngl.Texture] = {}

@@ -23,6 +23,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, Source
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -332,7 +333,7 @@ class ComposePass:
     ):
         """``channels``: the LIGHT_CHANNELS of the frames; ``accumulate``: sum weighted samples of one frame."""
         self._gpu, self._size, self._settings, self._rate = context.gpu, size, settings, rate
-        self._group = (32, 1) if context.gpu.software else (8, 8)
+        self._group = Tuning(context.gpu.software).shading_group
         self._reads = ("position", *(c for c in LIGHT_CHANNELS if c in channels))
         defines = {f"HAS_{c.upper()}": c in channels for c in LIGHT_CHANNELS}
         defines |= {"SHADING_RATE": RATES.index(rate), "ACCUMULATE": accumulate}
@@ -373,7 +374,7 @@ class MaskInputs:
         gpu, shaders = context.gpu, context.shaders
         self._gpu = gpu
         self._evaluator = PairEvaluator(context, source, settings, images=True, radiance=radiance)
-        self._group = (32, 1) if gpu.software else (8, 8)
+        self._group = Tuning(gpu.software).shading_group
         constants = [f"const uint {bit.name} = {bit.value}u;" for bit in (Reason.BEHIND, Reason.INVALID)]
         constants.append(f"const float FAR_AWAY_PX = {FAR_AWAY_PX};")
         defines = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}

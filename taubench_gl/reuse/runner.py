@@ -23,6 +23,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.errors import MethodError
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.shader import ShaderCache
@@ -137,7 +138,7 @@ class _FiniteCheck:
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]):
         self._gpu, self.size = gpu, size
-        self._group = (32, 1) if gpu.software else (8, 8)
+        self._group = Tuning(gpu.software).shading_group
         self._shaders = ShaderCache(gpu.ctx)
         self._program = self._shaders.compute(
             "reuse/finite.comp.glsl", {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
