@@ -1,29 +1,30 @@
-"""Materials on the GPU: parameters in one table, textures decoded in threads and only if some channel needs them."""
+"""Materials: which textures the channels need, and parameters and textures on the GPU."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.material_slots import (
-    MIRRORED_REPEAT,
-    SLOTS,
-    SRGB_SLOTS,
-    image_bytes,
-    images_of,
-    material_key,
-    texture_of,
-)
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.scene.model import Material, Scene, Texture
 
 if TYPE_CHECKING:
     import moderngl
+
+SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
+"""Texture slots in binding order."""
+
+SRGB_SLOTS = ("base_color", "emissive")
+"""Slots whose texels are sRGB-encoded."""
+
+MIRRORED_REPEAT = 33648
+"""Wrap mode that samplers do not use: the shaders fold the coordinates instead."""
 
 _GL_SRGB8_ALPHA8 = 0x8C43
 BLEND_CUTOFF = 0.5
@@ -44,6 +45,64 @@ STRIDE = 256
 One material at a time in a uniform block: llvmpipe reads a storage buffer lane by lane, which took most of the time of
 a pass with eight channels.
 """
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialKey:
+    """Properties of a material that select its shader variant."""
+
+    slots: tuple[str, ...]  # textures sampled
+    alpha_test: bool
+    double_sided: bool
+    plain_uv: bool = False  # ``has_plain_uv`` of those slots
+
+
+def texture_of(material: Material, slot: str) -> Texture | None:
+    return getattr(material, f"{slot}_texture")
+
+
+def wanted_slots(channels: Iterable[str], material: Material, *, normal_maps: bool = True) -> tuple[str, ...]:
+    """Texture slots that ``channels`` need for this material."""
+    channels = set(channels)
+    needed = {
+        "base_color": "base_color" in channels or tests_alpha(material),
+        "normal": normal_maps and "normal" in channels and material.normal_scale != 0.0,
+        "metallic_roughness": "material" in channels,
+        "emissive": "emission" in channels and any(material.emissive) and not material.unlit,
+        "occlusion": "material" in channels and material.occlusion_strength != 0.0,
+    }
+    return tuple(s for s in SLOTS if needed[s] and texture_of(material, s) is not None)
+
+
+def has_plain_uv(material: Material, slots: Iterable[str]) -> bool:
+    """Whether all these textures use the first texture coordinates without transform and without mirroring."""
+    textures = [texture_of(material, slot) for slot in slots]
+    return all(
+        t.texcoord == 0
+        and np.array_equal(t.uv_transform, np.eye(2, 3))
+        and MIRRORED_REPEAT not in (t.sampler.wrap_s, t.sampler.wrap_t)
+        for t in textures
+    )
+
+
+def tests_alpha(material: Material) -> bool:
+    return material.alpha_mode in ("MASK", "BLEND")
+
+
+def material_key(material: Material, channels: Iterable[str], *, normal_maps: bool = True) -> MaterialKey:
+    """Key of the shader variant of ``material`` that writes ``channels``."""
+    slots = wanted_slots(channels, material, normal_maps=normal_maps)
+    return MaterialKey(slots, tests_alpha(material), material.double_sided, has_plain_uv(material, slots))
+
+
+def images_of(used: Iterable[tuple[Material, tuple[str, ...]]]) -> set[tuple[int, bool]]:
+    """(image, sRGB-encoded) of every texture of these slots of materials; an image used both ways is there twice."""
+    return {(texture_of(material, slot).image, slot in SRGB_SLOTS) for material, slots in used for slot in slots}
+
+
+def image_bytes(size: tuple[int, int]) -> int:
+    """GPU memory of an RGBA8 texture with its mipmaps."""
+    return size[0] * size[1] * 4 * 4 // 3
 
 
 class MaterialTable:

@@ -12,7 +12,7 @@ from typing import Any
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import Effect, decide
-from taubench_gl.frame.material_slots import image_bytes, images_of
+from taubench_gl.frame.materials import image_bytes, images_of
 from taubench_gl.frame.passes.deform import deform
 from taubench_gl.frame.passes.gbuffer import attachments, channel_pass
 from taubench_gl.frame.passes.indirect import indirect_light

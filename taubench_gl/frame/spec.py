@@ -14,7 +14,7 @@ from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import indirect_method
 from taubench_gl.frame.lights import light_kinds, significant_lights
-from taubench_gl.frame.material_slots import MaterialKey, material_key
+from taubench_gl.frame.materials import MaterialKey, material_key
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import Face, faces_of
 from taubench_gl.frame.tuning import Tuning

@@ -9,7 +9,7 @@ import pytest
 from frame_tools import FormulaCamera, make_scene, picture, primitive, quad, still_camera
 
 from taubench_gl.channels import CHANNELS
-from taubench_gl.frame.material_slots import has_plain_uv
+from taubench_gl.frame.materials import has_plain_uv
 from taubench_gl.frame.passes import gbuffer
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.passes import GpuContext

@@ -118,7 +118,7 @@ class DeformPass:
     """Owns sources, job tables and palettes; writes into the posed pool's buffers."""
 
     def __init__(self, context: GpuContext, scene: Scene, geometry: Geometry, *, previous: bool):
-        self._context, self._gpu, self._scene, self._previous = context, context.gpu, scene, previous
+        self._gpu, self._scene, self._previous = context.gpu, scene, previous
         self._draws: list[tuple[int, Draw]] = [(i, d) for i, d in enumerate(geometry.draws) if d.posed]
         self._upload_sources(geometry)
         ctx = self._gpu.ctx

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.context import FrameContext
-from taubench_gl.frame.material_slots import SLOTS, MaterialKey
-from taubench_gl.frame.materials import MATERIAL
+from taubench_gl.frame.materials import MATERIAL, SLOTS, MaterialKey
 from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import CONSTANTS, RasterPass, Use

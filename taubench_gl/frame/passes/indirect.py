@@ -7,7 +7,7 @@ pass runs, wherever the camera is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
-from taubench_gl.frame.material_slots import MaterialKey
+from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import channel_pass, geometry_pass, geometry_variant
 from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant
 from taubench_gl.frame.scene_buffers import Group
@@ -31,7 +31,7 @@ from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.scene.model import Scene
 
 if TYPE_CHECKING:
-    import moderngl
+    pass
 
 Array = np.ndarray
 
@@ -146,7 +146,7 @@ class Declarations:
     def __init__(self, spec: FrameSpec):
         self._spec, self.layout = spec, indirect_layout(spec.facts.box, spec.size, spec.settings.lighting.probes)
         self.center, self.count = scene_center(spec), vpl_count(spec)
-        self.probes = spec.indirect_method == "probes"
+        self.probes, self._faces = spec.indirect_method == "probes", len(rsm_faces(spec))
 
     def all(self) -> list[Pass]:
         """In the order in which they run."""
@@ -160,18 +160,17 @@ class Declarations:
             out += [*self.gather(), self.apply()]
         return out
 
-    def values(self, frame: FrameContext) -> dict:
-        """Fields of the INDIRECT record."""
-        out = {field.name: self.layout[field.name] for field in INDIRECT.fields}
-        out["counts"] = self.count, phase(self._spec.shading.rate, frame.number), len(rsm_faces(self._spec)), 0
-        out["scene_from_relative"] = (*(frame.view.position - self.center), 0.0)
-        return out
+    def record(self, frame: FrameContext) -> Array:
+        """The INDIRECT record of ``frame``."""
+        self.layout["counts"][:3] = self.count, phase(self._spec.shading.rate, frame.number), self._faces
+        self.layout["scene_from_relative"][:3] = frame.view.position - self.center
+        return self.layout
 
     def _compute(self, shader: str) -> ComputePass:
         sizes = f"const int GRID = {GRID}, SCALE = {SCALE}, VPL_ROW = {VPL_ROW}, LIGHT_ROW = {LIGHT_ROW};"
         p = ComputePass("indirect", (f"indirect/{shader}.comp.glsl",)).define(**self._spec.tuning.defines)
         p.glsl(VPL, LIGHT, FACE, sizes, f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE};")
-        return p.constants("P", INDIRECT, self.values)
+        return p.constants("P", INDIRECT, self.record)
 
     def rsm(self) -> RasterPass:
         """What each light sees."""
@@ -186,8 +185,7 @@ class Declarations:
 
     def _room(self) -> dict[str, str]:
         """Error of a device that has no room."""
-        faces = len(rsm_faces(self._spec))
-        what = f"{self.count} virtual point lights in {faces} reflective shadow map{'s' * (faces != 1)}"
+        what = f"{self.count} virtual point lights in {self._faces} reflective shadow map{'s' * (self._faces != 1)}"
         return {"what": what, "hint": "lower --shadow-lights or indirect_samples"}
 
     def voxels(self, name: str) -> RasterPass:
@@ -337,13 +335,12 @@ class IndirectPass:
         ctx = gpu.ctx
         targets = [self.tables[f"rsm_{channel}"] for channel in CHANNEL_NAMES]
         self._framebuffer = ctx.framebuffer(targets, self.tables["rsm_depth"])
-        self._rsm = context.raster(passes.rsm())
-        self._drawer = FaceDrawer(gpu)
+        self._drawer = FaceDrawer(context, self._framebuffer, passes.rsm())
         self._rows = FACE.zeros(len(faces))
         self.tables["texels"] = ctx.buffer(_texel_table(faces, self._offsets).tobytes())
         self.tables["rsm_faces"] = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
         self._vpls = context.compute(passes.vpls())
-        self.grid = ProbeGrid(context, spec, passes, self.tables, self._drawer, draws) if passes.probes else None
+        self.grid = ProbeGrid(context, spec, passes, self.tables, draws) if passes.probes else None
         self._shade: list[CompiledCompute] = []
         if not spec.shading.stochastic:
             self._shade = [context.compute(p) for p in (*passes.gather(), passes.apply())]
@@ -384,7 +381,7 @@ class IndirectPass:
             return geometry_variant(key, group.posed, CHANNEL_NAMES, colors), known
 
         stale = list(zip(faces, self._offsets, seen, strict=True))
-        self._drawer.draw(frame, stale, self._framebuffer, self._rsm, variant)
+        self._drawer.draw(frame, stale, variant)
         self._gpu.hazards.wrote(self._framebuffer.color_attachments, drawn=True)
         for row, face in zip(self._rows, faces, strict=True):
             row["origin"] = (*(face.origin - frame.view.position), float(face.parallel))
@@ -394,20 +391,13 @@ class IndirectPass:
             row["extent"] = face.resolution, texel, float(on[face.light]), face.light
         self.tables["rsm_faces"].write(self._rows.tobytes())
 
-    @property
-    def count(self) -> int:
-        return self._passes.count
-
     def record(self, frame: FrameContext) -> Array:
         """The INDIRECT record of ``frame``."""
-        out = INDIRECT.zeros()
-        for name, value in self._passes.values(frame).items():
-            out[name] = value
-        return out
+        return self._passes.record(frame)
 
     def vpls(self) -> Array:
         """The VPLs of this frame, (V,) VPL records in scene space."""
-        return np.frombuffer(self.tables["vpls"].read(), dtype=VPL.dtype)[: self.count]
+        return np.frombuffer(self.tables["vpls"].read(), dtype=VPL.dtype)[: self._passes.count]
 
     def release(self) -> None:
         for item in (self._framebuffer, self._drawer, *self.tables.values(), *([self.grid] * (self.grid is not None))):
@@ -423,12 +413,12 @@ class ProbeGrid:
         spec: FrameSpec,
         passes: Declarations,
         tables: dict,
-        drawer: FaceDrawer,
         draws: tuple[Draw, ...],
     ):
         """``tables``: allocated resources of ``passes``."""
-        self._gpu, self._passes, self._tables, self._drawer = context.gpu, passes, tables, drawer
-        self._voxels = context.raster(passes.voxels("voxels_fixed"))
+        self._gpu, self._passes, self._tables = context.gpu, passes, tables
+        declaration = passes.voxels("voxels_fixed")
+        self._bindings = {use.name: binding for use, binding in declaration.bindings()}
         self._bricks = [context.compute(p) for p in passes.bricks()]
         self._visibility, self._bounce = context.compute(passes.visibility()), context.compute(passes.bounce())
         self._receive = [context.compute(passes.receive(first=first)) for first in (True, False)]
@@ -438,14 +428,12 @@ class ProbeGrid:
         self._anchor = AnchoredRecords(context.gpu, draws, passes.center)
         self._depth = context.gpu.ctx.depth_texture((2 * GRID, 2 * GRID))
         self._target = context.gpu.ctx.framebuffer(depth_attachment=self._depth)
+        self._drawer = FaceDrawer(context, self._target, declaration, depth_test=False)
 
     def fill(self, frame: FrameContext) -> None:
         """Mark every voxel that a surface passes through.  What no animation moves keeps its marks."""
-        record = INDIRECT.zeros()
-        for name, value in self._passes.values(frame).items():
-            record[name] = value
-        self._constants.write(record.tobytes())
-        self._constants.bind_to_uniform_block(self._voxels.bindings["P"])
+        self._constants.write(self._passes.record(frame).tobytes())
+        self._constants.bind_to_uniform_block(self._bindings["P"])
         self._anchor.update(frame.placement, frame.buffers.order)
         casters, stale = frame.casters, False
         parts = {"voxels_fixed": casters.visible & self._fixed, "voxels_moving": casters.visible & ~self._fixed}
@@ -455,7 +443,7 @@ class ProbeGrid:
                 continue
             self._drawn[k], stale = key, True
             self._tables[name].clear()
-            self._tables[name].bind_to_storage_buffer(self._voxels.bindings["voxels"])
+            self._tables[name].bind_to_storage_buffer(self._bindings["voxels"])
             self._mark(frame, np.flatnonzero(seen))
             self._gpu.hazards.wrote([self._tables[name]])
         for compiled in self._bricks if stale else ():
@@ -476,8 +464,7 @@ class ProbeGrid:
             start = middle - forward * half
             face = Face(0, True, start, np.cross(forward, up), up, forward, half, 2.0 * half, 2 * GRID)
             stale.append((face, (0, 0), seen))
-        variant: Callable[[Group], Variant] = lambda group: _voxel_variant(group.posed)  # noqa: E731
-        self._drawer.draw(frame, stale, self._target, self._voxels, variant, depth_test=False, anchor=self._anchor)
+        self._drawer.draw(frame, stale, lambda group: _voxel_variant(group.posed), anchor=self._anchor)
 
     def light(self, frame: FrameContext) -> None:
         """Find which VPLs every probe sees, then let light bounce.  ``fill`` must be up to date."""
@@ -501,12 +488,8 @@ class ProbeGrid:
         words = np.frombuffer(self._tables["visibility"].read(), np.uint8).reshape(probes, -1)
         return np.unpackbits(words, axis=1, bitorder="little")[:, : self._passes.count].astype(bool)
 
-    def irradiance(self) -> moderngl.Texture:
-        """Six texels for each probe."""
-        return self._tables["probes"]
-
     def release(self) -> None:
-        for item in (self._depth, self._target, self._anchor, self._constants):
+        for item in (self._drawer, self._depth, self._target, self._anchor, self._constants):
             item.release()
 
 

@@ -11,16 +11,16 @@ import numpy as np
 from taubench_gl.frame.casters import Rect, ShadowMapCache
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.geometry import Draw
-from taubench_gl.frame.material_slots import MaterialKey
+from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
 from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, first_faces, pack
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.declare import Pass, Resource, stage
+from taubench_gl.gpu.declare import Pass, RasterPass, Resource, stage
 from taubench_gl.gpu.layout import column_major
-from taubench_gl.gpu.passes import CompiledRaster, GpuContext, fitted
+from taubench_gl.gpu.passes import GpuContext, fitted
 
 if TYPE_CHECKING:
     import moderngl
@@ -94,8 +94,16 @@ class AnchoredRecords:
 class FaceDrawer:
     """Draws lists of (face, atlas offset, seen draws) into one framebuffer."""
 
-    def __init__(self, gpu: Gpu):
-        self._gpu = gpu
+    def __init__(
+        self,
+        context: GpuContext,
+        framebuffer: moderngl.Framebuffer,
+        declaration: RasterPass,
+        *,
+        depth_test: bool = True,
+    ):
+        gpu = self._gpu = context.gpu
+        self._framebuffer, self._raster, self._depth_test = framebuffer, context.raster(declaration), depth_test
         self._frames = gpu.ctx.buffer(reserve=STRIDE * 8, dynamic=True)
         self._commands = gpu.ctx.buffer(reserve=COMMAND.itemsize * 1024, dynamic=True)
 
@@ -103,11 +111,8 @@ class FaceDrawer:
         self,
         frame: FrameContext,
         stale: Sequence[tuple[Face, tuple[int, int], Array]],
-        framebuffer: moderngl.Framebuffer,
-        raster: CompiledRaster,
         variant_of: Callable[[Group], Variant],
         *,
-        depth_test: bool = True,
         anchor: AnchoredRecords | None = None,
         parts: Sequence[Rect] | None = None,
     ) -> None:
@@ -119,11 +124,12 @@ class FaceDrawer:
         if not stale:
             return
         ctx, view, scene = self._gpu.ctx, frame.view, frame.buffers
+        framebuffer, raster = self._framebuffer, self._raster
         runs = self._upload([seen for _, _, seen in stale], scene)
         origins = [view.position if anchor is None else anchor.origin, view.position]  # of fixed and of posed draws
         self._upload_frames([face.clip_from_relative(o) for face, _, _ in stale for o in origins], stale)
         framebuffer.use()
-        ctx.enable_only(ctx.DEPTH_TEST if depth_test else ctx.NOTHING)
+        ctx.enable_only(ctx.DEPTH_TEST if self._depth_test else ctx.NOTHING)
         ctx.depth_func = ">"
         records = scene.records if anchor is None else anchor.buffer
         for at, ((face, (x, y), _), groups) in enumerate(zip(stale, runs, strict=True)):
@@ -194,8 +200,7 @@ class ShadowPass:
         self._framebuffer.clear(depth=0.0)
         self.rows = FACE.zeros(max(len(faces), 1))
         self._table = gpu.ctx.texture((len(FACE.fields), len(self.rows)), 4, dtype="f4")
-        self._raster = context.raster(declaration)
-        self._drawer = FaceDrawer(gpu)
+        self._drawer = FaceDrawer(context, self._framebuffer, declaration)
         self._anchor = AnchoredRecords(gpu, draws, spec.facts.bounds[0])
 
     def depths(self) -> Array:
@@ -229,7 +234,7 @@ class ShadowPass:
             key = frame.materials.keys[group.material + 1]
             return _variant(key, group.posed, group.material in spec.colored)
 
-        self._drawer.draw(frame, stale, self._framebuffer, self._raster, variant, anchor=self._anchor, parts=parts)
+        self._drawer.draw(frame, stale, variant, anchor=self._anchor, parts=parts)
         self._gpu.hazards.wrote([self.atlas], drawn=True)
 
     def _fill(self, i: int, face: Face, frame: FrameContext) -> None:
