@@ -35,6 +35,7 @@ class Term:
 
 
 _MASKS = "docs/conventions.md, Masks"
+_REUSABLE = "docs/conventions.md, Reusable pixels"
 _REPROJECTION = "docs/conventions.md, Reprojection"
 _CAMERA = "docs/conventions.md, Camera activity"
 _EQ_1, _EQ_2, _EQ_3, _EQ_4 = (f"paper, Eq. {n}" for n in (1, 2, 3, 4))
@@ -55,6 +56,21 @@ CONCEPTS: Mapping[str, Term] = _by_key(
     Term(
         "reusable", "reusable pixel", "A pixel whose reprojected history passes the tests of the columns considered",
         "", _SECTION_3_2,
+    ),
+    Term(
+        "surface", "surface",
+        "Reuse rate of surfaces: pixels whose history shows the same point with the same normal, which no frustum, "
+        "position or normal discard rules out", "% of all pixels", _REUSABLE,
+    ),
+    Term(
+        "shading", "shading",
+        "Reuse rate of shaded pixels: those counted by surface whose direct and indirect light did not change either; "
+        "color is left out, because it depends on the tone map", "% of all pixels", _REUSABLE,
+    ),
+    Term(
+        "color_only", "color alone",
+        "Reusable pixels that the color column discards: emission or textures changed, or light changed by less than "
+        "its thresholds", "% of all pixels", _REUSABLE,
     ),
     Term("discarded", "discarded pixel", "A pixel that is not reusable; the column is the reason", "", _SECTION_3_2),
     Term("discard_rate", "discard rate", "Share of pixels that a column discards", "%", _EQ_4),
@@ -161,6 +177,33 @@ REASONS: Mapping[Reason, Term] = {
 }  # fmt: skip
 """What sets each bit of the reason mask, and the combination ``frustum``."""
 
+REUSE_REASONS: Mapping[Reason, Term] = {
+    **{
+        reason: REASONS[reason]
+        for reason in (
+            Reason.FIRST, Reason.CUT, Reason.INVALID, Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED,
+            Reason.OCCLUDING,
+        )
+    },
+    Reason.POSITION: Term(
+        "position", "moved",
+        "The surface point is not where the history has it, and neither surface hides the other", "", _REUSABLE,
+    ),
+    Reason.NORMAL: Term(
+        "normal", "turned", "The normal changed although the position did not", "", _REUSABLE,
+    ),
+    Reason.LIT: REASONS[Reason.LIT],
+    Reason.SHADOWED: REASONS[Reason.SHADOWED],
+    Reason.DIRECT: Term(
+        "direct", "lit in another color", "Direct radiance changed at equal luminance", "", _REUSABLE
+    ),
+    Reason.INDIRECT: Term(
+        "indirect", "changed in indirect light", "Indirect radiance changed although direct radiance did not", "",
+        _REUSABLE,
+    ),
+}  # fmt: skip
+"""Why a pixel is not reusable.  Disjoint: a pixel counts once, under the first reason of this order in its mask."""
+
 COLUMNS: Mapping[str, Term] = _by_key(
     REASONS[FRUSTUM],
     Term("color", "color", REASONS[Reason.COLOR].definition, "sRGB, 0 to 1", _SECTION_3_2),
@@ -197,7 +240,8 @@ STATISTICS: Mapping[str, Term] = _by_key(
         "Discarded pixels divided by comparable pixels (for frustum: comparable and frustum pixels), mean over pairs",
         "%", _MASKS,
     ),
-    Term("max_percent", "max", "Highest discard rate of any pair", "% of all pixels", _EQ_4),
+    Term("max_percent", "max", "Highest rate of any pair", "% of all pixels", _EQ_4),
+    Term("min_percent", "min", "Lowest rate of any pair", "% of all pixels", _EQ_4),
     Term(
         "without_cuts_mean_percent", "without cuts", "Mean over the pairs that are not camera cuts",
         "% of all pixels", _CAMERA,
@@ -242,6 +286,10 @@ FRAMES: Mapping[str, Term] = _by_key(
     Term("frame", "frame", "Number of the pair's current frame"),
     Term("time_s", "time", "Time of the current frame, frame / fps", "s"),
     Term("pixels", "pixels", "All pixels, w x h x samples per pixel", "pixels"),
+    *(
+        Term(f"reusable_{rate}", f"reusable {rate}", CONCEPTS[rate].definition, "pixels", _REUSABLE)
+        for rate in ("surface", "shading")
+    ),
     *(
         Term(term.key, term.label, term.definition, "pixels", term.source)
         for reason, term in REASONS.items()
@@ -322,6 +370,12 @@ def page() -> str:
                 REASONS.values(),
                 "Each pixel of a pair has a mask of reason bits. The column *bit* is the value in exported masks.",
                 tuple(bits.values()),
+            ),
+            *_section(
+                "Reasons of pixels that are not reusable",
+                REUSE_REASONS.values(),
+                "Disjoint: a pixel counts once, under the first reason of this list that applies. The reasons and the "
+                "reuse rate add up to 100 %.",
             ),
             *_section(
                 "Columns of Table 4",

@@ -19,8 +19,9 @@ SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
 
 COUNT_COLUMNS = (
-    "pixels", "first", "cut", "invalid", "sky", "history_sky", "behind", "outside", "frustum", "comparable",
-    "position", "normal", "direct", "indirect", "color", "disoccluded", "occluding", "lit", "shadowed",
+    "pixels", "reusable_surface", "reusable_shading", "first", "cut", "invalid", "sky", "history_sky", "behind",
+    "outside", "frustum", "comparable", "position", "normal", "direct", "indirect", "color", "disoccluded",
+    "occluding", "lit", "shadowed",
 )  # fmt: skip
 """Pixel counts of a pair, exact integers; ``frustum`` = ``behind`` + ``outside``."""
 
@@ -36,11 +37,13 @@ FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut
 
 _QUANTITIES = ("position", "yaw", "pitch", "roll", "angle")
 _BLOCKS = (
-    "scene", "settings", "settings.thresholds", "census", "camera", *(f"camera.{name}" for name in _QUANTITIES),
+    "scene", "settings", "settings.thresholds", "reusable", "reusable.surface", "reusable.shading", "reusable.reasons",
+    "mask_histogram", "census", "camera", *(f"camera.{name}" for name in _QUANTITIES),
     "discard", *(f"discard.{name}" for name in COLUMNS),
 )  # fmt: skip
 _NUMBERS = (
-    "pairs", "settings.width", "settings.height", "settings.fps", "camera.fps", "camera.samples",
+    "pairs", "reusable.surface.mean_percent", "reusable.shading.mean_percent",
+    "settings.width", "settings.height", "settings.fps", "camera.fps", "camera.samples",
     *(f"camera.{name}.{value}" for name in _QUANTITIES for value in ("mean", "variance", "max", "median", "p95")),
     *(f"discard.{name}.{value}_percent" for name in COLUMNS for value in ("mean", "comparable_mean", "max")),
 )  # fmt: skip
@@ -80,13 +83,13 @@ class Run:
     out: Path | None = None
 
     def tables(self, paper: bool = True) -> list[Any]:
-        """Tables 1 to 4 as plain data (``report.tables.Table``), with the paper's rows unless ``paper`` is False."""
-        from taubench_gl.report import paper_tables
+        """Reusable pixels, then Tables 1 to 4, as plain data (``report.tables.Table``); ``paper``: with its rows."""
+        from taubench_gl.report import run_tables
 
-        return paper_tables([self.summary], paper=paper)
+        return run_tables([self.summary], paper=paper)
 
     def table(self, paper: bool = True) -> Any:
-        """Tables 1 to 4: printable, a rich renderable, and HTML in a notebook."""
+        """Reusable pixels, then Tables 1 to 4: printable, a rich renderable, and HTML in a notebook."""
         from taubench_gl.report import TablesView
 
         return TablesView(self.tables(paper))
@@ -102,10 +105,13 @@ class Run:
 
     def __repr__(self) -> str:
         discard = self.summary.get("discard", {})
+        reusable = {
+            f"reusable {rate}": (self.summary.get("reusable") or {}).get(rate) for rate in ("surface", "shading")
+        }
         rates = ", ".join(
             f"{name} {entry['mean_percent']:.2f} %"
-            for name, entry in discard.items()
-            if entry.get("mean_percent") is not None
+            for name, entry in (reusable | discard).items()
+            if entry is not None and entry.get("mean_percent") is not None
         )
         settings = self.summary.get("settings", {})
         size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
@@ -239,17 +245,25 @@ def load_run(folder: str | Path) -> Run:
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
     _check_kinds(summary, path)
     _update(summary)
-    return Run(summary, read_frames(out / FRAMES_FILE), out)
+    rows = read_frames(out / FRAMES_FILE)
+    for row in rows:  # columns that an earlier release did not write
+        row.update({name: None for name in COUNT_COLUMNS if name not in row})
+    return Run(summary, rows, out)
 
 
 def _update(summary: dict[str, Any]) -> None:
-    """Bring a summary of an earlier release to the current form: block names, and position in meters.
+    """Bring a summary of an earlier release to the current form: block names, ``reusable``, and position in meters.
 
     Earlier releases wrote the position threshold and the bin edges of the position curve in scene units: their edges
     begin at 2^HISTOGRAM_MIN_EXPONENT for every unit scale.
     """
     if "truth" in summary:
         summary.setdefault("path_traced", summary.pop("truth"))
+    if not summary.get("reusable"):
+        summary["reusable"] = {
+            rate: {"mean_percent": None, "reason": "an earlier release wrote this run"}
+            for rate in ("surface", "shading")
+        }
     settings, curve = summary.get("settings") or {}, (summary.get("curves") or {}).get("position") or {}
     scale, edges = settings.get("unit_scale") or 1.0, curve.get("edges")
     if scale != 1.0 and edges and edges[0] == 2.0**HISTOGRAM_MIN_EXPONENT:

@@ -23,15 +23,15 @@ Examples:
 )
 @click.option("--paper/--no-paper", default=True, show_default=True, help="Include the rows of the paper.")
 def compare(runs: tuple[str, ...], form: str, paper: bool) -> None:
-    """Print Tables 1 to 4 of one or more runs.
+    """Print the reusable pixels and Tables 1 to 4 of one or more runs.
 
     RUN is an output folder of 'taubench-gl evaluate'.  Runs of one scene are labeled with the settings that differ.
     """
     from taubench_gl.apps.screen import show_tables
-    from taubench_gl.report import FORMATS, paper_tables
+    from taubench_gl.report import FORMATS, run_tables
     from taubench_gl.run import load_run
 
-    tables = paper_tables([load_run(run).summary for run in runs], paper=paper)
+    tables = run_tables([load_run(run).summary for run in runs], paper=paper)
     if form == "text":
         show_tables(tables)
     else:

@@ -180,9 +180,9 @@ def _evaluate_one(
 
 def _show(runs: list[Run]) -> None:
     from taubench_gl.apps.screen import show_tables
-    from taubench_gl.report import paper_tables
+    from taubench_gl.report import run_tables
 
-    show_tables(paper_tables([run.summary for run in runs]))
+    show_tables(run_tables([run.summary for run in runs]))
     for run in runs:
         name = run.summary["scene"]["name"]
         # At most 10: a broken exporter can produce one note per node.  summary.json has all of them.

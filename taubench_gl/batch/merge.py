@@ -18,7 +18,7 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.evaluation import assemble_summary, mark_cuts, sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.outputs import write_atomically
-from taubench_gl.report import paper_tables
+from taubench_gl.report import run_tables
 from taubench_gl.report.render import write_tables as write_table_files
 from taubench_gl.run import CAMERA_COLUMNS, FRAME_COLUMNS, Run, RunWriter, load_run
 from taubench_gl.scene.model import Camera
@@ -91,7 +91,7 @@ def finish(store: Store, spec: BatchSpec, failed: Mapping[str, str]) -> dict[str
         run = load_run(store.job(job.id))
         summaries.append(labelled(job, run.summary))
         frames.append((job.id, run.summary["scene"]["name"], job.sweep, run.frames))
-        kept = ("pairs", "camera", "discard")
+        kept = ("reusable", "pairs", "camera", "discard")
         entry |= {"state": "done", "summary": f"jobs/{job.id}/summary.json"}
         jobs.append(entry | {name: run.summary[name] for name in kept})
     summary = {"schema": SCHEMA, "name": spec.name, "done": len(summaries), "failed": len(failed), "jobs": jobs}
@@ -108,7 +108,7 @@ def labelled(job: Job, summary: Mapping[str, Any]) -> dict[str, Any]:
 
 def write_tables(store: Store, summaries: Sequence[Mapping[str, Any]]) -> list[Any]:
     """Write tables.txt, .md, .csv and .tex of these runs; returns the tables."""
-    tables = paper_tables(list(summaries)) if summaries else []
+    tables = run_tables(list(summaries)) if summaries else []
     if tables:
         write_table_files(store.out, tables)
     return tables

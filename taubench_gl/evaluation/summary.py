@@ -13,6 +13,7 @@ from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.metrics.pair_sample import PairSample, estimate
+from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.run import Run, RunWriter
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -60,9 +61,13 @@ def assemble_summary(
     in_meters = activity.in_meters(settings.metrics.unit_scale)
     sample = sampled_pairs(frames, settings)
     discard = stats.discard(cuts[list(sample.positions)])
-    sampling = _sampling(sample, stats, settings, discard) if settings.metrics.pairs != "all" else None
+    sampled = settings.metrics.pairs != "all"
+    sampling = _sampling(sample, stats, settings, discard) if sampled else None
+    weights = sample.weights if sampled else None
+    reusable = stats.reuse.block(settings.metrics.reprojection, cuts[list(sample.positions)], weights)
     return {
         "schema": SUMMARY_SCHEMA,
+        "reusable": reusable,
         "scene": facts["scene"],
         "settings": settings.as_summary(frames),
         "pairs": stats.pairs,
@@ -72,7 +77,8 @@ def assemble_summary(
         **({} if sampling is None else {"sampling": sampling}),
         "classes": stats.classes(),
         "curves": _curves_in_meters(stats.curves(), settings.metrics.unit_scale),
-        "notes": [*facts["notes"], *_accuracy_notes(settings, sampling)],
+        "mask_histogram": stats.reuse.histogram(),
+        "notes": [*facts["notes"], *_color_notes(reusable), *_accuracy_notes(settings, sampling)],
     }
 
 
@@ -100,6 +106,17 @@ def mark_cuts(rows: list[dict[str, Any]], summary: dict[str, Any]) -> None:
         row["camera_cut"] = row["frame"] in cuts
 
 
+def _color_notes(reusable: dict[str, Any]) -> list[str]:
+    """A note where color alone changes: emission and textures are not part of the reuse rate."""
+    share = (reusable["color_only"] or {}).get("mean_percent") or 0.0
+    if share < 0.005:
+        return []
+    return [
+        f"color is not part of the reuse rate, because it depends on the tone map: it discards {share:.2f} % of all "
+        "pixels that are reusable (emission or textures changed, or light changed by less than its thresholds)"
+    ]
+
+
 def _accuracy_notes(settings: Settings, sampling: dict[str, Any] | None) -> list[str]:
     """Notes on a run that evaluates a sample of the pairs, or several samples per pixel."""
     notes = []
@@ -120,4 +137,15 @@ def _sampling(sample: PairSample, stats: SequenceStats, settings: Settings, disc
         found = estimate(sample, stats.per_pair(column))
         discard[column]["mean_percent"] = found.mean
         columns[column] = {"mean_percent": found.mean, "half_width_points": found.half_width, "level": found.level}
-    return {"pairs": settings.metrics.pairs, "drawn": len(sample.positions), "total": sample.total, "columns": columns}
+    reusable = {}
+    for rate in RATES if sample.positions else ():
+        if rate not in stats.reuse.missing:
+            found = estimate(sample, stats.reuse.per_pair(rate))
+            reusable[rate] = {"half_width_points": found.half_width, "level": found.level}
+    return {
+        "pairs": settings.metrics.pairs,
+        "drawn": len(sample.positions),
+        "total": sample.total,
+        "reusable": reusable,
+        "columns": columns,
+    }

@@ -14,7 +14,10 @@ import numpy as np
 from taubench_gl.conventions import COLUMNS, FEATURES, HISTOGRAM_BINS
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.metrics.counts import CLASSES, comparable_percent, counts_of, discarded_above, edges, percent
+from taubench_gl.metrics.reuse_rate import RATES, ReuseStats
 from taubench_gl.metrics.streaming import Welford
+
+NOT_MEASURED = "not measured"
 
 
 class SequenceStats:
@@ -26,6 +29,7 @@ class SequenceStats:
         reasons: dict[str, str],
     ):
         self.measured, self.reasons = measured, reasons
+        self.reuse = ReuseStats({c: reasons.get(c, NOT_MEASURED) for c in COLUMNS if c not in measured})
         self._all = {c: Welford() for c in COLUMNS}
         self._comparable = {c: Welford() for c in COLUMNS}
         self._classes = {c: Welford() for c in CLASSES}
@@ -38,6 +42,7 @@ class SequenceStats:
         """Add one pair; its raw counts, ``None`` where a feature was not measured."""
         counts: dict[str, int | None] = counts_of(counted.mask_histogram)
         self.pairs += 1
+        self.reuse.add(counted.mask_histogram)
         self._comparable_pixels += counts["comparable"]
         for name in CLASSES:
             self._classes[name].add(counts[name])
@@ -53,6 +58,7 @@ class SequenceStats:
                 counts[column] = None
         if "direct" not in self.measured:
             counts["lit"] = counts["shadowed"] = None
+        counts |= {f"reusable_{rate}": None for rate in RATES if rate in self.reuse.missing}
         return counts
 
     def discard(self, cuts: np.ndarray) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from taubench_gl.conventions import (
     Reason,
     histogram_bins,
 )
+from taubench_gl.metrics.reuse_rate import occupied, reusable_pixels
 
 Array = np.ndarray
 
@@ -37,9 +38,9 @@ def counts_of(mask_histogram: Array) -> dict[str, int]:
 
     Bits that are never set count 0, also for features that were not measured.
     """
-    words = np.flatnonzero(mask_histogram)  # a few dozen of the 65536
-    pixels = np.asarray(mask_histogram)[words].astype(np.int64)
+    words, pixels = occupied(mask_histogram)
     out = {"pixels": int(pixels.sum())}
+    out |= {f"reusable_{rate}": count for rate, count in reusable_pixels(mask_histogram).items()}
     out |= {name: int(pixels[of_class[words]].sum()) for name, of_class in _CLASS_OF_WORD.items()}
     for bit in (Reason.SKY, Reason.HISTORY_SKY, Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING,
                 Reason.LIT, Reason.SHADOWED):  # fmt: skip

@@ -33,6 +33,12 @@ class PairSample:
         """All sampled positions, ascending."""
         return tuple(sorted(p for _, sampled in self.strata for p in sampled))
 
+    @property
+    def weights(self) -> Array:
+        """Weight of each of ``positions`` in an estimated mean.  (n,) float64, with the sum 1."""
+        found = {p: size / self.total / len(sampled) for size, sampled in self.strata for p in sampled}
+        return np.array([found[p] for p in self.positions], dtype=np.float64)
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:

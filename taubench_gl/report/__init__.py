@@ -2,7 +2,8 @@
 
 Input are summaries, rows and arrays; nothing here uses OpenGL.  Modules:
 
-- ``tables``, ``labels``, ``render``: Tables 1 to 4 as data, names of runs, and their text formats
+- ``reusable``, ``tables``: reusable pixels and Tables 1 to 4 as data
+- ``labels``, ``render``: names of runs, text formats of tables
 - ``figures``, ``plots``, ``palette``: Matplotlib helpers, plots of a run, colors
 - ``mask_images``, ``frame_store``: images of reason masks, and the stored images of a report
 - ``page``, ``run_page``, ``templates``, ``assets``: the HTML kit (``page`` documents how a page is made) and the report
@@ -19,6 +20,7 @@ from taubench_gl.outputs import output_folder
 from taubench_gl.report.mask_images import mask_overlay, save_mask_image
 from taubench_gl.report.plots import plot_frames, plot_thresholds
 from taubench_gl.report.render import FORMATS, MIN_WIDTH, TablesView, write_tables
+from taubench_gl.report.reusable import reusable_sentence, run_tables
 from taubench_gl.report.tables import Column, Row, Table, paper_tables
 
 __all__ = [
@@ -32,6 +34,8 @@ __all__ = [
     "paper_tables",
     "plot_frames",
     "plot_thresholds",
+    "reusable_sentence",
+    "run_tables",
     "save_mask_image",
     "write_report",
     "write_tables",
@@ -44,7 +48,7 @@ def write_report(summary: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]
     -> the files written.  Raises OutputError.
     """
     folder = output_folder(folder)
-    written = write_tables(folder, paper_tables([summary]))
+    written = write_tables(folder, run_tables([summary]))
     written += plot_thresholds(summary, folder / "thresholds")
     written += plot_frames(summary, frames, folder / "frames")
     return written

@@ -79,7 +79,7 @@ def _unicode_mark(mark: str) -> str:
 
 
 def _title(table: Table) -> str:
-    return f"Table {table.number}: {table.title}"
+    return table.title if isinstance(table.number, str) else f"Table {table.number}: {table.title}"
 
 
 def to_rich(table: Table) -> Any:
@@ -105,7 +105,8 @@ def to_rich(table: Table) -> Any:
         label = f"  {row.label}" if row.paper else row.label
         grid.add_row(*map(Text, [label, *cells[1:]]), style="dim" if row.paper else "")
     below = [f"{_unicode_mark(str(i))} {text}" for i, text in enumerate(footnotes, start=1)] + list(table.notes)
-    return Group(grid, *(Text(line, style="dim") for line in below), Text(""))
+    above = [Text(line, style="bold") for line in table.lead] + [Text("")] * bool(table.lead)
+    return Group(*above, grid, *(Text(line, style="dim") for line in below), Text(""))
 
 
 def to_text(tables: Sequence[Table], width: int = 120) -> str:
@@ -129,7 +130,7 @@ def to_markdown(tables: Sequence[Table]) -> str:
         lines, footnotes = _body(table, _unicode_mark)
         heads = ["", *map(_heading, table.columns)]
         rows = [heads, ["---", *["---:"] * len(table.columns)], *lines]
-        text = [f"**{_title(table)}**", ""]
+        text = [line for lead in table.lead for line in (cell(lead), "")] + [f"**{_title(table)}**", ""]
         text += ["| " + " | ".join(line if i == 1 else map(cell, line)) + " |" for i, line in enumerate(rows)]
         notes = [f"{_unicode_mark(str(i))} {note}" for i, note in enumerate(footnotes, start=1)] + list(table.notes)
         text += [line for note in notes for line in ("", cell(note))]
@@ -140,7 +141,7 @@ def to_markdown(tables: Sequence[Table]) -> str:
 def to_csv(tables: Sequence[Table]) -> str:
     """One line per value with all digits: table, row, source (run or paper), column, unit, value, note.
 
-    A long format, because the four tables have different columns.  A missing value is empty; its note is the reason.
+    A long format, because the tables have different columns.  A missing value is empty; its note is the reason.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -174,7 +175,7 @@ def to_latex(tables: Sequence[Table]) -> str:
             text.append(line.replace("\x01", r"\textsuperscript{").replace("\x02", "}"))
         text += [r"\bottomrule", r"\end{tabular}"]
         notes = [rf"\textsuperscript{{{i}}} {safe(note)}" for i, note in enumerate(footnotes, start=1)]
-        text += [rf"\par\footnotesize {note}" for note in [*notes, *map(safe, table.notes)]]
+        text += [rf"\par\footnotesize {note}" for note in [*notes, *map(safe, (*table.lead, *table.notes))]]
         parts.append("\n".join([*text, r"\end{table}"]))
     return "\n\n".join(parts) + "\n"
 
@@ -191,12 +192,13 @@ def to_html(tables: Sequence[Table], scroll: bool = False) -> str:
         rows, footnotes = _body(table, mark)
         shown.append({
             "title": _title(table),
+            "lead": table.lead,
             "heads": ["", *map(_heading, table.columns)],
             "tips": ["", *(column.definition for column in table.columns)],
             "rows": rows,
             "notes": [mark(i) + " " + note for i, note in enumerate(footnotes, start=1)] + list(table.notes),
             "dim": [i for i, row in enumerate(table.rows) if row.paper],
-            "region": f"Table {table.number}" if scroll else "",
+            "region": _title(table).split(":")[0] if scroll else "",
         })  # fmt: skip
     return Markup(render("tables.html", tables=shown))
 

@@ -47,13 +47,17 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """One table.  ``number`` as in the paper; ``notes`` refer to the whole table."""
+    """One table.  ``number`` as in the paper, or the name of a table that is not in the paper.
 
-    number: int
+    ``lead`` comes before the table, ``notes`` after it; both refer to the whole table.
+    """
+
+    number: int | str
     title: str
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()
+    lead: tuple[str, ...] = ()
 
 
 @cache
@@ -69,7 +73,7 @@ def paper_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table
 
 
 # Every row of statistics holds the sampling rate and the number of pairs.
-_SAMPLING = (
+SAMPLING_COLUMNS = (
     Column("fps", "1/s", 0, STATISTICS["fps"].tooltip),
     Column("N", "pairs", definition=STATISTICS["pairs"].tooltip),
 )
@@ -82,7 +86,7 @@ def _census(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) ->
     for label, summary in zip(labels, summaries, strict=True):
         census = summary.get("census") or {}
         values = [census.get(key) for key in _CENSUS]
-        rows.append(_row(label, values, summary, census.get("reason")))
+        rows.append(table_row(label, values, summary, census.get("reason")))
     if paper:
         numbers = paper_numbers()
         bones = f"the paper gives {numbers['bones_per_armature']} animated bones per armature, not their sum"
@@ -90,7 +94,7 @@ def _census(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) ->
             values = [scene["census"].get(key) for key in _CENSUS]
             reasons = {2: bones} if scene["census"]["armatures"] else {}
             rows.append(Row(scene["name"], (*values, None, None), paper=True, reasons=reasons))
-    columns = (*(Column(CENSUS[key].label, definition=CENSUS[key].tooltip) for key in _CENSUS), *_SAMPLING)
+    columns = (*(Column(CENSUS[key].label, definition=CENSUS[key].tooltip) for key in _CENSUS), *SAMPLING_COLUMNS)
     return Table(1, "Animation details", columns, tuple(rows), _notes(summaries, labels, paper))
 
 
@@ -105,7 +109,7 @@ def _position(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) 
         ]
     columns = tuple(_camera_column("position", key, key, "m") for key in keys)
     notes = _notes(summaries, labels, paper, _paper_rate(paper))
-    return Table(2, "Change in the camera's position per frame", (*columns, *_SAMPLING), tuple(rows), notes)
+    return Table(2, "Change in the camera's position per frame", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
 
 
 def _rotation(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -> Table:
@@ -121,7 +125,7 @@ def _rotation(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) 
     columns = tuple(_camera_column(axis, key, f"{axis} {short[key]}", "deg") for axis, key in statistics)
     notes = ("angle: the geodesic angle between the two orientations; not in the paper.",)
     notes += _notes(summaries, labels, paper, _paper_rate(paper))
-    return Table(3, "Change in the camera's rotation per frame", (*columns, *_SAMPLING), tuple(rows), notes)
+    return Table(3, "Change in the camera's rotation per frame", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
 
 
 def _camera_column(quantity: str, statistic: str, name: str, unit: str) -> Column:
@@ -146,7 +150,7 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
                 why[0] = why[0] or "pixels discarded by frustum are not comparable"
             left_out = len(cuts) if key == "without_cuts_mean_percent" else 0
             values = [entry.get(key) for entry in entries]
-            rows.append(_row(f"{label}, {basis}", values, summary, *why, left_out=left_out))
+            rows.append(table_row(f"{label}, {basis}", values, summary, *why, left_out=left_out))
             if key == "mean_percent" and summary.get("noise_floor"):
                 rows.append(_noise_floor(label, summary))
     if paper:
@@ -155,7 +159,7 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
             Row(scene["name"], (*(scene["discard"][name] for name in COLUMNS), fps, None), paper=True)
             for scene in paper_numbers()["scenes"]
         ]
-    columns = (*(Column(name, "%", 2, COLUMN_TERMS[name].tooltip) for name in COLUMNS), *_SAMPLING)
+    columns = (*(Column(name, "%", 2, COLUMN_TERMS[name].tooltip) for name in COLUMNS), *SAMPLING_COLUMNS)
     notes = tuple(
         f"{_prefix(label, labels)}{_conditions(summary)}" for label, summary in zip(labels, summaries, strict=True)
     )
@@ -175,7 +179,7 @@ def _noise_floor(label: str, summary: Summary) -> Row:
     floor = summary["noise_floor"]
     entries = [floor.get(name) or {} for name in COLUMNS]
     why = [entry.get("reason") or "geometry is assumed to be free of noise" for entry in entries]
-    return _row(f"{label}, noise floor", [e.get("mean_percent") for e in entries], summary, *why, left_out=-1)
+    return table_row(f"{label}, noise floor", [e.get("mean_percent") for e in entries], summary, *why, left_out=-1)
 
 
 def _camera_rows(
@@ -187,14 +191,16 @@ def _camera_rows(
         camera = summary.get("camera") or {}
         reason = camera.get("reason") or ("no frame pair" if not camera.get("samples") else "not measured")
         values = [(camera.get(name) or {}).get(key) for name, key in statistics]
-        rows.append(_row(label, values, summary, reason))
+        rows.append(table_row(label, values, summary, reason))
         if cuts := camera.get("cuts"):
             values = [((camera.get(name) or {}).get("without_cuts") or {}).get(key) for name, key in statistics]
-            rows.append(_row(f"{label}, {WITHOUT_CUTS}", values, summary, "every pair is a cut", left_out=len(cuts)))
+            rows.append(
+                table_row(f"{label}, {WITHOUT_CUTS}", values, summary, "every pair is a cut", left_out=len(cuts))
+            )
     return rows
 
 
-def _row(label: str, values: Sequence[Any], summary: Summary, *why: str | None, left_out: int = 0) -> Row:
+def table_row(label: str, values: Sequence[Any], summary: Summary, *why: str | None, left_out: int = 0) -> Row:
     """A row that ends with fps and N (less ``left_out``).  ``why``: one reason for all missing values, or one each."""
     each = why if len(why) == len(values) else why * len(values)
     reasons = {i: each[i] or "not measured" for i, value in enumerate(values) if value is None}

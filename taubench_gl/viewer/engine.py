@@ -20,6 +20,7 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
+from taubench_gl.metrics.reuse_rate import RATE_COLUMNS, disjoint_reasons
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, FrozenCamera
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
@@ -59,6 +60,7 @@ class ViewerEngine:
     timer: Any
     comparison: Comparison | None = None
     counts: dict[str, int] = field(default_factory=dict)
+    reasons: dict[str, dict[str, int]] = field(default_factory=dict)  # rate -> disjoint reason -> pixels
     drawn: Drawn = field(default_factory=Drawn)
     pair: Reprojection | None = None
     shots: tuple[Shot, Shot] | None = None  # previous, current
@@ -159,6 +161,7 @@ class ViewerEngine:
         declared = Reason.FIRST if first else 0
         counts = self._evaluator.compare(self.pair, declared=declared, thresholds=state.thresholds)
         self.counts = counts_of(counts.mask_histogram)
+        self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
         self.drawn.masks += 1
 
     def _update_image(self, state: ViewerState) -> None:
@@ -293,10 +296,11 @@ class ViewerEngine:
     def percentages(self) -> Mapping[str, float | None]:
         """Percent of all pixels per count; None if its column is not measured."""
         pixels, missing = max(self.counts.get("pixels", 0), 1), self.feed.source.unmeasured
-        needs = {"lit": "direct", "shadowed": "direct"}
+        needs = {"lit": ("direct",), "shadowed": ("direct",)}
+        needs |= {f"reusable_{rate}": columns for rate, columns in RATE_COLUMNS.items()}
         out: dict[str, float | None] = {}
         for name in self.counts:
-            absent = needs.get(name, name) in missing
+            absent = any(column in missing for column in needs.get(name, (name,)))
             out[name] = None if absent else 100.0 * self.counts[name] / pixels
         return out
 

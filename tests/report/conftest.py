@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, SUMMARY_SCHEMA
+from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, SUMMARY_SCHEMA, Reason
 from taubench_gl.metrics.counts import bin_of, edges
+from taubench_gl.metrics.reuse_rate import ReuseStats
 from taubench_gl.run import COUNT_COLUMNS, FRAME_COLUMNS, Run
 
 WIDTH, HEIGHT, PAIRS = 40, 20, 12
@@ -28,8 +29,21 @@ def _curve(seed: int) -> dict[str, Any]:
     return {"edges": edges().tolist(), "counts": counts.tolist(), "comparable": int(counts.sum())}
 
 
+def _reuse() -> ReuseStats:
+    """PAIRS equal pairs: 600 reusable pixels, 130 off-screen, 50 disoccluded, 15 turned, 5 of them occluding."""
+    stats, words = ReuseStats({"indirect": "no indirect light here"}), np.zeros(1 << 16, dtype=np.int64)
+    words[0], words[Reason.OUTSIDE], words[Reason.NORMAL] = 600, 130, 15
+    words[Reason.POSITION | Reason.DISOCCLUDED] = 50
+    words[Reason.POSITION | Reason.OCCLUDING | Reason.NORMAL] = 5
+    for _ in range(PAIRS):
+        stats.add(words)
+    return stats
+
+
 _SUMMARY = {
     "schema": SUMMARY_SCHEMA,
+    "reusable": _reuse().block("camera", np.zeros(PAIRS, dtype=bool)),
+    "mask_histogram": _reuse().histogram(),
     "scene": {"name": "walk [1] | 50 %_x", "path": "walk.glb", "sha256": "0" * 64},
     "settings": {
         "width": WIDTH, "height": HEIGHT, "fps": 24.0, "first_frame": 0, "last_frame": PAIRS,

@@ -196,5 +196,20 @@ def test_damaged_frames_name_the_line(run, tmp_path):
 def test_columns_are_unique_and_repr_is_one_line(run):
     assert len(set(FRAME_COLUMNS)) == len(FRAME_COLUMNS)
     assert repr(run).startswith("<Run walk") and "normal 4.50 %" in repr(run) and "\n" not in repr(run)
-    run.summary["discard"] = {}
+    run.summary["discard"] = run.summary["reusable"] = {}
     assert "nothing measured" in repr(run)
+
+
+def test_a_run_of_an_earlier_release_has_no_reuse_rate(run, tmp_path):
+    for name in ("reusable", "mask_histogram"):
+        del run.summary[name]
+    for row in run.frames:
+        del row["reusable_surface"], row["reusable_shading"]
+    loaded = load_run(run.save(tmp_path))
+    for rate in ("surface", "shading"):
+        assert loaded.summary["reusable"][rate]["mean_percent"] is None
+        assert loaded.summary["reusable"][rate]["reason"]
+        assert all(row[f"reusable_{rate}"] is None for row in loaded.frames)
+    first = loaded.tables()[0]
+    assert first.rows[0].values[1:7] == (None,) * 6
+    assert first.rows[0].reasons[1] == loaded.summary["reusable"]["surface"]["reason"]

@@ -219,7 +219,7 @@ def test_run_table_prints_and_shows_in_notebooks(run):
     assert "Table 4" in str(view) and "Eternal Valley" in str(view)
     assert "<table>" in view._repr_html_()
     assert "Eternal Valley" not in str(run.table(paper=False))
-    assert [table.number for table in run.tables()] == [1, 2, 3, 4]
+    assert [table.number for table in run.tables()] == ["reusable", "reasons", 1, 2, 3, 4]
 
 
 def test_paper_numbers_cover_every_column():

@@ -1,0 +1,154 @@
+"""The reuse rate for people: a sentence that names the largest reasons, and the tables that come before Table 1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from taubench_gl.glossary import CONCEPTS, REUSE_REASONS, STATISTICS
+from taubench_gl.report.labels import run_labels
+from taubench_gl.report.tables import SAMPLING_COLUMNS, Column, Table, paper_tables, table_row
+
+Summary = Mapping[str, Any]
+
+RATES = ("surface", "shading")
+TERMS = {term.key: term for term in REUSE_REASONS.values()}
+_MERGED = (("behind", "outside"), ("lit", "shadowed"))
+"""Reasons that are one phrase in the sentence."""
+_MOST_REASONS = 6
+"""Columns of the table of reasons; the others are summed up."""
+
+
+def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
+    """Reusable pixels and the reasons of the others, then Tables 1 to 4 (``tables.paper_tables``)."""
+    return [*reusable_tables(summaries), *paper_tables(summaries, paper)]
+
+
+def reusable_sentence(summary: Summary) -> str:
+    """One sentence: ``81.3 % of pixels can be reused; most of the rest is disoccluded (9.1 %) or moved (6.0 %)``."""
+    block = summary.get("reusable") or {}
+    rate = block.get("reasons_of")
+    if rate is None:
+        return f"reusable pixels are unknown: {_why(block, 'surface')}"
+    subject = "of pixels" if rate == "shading" else "of pixels show a surface that"
+    shares = {name: entry["mean_percent"] for name, entry in (block.get("reasons") or {}).items()}
+    text = sentence(block[rate]["mean_percent"], shares, subject)
+    return text if rate == "shading" else f"{text} (shading is unknown: {_why(block, 'shading')})"
+
+
+def headline(summary: Summary) -> str:
+    """``reusable_sentence`` and the reprojection mode."""
+    mode = reprojection_of(summary)
+    return reusable_sentence(summary) + (f" ({mode} reprojection)" if mode else "")
+
+
+def sentence(percent: float, shares: Mapping[str, float], subject: str = "of pixels") -> str:
+    """The sentence from a reuse rate and the shares of its disjoint reasons, all in % of all pixels."""
+    text = f"{percent_text(percent)} {subject} can be reused"
+    phrases, covered = _largest(shares, 100.0 - percent)
+    if not phrases:
+        return text
+    reasons = " or ".join(f"{words} ({percent_text(share)})" for words, share in phrases)
+    if covered >= 1.0:
+        return f"{text}; the rest is {reasons}"
+    return f"{text}; most of the rest is {reasons}" if covered > 0.5 else f"{text}; the largest reasons are {reasons}"
+
+
+def percent_text(percent: float) -> str:
+    """One decimal; a rounded value never reads 0 or 100 % unless it is."""
+    if 0.0 < percent < 0.05:
+        return "less than 0.1 %"
+    if 99.95 <= percent < 100.0:
+        return "more than 99.9 %"
+    return f"{percent:.0f} %" if percent in (0.0, 100.0) else f"{percent:.1f} %"
+
+
+def _largest(shares: Mapping[str, float], rest: float, most: int = 2) -> tuple[list[tuple[str, float]], float]:
+    """The largest reasons in words with their shares, and the part of ``rest`` that they explain."""
+    groups: dict[tuple[str, ...], float] = {}
+    for name in TERMS:
+        share = shares.get(name) or 0.0
+        group = next((g for g in _MERGED if name in g), (name,))
+        groups[group] = groups.get(group, 0.0) + share
+    ranked = sorted(((g, s) for g, s in groups.items() if s > 0), key=lambda item: -item[1])
+    shown = ranked[:most] if len(ranked) != most + 1 else ranked  # not three quarters of a list of three
+    words = [(" or ".join(TERMS[n].label for n in group if shares.get(n)), share) for group, share in shown]
+    covered = 1.0 if len(shown) == len(ranked) else sum(share for _, share in shown) / max(rest, 1e-30)
+    return words, covered
+
+
+def reusable_tables(summaries: Sequence[Summary]) -> list[Table]:
+    """Reusable pixels with the reprojection mode, and the disjoint reasons of the others; a row per run."""
+    labels = run_labels(summaries)
+    several = len(summaries) > 1
+    lead = [f"{label}: {headline(s)}" if several else headline(s) for label, s in zip(labels, summaries, strict=True)]
+    return [_rates(summaries, labels, tuple(lead)), _reasons(summaries, labels)]
+
+
+def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str, ...]) -> Table:
+    rows = []
+    for label, summary in zip(labels, summaries, strict=True):
+        block = summary.get("reusable") or {}
+        values, why = [reprojection_of(summary)], [None]
+        for rate in RATES:
+            entry = block.get(rate) or {}
+            values += [entry.get(key) for key in _STATISTICS]
+            why += [_why(block, rate)] * len(_STATISTICS)
+        rows.append(table_row(label, values, summary, *why))
+    columns = (
+        Column("reprojection", definition="How a pixel finds its history: camera or motion"),
+        *(
+            Column(f"{rate} {word}".strip(), "%", 2, f"{CONCEPTS[rate].tooltip}; {STATISTICS[key].definition}")
+            for rate in RATES
+            for key, word in _STATISTICS.items()
+        ),
+        *SAMPLING_COLUMNS,
+    )
+    return Table(
+        "reusable", "Reusable pixels, % of all pixels, mean over the animation", columns, tuple(rows), lead=lead
+    )
+
+
+_STATISTICS = {"mean_percent": "", "min_percent": "min", "max_percent": "max"}
+
+
+def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:
+    blocks = [(summary.get("reusable") or {}).get("reasons") or {} for summary in summaries]
+    shares = [{name: (block.get(name) or {}).get("mean_percent") for name in TERMS} for block in blocks]
+    highest = {name: max((share[name] or 0.0 for share in shares), default=0.0) for name in TERMS}
+    present = [name for name in TERMS if highest[name] > 0]
+    named = (
+        present if len(present) <= _MOST_REASONS else sorted(present, key=lambda n: -highest[n])[: _MOST_REASONS - 1]
+    )
+    named = [name for name in TERMS if name in named]
+    rows = []
+    for label, summary, share in zip(labels, summaries, shares, strict=True):
+        block = summary.get("reusable") or {}
+        rate = block.get("reasons_of")
+        values = [None if rate is None else block[rate]["mean_percent"], *(share[name] for name in named)]
+        if len(named) < len(present):
+            rest = [share[name] for name in present if name not in named]
+            values.append(None if rate is None else sum(value or 0.0 for value in rest))
+        why = [_why(block, "shading" if rate else "surface")] * len(values)
+        rows.append(table_row(label if rate != "surface" else f"{label}, surface", values, summary, *why))
+    columns = [Column("reusable", "%", 2, CONCEPTS["reuse_rate"].tooltip)]
+    columns += [Column(TERMS[name].label, "%", 2, TERMS[name].tooltip) for name in named]
+    if len(named) < len(present):
+        rest = ", ".join(TERMS[name].label for name in present if name not in named)
+        columns.append(Column("other", "%", 2, f"All other reasons: {rest}"))
+    notes = ("A pixel counts once, under its first reason; reasons and reusable pixels add up to 100 %.",)
+    return Table("reasons", "Why pixels are not reusable", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
+
+
+def reprojection_of(summary: Summary) -> str | None:
+    """camera or motion."""
+    return (summary.get("reusable") or {}).get("reprojection") or (summary.get("settings") or {}).get("reprojection")
+
+
+def largest_words(names: Iterable[str]) -> str:
+    """Reasons in words: ``disoccluded and turned``."""
+    return " and ".join(TERMS[name].label for name in names)
+
+
+def _why(block: Mapping[str, Any], rate: str) -> str:
+    return str((block.get(rate) or {}).get("reason") or "not recorded")

@@ -1,0 +1,92 @@
+"""The reuse rate in words and tables."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import io
+
+import pytest
+
+from taubench_gl.glossary import REUSE_REASONS
+from taubench_gl.report import FORMATS, run_tables
+from taubench_gl.report.reusable import headline, percent_text, reusable_sentence, sentence
+
+LABELS = {term.key: term.label for term in REUSE_REASONS.values()}
+
+
+def test_the_sentence_names_the_two_largest_reasons():
+    shares = {"disoccluded": 9.1, "lit": 4.0, "shadowed": 2.0, "outside": 1.6, "normal": 1.0, "indirect": 1.0}
+    assert sentence(81.3, shares) == (
+        "81.3 % of pixels can be reused; most of the rest is disoccluded (9.1 %) or brightened or darkened (6.0 %)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("percent", "shares", "named", "without"),
+    [
+        (100.0, {}, (), ("rest",)),
+        (90.0, {"outside": 10.0}, ("outside",), ("most",)),
+        (90.0, {"outside": 6.0, "normal": 4.0}, ("outside", "normal"), ("most",)),
+        (90.0, {"outside": 5.0, "normal": 3.0, "occluding": 2.0}, ("outside", "normal", "occluding"), ("most",)),
+        (
+            80.0, {"outside": 5.0, "normal": 4.0, "occluding": 4.0, "disoccluded": 4.0, "position": 3.0},
+            ("outside", "disoccluded"), ("most", "the rest"),
+        ),
+    ],
+)  # fmt: skip
+def test_the_sentence_claims_no_more_than_the_reasons_cover(percent, shares, named, without):
+    text = sentence(percent, shares)
+    for name in LABELS:
+        assert (LABELS[name] in text) == (name in named)
+    assert not any(word in text for word in without)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0 %"), (0.01, "less than 0.1 %"), (12.34, "12.3 %"), (99.97, "more than 99.9 %"), (100.0, "100 %")],
+)
+def test_rounding_never_claims_all_or_nothing(value, text):
+    assert percent_text(value) == text
+
+
+def test_the_headline_has_the_reprojection_mode_and_why_a_rate_is_unknown(summary):
+    assert summary["reusable"]["reasons_of"] == "surface"
+    assert "camera" in headline(summary) and "no indirect light here" in headline(summary)
+    assert "75 " not in headline(summary) and "75.0 %" in headline(summary)
+    del summary["reusable"]
+    assert "unknown" in reusable_sentence(summary)
+
+
+def test_reusable_pixels_come_before_the_tables_of_the_paper(summary):
+    rates, reasons, *paper = run_tables([summary])
+    assert [table.number for table in paper] == [1, 2, 3, 4]
+    assert rates.rows[0].values[:4] == ("camera", 75.0, 75.0, 75.0)
+    assert rates.rows[0].values[4:7] == (None,) * 3 and rates.rows[0].reasons[4].startswith("indirect")
+    assert dict(zip((c.name for c in reasons.columns), reasons.rows[0].values, strict=True)) == pytest.approx(
+        {"reusable": 75.0, "off-screen": 16.25, "disoccluded": 6.25, "newly occluding": 0.625, "turned": 1.875,
+         "fps": 24.0, "N": 12}
+    )  # fmt: skip
+
+
+def test_reasons_beyond_the_largest_are_summed_up(summary):
+    other = copy.deepcopy(summary)
+    block = other["reusable"]
+    block["reasons_of"], block["shading"] = "shading", dict(block["surface"], mean_percent=65.0)
+    for name, share in {"lit": 1.0, "shadowed": 2.0, "direct": 3.0, "indirect": 4.0}.items():
+        block["reasons"][name] = {"mean_percent": share, "pixels": 1}
+    table = run_tables([summary, other])[1]
+    for row, one in zip(table.rows, (summary, other), strict=True):
+        assert sum(value or 0.0 for value in row.values[:-2]) == pytest.approx(100.0)
+        assert row.values[0] == one["reusable"][one["reusable"]["reasons_of"]]["mean_percent"]
+    assert len(table.columns) <= 9
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_format_has_the_headline(summary, form):
+    text = FORMATS[form](run_tables([summary]))
+    if form == "csv":
+        rows = [row for row in csv.DictReader(io.StringIO(text)) if row["table"] == "reusable"]
+        assert float(rows[1]["value"]) == 75.0 and rows[0]["value"] == "camera"
+    else:
+        assert "75.0" in text and text.index("75.0") < text.index("Animation details")
