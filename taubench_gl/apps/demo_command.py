@@ -110,12 +110,12 @@ def _scene(chosen: list[Demo], path: Path | None, size: tuple[int, int] | None) 
 
 
 def _notebooks(chosen: list[Demo], out: Path, size: tuple[int, int] | None) -> None:
-    from taubench_gl.demos.notebook import SIZE, write_notebook
+    from taubench_gl.demos.gallery import NOTEBOOK_SIZE, write_notebook
     from taubench_gl.outputs import output_folder
 
     folder = output_folder(out)
     for one in chosen:
-        click.echo(f"written to {write_notebook(one, folder, size or SIZE)}")
+        click.echo(f"written to {write_notebook(one, folder, size or NOTEBOOK_SIZE)}")
 
 
 def _run(

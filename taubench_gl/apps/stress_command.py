@@ -93,14 +93,10 @@ of lists time, position, rotation.  The presets have the paper's rows of Tables 
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--move-lights", type=Count(), default="0", help="Also move this many lights.")
 @click.option("--move-objects", type=Count(), default="0", help="Also move this many small rigid objects.")
-@click.option(
-    "--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Their motion, meters per frame."
-)
+@click.option("--motion", type=Stats(), default="0.05,0.001", show_default=True, help="Their motion, meters per frame.")
 @click.option("--sweep", type=SweepRange(), help="Evaluate N constant speeds; write a table and a plot to --out.")
 @click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")
-@click.option(
-    "--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: columns."
-)
+@click.option("--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: columns.")
 @click.option("--out", type=OutPath(), required=True, metavar="OUT.glb|DIR")
 @gpu_options
 def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:

@@ -1,18 +1,28 @@
-"""Runs demos and writes their figures and pages to one folder."""
+"""Runs demos and writes their figures, HTML pages and notebooks to a folder."""
 
 from __future__ import annotations
 
+import importlib.util
+import io
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from taubench_gl.demos.demo import Demo, Result
+from taubench_gl import __version__
+from taubench_gl.demos.demo import Demo, Finding, Result
 from taubench_gl.demos.lessons import find_demo
-from taubench_gl.demos.page import INDEX_FILE, demo_page, index_page
 from taubench_gl.demos.stage import SIZE, Stage
+from taubench_gl.errors import SettingsError
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.report.page import data_uri, render_page
+
+
+INDEX_FILE = "index.html"
+NOTEBOOK_SIZE = (320, 180)
+_CARD_WIDTH = 640  # pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,3 +82,130 @@ def run_demos(
     if index:
         write_atomically(folder / INDEX_FILE, index_page([(s.demo, s.result) for s in shown]))
     return shown
+
+
+def demo_page(demo: Demo, result: Result, around: tuple[Demo | None, Demo | None] | None = None) -> str:
+    """The page of one demo.  ``around``: the previous and the next demo, whose pages are in the same folder."""
+    return render_page(
+        "demo.html",
+        styles=("demo.css",),
+        demo=demo,
+        findings=result.findings,
+        strips=[_strip(finding) for finding in result.findings],
+        figures=[{"uri": data_uri(figure.path.read_bytes()), "caption": figure.caption} for figure in result.figures],
+        links=_links(around),
+        version=__version__,
+    )
+
+
+def index_page(shown: Sequence[tuple[Demo, Result]]) -> str:
+    """One card per demo with a link to its page in the same folder."""
+    return render_page(
+        "demos.html",
+        styles=("demo.css",),
+        cards=[
+            {"demo": demo, "uri": data_uri(_thumbnail(result.figures[0].path)), "finding": result.findings[0],
+             "as_expected": result.as_expected}
+            for demo, result in shown
+        ],
+        good=sum(result.as_expected for _, result in shown),
+        version=__version__,
+    )  # fmt: skip
+
+
+def _strip(finding: Finding) -> dict[str, float] | None:
+    """Pixels (0 .. 120) of the expected range and of the measured value on a line; None for infinite ones."""
+    low, high, value = finding.expected.low, finding.expected.high, finding.number
+    if not all(map(math.isfinite, (low, high, value))):
+        return None
+    middle = 0.5 * (low + high)
+    reach = max(high - low, 2.2 * abs(value - middle)) or 1.0
+
+    def x(number: float) -> float:
+        return 60.0 + 52.0 * (number - middle) / reach * 1.6
+
+    start, end = max(x(low) - 1.0, 2.0), min(x(high) + 1.0, 118.0)
+    return {"start": start, "width": max(end - start, 2.0), "value": min(max(x(value), 5.0), 115.0)}
+
+
+def _links(around: tuple[Demo | None, Demo | None] | None) -> list[dict[str, str]]:
+    """Links to the previous demo, the index and the next demo."""
+    if around is None:
+        return []
+    before, after = around
+    links = [{"rel": "", "file": INDEX_FILE, "text": "all demos"}]
+    if before is not None:
+        links.insert(0, {"rel": "prev", "file": f"{before.stem}.html", "text": f"← {before.number}. {before.title}"})
+    if after is not None:
+        links.append({"rel": "next", "file": f"{after.stem}.html", "text": f"{after.number}. {after.title} →"})
+    return links
+
+
+def _thumbnail(path: Path) -> bytes:
+    """A PNG of the width of a card."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        image = image.convert("RGB")
+        image.thumbnail((_CARD_WIDTH, 2000))
+        buffer = io.BytesIO()
+        image.save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SIZE) -> Path:
+    """Write ``NN-name.ipynb`` into ``folder``, not executed.  Raises OutputError; SettingsError without nbformat."""
+    if importlib.util.find_spec("nbformat") is None:
+        raise SettingsError("notebooks need nbformat", hint="run: pip install 'taubench-gl[notebook]'")
+    import nbformat
+    from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+    look = "\n".join(f"- {item}" for item in demo.look_for)
+    cells = [
+        new_markdown_cell(f"# {demo.number}. {demo.title}\n\n{demo.idea}\n\n**What to look for**\n\n{look}"),
+        new_code_cell(_RUN.format(name=demo.name, width=size[0], height=size[1])),
+        new_markdown_cell("## Measured numbers and theory"),
+        new_code_cell(_NUMBERS),
+    ]
+    if demo.scene is not None:
+        cells += [
+            new_markdown_cell(
+                "## Experiments\n\nEvaluate the scene of this demo. Change a setting and run the cell "
+                'again: `reprojection="motion"`, `thresholds={"position": 0.01}`, another `fps`.'
+            ),
+            new_code_cell(_EVALUATE.format(width=size[0], height=size[1])),
+        ]
+    for i, cell in enumerate(cells):
+        cell["id"] = f"{demo.name}-{i}"  # reproducible file
+    notebook = new_notebook(cells=cells)
+    notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    nbformat.validate(notebook)
+    path = folder / f"{demo.stem}.ipynb"
+    write_atomically(path, nbformat.writes(notebook) + "\n")
+    return path
+
+
+_RUN = """\
+import tempfile
+
+from IPython.display import Image, Markdown, display
+from taubench_gl.demos.lessons import find_demo
+from taubench_gl.demos.gallery import run_demo
+
+demo = find_demo("{name}")
+result = run_demo(demo.name, tempfile.mkdtemp(), size=({width}, {height}))
+for figure in result.figures:
+    display(Image(figure.path, width=1000), Markdown(figure.caption))"""
+
+_NUMBERS = """\
+rows = ["| measured | meaning | expected | reason |", "| --- | --- | --- | --- |"]
+rows += [f"| {f.text} | {f.meaning} | {f.expected.text} | {f.expected.source} |" for f in result.findings]
+display(Markdown("\\n".join(rows)))
+assert result.as_expected"""
+
+_EVALUATE = """\
+import taubench_gl as tb
+
+settings = tb.Settings.of(width={width}, height={height}, fps=4, columns=("frustum", "position", "normal"))
+run = tb.evaluate(demo.scene(), settings)
+run.table(paper=False)"""

@@ -1,7 +1,11 @@
-"""The stage of the demos: a GL context, an image size, and the passes of the engine."""
+"""The stage of the demos (GL context, image size, passes of the engine) and the objects of their scenes.
+
+Scenes are in world space, +Y up, meters.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +17,9 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Pair, evaluate_scene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.run import Run
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn_x, turn_y
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
@@ -85,3 +90,67 @@ class Stage:
 
     def release(self) -> None:
         self.bench.release()
+
+
+Array = np.ndarray
+SAND, BRICK, SEA, LEAF, CHALK = (
+    (0.70, 0.58, 0.40), (0.62, 0.20, 0.12), (0.10, 0.30, 0.55), (0.16, 0.42, 0.20), (0.80, 0.79, 0.75),
+)  # fmt: skip
+
+
+class Props(SceneBuilder):
+    """A SceneBuilder with diffuse materials and a few shapes."""
+
+    def paint(self, color: tuple[float, float, float], **more: object) -> int:
+        """A Lambertian material without specular lobe."""
+        return self.material(base_color=(*color, 1.0), metallic=0.0, roughness=1.0, specular=0.0, **more)
+
+    def thing(self, *primitives: Primitive, **node: object) -> int:
+        """A node with a mesh.  Returns the node."""
+        return self.node(mesh=self.mesh(*primitives), **node)
+
+    def ball(self, radius: float, color: tuple[float, float, float], rings: int = 48, **node: object) -> int:
+        return self.thing(dataclasses.replace(sphere(radius, rings), material=self.paint(color)), **node)
+
+    def block(self, half: tuple[float, float, float], color: tuple[float, float, float], **node: object) -> int:
+        return self.thing(box(half, material=self.paint(color)), **node)
+
+    def wall(self, half_width: float, half_height: float, color: tuple[float, float, float], **node: object) -> int:
+        """A rectangle that faces +Z of its node."""
+        return self.thing(quad(half_width, half_height, material=self.paint(color)), **node)
+
+    def checkered(
+        self, half_width: float, half_height: float, cells: tuple[int, int], colors: tuple, **node: object
+    ) -> int:
+        """A rectangle of ``cells`` squares in two colors, facing +Z of its node."""
+        return self.thing(*checkered(half_width, half_height, cells, [self.paint(c) for c in colors]), **node)
+
+
+def checkered(half_width: float, half_height: float, cells: tuple[int, int], materials: list[int]) -> list[Primitive]:
+    """Two primitives: the even and the odd squares of a checkerboard."""
+    whole = quad(half_width, half_height, cells=cells)
+    column, row = np.arange(cells[0] * cells[1]) % cells[0], np.arange(cells[0] * cells[1]) // cells[0]
+    odd = np.repeat((column + row) % 2 == 1, 2)
+    return [
+        dataclasses.replace(whole, triangles=whole.triangles[odd == bool(i)], material=material)
+        for i, material in enumerate(materials)
+    ]
+
+
+def hall(b: Props) -> None:
+    """Add a hall with columns, 8 m wide, 4 m high, 16 m long; a camera at its origin looks along -Z."""
+    b.checkered(4.0, 8.0, (8, 16), (SAND, CHALK), translation=(0, -1.5, 0), rotation=turn_x(-90))
+    b.wall(4.0, 8.0, CHALK, translation=(0, 2.5, 0), rotation=turn_x(90))
+    b.checkered(8.0, 2.0, (16, 4), (CHALK, SAND), translation=(-4, 0.5, 0), rotation=turn_y(90))
+    b.checkered(8.0, 2.0, (16, 4), (CHALK, SAND), translation=(4, 0.5, 0), rotation=turn_y(-90))
+    b.wall(4.0, 2.0, SEA, translation=(0, 0.5, -8))
+    b.wall(4.0, 2.0, LEAF, translation=(0, 0.5, 8), rotation=turn_y(180))
+    column = b.mesh(box((0.25, 2.0, 0.25), material=b.paint(BRICK)))
+    for i in range(6):
+        for side in (-1, 1):
+            b.node(translation=(2.25 * side, 0.5, -6.5 + 2.5 * i), mesh=column)
+    b.ball(0.45, (0.75, 0.55, 0.12), translation=(0.0, -1.05, -5.0))
+    b.block((0.4, 0.4, 0.4), LEAF, translation=(-1.2, -1.1, -6.4), rotation=turn_y(30))
+    b.ball(0.5, BRICK, translation=(0.6, -1.0, 5.0))
+    for z in (-6.0, -2.5, 2.5, 6.0):
+        b.light(translation=(0.0, 1.9, z), intensity=7.0, color=(1.0, 0.93, 0.82))

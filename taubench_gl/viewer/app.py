@@ -17,12 +17,11 @@ from taubench_gl.errors import TaubenchError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.outputs import write_png
-from taubench_gl.viewer.capture import free_name
 from taubench_gl.viewer.feeds import OpenRequest
 from taubench_gl.viewer.imgui_renderer import BACKGROUND, ImguiRenderer, apply_theme
 from taubench_gl.viewer.input import Input
 from taubench_gl.viewer.layout import Layout
-from taubench_gl.viewer.model import ViewerModel
+from taubench_gl.viewer.model import ViewerModel, free_name
 from taubench_gl.viewer.panels import Panels
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from taubench_gl.demos.gallery import demo_page, index_page
 from taubench_gl.demos.lessons import demos, find_demo
-from taubench_gl.demos.page import demo_page, index_page
 from taubench_gl.demos.stage import Stage
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.masks import pair_masks

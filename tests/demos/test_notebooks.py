@@ -6,9 +6,9 @@ import importlib.util
 
 import pytest
 
-from taubench_gl.demos import notebook as module
+from taubench_gl.demos import gallery as module
+from taubench_gl.demos.gallery import write_notebook
 from taubench_gl.demos.lessons import demos, find_demo
-from taubench_gl.demos.notebook import write_notebook
 from taubench_gl.errors import SettingsError
 
 nbformat = pytest.importorskip("nbformat")

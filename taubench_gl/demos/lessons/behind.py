@@ -9,9 +9,8 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import BRICK, LEAF, SEA, Props, hall
 from taubench_gl.demos.sheet import Sheet, checkerboard, note
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import pixel_grid

@@ -13,9 +13,8 @@ from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import BRICK, CHALK, SEA, Props
 from taubench_gl.demos.sheet import Sheet, letter, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import LitPair, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.scenes import IDENTITY, turn, turn_x, turn_y
 

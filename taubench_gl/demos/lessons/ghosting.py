@@ -10,9 +10,8 @@ import numpy as np
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import Props, checkered
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, note
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.evaluate import MethodSpec, method_settings
 from taubench_gl.reuse.frame import read_input, read_result

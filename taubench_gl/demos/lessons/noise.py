@@ -11,9 +11,8 @@ from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import BRICK, CHALK, SAND, SEA, Props
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.color import display_color

@@ -8,9 +8,8 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import BRICK, CHALK, SAND, SEA, Props
 from taubench_gl.demos.sheet import Sheet, arrow, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import LitPair, Stage
+from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, LitPair, Props, Stage
 from taubench_gl.scene.model import Scene
 
 YFOV = np.radians(50.0)

@@ -9,9 +9,8 @@ import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import Props, hall
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, heat, note
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages
 from taubench_gl.selftest.scenes import turn_y

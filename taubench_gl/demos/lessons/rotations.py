@@ -10,9 +10,8 @@ from taubench_gl import math3d
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import Props, hall
 from taubench_gl.demos.sheet import Sheet, checkerboard, note
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import IDENTITY, turn
 

@@ -10,9 +10,8 @@ from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import BRICK, CHALK, SAND, SEA, Props
 from taubench_gl.demos.sheet import Sheet, enlarged, heat, note, painted, rgb
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera, Scene
 from taubench_gl.selftest.bench import MovingCamera, PairImages, limits

@@ -9,9 +9,8 @@ import numpy as np
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
 from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.props import BRICK, CHALK, LEAF, SAND, SEA, Props
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, SEA, Props, Stage
 from taubench_gl.report.plots import discard_curve
 from taubench_gl.scene.model import Scene
 
