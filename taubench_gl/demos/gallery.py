@@ -19,7 +19,6 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.report.page import data_uri, render_page
 
-
 INDEX_FILE = "index.html"
 NOTEBOOK_SIZE = (320, 180)
 _CARD_WIDTH = 640  # pixels

@@ -21,6 +21,8 @@ from taubench_gl.viewer.layout import Layout, arrange
 from taubench_gl.viewer.probe import Probe, probe_pixel
 from taubench_gl.viewer.state import ViewerState, variables
 
+Array = np.ndarray
+NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
 LIGHT = ("direct", "color", "emission")
 """Effects that start disabled on software OpenGL."""
 
@@ -191,10 +193,6 @@ class ViewerModel:
         if self._folder is not None:
             prefs.save(self._folder, self.state, self.window_size if min(self.window_size) > 0 else None)
         self.engine.release()
-
-
-Array = np.ndarray
-NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
 
 
 def free_name(folder: Path, stem: str, suffix: str) -> Path:
