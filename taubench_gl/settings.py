@@ -5,18 +5,22 @@
 ``settings.lighting``  radiance: light, shadows, indirect light, exposure
 ``settings.device``    the machine that renders, and the precision of its channels
 
-People, files and command lines name fields without their group: ``Settings.of(width=640, exposure=2.0)``,
+People, files and command lines name fields without their group: ``Settings(width=640, exposure=2.0)``,
 ``settings.replace(fps=30)``, ``settings.to_dict()`` and ``Settings.from_dict(values)``.  No two groups share a name.
+Values are also accepted as the command line spells them: ``Settings(size="640x360", frames="0:24")``.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import math
+import operator
+import os
 import re
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,6 +53,14 @@ class Check:
 
     text: str  # completes "give ..."
     fault: Callable[[str, Any], str | None]  # (name in words, value) -> what is wrong, None if nothing is
+    words: tuple[str, ...] = ()  # that the value, or each name in it, is one of
+
+    def hint(self, value: Any) -> str:
+        """How to correct ``value``: the word that is nearest to the first unknown one, else what is allowed."""
+        names = [value] if isinstance(value, str) else value if isinstance(value, Collection) else ()
+        unknown = next((name for name in names if isinstance(name, str) and name not in self.words), "")
+        near = difflib.get_close_matches(unknown, self.words, 1)
+        return f"did you mean {near[0]}?" if near else f"give {self.text}"
 
 
 def _is(name: str, value: Any) -> str:
@@ -66,7 +78,7 @@ def _above_zero(text: str) -> Check:
 
 
 def _one_of(allowed: tuple[str, ...]) -> Check:
-    return Check(f"one of {', '.join(allowed)}", lambda name, x: None if x in allowed else _is(name, x))
+    return Check(f"one of {', '.join(allowed)}", lambda name, x: None if x in allowed else _is(name, x), allowed)
 
 
 def _columns_fault(_name: str, value: Any) -> str | None:
@@ -113,7 +125,7 @@ class _Group:
             except (TypeError, AttributeError):
                 fault = f"{field.name.replace('_', ' ')} is {value!r}"
             if fault is not None:
-                raise SettingsError(fault, hint=f"give {check.text}", setting=field.name)
+                raise SettingsError(fault, hint=check.hint(value), setting=field.name)
 
 
 _SIZE = _at_least(1, f"a size from 1x1 to {MAX_SIZE}x{MAX_SIZE} pixels", MAX_SIZE)
@@ -175,13 +187,13 @@ class MetricsSettings(_Group):
     thresholds: Mapping[str, float] = _setting(
         {},
         "a_B per feature of conventions.FEATURES, in its unit (position: meters); features left out get the default",
-        Check("finite numbers of at least 0 for " + ", ".join(FEATURES), _thresholds_fault),
+        Check("finite numbers of at least 0 for " + ", ".join(FEATURES), _thresholds_fault, FEATURES),
     )
     unit_scale: float = _setting(1.0, "scene units per meter", _above_zero("a factor above 0"), unit="1/m")
     columns: tuple[str, ...] = _setting(
         COLUMNS,
         "columns to measure; what no column needs is not simulated",
-        Check("names from " + ", ".join(COLUMNS), _columns_fault),
+        Check("names from " + ", ".join(COLUMNS), _columns_fault, COLUMNS),
     )
     samples_per_pixel: int = _setting(
         1,
@@ -261,30 +273,49 @@ class DeviceSettings(_Group):
     )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, init=False)
 class Settings:
-    """Settings of one evaluation, in four groups; ``Settings.of`` takes the fields of all groups by name."""
+    """Settings of one evaluation, by field name: ``Settings(width=640, exposure=2.0)``.
 
-    sequence: SequenceSettings = dataclasses.field(default_factory=SequenceSettings)
-    metrics: MetricsSettings = dataclasses.field(default_factory=MetricsSettings)
-    lighting: LightingSettings = dataclasses.field(default_factory=LightingSettings)
-    device: DeviceSettings = dataclasses.field(default_factory=DeviceSettings)
+    Also accepted: whole groups (``sequence=``, ``metrics=``, ``lighting=``, ``device=``), ``size`` instead of width and
+    height (``"640x360"`` or (640, 360)), ``frames`` as (A, B), ``"A:B"``, a range or a slice, ``columns`` and
+    ``thresholds`` as text (``"position,normal"``, ``"normal=0.1"``), and numbers as text.  Raises SettingsError.
+    """
+
+    sequence: SequenceSettings
+    metrics: MetricsSettings
+    lighting: LightingSettings
+    device: DeviceSettings
+
+    def __init__(self, **values: Any) -> None:
+        for name, kind in GROUPS.items():
+            # ``device`` names a group and a field of it.
+            given = isinstance(values.get(name), kind)
+            object.__setattr__(self, name, values.pop(name) if given else kind())
+        for name, group in self._changed(values).items():
+            object.__setattr__(self, name, group)
 
     @staticmethod
     def of(**values: Any) -> Settings:
-        """Settings from field names without their group: ``Settings.of(width=640, exposure=2.0)``.
-
-        Raises SettingsError for a name that is no setting, or a value out of range.
-        """
-        return Settings().replace(**values)
+        return Settings(**values)
 
     def replace(self, **values: Any) -> Settings:
-        """These settings with other values, by field name without the group.  Raises SettingsError as ``of``."""
+        """These settings with other values, named as in ``Settings(...)``.  Raises SettingsError."""
+        return Settings(**{name: getattr(self, name) for name in GROUPS} | self._changed(values))
+
+    def _changed(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """The groups that ``values`` changes, by name."""
+        groups: dict[str, Any] = {}
         changed: dict[str, dict[str, Any]] = {}
-        for name, value in values.items():
-            changed.setdefault(_group_of(name), {})[name] = value
-        groups = {group: dataclasses.replace(getattr(self, group), **some) for group, some in changed.items()}
-        return dataclasses.replace(self, **groups)
+        for name, value in _with_sides(values).items():
+            if name in GROUPS and isinstance(value, GROUPS[name]):
+                groups[name] = value
+            else:
+                group = _group_of(name)
+                changed.setdefault(group, {})[name] = read_value(name, value)
+        for group, some in changed.items():
+            groups[group] = dataclasses.replace(groups.get(group, getattr(self, group)), **some)
+        return groups
 
     def get(self, name: str) -> Any:
         """The value of one field, by its name without the group.  Raises SettingsError for a name that is none."""
@@ -305,12 +336,8 @@ class Settings:
             if name in REMOVED:
                 continue
             _group_of(name)
-            try:
-                converted[name] = msgspec.convert(value, FIELD_TYPES[name])
-            except msgspec.ValidationError as error:
-                what = f"{name} is {value!r}: {str(error).replace('`', '')}"
-                raise SettingsError(what, setting=name) from None
-        return Settings.of(**converted)
+            converted[name] = _converted(name, value)
+        return Settings(**converted)
 
     def as_summary(self, frames: range) -> dict[str, Any]:
         """The ``settings`` block of summary.json: ``to_dict`` and the frames evaluated, without ``SELECTING``.
@@ -341,6 +368,83 @@ SELECTING = tuple(name for name, field in FIELDS.items() if field.metadata["sele
 """Fields that name the scene, frames or machine of a run: no part of a preset, and recorded elsewhere in a summary."""
 
 
+# Values as people write them
+
+
+def parse_size(value: Any) -> tuple[int, int]:
+    """(width, height) of ``"1920x1080"`` or of two numbers.  Raises SettingsError; ranges are checked later."""
+    sides = value.lower().split("x") if isinstance(value, str) else value
+    with contextlib.suppress(TypeError, ValueError):
+        width, height = (int(side) if isinstance(side, str) else operator.index(side) for side in sides)
+        return width, height
+    raise SettingsError(f"{value!r:.60} is not a size", hint="give a size such as 1920x1080", setting="size")
+
+
+def parse_frames(value: Any) -> tuple[int | None, int | None]:
+    """(A, B) of ``"A:B"``, a range, a slice or two numbers; a missing end is None.  Raises SettingsError."""
+    hint = "give a range of frames such as 0:24, 100: or :-1"
+    if isinstance(value, range | slice):
+        if value.step not in (None, 1):
+            hint = 'every K-th pair: pairs="every:K"'
+            raise SettingsError(f"frames have the step {value.step}", hint=hint, setting="frames")
+        value = (value.start, value.stop)
+    ends = [end.strip() or None for end in value.split(":")] if isinstance(value, str) else value
+    with contextlib.suppress(TypeError, ValueError):
+        first, stop = (int(e) if isinstance(e, str) else e if e is None else operator.index(e) for e in ends)
+        return first, stop
+    raise SettingsError(f"{value!r:.60} is not a range of frames", hint=hint, setting="frames")
+
+
+def parse_threshold(text: str) -> tuple[str, float]:
+    """(feature, threshold) of ``"normal=0.1"``.  Raises SettingsError; the name is checked later."""
+    name, equals, number = text.partition("=")
+    with contextlib.suppress(ValueError):
+        if equals:
+            return name.strip(), float(number)
+    raise SettingsError(f"{text!r:.60} is not a threshold", hint="give one such as normal=0.1", setting="thresholds")
+
+
+def _parse_thresholds(value: Any) -> Any:
+    """A mapping, or thresholds as text: ``"normal=0.1,color=0.2"``."""
+    return dict(map(parse_threshold, value.split(","))) if isinstance(value, str) else value
+
+
+def _parse_columns(value: Any) -> Any:
+    """Names of columns without duplicates, from a sequence or comma-separated text; a set in the order of Table 4."""
+    if isinstance(value, str):
+        value = [name.strip() for name in value.split(",")]
+    if isinstance(value, set | frozenset):
+        value = [name for name in COLUMNS if name in value] + sorted(map(str, value - {*COLUMNS}))
+    return tuple(dict.fromkeys(map(str, value))) if isinstance(value, list | tuple) else value
+
+
+def _parse_animation(value: Any) -> Any:
+    """One animation stands for a sequence of one; an empty sequence for all."""
+    return (value,) if isinstance(value, str | int) else value or None
+
+
+PARSERS: dict[str, Callable[[Any], Any]] = {
+    "frames": parse_frames,
+    "thresholds": _parse_thresholds,
+    "columns": _parse_columns,
+    "animation": _parse_animation,
+}
+"""Fields with more than one spelling -> the function that reads them."""
+
+
+def read_value(name: str, value: Any) -> Any:
+    """``value`` of a field, as people write it, in the field's type.  Raises SettingsError; ranges are not checked."""
+    value, kind = _python(value), FIELD_TYPES[name]
+    kinds = (kind, *typing.get_args(kind))
+    # ``camera`` and ``scene`` keep text: a number may be a name.
+    if isinstance(value, str) and (int in kinds or float in kinds) and name not in ("camera", "scene"):
+        with contextlib.suppress(ValueError):
+            value = float(value) if float in kinds else int(value)
+    if name in PARSERS:
+        value = PARSERS[name](value)
+    return _converted(name, value)
+
+
 def scheme_of(pairs: str) -> tuple[str, int]:
     """``MetricsSettings.pairs`` as (all | every | strata, number)."""
     scheme, _, number = pairs.partition(":")
@@ -349,15 +453,46 @@ def scheme_of(pairs: str) -> tuple[str, int]:
 
 def unknown_setting(name: str, others: tuple[str, ...] = ()) -> SettingsError:
     """The error for a name that is no setting; ``others``: further names allowed where it was given."""
-    near = difflib.get_close_matches(name, [*FIELDS, *others], 1)
-    hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*others, *FIELDS])}"
+    near = difflib.get_close_matches(name, [*FIELDS, "size", *others], 1)
+    hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*others, 'size', *FIELDS])}"
     return SettingsError(f"no setting is named {name!r}", hint=hint, setting=name)
 
 
 def _group_of(name: str) -> str:
+    if name in GROUPS and name not in _GROUP_OF:
+        raise SettingsError(f"{name} is no {GROUPS[name].__name__}", hint="give its fields by name", setting=name)
     if name not in _GROUP_OF:
         raise unknown_setting(name)
     return _GROUP_OF[name]
+
+
+def _with_sides(values: Mapping[str, Any]) -> dict[str, Any]:
+    """``values`` with ``size`` as width and height."""
+    values = dict(values)
+    if "size" in values:
+        values["width"], values["height"] = parse_size(values.pop("size"))
+    return values
+
+
+def _converted(name: str, value: Any) -> Any:
+    """``value`` in the type of the field.  Raises SettingsError."""
+    try:
+        return msgspec.convert(value, FIELD_TYPES[name])
+    except msgspec.ValidationError as error:
+        what = f"{name} is {value!r:.60}: {str(error).replace('`', '')}"
+        check = FIELDS[name].metadata["check"]
+        raise SettingsError(what, hint=check.hint(value) if check else None, setting=name) from None
+
+
+def _python(value: Any) -> Any:
+    """NumPy numbers and arrays as Python numbers and lists, a path as text; inside mappings too."""
+    if isinstance(value, Mapping):
+        return {key: _python(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)(_python(one) for one in value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _plain(value: Any) -> Any:

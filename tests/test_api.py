@@ -33,7 +33,7 @@ def test_results_without_an_output_folder_are_the_same(tmp_path):
 
 
 def test_overrides_replace_fields_of_settings():
-    run = tb.evaluate(DEMO, tb.Settings.of(**SMALL), frames=(0, 2))
+    run = tb.evaluate(DEMO, tb.Settings(**SMALL), frames=(0, 2))
     assert run.summary["pairs"] == 1
     assert "Table 4" in str(run.table())
 

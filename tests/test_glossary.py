@@ -44,7 +44,7 @@ def test_every_name_is_defined_in_order(defined, used):
 
 
 def test_every_statistic_of_the_summary_is_defined(gpu):
-    settings = Settings.of(width=32, height=18, frames=(0, 3), columns=("frustum", "position"), pairs="every:2")
+    settings = Settings(width=32, height=18, frames=(0, 3), columns=("frustum", "position"), pairs="every:2")
     summary = evaluate_scene(DEMO, settings).summary
     values = {key for name in QUANTITIES for key in summary["camera"][name]} | {"samples", "cuts", "gimbal_pairs"}
     values |= {key for block in ("discard", "curves") for entry in summary[block].values() for key in entry}

@@ -62,7 +62,7 @@ def measure(
     shared = {"width": size[0], "height": size[1], "frames": FRAMES, "backend": backend}
     runs: list[tuple[str, Run]] = []
     for name, changes in RASTERIZED.items():
-        settings = Settings.of(**shared, textures="finest", shadow_size=2048, **changes)
+        settings = Settings(**shared, textures="finest", shadow_size=2048, **changes)
         runs.append((name, evaluate_scene(scene, settings)))
     for samples in SAMPLES:
         run = _path_traced(scene, out, scene_name, size, samples, 0)
@@ -98,7 +98,7 @@ def _path_traced(
         folders.append(folder)
     other = f"exr:{folders[1]}" if len(folders) > 1 else None
     options = PathTracedOptions(camera_file=folders[0] / CAMERA_FILE, second_seed=other)
-    return evaluate_path_traced(f"exr:{folders[0]}", Settings.of(frames=FRAMES), options)
+    return evaluate_path_traced(f"exr:{folders[0]}", Settings(frames=FRAMES), options)
 
 
 def show(console: Console, costs: Costs) -> None:

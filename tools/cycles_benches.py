@@ -95,7 +95,7 @@ def _frames(scene: Scene, camera: CameraTrack, fps: float, options: Options, col
     times: list[float] = []
     count = 2 + FRAMES * min(options.repeats, 2)
     width, height = options.size
-    settings = Settings.of(width=width, height=height, fps=fps, frames=(0, count), **RASTERIZED[columns])
+    settings = Settings(width=width, height=height, fps=fps, frames=(0, count), **RASTERIZED[columns])
     start = time.perf_counter()
     run = evaluate_scene(scene, settings, camera=camera, progress=lambda step: times.append(step.frame_seconds * 1e3))
     if len(times) < 2:  # a static scene with its own camera has one frame

@@ -55,7 +55,7 @@ def shares(gpu: Gpu, options: Options) -> Result:
             timer = PassTimer(gpu)
             given = {} if columns is None else {"columns": columns}
             count = 2 + (2 if options.quick else 4) * options.repeats
-            settings = Settings.of(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given)
+            settings = Settings(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given)
             source = RasterSource(gpu, scene, camera, settings, timer=timer)
             context = GpuContext(gpu, timer=timer)
             schedule = [(frame, frame > 0) for frame in range(count)]
@@ -97,7 +97,7 @@ def overlap(gpu: Gpu, options: Options) -> Result:
     path = real_scene("khronos/CesiumMan/CesiumMan.glb")
     scene = load_scene(path)
     count = 13
-    settings = Settings.of(
+    settings = Settings(
         width=options.size[0],
         height=options.size[1],
         fps=FPS,
@@ -145,7 +145,7 @@ def readback(gpu: Gpu, options: Options) -> Result:
     path = real_scene("sponza/Sponza.gltf")
     scene = load_scene(path)
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
-    settings = Settings.of(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY)
+    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY)
     source = RasterSource(gpu, scene, camera, settings, extra=READS)
     watch, ways = Stopwatch(gpu), {"at once": False, "pixel buffers, one frame late": True}
     readers = {name: ChannelReader(gpu, buffered=buffered) for name, buffered in ways.items()}

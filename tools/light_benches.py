@@ -50,7 +50,7 @@ class Subject:
 @bench
 def lights(gpu: Gpu, options: Options) -> Result:
     """Direct light of 690 point lights with culling, compared with 16 lights, interleaved."""
-    settings = Settings.of(
+    settings = Settings(
         width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0
     )
     scenes = {
@@ -96,7 +96,7 @@ def valley(gpu: Gpu, options: Options) -> Result:
         few = dataclasses.replace(every, nodes=dataclasses.replace(every.nodes, light=light))
         rows, notes = [], []
         for shadows in (0, 8):
-            settings = Settings.of(
+            settings = Settings(
                 width=options.size[0],
                 height=options.size[1],
                 fps=60,
@@ -123,9 +123,7 @@ def indirect(gpu: Gpu, options: Options) -> Result:
     """Frame time of each indirect-light method on the demo scene, in which lights and surfaces always move."""
     scene = load_scene(ASSETS / "demo.glb")
     subjects = {
-        method: Subject(
-            gpu, scene, Settings.of(width=options.size[0], height=options.size[1], fps=FPS, indirect=method)
-        )
+        method: Subject(gpu, scene, Settings(width=options.size[0], height=options.size[1], fps=FPS, indirect=method))
         for method in ("none", "rsm", "probes")
     }
     for _ in range(1 + LIGHT_FRAMES * options.repeats):
@@ -146,8 +144,8 @@ def indirect(gpu: Gpu, options: Options) -> Result:
 @bench
 def effects(gpu: Gpu, options: Options) -> Result:
     """Per scene and skipped effect: frame time with this effect forced, minus frame time on demand."""
-    settings = Settings.of(width=options.size[0], height=options.size[1], fps=FPS)
-    geometry = Settings.of(width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"))
+    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS)
+    geometry = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"))
     cases = [
         (real_scene(), settings, "all columns"),
         (real_scene("sponza/Sponza.gltf"), geometry, "frustum and position"),

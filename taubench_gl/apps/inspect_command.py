@@ -39,7 +39,7 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: 
     from taubench_gl.settings import Settings
 
     path, row = resolve(path)
-    settings = Settings.of(**{name: row_settings(row).get(name, value) for name, value in options.items()})
+    settings = Settings(**{name: row_settings(row).get(name, value) for name, value in options.items()})
     facts = describe(load_scene(path, scene, animations or None), settings)
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))

@@ -13,6 +13,7 @@ import click
 
 from taubench_gl.apps.aliases import current_value
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.errors import SettingsError
 from taubench_gl.glossary import OPTIONS
 from taubench_gl.settings import (
     BACKENDS,
@@ -26,12 +27,23 @@ from taubench_gl.settings import (
     TEXTURES,
     TONE_MAPS,
     Settings,
+    parse_frames,
+    parse_size,
+    parse_threshold,
 )
 
 Decorator = Callable[[Any], Any]
 
 
 # Option types
+
+
+def _parsed(kind: click.ParamType, parse: Callable[[str], Any], value: str, param: Any, ctx: Any) -> Any:
+    """``parse(value)``; its SettingsError as an error of the option."""
+    try:
+        return parse(value)
+    except SettingsError as error:
+        kind.fail(f"{error.what}: {error.hint}", param, ctx)
 
 
 class Size(click.ParamType):
@@ -45,10 +57,7 @@ class Size(click.ParamType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        width, by, height = value.lower().partition("x")
-        if not (by and width.isdecimal() and height.isdecimal()):
-            self.fail(f"{value!r} is not a size such as 1920x1080", param, ctx)
-        return int(width), int(height)
+        return _parsed(self, parse_size, value, param, ctx)
 
 
 class Frames(click.ParamType):
@@ -59,13 +68,7 @@ class Frames(click.ParamType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        first, colon, stop = value.partition(":")
-        try:
-            if not colon:
-                raise ValueError
-            return tuple(int(end) if end.strip() else None for end in (first, stop))
-        except ValueError:
-            self.fail(f"{value!r} is not a range of frames such as 0:24, 100: or :-1", param, ctx)
+        return _parsed(self, parse_frames, value, param, ctx)
 
 
 class Threshold(click.ParamType):
@@ -76,13 +79,7 @@ class Threshold(click.ParamType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        name, equals, number = value.partition("=")
-        try:
-            if not equals:
-                raise ValueError
-            return name.strip(), float(number)
-        except ValueError:
-            self.fail(f"{value!r} is not a threshold such as normal=0.1", param, ctx)
+        return _parsed(self, parse_threshold, value, param, ctx)
 
 
 class Color(click.ParamType):
@@ -178,7 +175,7 @@ def settings_from(options: dict[str, Any], **more: Any) -> Settings:
     """
     options = dict(options)
     width, height = options.pop("size")
-    return Settings.of(
+    return Settings(
         width=width,
         height=height,
         frames=options.pop("frames") or (None, None),

@@ -127,7 +127,7 @@ def check(spec: str, **options: Any) -> int:
     from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
 
     names = ("camera_file", "scene_file", "mapping", "layer")
-    settings = Settings.of(fps=options["fps"], camera=options["camera"])
+    settings = Settings(fps=options["fps"], camera=options["camera"])
     given = open_input(spec, settings, PathTracedOptions(**{name: options[name] for name in names}))
     camera = None if isinstance(given.camera, FittedCamera) else given.camera
     first = given.sequence.frames[0]

@@ -174,7 +174,7 @@ def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options:
     base = _spec(options["camera"] or "still", options, 0.5)
     width, height = options["size"]
     columns = tuple(name.strip() for name in options["columns"].split(",") if name.strip())
-    settings = Settings.of(
+    settings = Settings(
         width=width, height=height, columns=columns, backend=options["backend"], device=options["device"]
     )
     plan = Sweep(*sweep)

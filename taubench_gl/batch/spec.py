@@ -152,7 +152,7 @@ def _checked(field: str, value: Any, name: str, errors: list[str]) -> dict[str, 
 
 
 def _validated(fields: dict[str, Any]) -> dict[str, Any]:
-    Settings.of(**fields)
+    Settings(**fields)
     return fields
 
 
@@ -237,7 +237,7 @@ def _combine(
     swept = [key for key, alternatives in choices.items() if len(alternatives) > 1]
     for picks in itertools.product(*choices.values()):
         fields = row | {name: value for pick in picks for name, value in pick.items()}
-        settings = Settings.of(**fields)
+        settings = Settings(**fields)
         sweep = {key: _sweep_value(key, pick) for key, pick in zip(choices, picks) if key in swept}
         yield Job(job_id(written, settings), scene, settings, sweep)
 

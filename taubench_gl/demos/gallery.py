@@ -205,6 +205,6 @@ assert result.as_expected"""
 _EVALUATE = """\
 import taubench_gl as tb
 
-settings = tb.Settings.of(width={width}, height={height}, fps=4, columns=("frustum", "position", "normal"))
+settings = tb.Settings(width={width}, height={height}, fps=4, columns=("frustum", "position", "normal"))
 run = tb.evaluate(demo.scene(), settings)
 run.table(paper=False)"""

@@ -64,7 +64,7 @@ class Stage:
     def settings(self, **given: Any) -> Settings:
         """Settings with the size and backend of the stage; defaults: one frame per second, no indirect light."""
         defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none"}
-        return Settings.of(**(defaults | given | {"backend": self.gpu.backend, "device": self.device}))
+        return Settings(**(defaults | given | {"backend": self.gpu.backend, "device": self.device}))
 
     def evaluate(
         self, scene: Scene, *, camera: CameraTrack | None = None, extra: Sequence[str] = (), **settings: Any

@@ -141,7 +141,7 @@ def evaluate_methods(
     ``request``: fields of ``EvaluationRequest``.  A method that fails is listed in ``Evaluation.failed`` and does not
     affect the others.  Raises TaubenchError for an invalid request and if every method fails to load or compile.
     """
-    settings = settings or Settings.of(reprojection="motion")
+    settings = settings or Settings(reprojection="motion")
     options = EvaluationRequest(**request)
     specs = [MethodSpec.parse(m) if isinstance(m, str) else m for m in methods]
     _check_labels([spec.label for spec in specs])

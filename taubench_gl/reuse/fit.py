@@ -153,7 +153,7 @@ def fit_setting(
     if math.prod(len(r.values) for r in chosen) > MAX_POINTS:
         raise SettingsError(f"the grid has more than {MAX_POINTS} points", hint="give fewer steps")
     if not isinstance(scene, Scene):
-        settings = settings or Settings.of(reprojection="motion")
+        settings = settings or Settings(reprojection="motion")
         scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
     search = _Search(scene, loaded, fixed, settings, metric, progress, evaluation)
     default = {r.name: fixed[r.name] for r in chosen}

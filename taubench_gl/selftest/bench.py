@@ -75,7 +75,7 @@ class Bench:
         ``extra``: further channels to render; ``size``: (width, height), None: that of the bench; ``metrics``: fields
         of MetricsSettings.
         """
-        size, settings = size or self.size, Settings.of(**metrics)
+        size, settings = size or self.size, Settings(**metrics)
         reprojection = settings.metrics.reprojection
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
         camera = camera or choose_camera(scene)
@@ -135,7 +135,7 @@ class Bench:
     def _settings(self, given: Mapping[str, Any]) -> Settings:
         # Indirect light takes seconds per frame on a CPU driver, and no case tests it.
         own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none"}
-        return Settings.of(**({"width": self.size[0], "height": self.size[1]} | own | dict(given)))
+        return Settings(**({"width": self.size[0], "height": self.size[1]} | own | dict(given)))
 
     def compare(
         self,
@@ -160,7 +160,7 @@ class Bench:
         current, history = {**wall, **current}, {**wall, **history}
         now = {n: self._texture(v, dtype) for n, v in current.items()}
         then = {n: self._texture(v, dtype) for n, v in history.items()}
-        settings = Settings.of(**metrics)
+        settings = Settings(**metrics)
         uploaded = ChannelPair((width, height), now, then, settings.metrics.reprojection, radiance)
         try:
             return PairImages(*self._compare(uploaded, settings, pair, declared), pair, current, history)
@@ -216,7 +216,7 @@ class Bench:
 
 def limits(thresholds: Mapping[str, float] | None) -> dict[str, float]:
     """a_B of every feature: the defaults, overridden by ``thresholds``."""
-    return dict(Settings.of(thresholds=thresholds or {}).metrics.thresholds)
+    return dict(Settings(thresholds=thresholds or {}).metrics.thresholds)
 
 
 def rays(size: Size, camera: Camera) -> Array:

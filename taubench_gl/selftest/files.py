@@ -166,7 +166,7 @@ def weights_all_zero(bench: Bench) -> Outcome:
 def duration_from_float_keys(bench: Bench) -> Outcome:
     lasts = [(50, 24.0), (100, 24.0), (2000, 24.0), (7, 10.0), (23, 10.0)]
     durations = [float(np.float32(n / fps)) for n, fps in lasts]
-    measured = [Settings.of(fps=fps).sequence.frame_count(t) for t, (_, fps) in zip(durations, lasts, strict=True)]
+    measured = [Settings(fps=fps).sequence.frame_count(t) for t, (_, fps) in zip(durations, lasts, strict=True)]
     naive = [int(np.floor(t * fps)) + 1 for t, (_, fps) in zip(durations, lasts, strict=True)]
     expected = [n + 1 for n, _ in lasts]
     off = worst(np.subtract(measured, expected))

@@ -27,7 +27,7 @@ def test_every_option_becomes_a_setting(taubench, evaluate, tmp_path):
     options += " --shadow-size 64 --shadow-lights 3 --shadow-filter hard --light-error 1e-4 --indirect rsm"
     code, _, err = taubench("evaluate", "walk.glb", *options.split(), "--out", tmp_path / "o")
     assert code == 0, err
-    assert evaluate.calls[0]["settings"] == Settings.of(
+    assert evaluate.calls[0]["settings"] == Settings(
         width=64, height=32, fps=30.0, frames=(2, -1), camera="Cam", scene="1", animation=("run", "2"),
         reprojection="motion", sampling="bilinear", thresholds={"normal": 0.5, "position": 1e-3},
         unit_scale=100.0, culling="none", backend="osmesa", device=3,

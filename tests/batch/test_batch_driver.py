@@ -238,7 +238,7 @@ def test_a_scene_that_changes_after_its_head_is_refused(tmp_path):
     from taubench_gl.errors import SceneError
     from taubench_gl.settings import Settings
 
-    settings = Settings.of(width=8, height=8, columns=("frustum",))
+    settings = Settings(width=8, height=8, columns=("frustum",))
     with pytest.raises(SceneError) as caught:
         Worker().run(Unit("j", str(DEMO), settings, (0,), "another"))
     assert caught.value.where == str(DEMO)

@@ -55,12 +55,12 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
 def test_results_equal_those_of_evaluate(tmp_path, changes):
     """Pairs, sums, curves, census, camera and cuts, with a chunk boundary at every other pair."""
     settings = {"width": 48, "height": 27, "frames": (0, 8), "columns": ("frustum", "position", "normal")} | changes
-    once = evaluate_scene(DEMO, Settings.of(**settings), out=tmp_path / "once")
+    once = evaluate_scene(DEMO, Settings(**settings), out=tmp_path / "once")
     plain = {k: v for k, v in settings.items() if k != "frames"}
     lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
     first, stop = settings["frames"]
     spec = spec_of(tmp_path, "\n".join([f'scenes = ["{DEMO}"]', f'frames = "{first}:{stop}"', *lines]))
-    assert spec.jobs[0].settings == Settings.of(**settings)
+    assert spec.jobs[0].settings == Settings(**settings)
     run_batch(spec, tmp_path / "out", chunk=2)
     run = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id)
     stored = load_run(tmp_path / "once")

@@ -40,7 +40,7 @@ def test_jobs_are_scenes_times_settings(folder):
     assert len(spec.jobs) == 3 * 2 * 2 * 2 == len({job.id for job in spec.jobs})
     first = spec.jobs[0]
     assert first.scene == str(folder / "a.glb")
-    assert first.settings == Settings.of(
+    assert first.settings == Settings(
         width=640, height=360, fps=60.0, frames=(0, 48), reprojection="camera", columns=("frustum", "position"),
         sky=(0.1, 0.2, 0.3), thresholds={"normal": 0.05, "color": 0.2},
     )  # fmt: skip
@@ -159,6 +159,6 @@ def test_missing_spec_is_refused(tmp_path):
 def test_settings_survive_being_stored():
     for settings in (
         Settings(),
-        Settings.of(camera=2, animation=("Walk", 3), thresholds={"color": 0.5}, frames=(3, None)),
+        Settings(camera=2, animation=("Walk", 3), thresholds={"color": 0.5}, frames=(3, None)),
     ):
         assert Settings.from_dict(settings.to_dict()) == settings

@@ -20,8 +20,8 @@ from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
-GEOMETRY = Settings.of(width=48, height=28, frames=(20, 29), columns=("frustum", "position", "normal"))
-LIT = Settings.of(width=32, height=18, frames=(20, 22), indirect="none")
+GEOMETRY = Settings(width=48, height=28, frames=(20, 29), columns=("frustum", "position", "normal"))
+LIT = Settings(width=32, height=18, frames=(20, 22), indirect="none")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_sampled_pairs_equal_those_of_the_full_run(demo, full, pairs):
 def test_schedule_draws_the_history_of_every_sampled_pair():
     frames = range(100, 150)
     for pairs in ("all", "every:7", "strata:5"):
-        settings = Settings.of(pairs=pairs)
+        settings = Settings(pairs=pairs)
         sample, schedule = sampled_pairs(frames, settings), frame_schedule(frames, settings)
         assert [f for f, evaluated in schedule if evaluated] == [frames[p + 1] for p in sample.positions]
         for i, (frame, evaluated) in enumerate(schedule):
@@ -122,11 +122,11 @@ def test_bins_and_edges_agree(bits):
 )  # fmt: skip
 def test_invalid_values_are_refused(wrong):
     with pytest.raises(SettingsError):
-        Settings.of(**wrong)
+        Settings(**wrong)
 
 
 def test_path_traced_files_take_no_render_settings(tmp_path):
     for wrong in ({"pairs": "every:2"}, {"samples_per_pixel": 4}):
         with pytest.raises(SettingsError):
-            evaluate_path_traced(f"exr:{tmp_path}", Settings.of(**wrong))
+            evaluate_path_traced(f"exr:{tmp_path}", Settings(**wrong))
     assert tb.Settings().metrics.pairs == "all"

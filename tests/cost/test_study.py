@@ -76,7 +76,7 @@ def test_written_files_agree_with_the_study(small_study):
 def test_preset_gives_the_validated_errors(small_study, demo):
     out, study = small_study
     assert study.chosen.point is not None and study.validation["errors_pass"]
-    settings = Settings.of(**load_preset(out / "preset.toml"), frames=SMALL["frames"])
+    settings = Settings(**load_preset(out / "preset.toml"), frames=SMALL["frames"])
     run = evaluate_scene(demo, settings)
     for column in SMALL["choose_for"]:
         error = run.summary["discard"][column]["mean_percent"] - study.about["reference"]["percent"][column]
@@ -117,7 +117,7 @@ def test_invalid_presets_are_refused(tmp_path, text):
 
 
 def test_preset_of_a_scene_whose_name_is_not_utf8(tmp_path):
-    save_preset(tmp_path / "p.toml", Settings.of(width=48, height=28), {"scene": 'caf\udce9 "1"'})
+    save_preset(tmp_path / "p.toml", Settings(width=48, height=28), {"scene": 'caf\udce9 "1"'})
     assert load_preset(tmp_path / "p.toml") == {"width": 48, "height": 28}
     assert "caf\\\\udce9" in (tmp_path / "p.toml").read_text(encoding="utf-8")
 

@@ -25,7 +25,7 @@ from taubench_gl.gpu.timing import probe_timer
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
-SMALL = Settings.of(width=16, height=9, frames=(0, 10), columns=("frustum", "position"))
+SMALL = Settings(width=16, height=9, frames=(0, 10), columns=("frustum", "position"))
 
 
 class Turns:

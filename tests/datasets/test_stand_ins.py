@@ -122,7 +122,7 @@ def test_khronos_validator(recipe, made):
 
 def test_summary_is_labeled_as_stand_in(made, gpu):
     columns = ("frustum", "position", "normal", "direct")
-    settings = Settings.of(
+    settings = Settings(
         width=160, height=90, fps=60.0, frames=(178, 184), columns=columns, indirect="none", shadow_lights=1
     )
     run = evaluate_scene(made["eternal-valley-vr"], settings)
@@ -137,9 +137,7 @@ def test_summary_is_labeled_as_stand_in(made, gpu):
 @each
 def test_table_4_of_the_whole_animation(recipe, made, gpu):
     """Similar to the paper's row, which depends on its geometry and unpublished thresholds."""
-    settings = Settings.of(
-        width=160, height=90, fps=60.0, columns=("frustum", "direct"), indirect="none", shadow_lights=1
-    )
+    settings = Settings(width=160, height=90, fps=60.0, columns=("frustum", "direct"), indirect="none", shadow_lights=1)
     summary = evaluate_scene(made[recipe.name], settings).summary
     assert_rows(summary["camera"], recipe)
     frustum = PAPER[recipe.stands_for]["discard"]["frustum"]
@@ -157,7 +155,7 @@ def test_table_4_is_within_a_factor_of_the_papers(recipe, made, gpu):
     windows = [(f, f + 2) for f in range(10, 350, 34)]
     found = {name: 0.0 for name in columns}
     for frames in windows:
-        settings = Settings.of(width=960, height=540, fps=60.0, frames=frames, columns=columns, sky=(0.2, 0.3, 0.5),
+        settings = Settings(width=960, height=540, fps=60.0, frames=frames, columns=columns, sky=(0.2, 0.3, 0.5),
                                indirect="none", shadow_lights=1)  # fmt: skip
         run = evaluate_scene(made[recipe.name], settings)
         for name in columns:

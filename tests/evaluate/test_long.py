@@ -21,7 +21,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import MAX_FRAMES, Settings
 
 DEMO = ASSETS / "demo.glb"
-SMALL = Settings.of(width=32, height=18, columns=("frustum",))
+SMALL = Settings(width=32, height=18, columns=("frustum",))
 
 
 def lasting(seconds: float) -> Scene:
@@ -31,7 +31,7 @@ def lasting(seconds: float) -> Scene:
 
 
 def frame_range(seconds: float, **values) -> range:
-    return Settings.of(**values).sequence.frame_range(seconds)
+    return Settings(**values).sequence.frame_range(seconds)
 
 
 def test_frame_range_is_limited_to_max_frames():

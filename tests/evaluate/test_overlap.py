@@ -20,7 +20,7 @@ FRAMES = range(20, 24)
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
 def test_overlapping_passes_give_the_same_counts(gpu: Gpu, reprojection: str) -> None:
     scene = load_scene(ASSETS / "demo.glb")
-    settings = Settings.of(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
+    settings = Settings(width=640, height=360, frames=(FRAMES.start, FRAMES.stop), reprojection=reprojection)
     rows = []
     for waits in (True, False, False):
         timer = PassTimer(gpu, enabled=waits)

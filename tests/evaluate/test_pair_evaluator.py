@@ -21,7 +21,7 @@ from taubench_gl.settings import Settings
 
 SIZE = (64, 36)
 FRAMES = range(20, 25)
-SETTINGS = Settings.of(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
+SETTINGS = Settings(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
 
 
 @pytest.fixture

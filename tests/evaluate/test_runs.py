@@ -24,7 +24,7 @@ GEOMETRY = ("frustum", "position", "normal")
 
 
 def settings(**changes) -> Settings:
-    return Settings.of(**({"width": 96, "height": 54, "frames": (0, 6), "columns": GEOMETRY} | changes))
+    return Settings(**({"width": 96, "height": 54, "frames": (0, 6), "columns": GEOMETRY} | changes))
 
 
 def test_repeated_run_gives_the_same_counts() -> None:
@@ -228,7 +228,7 @@ from taubench_gl.settings import Settings
 out = {}
 for path in sys.argv[2:]:
     for reprojection in ("camera", "motion"):
-        s = Settings.of(width=192, height=108, frames=(0, 4), columns=("frustum", "position", "normal"),
+        s = Settings(width=192, height=108, frames=(0, 4), columns=("frustum", "position", "normal"),
                         reprojection=reprojection, backend=sys.argv[1])
         out[path + reprojection] = evaluate_scene(path, s).frames
 print(json.dumps(out))

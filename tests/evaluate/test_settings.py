@@ -3,6 +3,7 @@
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES
@@ -37,7 +38,7 @@ def test_no_two_groups_share_a_field_name():
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_flat_name_reaches_its_field_and_no_other(name):
-    settings, default = Settings.of(**{name: CHANGED[name]}), Settings()
+    settings, default = Settings(**{name: CHANGED[name]}), Settings()
     different = {one for one in FIELDS if settings.get(one) != default.get(one)}
     assert different == {name}
     assert FIELDS[name].metadata["meaning"]
@@ -46,43 +47,106 @@ def test_flat_name_reaches_its_field_and_no_other(name):
 @pytest.mark.parametrize("name", WRONG)
 def test_value_out_of_range_is_a_settings_error(name):
     with pytest.raises(SettingsError) as caught:
-        Settings.of(**{name: WRONG[name]})
+        Settings(**{name: WRONG[name]})
     assert caught.value.setting == name and caught.value.hint
 
 
 @pytest.mark.parametrize("values", [{"width": "wide"}, {"sky": 1.0}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}])
 def test_wrong_type_or_name_is_a_settings_error(values):
-    for make in (lambda: Settings.of(**values), lambda: Settings.from_dict(values)):
+    for make in (lambda: Settings(**values), lambda: Settings.from_dict(values)):
         with pytest.raises(SettingsError) as caught:
             make()
         assert caught.value.setting == next(iter(values))
 
 
 def test_serialization_round_trip_through_json():
-    for settings in (Settings(), Settings.of(**CHANGED)):
+    for settings in (Settings(), Settings(**CHANGED)):
         stored = json.loads(json.dumps(settings.to_dict()))
         assert list(stored) == list(FIELDS)
         assert Settings.from_dict(stored) == settings
 
 
 def test_removed_settings_in_files_are_ignored():
-    assert Settings.from_dict({"width": 64, "summation": "plain", "histogram_bits": 5}) == Settings.of(width=64)
+    assert Settings.from_dict({"width": 64, "summation": "plain", "histogram_bits": 5}) == Settings(width=64)
 
 
 def test_omitted_thresholds_get_the_default():
-    thresholds = Settings.of(thresholds={"normal": 0.25}).metrics.thresholds
+    thresholds = Settings(thresholds={"normal": 0.25}).metrics.thresholds
     assert thresholds == {name: 0.25 if name == "normal" else DEFAULT_THRESHOLD for name in FEATURES}
 
 
 def test_summary_block_is_the_serialization_without_selecting_fields():
-    settings = Settings.of(**CHANGED)
+    settings = Settings(**CHANGED)
     block = settings.as_summary(range(3, 9))
     assert set(block) == set(FIELDS) - set(SELECTING) | {"first_frame", "last_frame"}
     assert (block["first_frame"], block["last_frame"], block["width"]) == (3, 8, 320)
 
 
 def test_replace_changes_only_the_named_fields():
-    settings = Settings.of(**CHANGED)
+    settings = Settings(**CHANGED)
     other = settings.replace(exposure=3.0, width=64)
     assert (other.lighting.exposure, other.sequence.width) == (3.0, 64)
     assert other.metrics is settings.metrics and other.device is settings.device
+
+
+def test_whole_groups_and_flat_names_go_together():
+    changed = Settings(**CHANGED)
+    settings = Settings(metrics=changed.metrics, device=changed.device, width=3)
+    assert settings == Settings().replace(metrics=changed.metrics, device=changed.device, width=3)
+    assert (settings.metrics, settings.device, settings.sequence.width) == (changed.metrics, changed.device, 3)
+    assert Settings(device=1).device.device == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"size": "640x360"}, {"width": 640, "height": 360}),
+        ({"size": (640, np.int64(360))}, {"width": 640, "height": 360}),
+        ({"frames": range(24)}, {"frames": (0, 24)}),
+        ({"frames": slice(2, None)}, {"frames": (2, None)}),
+        ({"frames": [0, 24]}, {"frames": (0, 24)}),
+        ({"frames": ":-1"}, {"frames": (None, -1)}),
+        ({"columns": "normal, frustum"}, {"columns": ("normal", "frustum")}),
+        ({"columns": {"color", "frustum"}}, {"columns": ("frustum", "color")}),
+        ({"thresholds": "normal=0.1,color=1"}, {"thresholds": {"normal": 0.1, "color": 1.0}}),
+        ({"animation": "Walk"}, {"animation": ("Walk",)}),
+        ({"camera": "1"}, {"camera": "1"}),
+        ({"fps": "30", "width": "64"}, {"fps": 30.0, "width": 64}),
+        ({"exposure": np.float32(2)}, {"exposure": 2.0}),
+    ],
+)
+def test_values_are_accepted_as_the_command_line_spells_them(given, expected):
+    assert Settings(**given) == Settings(**expected) == Settings().replace(**given)
+
+
+@pytest.mark.parametrize(
+    ("given", "near"),
+    [
+        ({"widht": 3}, "width"),
+        ({"siz": "3x3"}, "size"),
+        ({"threshold": "normal=1"}, "thresholds"),
+        ({"reprojection": "motoin"}, "motion"),
+        ({"columns": "positon"}, "position"),
+        ({"thresholds": {"nrmal": 1}}, "normal"),
+    ],
+)
+def test_wrong_name_answers_with_the_nearest(given, near):
+    with pytest.raises(SettingsError) as caught:
+        Settings(**given)
+    assert caught.value.hint == f"did you mean {near}?"
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"size": "640"}, {"size": 4}, {"size": (1.5, 2)}, {"frames": range(0, 9, 2)}, {"frames": 3}, {"frames": "3"},
+        {"frames": True}, {"frames": "1" * 5000 + ":"}, {"columns": ""}, {"columns": 3}, {"columns": [None]},
+        {"thresholds": "normal"}, {"thresholds": {3: 3}}, {"sequence": 3}, {"fps": "nan"}, {"width": True},
+        {"fps": print}, {"camera": 1.5}, {"device": "x"}, {"animation": 3.5},
+    ],
+)  # fmt: skip
+def test_wrong_value_is_one_short_line(given):
+    with pytest.raises(SettingsError) as caught:
+        Settings(**given)
+    assert caught.value.setting == next(iter(given))
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 250

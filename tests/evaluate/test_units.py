@@ -20,7 +20,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
 DEMO = ASSETS / "demo.glb"
-SMALL = Settings.of(width=48, height=27, frames=(0, 5), columns=("frustum", "position", "normal"))
+SMALL = Settings(width=48, height=27, frames=(0, 5), columns=("frustum", "position", "normal"))
 SCALE = 128.0  # a power of two: division keeps every bit
 
 
@@ -89,7 +89,7 @@ def _svg_text(files: list[Path]) -> str:
 
 def test_inspect_shows_meters():
     scene = load_scene(DEMO)
-    plain, scaled = (describe(scene, Settings.of(unit_scale=unit)) for unit in (1.0, SCALE))
+    plain, scaled = (describe(scene, Settings(unit_scale=unit)) for unit in (1.0, SCALE))
     assert scaled["bounds"]["radius_m"] == plain["bounds"]["radius_m"] / SCALE
     assert scaled["bounds"]["center"] == [x / SCALE for x in plain["bounds"]["center"]]
     assert [c["near_m"] * SCALE for c in scaled["cameras"]] == [c["near_m"] for c in plain["cameras"]]

@@ -22,7 +22,7 @@ SETTINGS: dict[str, Any] = {"width": WIDTH, "height": HEIGHT, "shadow_size": 64,
 
 
 def settings(**changes: Any) -> Settings:
-    return Settings.of(**(SETTINGS | {"frames": (8, 11)} | changes))
+    return Settings(**(SETTINGS | {"frames": (8, 11)} | changes))
 
 
 def export(out: Path, format: str, **changes: Any) -> ExportResult:

@@ -71,7 +71,7 @@ def test_full_disk(tmp_path, format):
 def test_names_that_are_not_utf8(tmp_path):
     lost = os.fsdecode(b"caf\xe9")
     (tmp_path / f"{lost}.glb").symlink_to(DEMO)
-    settings = Settings.of(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
     export_scene(tmp_path / f"{lost}.glb", tmp_path / lost, settings, ExportOptions(channels=FAST))
     assert json.loads((tmp_path / lost / "export.json").read_text())["scene"] == lost
     data = (tmp_path / lost / "frame_00000.exr").read_bytes()
@@ -169,7 +169,7 @@ def test_the_command(tmp_path, capsys):
 
 def test_folder_with_a_partial_manifest_is_usable(tmp_path):
     """A killed export leaves a partial manifest; any other file in a folder without a manifest is refused."""
-    settings = Settings.of(width=WIDTH, height=HEIGHT, frames=(0, 1))
+    settings = Settings(width=WIDTH, height=HEIGHT, frames=(0, 1))
     out = tmp_path / "out"
     out.mkdir()
     (out / f".{MANIFEST}.123-0.partial").write_text("half")

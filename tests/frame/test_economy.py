@@ -190,7 +190,7 @@ def test_counts_may_be_read_one_run_late(gpu: Gpu) -> None:
 
 
 def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: Path) -> None:
-    settings = Settings.of(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
+    settings = Settings(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
     scene = load_scene(ASSETS / "demo.glb")
     late = evaluate_scene(scene, settings)
     at_once = evaluate_scene(scene, settings, on_pair=lambda pair: None)

@@ -31,7 +31,7 @@ def glowing_card() -> Scene:
 
 def run(gpu, scene: Scene, *, shading: Shading | None = None, extra: tuple[str, ...] = (), **settings) -> None:
     """Three frames and the masks of each pair, read back."""
-    settings = Settings.of(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
+    settings = Settings(width=SIZE[0], height=SIZE[1], fps=8.0, probes=64, indirect_samples=256, **settings)
     source = RasterSource(gpu, scene, choose_camera(scene), settings, shading=shading, extra=extra)
     masks = MaskPass(
         source.context,

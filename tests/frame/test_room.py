@@ -23,7 +23,7 @@ def needed(stage, kind: str = "point", **settings) -> list:
     s = SceneBuilder()
     s.node(mesh=s.mesh(box((1.0, 1.0, 1.0), inside=True)))
     s.light(kind=kind)
-    spec = FrameSpec(SceneFacts(s.build()), Settings.of(width=64, height=48, **settings), LIT)
+    spec = FrameSpec(SceneFacts(s.build()), Settings(width=64, height=48, **settings), LIT)
     return [resource for declared in stage(spec) for resource in declared.resources]
 
 

@@ -32,7 +32,7 @@ def progress(p):
     if p.done * 10 % p.total < 10:
         seen.append(process.memory_info().rss)
 
-settings = Settings.of(width=32, height=18, frames=(0, frames), reprojection="motion", shadow_size=32, indirect="none",
+settings = Settings(width=32, height=18, frames=(0, frames), reprojection="motion", shadow_size=32, indirect="none",
                     backend="egl",
                     columns=("frustum", "position", "normal", "direct", "color"))
 run = evaluate_scene(replace(room, channels=stretched), settings, out={out!r}, progress=progress)

@@ -26,7 +26,7 @@ def evaluate_file(path: Path) -> None:
     from taubench_gl.settings import Settings
 
     columns = ("frustum", "position", "normal", "direct", "color")
-    settings = Settings.of(
+    settings = Settings(
         width=24, height=16, fps=4, frames=(0, 3), reprojection="motion", columns=columns, shadow_size=32,
         indirect="none", backend="egl",
     )  # fmt: skip

@@ -150,7 +150,7 @@ def alive(gpu: Gpu) -> dict[str, int]:
 
 def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
     """Textures, buffers, framebuffers and programs are all gone when an evaluation returns or raises."""
-    settings = Settings.of(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
+    settings = Settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
 
     def stop(pair) -> None:
         raise KeyboardInterrupt

@@ -27,7 +27,7 @@ SIZE = (97, 54)
 @pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
 def test_both_ways_give_the_same_bits(gpu, storage: str, mode: str, sampling: str) -> None:
     scene = load_scene(ASSETS / "demo.glb")
-    settings = Settings.of(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)
+    settings = Settings(width=SIZE[0], height=SIZE[1], reprojection=mode, storage=storage)
     source = RasterSource(gpu, scene, choose_camera(scene), settings)
     views = [source.advance(10), source.advance(14)]
     pair = reprojection(views[1], views[0], *SIZE)

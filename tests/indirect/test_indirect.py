@@ -51,7 +51,7 @@ def turn_y(degrees: float):
 
 def draw(scene: Scene, **overrides) -> dict[str, np.ndarray]:
     """Channels of the scene's first frame."""
-    settings = Settings.of(width=SIZE[0], height=SIZE[1], **overrides)
+    settings = Settings(width=SIZE[0], height=SIZE[1], **overrides)
     with open_gpu() as gpu:
         source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
         try:
@@ -156,7 +156,7 @@ def test_a_light_that_is_off_has_no_vpls():
     s.camera(translation=(-1.5, 0.1, 0.0), rotation=LOOK_UP, yfov=0.8, znear=0.05)
     with open_gpu() as gpu:
         scene = s.build()
-        settings = Settings.of(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=700)
+        settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=700)
         source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
         source.advance(0)
         lights = source.light.vpls()
@@ -172,7 +172,7 @@ def test_indirect_stays_where_it_is_when_only_the_camera_moves():
     node = s.camera(rotation=LOOK_UP, yfov=0.8, znear=0.05)
     s.animate(node, "translation", [0.0, 1.0], [[-1.5, 0.1, 0.0], [-1.0, 0.1, 0.2]])
     scene = s.build()
-    settings = Settings.of(width=SIZE[0], height=SIZE[1], indirect_samples=512, probes=216)
+    settings = Settings(width=SIZE[0], height=SIZE[1], indirect_samples=512, probes=216)
     with open_gpu() as gpu:
         source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
         by_place = []
@@ -213,7 +213,7 @@ def test_every_face_of_a_light_away_from_the_camera_counts(kind, solid_angle):
     s.camera(translation=(-0.9, 0.9, 0.9), rotation=turn_y(-45), yfov=1.0, znear=0.01)
     with open_gpu() as gpu:
         scene = s.build()
-        settings = Settings.of(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=2400)
+        settings = Settings(width=SIZE[0], height=SIZE[1], indirect="rsm", indirect_samples=2400)
         source = RasterSource(gpu, scene, choose_camera(scene), settings, poser=Poser(scene))
         source.advance(0)
         flux = source.light.vpls()["flux"][:, 0].sum()

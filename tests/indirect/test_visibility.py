@@ -19,7 +19,7 @@ from taubench_gl.selftest.scenes import SceneBuilder, box, busy_room, morphed, q
 from taubench_gl.settings import Settings
 
 FAR = 4  # bricks, as indirect/bricks.comp.glsl
-SETTINGS = Settings.of(width=48, height=32, indirect="probes", indirect_samples=256, probes=150)
+SETTINGS = Settings(width=48, height=32, indirect="probes", indirect_samples=256, probes=150)
 
 
 def crowded() -> Scene:

@@ -52,7 +52,7 @@ class Shot:
 def opened(gpu: Gpu, scene: Scene, *, extra: tuple[str, ...] = (), **settings) -> Iterator[RasterSource]:
     """The source of an evaluation over ``scene``; 64x48 and direct light alone unless ``settings`` say otherwise."""
     settings = {"width": 64, "height": 48, "columns": DIRECT_ONLY} | settings
-    source = RasterSource(gpu, scene, choose_camera(scene), Settings.of(**settings), extra=extra)
+    source = RasterSource(gpu, scene, choose_camera(scene), Settings(**settings), extra=extra)
     try:
         yield source
     finally:

@@ -40,7 +40,7 @@ def mask_of(scene: Scene, **settings) -> tuple[np.ndarray, dict]:
     masks = []
     settings = {"width": WIDTH, "height": WIDTH, "fps": 1.0, "columns": ("position", "direct"), "shadow_size": SIZE,
                 "thresholds": {"direct": 0.05}} | settings  # fmt: skip
-    run = evaluate_scene(scene, Settings.of(**settings), on_pair=lambda pair: masks.append(pair.mask()))
+    run = evaluate_scene(scene, Settings(**settings), on_pair=lambda pair: masks.append(pair.mask()))
     assert len(masks) == 1
     return masks[0], run.frames[0]
 

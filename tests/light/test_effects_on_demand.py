@@ -22,7 +22,7 @@ TINY = {"width": 32, "height": 24, "frames": (0, 3), "shadow_size": 64, "indirec
 def differences(scene: Scene, **settings) -> list[str]:
     """Counts that differ between ``auto`` and ``all``, in every column that both measure."""
     auto, forced = (
-        evaluate_scene(scene, Settings.of(effects=effects, **(TINY | settings))).frames for effects in ("auto", "all")
+        evaluate_scene(scene, Settings(effects=effects, **(TINY | settings))).frames for effects in ("auto", "all")
     )
     assert len(auto) == len(forced)
     return [

@@ -59,7 +59,7 @@ def test_the_demo_is_planned_right(gpu):
 
 
 def check(gpu, scene, chosen) -> None:
-    settings = Settings.of(**chosen)
+    settings = Settings(**chosen)
     plan = FramePlan(scene, settings)
     resources = plan.resources()
     with opened(gpu, scene, **chosen) as source:
@@ -87,11 +87,11 @@ def check(gpu, scene, chosen) -> None:
 def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
     """The interface of a shader is generated, so it cannot use what is not declared; nor is more declared."""
     scene = busy_room(lamps=20)
-    source = RasterSource(gpu, scene, choose_camera(scene), Settings.of(**SIZE, **settings), shading=shading)
+    source = RasterSource(gpu, scene, choose_camera(scene), Settings(**SIZE, **settings), shading=shading)
     try:
         source.advance(0)
         spec = frame_spec(
-            SceneFacts(scene), Settings.of(**SIZE, **settings), source.effects, shading=shading, software=gpu.software
+            SceneFacts(scene), Settings(**SIZE, **settings), source.effects, shading=shading, software=gpu.software
         )
         compute = [p for p in frame_passes(spec) if isinstance(p, ComputePass) and p.name != "masks"]
         programs = {key[0][0]: [] for key in source.context.shaders._programs}
@@ -116,7 +116,7 @@ def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
     "make", [partial(busy_room, lamps=20), lambda: load_scene(ASSETS / "demo.glb")], ids=["room", "demo"]
 )
 def test_every_frame_can_run(columns, effects, mode, make):
-    settings = Settings.of(**SIZE, columns=columns, effects=effects, reprojection=mode)
+    settings = Settings(**SIZE, columns=columns, effects=effects, reprojection=mode)
     scene = make()
     plan = FramePlan(scene, settings)
     spec = frame_spec(SceneFacts(scene), settings, plan.effects, extra=("base_color",))
@@ -128,7 +128,7 @@ def test_every_frame_can_run(columns, effects, mode, make):
 
 
 def test_one_lobe_makes_direct_light_write_both():
-    plan = FramePlan(busy_room(lamps=2), Settings.of(**SIZE))
+    plan = FramePlan(busy_room(lamps=2), Settings(**SIZE))
     assert not set(LOBES) & set(frame_channels(plan.spec()))
     assert set(LOBES) <= set(frame_channels(replace(plan.spec(), extra=("direct_glossy",))))
 
@@ -141,13 +141,13 @@ def test_what_effects_depend_on():
 
 
 def test_a_channel_is_allocated_only_where_a_pass_reads_or_writes_it():
-    plan = FramePlan(everything(), Settings.of(**SIZE, columns=("frustum", "position")))
+    plan = FramePlan(everything(), Settings(**SIZE, columns=("frustum", "position")))
     assert frame_channels(plan.spec()) == ("position", "normal")
     assert frame_channels(replace(plan.spec(), extra=("ids",))) == ("position", "normal", "ids")
 
 
 def test_inspect_reports_effects_as_json():
-    facts = json.loads(json.dumps(describe(everything(), Settings.of(**SIZE))))
+    facts = json.loads(json.dumps(describe(everything(), Settings(**SIZE))))
     assert facts["effects"]["shadows"]["on"] is True and facts["effects"]["shadows"]["gpu_bytes"] > 0
     assert facts["effects"]["skinning"] == {
         "on": False, "reason": "no skins deform drawn meshes", "passes": [], "textures": [], "shaders": [],
@@ -157,11 +157,11 @@ def test_inspect_reports_effects_as_json():
 
 def test_inspect_needs_no_context(monkeypatch):
     monkeypatch.setattr("moderngl.create_context", None)
-    assert describe(everything(), Settings.of(**SIZE))["effects"]["direct"]["passes"]
+    assert describe(everything(), Settings(**SIZE))["effects"]["direct"]["passes"]
 
 
 def test_costs_are_what_a_frame_loses_without_the_effect():
-    costs = FramePlan(everything(), Settings.of(**SIZE)).costs()
+    costs = FramePlan(everything(), Settings(**SIZE)).costs()
     pixels = SIZE["width"] * SIZE["height"]
     assert costs["color"]["on"] and costs["color"]["passes"] == ["color"]
     assert costs["shadows"]["textures"] == [

@@ -66,7 +66,7 @@ def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu):
     case, found = Case("wide spot", 20.0, 115.0), []
     for parts, shading in ((1, None), (MAX_UNROLLED + 1, None), (1, Shading(light_samples=1, indirect_samples=1))):
         scene = case.scene(parts=parts)
-        settings = Settings.of(width=96, height=96, shadow_size=SIZE, shadow_lights=parts, shadow_filter="hard")
+        settings = Settings(width=96, height=96, shadow_size=SIZE, shadow_lights=parts, shadow_filter="hard")
         source = RasterSource(gpu, scene, choose_camera(scene), settings, shading=shading)
         found.append(shoot(source).direct)
         source.release()

@@ -118,7 +118,7 @@ def full_run(data):
     """All pairs of a real animation: CesiumMan, two seconds at 60 fps."""
     path = data / "khronos" / "CesiumMan" / "CesiumMan.glb"
     columns = ("frustum", "position", "normal")
-    return evaluate_scene(path, Settings.of(width=64, height=36, fps=60.0, columns=columns))
+    return evaluate_scene(path, Settings(width=64, height=36, fps=60.0, columns=columns))
 
 
 @pytest.mark.parametrize("column", ["position", "normal"])

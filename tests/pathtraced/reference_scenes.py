@@ -114,10 +114,10 @@ def compare(
 
     options = PathTracedOptions(camera_file=folder / "camera.json")
     path_traced = evaluate_path_traced(
-        f"exr:{folder}", Settings.of(frames=frames, columns=COLUMNS), options, on_pair=keep("path_traced")
+        f"exr:{folder}", Settings(frames=frames, columns=COLUMNS), options, on_pair=keep("path_traced")
     )
-    raster = evaluate_scene(scene, Settings.of(**settings), camera=camera, on_pair=keep("raster"))
-    evaluate_scene(scene, Settings.of(**settings, reprojection="motion"), camera=camera, on_pair=keep("motion"))
+    raster = evaluate_scene(scene, Settings(**settings), camera=camera, on_pair=keep("raster"))
+    evaluate_scene(scene, Settings(**settings, reprojection="motion"), camera=camera, on_pair=keep("motion"))
     out = {}
     for column in COLUMNS:
         own, traced = (run.summary["discard"][column]["mean_percent"] for run in (raster, path_traced))

@@ -28,7 +28,7 @@ from taubench_gl.settings import Settings
 
 def test_comparison_of_a_run_with_itself_and_with_another(renders, tmp_path):
     for name, threshold in (("a", 0.1255), ("b", 0.9)):
-        settings = Settings.of(thresholds={"direct": threshold})
+        settings = Settings(thresholds={"direct": threshold})
         evaluate(
             f"exr:{renders}", settings, out=tmp_path / name, save=("masks", "channels"), path_traced=options(renders)
         )
@@ -40,10 +40,10 @@ def test_comparison_of_a_run_with_itself_and_with_another(renders, tmp_path):
     other = compare_runs(tmp_path / "a", tmp_path / "b")
     assert other["columns"]["direct"]["difference_pp"] > 0 and other["masks"]["direct"]["iou"] < 1.0
     assert other["columns"]["position"]["difference_pp"] == 0.0
-    evaluate(f"exr:{renders}", Settings.of(frames=(5, None)), out=tmp_path / "c", path_traced=options(renders))
+    evaluate(f"exr:{renders}", Settings(frames=(5, None)), out=tmp_path / "c", path_traced=options(renders))
     assert compare_runs(tmp_path / "a", tmp_path / "c")["pairs"] == 1
     assert compare_runs(tmp_path / "a", tmp_path / "c")["masks"] == {"reason": NO_MASKS}
-    evaluate(f"exr:{renders}", Settings.of(frames=(4, 6)), out=tmp_path / "d", path_traced=options(renders))
+    evaluate(f"exr:{renders}", Settings(frames=(4, 6)), out=tmp_path / "d", path_traced=options(renders))
     with pytest.raises(OutputError):  # no common pair
         compare_runs(tmp_path / "c", tmp_path / "d")
 
@@ -68,7 +68,7 @@ def test_a_comparison_on_disk(renders, tmp_path):
     for name, threshold in (("a", 0.1255), ("b", 0.9)):
         (renders / "provenance.json").write_text(json.dumps(known))
         known["frame_seconds"] = {"4": 6.0, "5": 6.0}
-        settings = Settings.of(thresholds={"direct": threshold})
+        settings = Settings(thresholds={"direct": threshold})
         evaluate(
             f"exr:{renders}", settings, out=tmp_path / name, save=("masks", "channels"), path_traced=options(renders)
         )

@@ -20,7 +20,7 @@ from taubench_gl.settings import Settings
 
 
 def test_masks_equal_the_float64_reference(renders):
-    settings = Settings.of(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
+    settings = Settings(thresholds={"direct": 0.4, "indirect": 0.3, "color": 0.2}, exposure=0.7, tone_map="aces")
     masks = {}
 
     def keep(pair):
@@ -132,7 +132,7 @@ def test_contradicting_and_unknown_options_are_refused(renders):
         with pytest.raises(SettingsError):
             PathTracedOptions(**wrong)
     with pytest.raises(SettingsError):  # these files have no previous positions
-        evaluate_path_traced(f"exr:{renders}", Settings.of(reprojection="motion"), options(renders))
+        evaluate_path_traced(f"exr:{renders}", Settings(reprojection="motion"), options(renders))
 
 
 def test_the_noise_floor_of_one_render_against_itself_is_zero(renders):

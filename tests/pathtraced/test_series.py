@@ -42,14 +42,14 @@ def test_the_render_with_most_samples_is_the_reference(renders_folder):
     assert series.second.seed == 3
     assert series.frames == range(20, 22)
     assert series.renders[0].frame_ms == pytest.approx((500.0, 550.0))
-    base = series.settings(Settings.of(width=999, textures="mipmapped"))
+    base = series.settings(Settings(width=999, textures="mipmapped"))
     assert (base.sequence.width, base.sequence.height) == series.reference.sequence.size
     assert (base.sequence.fps, base.sequence.frames, base.sequence.textures) == (12.0, (20, 22), "finest")
 
 
 def test_a_render_is_evaluated_with_its_noise_floor_and_channels(renders_folder):
     series = find_series(f"exr:{renders_folder}")
-    settings = series.settings(Settings.of(pairs="every:2", samples_per_pixel=4))
+    settings = series.settings(Settings(pairs="every:2", samples_per_pixel=4))
     run = series.reference.evaluate(settings, series.second)
     found = from_run(run)
     assert found["columns"]["position"]["percent"] is not None and len(found["columns"]["position"]["pairs"]) == 1

@@ -81,7 +81,7 @@ class Writer:
 
 def rows_of(path: str, mode: str) -> list[dict]:
     columns = ("frustum", "position", "normal")
-    settings = Settings.of(width=64, height=40, fps=8, reprojection=mode, columns=columns, backend="egl")
+    settings = Settings(width=64, height=40, fps=8, reprojection=mode, columns=columns, backend="egl")
     return evaluate_scene(path, settings).frames
 
 

@@ -17,7 +17,7 @@ SIZE = (64, 48)
 def settings(**more) -> Settings:
     """64x48 at 24 fps, motion reprojection, no indirect light by default."""
     given = {"width": SIZE[0], "height": SIZE[1], "reprojection": "motion", "indirect": "none", "shadow_size": 128}
-    return Settings.of(**(given | more))
+    return Settings(**(given | more))
 
 
 def lit_room(b: SceneBuilder) -> None:

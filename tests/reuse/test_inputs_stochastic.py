@@ -36,7 +36,7 @@ def lit_scene():
 
 
 def source_of(gpu, **shading):
-    settings = Settings.of(
+    settings = Settings(
         width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="rsm", indirect_samples=96, shadow_size=128,
         light_error=0.0, shadow_lights=shading.pop("shadow_lights", 8), sky=shading.pop("sky", (0.0, 0.0, 0.0)),
     )  # fmt: skip
@@ -232,7 +232,7 @@ def test_mean_with_all_light_types_and_tile_lists(gpu, filtering):
         b.light(translation=place, intensity=2.0 + k, color=(1.0, 0.5 + 0.02 * k, 0.5), **kind)
     b.camera(translation=(0.0, 2.5, 5.0), rotation=turn_x(-25.0), yfov=np.radians(50.0), znear=0.1)
     scene = b.build()
-    settings = Settings.of(
+    settings = Settings(
         width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="none", shadow_size=64, light_error=0.0,
         shadow_filter=filtering,
     )  # fmt: skip

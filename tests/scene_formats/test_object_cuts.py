@@ -17,7 +17,7 @@ from taubench_gl.settings import Settings
 FACES = ("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3 4\nf 4 3 2 1\n", "f 1 2 3 4\nf 4 3 2 1\n")
 """Faces of the left object per frame: different from frame 2 on."""
 
-SETTINGS = Settings.of(width=96, height=54, fps=24.0, columns=("frustum", "position", "normal"))
+SETTINGS = Settings(width=96, height=54, fps=24.0, columns=("frustum", "position", "normal"))
 
 
 def sequence(folder, faces=FACES):
@@ -45,7 +45,7 @@ def pairs_of(scene, **options):
 def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection, monkeypatch):
     monkeypatch.setattr(
         f"{__name__}.SETTINGS",
-        Settings.of(width=96, height=54, columns=SETTINGS.metrics.columns, reprojection=reprojection),
+        Settings(width=96, height=54, columns=SETTINGS.metrics.columns, reprojection=reprojection),
     )
     scene = sequence(tmp_path)
     assert len(scene.replacements) == 1
@@ -71,7 +71,7 @@ def test_changed_faces_are_cut_in_one_pair(gpu, tmp_path, reprojection, monkeypa
 def test_cut_at_half_the_frame_rate(gpu, tmp_path, monkeypatch):
     """At half the rate the change is in exactly one pair."""
     monkeypatch.setattr(
-        f"{__name__}.SETTINGS", Settings.of(width=96, height=54, fps=12.0, columns=SETTINGS.metrics.columns)
+        f"{__name__}.SETTINGS", Settings(width=96, height=54, fps=12.0, columns=SETTINGS.metrics.columns)
     )
     run, _ = pairs_of(sequence(tmp_path, (*FACES[:2], *FACES[2:], FACES[-1])))
     assert [row["cut"] > 0 for row in run.frames] == [True, False]

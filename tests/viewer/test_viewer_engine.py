@@ -200,7 +200,7 @@ def test_reasons_in_words(word, reasons):
     ids=["geometry", "light"],
 )
 def test_every_visualization_can_be_shown(drive, columns, least):
-    driven = drive(light=True, settings=Settings.of(width=32, height=18, indirect="none", columns=columns))
+    driven = drive(light=True, settings=Settings(width=32, height=18, indirect="none", columns=columns))
     driven.run("frame 6")
     assert len(driven.state.channels) >= least
     for name in driven.state.channels:

@@ -194,7 +194,7 @@ def test_thresholds_of_a_run_are_in_meters_for_any_unit_scale(tmp_path):
     stored = {"unit_scale": 2.0, "thresholds": {"position": 0.25, "normal": 0.25}}
     run = Run({"scene": {"path": str(tmp_path)}, "settings": stored}, [], tmp_path)
     for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):
-        _, found = _scene_of(run, OpenRequest("run", Settings.of(unit_scale=100.0), given=given))
+        _, found = _scene_of(run, OpenRequest("run", Settings(unit_scale=100.0), given=given))
         assert found.metrics.unit_scale == scale
         assert (found.metrics.thresholds["position"], found.metrics.thresholds["normal"]) == (0.25, 0.25)
         assert found.metrics.threshold("position") == 0.25 * scale

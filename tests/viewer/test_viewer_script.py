@@ -74,7 +74,7 @@ def test_panels_work_by_mouse(drive):
 def test_toggling_an_effect_by_mouse_and_by_key(drive):
     from taubench_gl.settings import Settings
 
-    driven = drive(settings=Settings.of(width=48, height=27, indirect="none"), light=False)
+    driven = drive(settings=Settings(width=48, height=27, indirect="none"), light=False)
     driven.run(
         "expect effect.direct == 0\nset effect direct\nkey ENTER\nexpect effect.direct == 1\nexpect overlay.direct >= 0"
     )

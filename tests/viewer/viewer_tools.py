@@ -11,7 +11,7 @@ from taubench_gl.settings import Settings
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "assets" / "demo.glb"
 SIZE = (96, 54)
-QUIET = Settings.of(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
+QUIET = Settings(width=SIZE[0], height=SIZE[1], columns=("frustum", "position", "normal"))
 
 
 class Driven:

@@ -47,7 +47,7 @@ def prepare():
         from taubench_gl.settings import Settings
 
         columns = ("frustum", "position", "normal")
-        evaluate_scene(scene, Settings.of(width=64, height=36, frames=(0, 2), columns=columns))
+        evaluate_scene(scene, Settings(width=64, height=36, frames=(0, 2), columns=columns))
         times["first_ms"] = (time.perf_counter() - start) * 1e3
     return (lambda request: {}), times
 

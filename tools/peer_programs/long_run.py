@@ -29,7 +29,7 @@ def prepare():
 
     with tempfile.TemporaryDirectory() as out:
         start = time.perf_counter()
-        settings = Settings.of(width=width, height=height, fps=fps, frames=(0, frames))
+        settings = Settings(width=width, height=height, fps=fps, frames=(0, frames))
         evaluate_scene(path, settings, out=out, progress=note_memory)
         seconds = time.perf_counter() - start
     return (lambda request: {}), {"resident_mib": resident, "frame_ms": seconds * 1e3 / len(resident)}
