@@ -38,6 +38,20 @@ EFFECTS = ("auto", "all")
 TONE_MAPS = ("linear", "reinhard", "aces")
 INDIRECT = ("auto", "none", "rsm", "probes")
 SHADOW_FILTERS = ("hard", "bilinear")
+LIGHT_UNITS = ("auto", "watt", "candela")
+FIXED_LIGHTING: dict[str, Any] = {"light_unit": "candela", "exposure": 1.0, "environment": "none"}
+"""Radiance as the file gives it: intensities as written, exposure 1, no environment."""
+
+AUTO = "auto"
+"""Value of ``light_unit``, ``exposure`` and ``environment`` until ``evaluation.resolve_lighting`` has chosen one."""
+
+ENVIRONMENTS = ("auto", "none", "default")
+"""Values of ``environment`` besides a radiance (r, g, b) and the path of an image."""
+
+ENVIRONMENT_FILES = (".hdr", ".exr")
+MAX_EXPOSURE = 1e30
+"""Radiance times exposure stays within float32; 1 / ``MAX_EXPOSURE`` is the least exposure."""
+
 STORAGES = ("float", "half")
 PAIR_SAMPLES = ("all", "every:K", "strata:H")
 _PAIR_SAMPLE = re.compile(r"all|(every|strata):([1-9][0-9]{0,6})")
@@ -85,8 +99,16 @@ def _columns_fault(_name: str, value: Any) -> str | None:
     return next((f"no column is named {column!r}" for column in value if column not in COLUMNS), None)
 
 
-def _sky_fault(name: str, value: Any) -> str | None:
-    return None if len(value) == 3 and all(math.isfinite(c) and c >= 0 for c in value) else _is(name, value)
+def _environment_fault(name: str, value: Any) -> str | None:
+    if isinstance(value, str):
+        return None if value in ENVIRONMENTS or value.lower().endswith(ENVIRONMENT_FILES) else _is(name, value)
+    return None if len(value) == 3 and all(0 <= c <= _FLOAT32_MAX for c in value) else _is(name, value)
+
+
+def _exposure_fault(name: str, value: Any) -> str | None:
+    if isinstance(value, str):
+        return None if value == AUTO else _is(name, value)
+    return None if 1.0 / MAX_EXPOSURE <= value <= MAX_EXPOSURE else _is(name, value)
 
 
 def _pairs_fault(name: str, value: Any) -> str | None:
@@ -233,14 +255,21 @@ class LightingSettings(_Group):
     """Radiance: light, shadows, indirect light, exposure."""
 
     effects: str = _setting("auto", "effects to simulate: those that scene and columns need, or all", _one_of(EFFECTS))
-    sky: tuple[float, float, float] = _setting(
-        (0.0, 0.0, 0.0),
-        "uniform sky radiance, linear RGB",
-        Check("three radiances of at least 0: R,G,B", _sky_fault),
-        unit="cd/m2",
+    light_unit: str = _setting(
+        AUTO,
+        "unit of punctual light intensities; watt: 683 lm are 1 W, as Blender exports them",
+        _one_of(LIGHT_UNITS),
     )
-    exposure: float = _setting(
-        1.0, "factor on radiance before thresholds and tone mapping", _above_zero("a factor above 0")
+    exposure: float | str = _setting(
+        AUTO,
+        "factor on radiance before thresholds and tone mapping; auto: 1 for watt, else metered",
+        Check(f"auto, or a factor from {1 / MAX_EXPOSURE:g} to {MAX_EXPOSURE:g}", _exposure_fault),
+    )
+    environment: str | tuple[float, float, float] = _setting(
+        AUTO,
+        "light from all around: auto, none, default (a uniform sky and a sun), a uniform radiance R,G,B or an "
+        "equirectangular image (.hdr, .exr); auto: default where the file has no light",
+        Check("auto, none, default, three radiances of at least 0 or a .hdr or .exr file", _environment_fault),
     )
     tone_map: str = _setting("linear", "curve from radiance x exposure to color", _one_of(TONE_MAPS))
     shadow_size: int = _setting(
@@ -256,10 +285,21 @@ class LightingSettings(_Group):
     probes: int = _setting(768, "approximate number of irradiance probes", _at_least(8, "at least 8"))
     light_error: float = _setting(
         1e-3,
-        "radiance that light culling may leave out of a tile",
+        "radiance times exposure that light culling may leave out of a tile",
         _at_least(0, "a radiance of at least 0"),
-        unit="cd/m2",
     )
+
+    @property
+    def resolved(self) -> bool:
+        """Whether light unit, exposure and environment have concrete values."""
+        return AUTO not in (self.light_unit, self.exposure, self.environment)
+
+    @property
+    def exposure_factor(self) -> float:
+        """``exposure`` as a number.  Raises ValueError if it is ``auto``."""
+        if isinstance(self.exposure, str):
+            raise ValueError("exposure is auto: call evaluation.resolve_lighting first")
+        return self.exposure
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,7 +372,7 @@ class Settings:
         Raises SettingsError for a name that is no setting, and a value of the wrong type or out of range.
         """
         converted = {}
-        for name, value in values.items():
+        for name, value in _current_names(values).items():
             if name in REMOVED:
                 continue
             _group_of(name)
@@ -360,6 +400,9 @@ FIELDS: dict[str, dataclasses.Field[Any]] = {f.name: f for group in GROUPS.value
 """Every field by name; ``metadata`` holds ``meaning``, ``unit``, ``check`` and ``selects``."""
 
 FIELD_TYPES = {name: kind for group in GROUPS.values() for name, kind in typing.get_type_hints(group).items()}
+
+RENAMED = {"sky": "environment"}
+"""Former name of a setting -> its name."""
 
 REMOVED = ("summation", "histogram_bits")
 """Settings of earlier releases that files may still hold."""
@@ -423,11 +466,26 @@ def _parse_animation(value: Any) -> Any:
     return (value,) if isinstance(value, str | int) else value or None
 
 
+def parse_environment(text: Any) -> Any:
+    """The value of ``environment`` that ``text`` spells: one number or R,G,B is a radiance (r, g, b).
+
+    Values that are not text are returned unchanged.
+    """
+    if not isinstance(text, str):
+        return text
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return text
+    return numbers * 3 if len(numbers) == 1 else numbers
+
+
 PARSERS: dict[str, Callable[[Any], Any]] = {
     "frames": parse_frames,
     "thresholds": _parse_thresholds,
     "columns": _parse_columns,
     "animation": _parse_animation,
+    "environment": parse_environment,
 }
 """Fields with more than one spelling -> the function that reads them."""
 
@@ -445,6 +503,15 @@ def read_value(name: str, value: Any) -> Any:
     return _converted(name, value)
 
 
+def _current_names(values: Mapping[str, Any]) -> dict[str, Any]:
+    """``values`` of an earlier release by their current names: ``sky``, a radiance, is now ``environment``."""
+    out = dict(values)
+    if "sky" in out:
+        sky = out.pop("sky")
+        out.setdefault("environment", sky if not isinstance(sky, list | tuple) or any(sky) else "none")
+    return out
+
+
 def scheme_of(pairs: str) -> tuple[str, int]:
     """``MetricsSettings.pairs`` as (all | every | strata, number)."""
     scheme, _, number = pairs.partition(":")
@@ -453,7 +520,7 @@ def scheme_of(pairs: str) -> tuple[str, int]:
 
 def unknown_setting(name: str, others: tuple[str, ...] = ()) -> SettingsError:
     """The error for a name that is no setting; ``others``: further names allowed where it was given."""
-    near = difflib.get_close_matches(name, [*FIELDS, "size", *others], 1)
+    near = [RENAMED[name]] if name in RENAMED else difflib.get_close_matches(name, [*FIELDS, "size", *others], 1)
     hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join([*others, 'size', *FIELDS])}"
     return SettingsError(f"no setting is named {name!r}", hint=hint, setting=name)
 

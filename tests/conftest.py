@@ -47,3 +47,20 @@ def gpu(session_gpu: Gpu) -> Iterator[Gpu]:
         assert session_gpu.ctx.error == "GL_NO_ERROR"
         yield session_gpu
         session_gpu.check("the test")
+
+
+def _fix_lighting_defaults() -> None:
+    """Settings made in tests have the lighting of ``FIXED_LIGHTING`` unless they name another.
+
+    Numbers of most tests are for intensities as written, exposure 1 and no environment.  Tests of ``auto`` give
+    ``**AUTO_LIGHTING`` (``tests/lighting_tools.py``); those that start a process get the defaults of users.
+    """
+    from taubench_gl.settings import FIXED_LIGHTING, LightingSettings
+
+    init = LightingSettings.__init__
+    names = init.__code__.co_varnames[1 : init.__code__.co_argcount]
+    given = zip(names, init.__defaults__, strict=True)
+    init.__defaults__ = tuple(FIXED_LIGHTING.get(name, default) for name, default in given)
+
+
+_fix_lighting_defaults()

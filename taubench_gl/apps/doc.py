@@ -13,7 +13,7 @@ import click
 from taubench_gl import glossary
 from taubench_gl.apps.cli import cli
 from taubench_gl.paths import PACKAGE
-from taubench_gl.settings import GROUPS, Settings
+from taubench_gl.settings import GROUPS
 
 DOCS = PACKAGE.parent / "docs"
 PROGRAM = "taubench-gl"
@@ -97,8 +97,7 @@ def settings_table() -> list[str]:
         out.append(f"#### Settings.{group}\n\n{inspect.getdoc(kind)}\n")
         out.append("| setting | default | unit | allowed | meaning |\n|---|---|---|---|---|")
         for field in dataclasses.fields(kind):
-            default = getattr(getattr(Settings(), group), field.name)
-            shown = "32/255 each" if field.name == "thresholds" else f"`{default!r}`"
+            shown = "32/255 each" if field.name == "thresholds" else f"`{field.default!r}`"
             about = field.metadata
             allowed = about["check"].text if about["check"] else ""
             cells = (f"`{field.name}`", shown, about["unit"], allowed, about["meaning"])

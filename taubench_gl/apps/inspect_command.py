@@ -54,6 +54,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     """
     from taubench_gl.animation import Poser, bounding_sphere, choose_camera
     from taubench_gl.effects.census import census
+    from taubench_gl.effects.lighting import without_auto
     from taubench_gl.frame.plan import FramePlan
 
     poser = Poser(scene)
@@ -98,7 +99,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
             }
             for node in map(int, scene.light_nodes)
         ],
-        "effects": FramePlan(scene, settings, poser=poser).costs(),
+        "effects": FramePlan(scene, without_auto(scene, settings), poser=poser).costs(),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
         "notes": [str(note) for note in scene.notes],

@@ -11,22 +11,25 @@ from typing import Any
 
 import click
 
-from taubench_gl.apps.aliases import current_value
+from taubench_gl.apps.aliases import current_value, former_option
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import SettingsError
 from taubench_gl.glossary import OPTIONS
 from taubench_gl.settings import (
+    AUTO,
     BACKENDS,
     CULLINGS,
     EFFECTS,
     FIELDS,
     INDIRECT,
+    LIGHT_UNITS,
     REPROJECTIONS,
     SAMPLINGS,
     SHADOW_FILTERS,
     TEXTURES,
     TONE_MAPS,
     Settings,
+    parse_environment,
     parse_frames,
     parse_size,
     parse_threshold,
@@ -82,21 +85,27 @@ class Threshold(click.ParamType):
         return _parsed(self, parse_threshold, value, param, ctx)
 
 
-class Color(click.ParamType):
-    """``R,G,B``, or one number for all three channels -> (r, g, b) floats; Settings checks the range."""
+class Exposure(click.ParamType):
+    """A number, or ``auto``; Settings checks the range."""
 
-    name = "R,G,B"
+    name = "VALUE"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
+        if value == AUTO or not isinstance(value, str):
             return value
         try:
-            numbers = tuple(float(part) for part in value.split(","))
+            return float(value)
         except ValueError:
-            numbers = ()
-        if len(numbers) not in (1, 3):
-            self.fail(f"{value!r} is not a radiance such as 0.2,0.4,0.9", param, ctx)
-        return numbers * 3 if len(numbers) == 1 else numbers
+            self.fail(f"{value!r} is neither auto nor a number", param, ctx)
+
+
+class EnvironmentValue(click.ParamType):
+    """``auto``, ``none``, ``default``, ``R,G,B`` or an image file, as ``settings.parse_environment``."""
+
+    name = "ENVIRONMENT"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return parse_environment(value) if isinstance(value, str) else value
 
 
 class OutPath(click.Path):
@@ -267,9 +276,36 @@ threshold_option = click.option(
 )
 unit_scale_option = of_settings("--unit-scale")
 culling_option = of_settings("--culling", type=click.Choice(CULLINGS))
-sky_option = of_settings(
-    "--sky", "Uniform sky radiance, linear RGB, cd/m2.  [default: 0,0,0]", type=Color(), show_default=False
-)
+
+
+def environment_options(command: Any) -> Any:
+    """``--light-unit``, ``--exposure`` and ``--environment``."""
+    return with_options(
+        command,
+        of_settings(
+            "--light-unit",
+            "Unit of punctual lights.  watt: intensities divided by 683, as Blender exports them.  candela: as "
+            "written.  auto: watt for files of Blender's exporter 3.6 or newer.  [default: auto]",
+            type=click.Choice(LIGHT_UNITS),
+            show_default=False,
+        ),
+        of_settings(
+            "--exposure",
+            "Factor on radiance before thresholds and tone mapping, or auto: 1 for watt, else metered.  "
+            "[default: auto]",
+            type=Exposure(),
+            metavar="VALUE",
+            show_default=False,
+        ),
+        of_settings(
+            "--environment",
+            "Light from all around: none, default (a uniform sky and a sun), R,G,B (uniform radiance), an "
+            "equirectangular FILE.hdr or FILE.exr, or auto: default where the file has no light.  [default: auto]",
+            type=EnvironmentValue(),
+            show_default=False,
+        ),
+        former_option("--sky", "--environment"),
+    )
 
 
 def light_options(command: Any) -> Any:
@@ -296,8 +332,7 @@ def lighting_options(command: Any) -> Any:
     """How light is simulated: ``light_options`` without the columns."""
     return with_options(
         command,
-        sky_option,
-        of_settings("--exposure", metavar="VALUE"),
+        environment_options,
         of_settings("--tone-map", type=click.Choice(TONE_MAPS)),
         of_settings("--shadow-size", metavar="TEXELS"),
         of_settings("--shadow-lights", metavar="N"),
@@ -308,7 +343,7 @@ def lighting_options(command: Any) -> Any:
         ),
         of_settings(
             "--light-error",
-            "Radiance that light culling may leave out of a tile, cd/m2 before exposure.",
+            "Radiance times exposure that light culling may leave out of a tile.",
             metavar="RADIANCE",
         ),
         of_settings(

@@ -11,7 +11,8 @@ from typing import Any
 import click
 
 from taubench_gl.apps.aliases import Group
-from taubench_gl.apps.options import OutPath, culling_option, frame_options, settings_from, sky_option
+from taubench_gl.apps.options import OutPath, culling_option, environment_options, frame_options, settings_from
+from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
 
 
@@ -44,26 +45,44 @@ interpreter that has it.  An interrupted render continues with the first missing
 )
 @click.option("--crisp", is_flag=True, help="Sample pixel centers only, as a rasterizer does.")
 @culling_option
-@sky_option
+@environment_options
 @click.option("--threads", type=click.IntRange(0), default=0, help="CPU threads of Blender.  [default: all cores]")
 def render(scene_path: str, out: Path, **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
     from taubench_gl.animation import choose_camera
-    from taubench_gl.evaluation import frame_range
+    from taubench_gl.effects.lighting import environment_of
+    from taubench_gl.evaluation import frame_range, resolve_lighting
     from taubench_gl.pathtraced.blender.job import Quality
     from taubench_gl.pathtraced.blender.render import render_reference
     from taubench_gl.pathtraced.cameras import CAMERA_FILE
     from taubench_gl.scene import load_scene
 
-    names = ("camera", "scene", "animations", "fps", "frames", "size", "culling", "sky")
+    names = (
+        "camera",
+        "scene",
+        "animations",
+        "fps",
+        "frames",
+        "size",
+        "culling",
+        "light_unit",
+        "exposure",
+        "environment",
+    )
     settings = settings_from({name: options[name] for name in names})
     scene = load_scene(scene_path, scene=settings.sequence.scene, animation=settings.sequence.animation)
     camera = choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
+    resolved = resolve_lighting(scene, settings, camera, frames=frames)
+    settings = resolved.settings
+    environment = environment_of(settings)
+    if environment.kind == "image":
+        raise SettingsError("an image environment is not rendered", hint="give a uniform one, --environment R,G,B")
     quality = Quality(
         **{name: options[name] for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "threads")},
         cull_back_faces=settings.sequence.culling == "gltf",
-        sky=settings.lighting.sky,
+        sky=environment.radiance,
+        light_unit=settings.lighting.light_unit,
     )
     notes = render_reference(
         scene,

@@ -14,7 +14,7 @@ NAMES = ("eternal-valley-fps", "eternal-valley-vr")
     epilog="""\b
 Examples:
   taubench-gl scenes make eternal-valley-fps valley.glb
-  taubench-gl evaluate valley.glb --fps 60 --sky 0.2,0.3,0.5"""
+  taubench-gl evaluate valley.glb --fps 60 --environment 0.2,0.3,0.5"""
 )
 @click.argument("name", type=click.Choice(NAMES))
 @click.argument("out", type=click.Path(path_type=Path), metavar="OUT.glb")
@@ -34,7 +34,7 @@ def make(name: str, out: Path) -> None:
     show_tables(paper_tables([summary])[:3])
     click.echo(f"note: {recipe.note}")
     click.echo(f"written to {out} ({out.stat().st_size:,} bytes, CC0)")
-    click.echo(f"Table 4: taubench-gl evaluate {out} --fps {recipe.camera.fps:g} --sky 0.2,0.3,0.5")
+    click.echo(f"Table 4: taubench-gl evaluate {out} --fps {recipe.camera.fps:g} --environment 0.2,0.3,0.5")
 
 
 def describe(scene: Any, fps: float) -> dict[str, Any]:

@@ -86,8 +86,8 @@ def _open_request(source: str, options: dict[str, Any]) -> Any:
     from taubench_gl.viewer.feeds import OpenRequest
 
     names = ("size", "frames", "camera", "scene", "animations", "fps", "reprojection", "sampling", "thresholds",
-             "unit_scale", "culling", "textures", "columns", "effects", "sky", "exposure", "tone_map", "shadow_size",
-             "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
+             "unit_scale", "culling", "textures", "columns", "effects", "light_unit", "exposure", "environment",
+             "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
     settings = settings_from({name: options[name] for name in names})
     path_traced = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
     return OpenRequest(

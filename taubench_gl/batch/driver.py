@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from taubench_gl.batch.merge import finish, job_positions, merge_job, write_job
@@ -24,6 +24,7 @@ from taubench_gl.batch.units import (
     Slot,
     Unit,
 )
+from taubench_gl.batch.worker import resolved_settings
 from taubench_gl.errors import GraphicsError
 from taubench_gl.run import SUMMARY_FILE
 
@@ -127,7 +128,7 @@ class Driver:
 
     def _plan(self, state: _JobState, head: dict[str, Any]) -> None:
         """Queue the pairs that are not counted yet."""
-        job = state.job
+        job = state.job = replace(state.job, settings=resolved_settings(state.job.settings, head))
         state.head = head
         positions = job_positions(job, head)
         if (self.store.job(job.id) / SUMMARY_FILE).is_file():

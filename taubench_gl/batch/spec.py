@@ -18,12 +18,12 @@ import msgspec
 
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
-from taubench_gl.settings import FIELD_TYPES, FIELDS, Settings
+from taubench_gl.settings import FIELD_TYPES, FIELDS, RENAMED, Settings, parse_environment
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """Maps the name of a scene to an argument of ``load_scene`` and the settings of its registry entry."""
 
-LISTS = ("columns", "sky", "animation")
+LISTS = ("columns", "environment", "animation")
 """Settings whose value is itself a list: only a list of lists sweeps them."""
 
 OWN_KEYS = ("name", "scenes", "size")
@@ -108,7 +108,7 @@ def read_choices(values: Mapping[str, Any], where: str, errors: list[str]) -> di
     """Alternatives per key, each a dict of Settings fields (``size`` sets two).  A sweep has more than one."""
     out: dict[str, list[dict[str, Any]]] = {}
     for key, value in values.items():
-        field = key.replace("-", "_")
+        field = RENAMED.get(key, key.replace("-", "_"))
         name = f"{where}{key}"
         if field not in FIELDS and field != "size":
             near = difflib.get_close_matches(field, [*FIELDS, *OWN_KEYS], 1)
@@ -141,6 +141,8 @@ def _checked(field: str, value: Any, name: str, errors: list[str]) -> dict[str, 
             return _validated(_size(value))
         if field == "frames":
             value = _frames(value)
+        elif field == "environment" and isinstance(value, str):
+            value = parse_environment(value)
         elif field in LISTS and isinstance(value, str):
             value = [word.strip() for word in value.split(",") if word.strip()]
         return _validated({field: msgspec.convert(value, FIELD_TYPES[field])})

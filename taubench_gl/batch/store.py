@@ -127,7 +127,7 @@ class Store:
         values = json.loads(data)
         values["file"] = stamp if values.get("one_file", True) else None
         before = self.known_head(job.id)
-        if before is None or before["facts"] != values["facts"] or before["frames"] != values["frames"]:
+        if before is None or any(before.get(key) != values.get(key) for key in ("facts", "frames", "lighting")):
             self.remove(job.id)
         self.write_json(self.head_file(job.id), values, indent=None)
         return values

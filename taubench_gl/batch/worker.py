@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -34,6 +34,7 @@ from taubench_gl.evaluation import (
     frame_schedule,
     pair_schedule,
     require_triangles,
+    resolve_lighting,
     scene_facts,
 )
 from taubench_gl.frame.passes.masks import Counts
@@ -44,9 +45,13 @@ from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.provenance import provenance
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import AUTO, Settings
 
 HEAD_SCHEMA = "taubench-gl/batch-head/1"
+
+
+LIGHTING = ("light_unit", "exposure", "environment")
+"""Settings that are resolved once for all units of a job."""
 
 
 class NoOpenGL(GraphicsError):
@@ -77,6 +82,8 @@ class Worker:
         gpu = None if unit.positions is None else open_context(unit.settings)
         loaded = self._load(unit)
         if gpu is None:
+            if unit.settings.lighting.exposure == AUTO:
+                open_context(unit.settings)  # its exposure may have to be metered
             return head(loaded.scene, loaded.poser, loaded.camera, unit.settings)
         if unit.sha256 != loaded.scene.sha256:
             raise SceneError("changed while the batch was running", where=unit.scene, hint="run the batch again")
@@ -143,20 +150,31 @@ def open_context(settings: Settings) -> Gpu:
 
 
 def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
-    """All of the summary that needs no rendering, and the camera poses of all frames in full precision, as JSON."""
+    """All of the summary that needs no pair, and the camera poses of all frames in full precision, as JSON.
+
+    ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
+    """
     require_triangles(scene)
     frames = frame_range(scene, camera, settings)
+    resolved = resolve_lighting(scene, settings, camera, frames=frames, poser=poser)
     views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
     values = {
         "schema": HEAD_SCHEMA,
         "version": __version__,
         "one_file": scene.files == 1,  # a .glb may refer to images and buffers in other files
         "frames": [frames.start, frames.stop],
-        "facts": scene_facts(scene, camera, frames, settings, poser),
+        "facts": scene_facts(scene, camera, frames, resolved, poser),
+        "lighting": {name: resolved.settings.to_dict()[name] for name in LIGHTING},
         "positions": [view.position.tolist() for view in views],
         "rotations": [view.world_from_view.tolist() for view in views],
     }
     return (json.dumps(values, default=_plain) + "\n").encode()
+
+
+def resolved_settings(settings: Settings, head: Mapping[str, Any]) -> Settings:
+    """``settings`` of a job with the lighting that its head resolved."""
+    lighting = {name: tuple(v) if isinstance(v, list) else v for name, v in head.get("lighting", {}).items()}
+    return settings.replace(**lighting)
 
 
 def _process_info(seconds: float) -> dict[str, Any]:

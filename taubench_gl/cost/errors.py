@@ -88,7 +88,7 @@ def _measure_on_cpu(scene: Scene, camera: CameraTrack, settings: Settings) -> di
             thresholds,
             sampling=metrics.sampling,
             reprojection=source.reprojection,
-            exposure=settings.lighting.exposure,
+            exposure=settings.lighting.exposure_factor,
         )
         none = np.zeros_like(masks.histogram("position"))
         histograms = [masks.histogram(f) if f in masks.distances else none for f in FEATURES]

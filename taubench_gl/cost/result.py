@@ -45,6 +45,7 @@ class CostStudy:
     points: list[Point]
     plan: Plan
     methods: list[MethodPoint] = field(default_factory=list)
+    requested_lighting: dict[str, Any] = field(default_factory=dict)  # light unit, exposure, environment; may be auto
     chosen_columns: tuple[str, ...] = ()  # columns of the recommendation, () for all
     recommendations: list[Choice] = field(default_factory=list)  # one per column
     chosen: Choice | None = None  # for ``within`` and ``budget_ms``
@@ -141,7 +142,9 @@ class CostStudy:
         written = [*(folder / name for name in texts), *plot_fronts(values, folder)]
         preset = folder / PRESET_FILE
         if self.chosen is not None and self.chosen.point is not None:
-            save_preset(preset, self.plan.named(self.chosen.point.name).settings, self._measured())
+            # A preset is for other scenes too: it leaves open what the caller left open.
+            settings = self.plan.named(self.chosen.point.name).settings.replace(**self.requested_lighting)
+            save_preset(preset, settings, self._measured())
             written.append(preset)
         else:
             preset.unlink(missing_ok=True)  # it would be of another choice

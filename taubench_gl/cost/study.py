@@ -32,7 +32,7 @@ from taubench_gl.cost.result import CostStudy, assemble
 from taubench_gl.cost.timing import SWEEPS, Clock, OpenConfiguration, Pool, StudyTimer, due_visits, round_medians
 from taubench_gl.effects.decide import decide
 from taubench_gl.errors import SettingsError, note_renamed
-from taubench_gl.evaluation import frame_range
+from taubench_gl.evaluation import frame_range, resolve_lighting
 from taubench_gl.frame.spec import SceneFacts
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, TimerVerdict, probe_timer
@@ -42,7 +42,7 @@ from taubench_gl.pathtraced.series import Render, SampleCountSeries, find_series
 from taubench_gl.provenance import provenance
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 REFERENCE = "highest-quality"
 FORMER_REFERENCE = "best"
@@ -147,6 +147,8 @@ def cost(
     series = _open_reference(reference)
     if series is not None:
         baseline = series.settings(baseline)
+    requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
+    baseline = resolve_lighting(scene, baseline, choose_camera(scene, baseline.sequence.camera)).settings
     subject = _subject(scene, baseline, names, chosen_methods, series)
     out = Path(out)
     if fresh:
@@ -159,6 +161,7 @@ def cost(
         measurements.measure_times()
         measurements.measure_methods()
         study = assemble(about, subject.plan, series, records.lines, repeats)
+        study.requested_lighting = requested
         study.methods = methods.method_points(chosen_methods, records.lines, repeats)
         study.choose(within, budget_ms, choose_for)
         if check and study.chosen is not None and study.chosen.point is not None:

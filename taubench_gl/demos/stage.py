@@ -20,7 +20,7 @@ from taubench_gl.run import Run
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, sphere, turn_x, turn_y
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 Array = np.ndarray
 SIZE = (480, 270)
@@ -63,7 +63,7 @@ class Stage:
 
     def settings(self, **given: Any) -> Settings:
         """Settings with the size and backend of the stage; defaults: one frame per second, no indirect light."""
-        defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none"}
+        defaults = {"width": self.size[0], "height": self.size[1], "fps": 1.0, "indirect": "none", **FIXED_LIGHTING}
         return Settings(**(defaults | given | {"backend": self.gpu.backend, "device": self.device}))
 
     def evaluate(

@@ -14,6 +14,7 @@ import numpy as np
 
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import Settings
 
@@ -139,7 +140,8 @@ def _previous_pose(scene: Scene, settings: Settings) -> Effect:
 def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     kinds = [scene.lights[i].kind for i in scene.nodes.light[scene.light_nodes]]
     columns = set(settings.metrics.columns)
-    sky = any(settings.lighting.sky)
+    environment = environment_of(settings)
+    sky = environment.shines
     emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
     lit, emissive = bool(kinds) or sky, bool(emitters)
     # Indirect light starts from what the lights give directly.
@@ -152,7 +154,7 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
         )
         for kind in ("point", "spot", "directional")
     }
-    effects["sky"] = Effect(sky and wants_direct, "a uniform sky is set" if sky else "no sky is set")
+    effects["sky"] = Effect(sky and wants_direct, environment.reason)
     source = "lights or sky to scatter" if lit else "no light and no sky in the scene"
     effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column needs it")
     shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)

@@ -6,6 +6,7 @@ the Run and of the pairs that ``on_pair`` receives; ``taubench_gl.api.evaluate``
 Path-traced files: ``pathtraced.evaluation``.
 """
 
+from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.pairs import (
     ChannelPair,
     EvaluatedPair,
@@ -26,6 +27,7 @@ __all__ = [
     "Pair",
     "PairEvaluator",
     "PairResults",
+    "ResolvedLighting",
     "assemble_summary",
     "evaluate_pairs",
     "evaluate_scene",
@@ -36,6 +38,7 @@ __all__ = [
     "mark_cuts",
     "pair_schedule",
     "require_triangles",
+    "resolve_lighting",
     "sampled_pairs",
     "scene_facts",
 ]

@@ -157,7 +157,7 @@ class PairEvaluator:
         limits = self._thresholds if thresholds is None else thresholds
         with self._timer.measure("masks"):
             return self._masks.run(
-                pair, limits, current, previous, int(declared), exposure=self.settings.lighting.exposure
+                pair, limits, current, previous, int(declared), exposure=self.settings.lighting.exposure_factor
             )
 
     def read(self, run: int | None = None) -> Counts:

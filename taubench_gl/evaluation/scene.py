@@ -8,6 +8,7 @@ from pathlib import Path
 
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
 from taubench_gl.errors import SceneError
+from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.pairs import Observers, Pair, evaluate_pairs
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
@@ -46,21 +47,23 @@ def evaluate_scene(
     camera = camera or choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
+    resolved = resolve_lighting(scene, settings, camera, frames=frames)
     observers = Observers(scene.name, None, progress, on_pair)
     if out is None:
-        return _run(scene, camera, frames, settings, channels, observers)
+        return _run(scene, camera, frames, resolved, channels, observers)
     with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(scene, camera, frames, settings, channels, replace(observers, writer=writer))
+        return _run(scene, camera, frames, resolved, channels, replace(observers, writer=writer))
 
 
 def _run(
     scene: Scene,
     camera: CameraTrack,
     frames: range,
-    settings: Settings,
+    resolved: ResolvedLighting,
     extra: tuple[str, ...],
     observers: Observers,
 ) -> Run:
+    settings = resolved.settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
@@ -73,7 +76,7 @@ def _run(
             views = results.views
             if settings.metrics.pairs != "all":  # camera activity is over all frames, drawn or not
                 views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
-            facts = scene_facts(scene, camera, frames, settings, poser)
+            facts = scene_facts(scene, camera, frames, resolved, poser)
             summary = assemble_summary(facts, frames, settings, views, results.stats)
             described = source.describe()
             summary["notes"] += described.pop("notes")

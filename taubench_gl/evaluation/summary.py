@@ -9,6 +9,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, OrbitCamera, Poser, View
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
+from taubench_gl.evaluation.lighting import ResolvedLighting
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
@@ -19,11 +20,14 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 
-def scene_facts(scene: Scene, camera: CameraTrack, frames: range, settings: Settings, poser: Poser) -> dict[str, Any]:
-    """The parts of the summary that need no frame drawn: ``scene``, ``census``, ``notes`` and ``camera_source``.
+def scene_facts(
+    scene: Scene, camera: CameraTrack, frames: range, resolved: ResolvedLighting, poser: Poser
+) -> dict[str, Any]:
+    """The parts of the summary that need no pair: ``scene``, ``census``, ``lighting``, ``notes``, ``camera_source``.
 
     JSON values.
     """
+    settings = resolved.settings
     notes = [str(note) for note in scene.notes]
     if isinstance(camera, OrbitCamera):
         notes.insert(0, f"the camera is a {camera.describe()}")
@@ -42,6 +46,7 @@ def scene_facts(scene: Scene, camera: CameraTrack, frames: range, settings: Sett
             "stand_in": scene.stand_in,
         },
         "census": census(scene, (f / settings.sequence.fps for f in frames), poser),
+        "lighting": dict(resolved.reasons),
         "camera_source": camera.describe(),
         "notes": notes,
     }
@@ -70,6 +75,7 @@ def assemble_summary(
         "reusable": reusable,
         "scene": facts["scene"],
         "settings": settings.as_summary(frames),
+        "lighting": facts["lighting"],
         "pairs": stats.pairs,
         "census": facts["census"],
         "camera": summarize(in_meters, cuts, settings.sequence.fps, frames[0]) | {"source": facts["camera_source"]},

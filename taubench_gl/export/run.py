@@ -12,7 +12,7 @@ from typing import Any
 from taubench_gl import __version__
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import frame_range, require_triangles
+from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
 from taubench_gl.export.channels import PRECISIONS, choose_channels
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
 from taubench_gl.export.frames import JITTERS, FrameSource
@@ -89,6 +89,7 @@ def export_scene(
     require_triangles(loaded)
     camera = choose_camera(loaded, settings.sequence.camera)
     frames = frame_range(loaded, camera, settings)
+    settings = resolve_lighting(loaded, settings, camera, frames=frames).settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         source = FrameSource(gpu, loaded, camera, settings, names, jitter=options.jitter)

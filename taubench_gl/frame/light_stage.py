@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.effects.lighting import intensity_divisor
 from taubench_gl.frame.casters import Casters
 from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.lights import LightTable, LightTexture
@@ -33,7 +34,7 @@ class LightStage:
         """GPU memory that the passes allocate, by name, bytes."""
         for resource in (r for declare in LIGHT for p in declare(spec) for r in p.resources):
             self.memory[resource.label] = self.memory.get(resource.label, 0) + resource.bytes
-        self.table = LightTable(scene)
+        self.table = LightTable(scene, intensity_divisor(spec.settings))
         self._light_texture = LightTexture(context.gpu, len(self.table))
         self._owned: dict[str, Any] = {}
         self._shadow = ShadowPass(context, spec, renderer.draws) if shadow_maps(spec) else None

@@ -25,7 +25,11 @@ LIGHT = Struct(
     "LightRecord",
     Field("position", "vec4", "xyz: meters, relative to the current camera; w: range, 0 = unlimited"),
     Field("direction", "vec4", "xyz: unit, where it shines; w: 0 point, 1 spot, 2 directional, 3 spot with cube maps"),
-    Field("color", "vec4", "xyz: linear color x intensity (candela or lux); w: first shadow face, -1 = none"),
+    Field(
+        "color",
+        "vec4",
+        "xyz: linear color x intensity (cd or lux; W/sr or W/m2); w: first shadow face, -1 = none",
+    ),
     Field("spot", "vec4", "xy: scale and offset of the cone falloff"),
 )
 LIGHT_ROW = 64
@@ -104,7 +108,9 @@ def unrolled_lights(kinds: tuple[int, ...], first_faces: dict[int, int]) -> Unro
 class LightTable:
     """Rows for ``scene.light_nodes``; a light that is off has color 0 and keeps its row."""
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, intensity_divisor: float = 1.0):
+        """``intensity_divisor``: of the light unit, ``effects.lighting.intensity_divisor``."""
+        self._divisor = intensity_divisor
         self.nodes = scene.light_nodes
         self._index = scene.nodes.light[self.nodes]
         self.rows = LIGHT.zeros(max(len(self.nodes), 1))
@@ -125,7 +131,7 @@ class LightTable:
             light = state.lights[i]
             row["position"][3] = light.range if np.isfinite(light.range) else 0.0
             row["direction"][3] = kind
-            row["color"][:3] = np.multiply(light.color, light.intensity) if lit else 0.0
+            row["color"][:3] = np.multiply(light.color, light.intensity / self._divisor) if lit else 0.0
             if light.kind == "spot":
                 row["spot"][:2] = spot_terms(light)
         return self.rows

@@ -11,6 +11,7 @@ import numpy as np
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
+from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import (
     Observers,
@@ -76,7 +77,7 @@ def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions)
     """Open ``exr:DIR`` or ``exr:DIR/name*.exr``; no pixel is read.  Raises TaubenchError."""
     sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
     camera, fps = _choose_camera(options, settings)
-    settings = settings.replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
+    settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
     return PathTracedInput(sequence, camera, settings)
 
 
@@ -172,6 +173,7 @@ def _facts(given: PathTracedInput, notes: list[str]) -> dict[str, Any]:
             "playing": [],
         },
         "census": {"reason": NO_SCENE},
+        "lighting": {"light_unit": "as rendered", "exposure": "as given", "environment": "as rendered"},
         "camera_source": given.camera.describe(),
         "notes": notes,
     }

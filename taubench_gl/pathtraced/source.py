@@ -143,7 +143,7 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
         if frame.color_encoded:
             color = np.clip(color, 0.0, 1.0)
         else:
-            color = display_color(color, settings.lighting.exposure, settings.lighting.tone_map)
+            color = display_color(color, settings.lighting.exposure_factor, settings.lighting.tone_map)
         out["color"] = color.astype(np.float32)
     if frame.prev_position is not None:
         origin = 0.0 if frame.relative else previous.position

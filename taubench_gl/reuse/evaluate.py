@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
-from taubench_gl.evaluation import frame_range
+from taubench_gl.evaluation import frame_range, resolve_lighting
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
@@ -149,13 +151,19 @@ def evaluate_methods(
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
     camera = camera or choose_camera(scene, settings.sequence.camera)
+    if options.kind.files is not None:
+        settings, reasons = as_rendered(settings), {}
+    else:
+        # Images need their exposure whatever the columns.
+        resolved = resolve_lighting(scene, settings.replace(columns=COLUMNS), camera)
+        settings, reasons = resolved.settings.replace(columns=settings.metrics.columns), resolved.reasons
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         run = _Evaluator(InputRequest(gpu, scene, camera, settings, options.kind, Poser(scene)), specs, options)
         try:
             run.run(progress, on_frame)
             gpu.check("reuse evaluation")
-            summary = run.summary() | {"provenance": provenance(gpu, PassTimer.clock)}
+            summary = run.summary() | {"lighting": reasons, "provenance": provenance(gpu, PassTimer.clock)}
             rows = [row for step in zip(*(r.rows for r in run.records.values() if not r.failed)) for row in step]
         finally:
             run.release()

@@ -19,6 +19,7 @@ from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, Reason
 from taubench_gl.effects.decide import decide
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.shading import Shading
@@ -136,7 +137,7 @@ class RasterInputs:
         out = FrameInputs(
             index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
             prev_view=previous, jitter_px=view.jitter_px, prev_jitter_px=previous.jitter_px,
-            exposure=self.settings.lighting.exposure, cut=frame in self._cuts,
+            exposure=self.settings.lighting.exposure_factor, cut=frame in self._cuts,
         )  # fmt: skip
         self._index, self._previous = self._index + 1, view
         return out
@@ -262,7 +263,7 @@ class FileInputs:
             if other is not None:
                 other.advance(frame)
         where = f"{self.source.sequence.path}, frame {frame}"
-        radiance = self.source.frame.linear_radiance(self.settings.lighting.exposure, where)
+        radiance = self.source.frame.linear_radiance(self.settings.lighting.exposure_factor, where)
         shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
         write_input(self._radiance, "radiance", np.concatenate([radiance, shaded], axis=-1))
         previous = self._previous or view
@@ -273,7 +274,7 @@ class FileInputs:
         out = FrameInputs(
             index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
             prev_view=previous, jitter_px=np.zeros(2), prev_jitter_px=np.zeros(2),
-            exposure=self.settings.lighting.exposure, cut=frame in self._cuts,
+            exposure=self.settings.lighting.exposure_factor, cut=frame in self._cuts,
         )  # fmt: skip
         self._index, self._previous = self._index + 1, view
         return out
@@ -351,9 +352,9 @@ class ComposePass:
         for unit, name in enumerate(self._reads):
             textures[name].use(unit)
             self._program[name] = unit
-        lighting = self._settings.lighting
+        sky, exposure = environment_of(self._settings).radiance, self._settings.lighting.exposure_factor
         self._program["size"] = self._size
-        self._program["sky"], self._program["exposure"] = tuple(lighting.sky), lighting.exposure
+        self._program["sky"], self._program["exposure"] = sky, exposure
         if self._rate != "full":
             self._program["phase"] = phase(self._rate, frame)
         if self._accumulate:

@@ -61,7 +61,10 @@ class FileReference:
 
     def __init__(self, spec: str, size: tuple[int, int], frames: range, settings: Settings, mapping: str | None = None):
         """Raises PathTracedError for another image size and for missing frames."""
-        self._sequence, self._exposure = PathTracedSequence.open(spec, mapping=mapping), settings.lighting.exposure
+        self._sequence, self._exposure = (
+            PathTracedSequence.open(spec, mapping=mapping),
+            settings.lighting.exposure_factor,
+        )
         self._sequence.require(size, frames, of="the input")
 
     def image(self, frame: int) -> Array:

@@ -69,6 +69,7 @@ class Material:
     occlusion_texture: Texture | None = None
     occlusion_strength: float = 1.0
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emissive_strength: float = 1.0  # KHR_materials_emissive_strength, part of ``emissive``
     emissive_texture: Texture | None = None
     alpha_mode: str = "OPAQUE"  # OPAQUE | MASK | BLEND
     alpha_cutoff: float = 0.5
@@ -225,6 +226,8 @@ class Scene:
     sha256: str | None = None  # of all source files (``scene.files.Identity``); None for a scene made in memory
     files: int = 0  # number of source files; 0 for a scene made in memory
     scene_names: tuple[str, ...] = ()
+    generator: str = ""  # program that wrote the file, as it names itself (glTF asset.generator)
+    image_based_light: bool = False  # the file names an image-based light, which is not simulated
     stand_in: str | None = None  # name of the scene that this one is a stand-in for
     default_camera: str | None = None  # name of the default camera of the file
     # nodes that replace another surface when they become visible: their pixels have no history

@@ -22,7 +22,7 @@ from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Run
 from taubench_gl.scene.model import Camera, Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 Array = np.ndarray
 Size = tuple[int, int]
@@ -75,7 +75,7 @@ class Bench:
         ``extra``: further channels to render; ``size``: (width, height), None: that of the bench; ``metrics``: fields
         of MetricsSettings.
         """
-        size, settings = size or self.size, Settings(**metrics)
+        size, settings = size or self.size, Settings(**metrics, **FIXED_LIGHTING)
         reprojection = settings.metrics.reprojection
         names = {"position", "normal", *extra} | ({"prev_position"} if reprojection == "motion" else set())
         camera = camera or choose_camera(scene)
@@ -134,7 +134,7 @@ class Bench:
 
     def _settings(self, given: Mapping[str, Any]) -> Settings:
         # Indirect light takes seconds per frame on a CPU driver, and no case tests it.
-        own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none"}
+        own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none", **FIXED_LIGHTING}
         return Settings(**({"width": self.size[0], "height": self.size[1]} | own | dict(given)))
 
     def compare(
@@ -160,7 +160,7 @@ class Bench:
         current, history = {**wall, **current}, {**wall, **history}
         now = {n: self._texture(v, dtype) for n, v in current.items()}
         then = {n: self._texture(v, dtype) for n, v in history.items()}
-        settings = Settings(**metrics)
+        settings = Settings(**metrics, **FIXED_LIGHTING)
         uploaded = ChannelPair((width, height), now, then, settings.metrics.reprojection, radiance)
         try:
             return PairImages(*self._compare(uploaded, settings, pair, declared), pair, current, history)
@@ -173,7 +173,7 @@ class Bench:
         texture = self.gpu.ctx.texture(size, 4, dtype="f1")
         framebuffer = self.gpu.ctx.framebuffer([texture])
         channels = {"position": texture, "normal": texture}
-        evaluator = PairEvaluator(self.context, ChannelPair(size, channels, channels), Settings())
+        evaluator = PairEvaluator(self.context, ChannelPair(size, channels, channels), Settings.of(**FIXED_LIGHTING))
         try:
             framebuffer.clear()
             return counts_of(evaluator.compare(still_pair(size)).mask_histogram)

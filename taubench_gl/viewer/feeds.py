@@ -18,7 +18,7 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
-from taubench_gl.evaluation import frame_range, require_triangles
+from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.frame.spec import bound_times
 from taubench_gl.gpu.context import Gpu
@@ -82,8 +82,10 @@ class SceneFeed:
         self.settings = settings.replace(samples_per_pixel=1)
         self.camera = camera or choose_camera(scene, settings.sequence.camera)
         self.frames = frame_range(scene, self.camera, settings)
-        self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name
         self._poser = Poser(scene)
+        resolved = resolve_lighting(scene, self.settings, self.camera, frames=self.frames, poser=self._poser)
+        self.settings, self.lighting = resolved.settings, resolved.reasons
+        self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name
         self.center, self.radius = bounding_sphere(self._poser, bound_times(scene))
         self._all = decide(scene, self.settings)
         self.source: RasterSource | None = None
@@ -201,11 +203,11 @@ class PathTracedFeed:
 
 
 _RUN_SETTINGS = (
-    "fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "effects", "exposure", "tone_map",
-    "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes", "light_error",
-    "storage",
+    "fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "effects", "light_unit", "exposure",
+    "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes",
+    "light_error", "storage",
 )  # fmt: skip
-"""Settings that a run's summary provides; columns, sky, thresholds, frames and size need conversion."""
+"""Settings that a run's summary provides; columns, environment, thresholds, frames and size need conversion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,8 +267,9 @@ def _scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
     values = {n: stored[n] for n in _RUN_SETTINGS if n in stored and n not in request.given}
     if "columns" in stored and "columns" not in request.given:
         values["columns"] = tuple(stored["columns"])
-    if "sky" in stored and "sky" not in request.given:
-        values["sky"] = tuple(stored["sky"])
+    if "environment" in stored and "environment" not in request.given:
+        environment = stored["environment"]
+        values["environment"] = tuple(environment) if isinstance(environment, list) else environment
     if "thresholds" not in request.given and "thresholds" in stored:
         limits = stored["thresholds"].items()
         values["thresholds"] = {f: float(v) for f, v in limits if f in FEATURES and v is not None}

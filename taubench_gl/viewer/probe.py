@@ -61,7 +61,7 @@ def probe_pixel(engine: ViewerEngine, state: ViewerState, x: int, row: int) -> P
             q = texel(gpu, source.current["prev_position"], x, up)[None, :3].astype(np.float64)
         cut = {n: v if n == "position" else v[:, :3] for n, v in now.items()}
         then = {n: v if n == "position" else v[:, :3] for n, v in before.items()}
-        _, distances = compare(cut, q, then, state.thresholds, engine.feed.settings.lighting.exposure)
+        _, distances = compare(cut, q, then, state.thresholds, engine.feed.settings.lighting.exposure_factor)
     features = {}
     for name in FEATURES:
         if name not in now:

@@ -23,7 +23,7 @@ def test_every_option_becomes_a_setting(taubench, evaluate, tmp_path):
     options = "--camera Cam --animation run --animation 2 --scene 1 --fps 30 --frames 2:-1 --size 64X32"
     options += " --reprojection motion --sampling bilinear --threshold normal=0.5 --threshold position=1e-3"
     options += " --unit-scale 100 --culling none --save masks,channels --backend osmesa --device 3"
-    options += " --columns direct,frustum --effects all --sky 0.5,1,2e-1 --exposure 0.25 --tone-map aces"
+    options += " --columns direct,frustum --effects all --environment 0.5,1,2e-1 --exposure 0.25 --tone-map aces"
     options += " --shadow-size 64 --shadow-lights 3 --shadow-filter hard --light-error 1e-4 --indirect rsm"
     code, _, err = taubench("evaluate", "walk.glb", *options.split(), "--out", tmp_path / "o")
     assert code == 0, err
@@ -31,7 +31,7 @@ def test_every_option_becomes_a_setting(taubench, evaluate, tmp_path):
         width=64, height=32, fps=30.0, frames=(2, -1), camera="Cam", scene="1", animation=("run", "2"),
         reprojection="motion", sampling="bilinear", thresholds={"normal": 0.5, "position": 1e-3},
         unit_scale=100.0, culling="none", backend="osmesa", device=3,
-        columns=("direct", "frustum"), effects="all", sky=(0.5, 1.0, 0.2), exposure=0.25, tone_map="aces",
+        columns=("direct", "frustum"), effects="all", environment=(0.5, 1.0, 0.2), exposure=0.25, tone_map="aces",
         shadow_size=64, shadow_lights=3, shadow_filter="hard", light_error=1e-4, indirect="rsm",
     )  # fmt: skip
     assert evaluate.calls[0]["out"] == tmp_path / "o"
@@ -71,8 +71,8 @@ def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
         (["--columns", "direct,shine"], "shine"),
         (["--columns", ""], "--columns"),
         (["--out", ""], "--out"),
-        (["--sky", "1,2"], "1,2"),
-        (["--sky", "0,0,-1"], "sky"),
+        (["--sky", "1,2"], "environment"),
+        (["--environment", "0,0,-1"], "environment"),
         (["--exposure", "0"], "exposure"),
         (["--shadow-size", "8"], "shadow size"),
         (["--shadow-lights", "-1"], "shadow lights"),

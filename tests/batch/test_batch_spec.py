@@ -42,7 +42,7 @@ def test_jobs_are_scenes_times_settings(folder):
     assert first.scene == str(folder / "a.glb")
     assert first.settings == Settings(
         width=640, height=360, fps=60.0, frames=(0, 48), reprojection="camera", columns=("frustum", "position"),
-        sky=(0.1, 0.2, 0.3), thresholds={"normal": 0.05, "color": 0.2},
+        environment=(0.1, 0.2, 0.3), thresholds={"normal": 0.05, "color": 0.2},
     )  # fmt: skip
     assert first.sweep == {"size": "640x360", "reprojection": "camera", "thresholds": "normal=0.05 color=0.2"}
     assert {Path(job.scene).name for job in spec.jobs} == {"a.glb", "c.glb", "d.glb"}

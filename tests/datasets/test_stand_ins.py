@@ -155,8 +155,8 @@ def test_table_4_is_within_a_factor_of_the_papers(recipe, made, gpu):
     windows = [(f, f + 2) for f in range(10, 350, 34)]
     found = {name: 0.0 for name in columns}
     for frames in windows:
-        settings = Settings(width=960, height=540, fps=60.0, frames=frames, columns=columns, sky=(0.2, 0.3, 0.5),
-                               indirect="none", shadow_lights=1)  # fmt: skip
+        settings = Settings(width=960, height=540, fps=60.0, frames=frames, columns=columns,
+                            environment=(0.2, 0.3, 0.5), indirect="none", shadow_lights=1)  # fmt: skip
         run = evaluate_scene(made[recipe.name], settings)
         for name in columns:
             found[name] += run.summary["discard"][name]["mean_percent"] / len(windows)

@@ -14,8 +14,9 @@ CHANGED = {
     "width": 320, "height": 200, "fps": 30.0, "frames": (3, None), "camera": "Top", "scene": 1,
     "animation": ("Walk", 2),
     "reprojection": "motion", "sampling": "bilinear", "thresholds": {"color": 0.5}, "unit_scale": 100.0,
-    "culling": "none", "textures": "finest", "columns": ("frustum", "color"), "effects": "all", "sky": (0.1, 0.2, 0.3),
-    "exposure": 2.0, "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
+    "culling": "none", "textures": "finest", "columns": ("frustum", "color"), "effects": "all",
+    "light_unit": "watt", "exposure": 2.0, "environment": (0.1, 0.2, 0.3),
+    "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
     "samples_per_pixel": 4, "pairs": "every:3", "backend": "egl",
     "device": 0,
@@ -24,7 +25,8 @@ CHANGED = {
 WRONG = {
     "width": 0, "height": 16385, "fps": 0.0, "reprojection": "no", "sampling": "no", "thresholds": {"color": -1.0},
     "unit_scale": float("nan"), "culling": "no", "textures": "no", "columns": ("no",), "effects": "no",
-    "sky": (1.0, 2.0), "exposure": float("inf"), "tone_map": "no", "shadow_size": 15, "shadow_lights": -1,
+    "light_unit": "lux", "environment": (1.0, 2.0), "exposure": float("inf"), "tone_map": "no",
+    "shadow_size": 15, "shadow_lights": -1,
     "shadow_filter": "no", "indirect": "no", "indirect_samples": 0, "probes": 7, "light_error": -1.0, "storage": "no",
     "samples_per_pixel": 65, "pairs": "every:0", "backend": "no",
 }  # fmt: skip
@@ -51,7 +53,39 @@ def test_value_out_of_range_is_a_settings_error(name):
     assert caught.value.setting == name and caught.value.hint
 
 
-@pytest.mark.parametrize("values", [{"width": "wide"}, {"sky": 1.0}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}])
+@pytest.mark.parametrize("exposure", [0, -1.0, float("nan"), float("inf"), 1e300, 1e-300, "bright", None])
+def test_invalid_exposures(exposure):
+    with pytest.raises(SettingsError) as caught:
+        Settings.of(exposure=exposure)
+    assert caught.value.setting == "exposure" and caught.value.hint
+
+
+@pytest.mark.parametrize("value", ["auto", "none", "default", (0.0, 0.5, 2.0), "room.hdr", "folder/ROOM.EXR"])
+def test_environments_round_trip(value):
+    settings = Settings.of(environment=value)
+    assert Settings.from_dict(json.loads(json.dumps(settings.to_dict()))).lighting.environment == value
+
+
+@pytest.mark.parametrize("value", ["", "room.png", (0.1, 0.2), (0.1, float("nan"), 0.2), (1e39, 0.0, 0.0), (1, "x", 2)])
+def test_invalid_environments(value):
+    with pytest.raises(SettingsError) as caught:
+        Settings.of(environment=value)
+    assert caught.value.setting == "environment"
+
+
+def test_users_get_automatic_lighting():
+    defaults = {name: FIELDS[name].default for name in ("light_unit", "exposure", "environment")}
+    assert defaults == dict.fromkeys(defaults, "auto")
+
+
+@pytest.mark.parametrize(("sky", "environment"), [([0, 0, 0], "none"), ([0.1, 0.2, 0.3], (0.1, 0.2, 0.3))])
+def test_sky_of_an_earlier_release_is_the_environment(sky, environment):
+    assert Settings.from_dict({"sky": sky}).lighting.environment == environment
+
+
+@pytest.mark.parametrize(
+    "values", [{"width": "wide"}, {"environment": 1.0}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}]
+)
 def test_wrong_type_or_name_is_a_settings_error(values):
     for make in (lambda: Settings(**values), lambda: Settings.from_dict(values)):
         with pytest.raises(SettingsError) as caught:

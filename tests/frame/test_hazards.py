@@ -61,7 +61,7 @@ CASES = {
     "geometry alone": (lambda: busy_room(), {"columns": ("frustum", "position", "normal")}),
     "half storage": (lambda: busy_room(lamps=2), {"columns": ALL, "storage": "half"}),
     "emission alone": (glowing_card, {"columns": ALL}),
-    "few lights": (lambda: busy_room(lamps=2), {"columns": ALL, "sky": (0.1, 0.1, 0.1)}),
+    "few lights": (lambda: busy_room(lamps=2), {"columns": ALL, "environment": (0.1, 0.1, 0.1)}),
     "more lights than are unrolled": (lambda: busy_room(lamps=20), {"columns": ALL, "extra": LOBES}),
     "no visibility": (lambda: busy_room(lamps=2), {"columns": ALL, "indirect": "rsm"}),
     "stochastic light": (

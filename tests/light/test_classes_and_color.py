@@ -112,7 +112,7 @@ def bulbs() -> Scene:
 @pytest.mark.parametrize("exposure", [0.01, 1.0, 3.0])
 def test_color_is_its_twin(gpu, tone_map, exposure):
     sky = (0.2, 0.4, 0.9)
-    with opened(gpu, bulbs(), sky=sky, tone_map=tone_map, exposure=exposure, columns=("direct", "color"),
+    with opened(gpu, bulbs(), environment=sky, tone_map=tone_map, exposure=exposure, columns=("direct", "color"),
                 indirect="none") as source:  # fmt: skip
         shot = shoot(source)
     radiance = np.where(shot.surface[..., None], shot.direct + shot["emission"][..., :3], np.array(sky))

@@ -160,7 +160,7 @@ def test_furnace(gpu, albedo):
     """A convex Lambert body under a uniform sky L shows L * albedo everywhere, and the sky shows L."""
     sky = (0.5, 0.25, 1.0)
     scene = uniform_sky_ball(albedo, roughness=1.0, metallic=0.0, specular=0.0)
-    shot = picture(gpu, scene, sky=sky, columns=("frustum", "direct", "color"))
+    shot = picture(gpu, scene, environment=sky, columns=("frustum", "direct", "color"))
     assert 0.2 < shot.surface.mean() < 0.8
     expected = np.broadcast_to(albedo * np.array(sky), shot.direct.shape)
     assert worst(shot.direct, expected, shot.surface) < 5e-3
@@ -175,7 +175,7 @@ def test_furnace(gpu, albedo):
 def test_sky_light_is_the_lobes_hemisphere_integral(gpu, roughness, metallic, specular):
     """The sky's light comes from a table of each lobe's directional albedo: within 0.01 of the integral itself."""
     scene = uniform_sky_ball(0.8, roughness=roughness, metallic=metallic, specular=specular)
-    shot = picture(gpu, scene, sky=(1.0, 1.0, 1.0), extra=("direct_glossy",))
+    shot = picture(gpu, scene, environment=(1.0, 1.0, 1.0), extra=("direct_glossy",))
     n, v = shot["normal"][..., :3], math3d.normalize(-shot["position"][..., :3])
     cosines = np.sum(n * v, axis=-1)
     for wanted in (0.95, 0.7, 0.4, 0.25):

@@ -49,7 +49,9 @@ def test_over_all_real_scenes_nothing_changes(data: Path):
     assert not faults, "\n".join(faults)
 
 
-@pytest.mark.parametrize("settings", [{}, {"sky": (0.2, 0.3, 0.4)}, {"reprojection": "motion"}, {"indirect": "rsm"}])
+@pytest.mark.parametrize(
+    "settings", [{}, {"environment": (0.2, 0.3, 0.4)}, {"reprojection": "motion"}, {"indirect": "rsm"}]
+)
 def test_in_a_lit_room_nothing_changes(settings):
     assert not differences(busy_room(lamps=3), **settings)
     assert not differences(busy_room(lamps=20), light_error=0.0, **settings)

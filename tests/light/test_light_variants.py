@@ -36,7 +36,7 @@ def lamps() -> Scene:
 @pytest.mark.parametrize("make", [street, lamps])
 def test_both_ways_give_the_same_bits(gpu, make, indirect, storage):
     settings = {"columns": ("direct", "indirect", "color"), "indirect": indirect, "storage": storage, **SIZE}
-    settings |= {"sky": (0.1, 0.2, 0.3), "shadow_lights": 4}
+    settings |= {"environment": (0.1, 0.2, 0.3), "shadow_lights": 4}
     found = []
     for software in (True, False):
         device = dataclasses.replace(gpu, software=software)

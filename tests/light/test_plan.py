@@ -31,7 +31,7 @@ CASES = {
     "everything, all columns": (everything, {}),
     "everything, no light": (everything, {"columns": ("frustum", "position")}),
     "everything, direct": (everything, {"columns": ("direct",)}),
-    "everything, rsm and a sky": (everything, {"indirect": "rsm", "sky": (0.1, 0.1, 0.1)}),
+    "everything, rsm and a sky": (everything, {"indirect": "rsm", "environment": (0.1, 0.1, 0.1)}),
     "everything, indirect alone": (everything, {"columns": ("indirect",)}),
     "a dark room in motion": (busy_room, {"reprojection": "motion"}),
     "a lit room in motion": (lambda: busy_room(lamps=3), {"reprojection": "motion"}),
@@ -78,7 +78,7 @@ def check(gpu, scene, chosen) -> None:
     ("settings", "shading"),
     [
         ({}, None),
-        ({"reprojection": "motion", "indirect": "rsm", "sky": (0.1, 0.1, 0.1)}, None),
+        ({"reprojection": "motion", "indirect": "rsm", "environment": (0.1, 0.1, 0.1)}, None),
         ({"indirect": "rsm"}, Shading(light_samples=1, indirect_samples=1)),
         ({"indirect": "rsm"}, Shading(gather_each=True)),
     ],

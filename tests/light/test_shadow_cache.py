@@ -90,7 +90,7 @@ def test_the_cache_does_not_show(gpu, moving, shadow_filter):
 def test_two_runs_give_the_same_bits(gpu):
     images = []
     for _ in range(2):
-        with opened(gpu, street(move_box=True, move_light=True), sky=(0.1, 0.2, 0.3), **SIZE) as source:
+        with opened(gpu, street(move_box=True, move_light=True), environment=(0.1, 0.2, 0.3), **SIZE) as source:
             images.append([shoot(source, frame).direct for frame in range(4)])
     assert np.array_equal(*images)
 

@@ -72,7 +72,9 @@ def test_check_of_an_export_without_light_has_no_fault(tmp_path):
     assert "passes: missing: color:" in text
 
 
-@pytest.mark.parametrize(("words", "sky"), [([], (0, 0, 0)), (["--sky", "0.1,0.2,0.3"], (0.1, 0.2, 0.3))])
+@pytest.mark.parametrize(
+    ("words", "sky"), [(["--environment", "none"], (0, 0, 0)), (["--sky", "0.1,0.2,0.3"], (0.1, 0.2, 0.3))]
+)
 def test_sky_option(tmp_path, monkeypatch, words, sky):
     qualities = []
     monkeypatch.setattr(
@@ -87,7 +89,7 @@ def test_sky_option(tmp_path, monkeypatch, words, sky):
 
 
 def test_a_sky_of_three_arguments_is_refused(tmp_path):
-    code, _, err = taubench("reference", "render", DEMO, "--out", tmp_path / "o", "--sky", "0.1", "0.2", "0.3")
+    code, _, err = taubench("reference", "render", DEMO, "--out", tmp_path / "o", "--environment", "0.1", "0.2", "0.3")
     assert code == 2 and "0.2 0.3" in err and not (tmp_path / "o").exists()
 
 

@@ -63,7 +63,7 @@ class Trail:
 
 def run_methods(stage: Stage) -> dict[str, Trail]:
     """The last image of every method and its remaining ball weight by age."""
-    what, settings = scene(), stage.settings(reprojection="motion", sky=(0.0, 0.0, 0.0))
+    what, settings = scene(), stage.settings(reprojection="motion", environment="none")
     specs = {name: MethodSpec.parse(text) for name, (text, _, _) in METHODS.items()}
     methods = {name: load_method(spec.method) for name, spec in specs.items()}
     reads = {read for method in methods.values() for read in method.reads} | {"radiance", "ids"}

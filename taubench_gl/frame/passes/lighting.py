@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, UnrolledLights, unrolled_lights
@@ -24,7 +25,7 @@ LIGHTING = Struct(
     Field("parallel_view", "vec4", "xyz: unit, towards a parallel camera; w: 1 if the camera is parallel"),
     Field("size", "ivec4", "xy: pixels, z: tiles in a row, w: lights"),
     Field("tiles", "int", "tiles of the image"),
-    Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, before exposure"),
+    Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, without exposure"),
     Field("phase", "int", "which pixels a shading rate other than full shades in this frame"),
 )
 STOCHASTIC = Struct(
@@ -76,11 +77,11 @@ def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
     def values(frame: FrameContext) -> dict:
         parallel = frame.view.camera.kind != "perspective"
         return {
-            "sky": (*lighting.sky, 0.0),
+            "sky": (*environment_of(spec.settings).radiance, 0.0),
             "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if parallel else view_axis,
             "size": (*spec.size, columns, len(spec.light_kinds)),
             "tiles": columns * rows,
-            "light_error": lighting.light_error,
+            "light_error": lighting.light_error / lighting.exposure_factor,
             "phase": phase(spec.shading.rate, frame.number),
         }
 
@@ -202,12 +203,16 @@ def color(spec: FrameSpec) -> Sequence[Pass]:
     """Light and emission, exposed, tone-mapped, encoded."""
     inputs = tuple(name for name in SUMMED if name in spec.enabled)
     lighting = spec.settings.lighting
-    values = {"sky": (*lighting.sky, 0.0), "size": (*spec.size, 0, 0), "exposure": lighting.exposure}
+
+    def values(_: FrameContext) -> dict:
+        sky, exposure = environment_of(spec.settings).radiance, lighting.exposure_factor
+        return {"sky": (*sky, 0.0), "size": (*spec.size, 0, 0), "exposure": exposure}
+
     return (
         ComputePass("color", ("color/color.comp.glsl",))
         .define(TONE_MAP=TONE_MAPS.index(lighting.tone_map))
         .define(**{f"HAS_{name.upper()}": name in inputs for name in SUMMED})
-        .constants("P", COLOR, lambda frame: values)
+        .constants("P", COLOR, values)
         .use(*spec.channels("position", *inputs, images=True))
         .use(*spec.outputs("color"))
         .dispatch(spec.size, spec.tuning.pixel_group),

@@ -22,6 +22,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.animation.curves import sample_channel
+from taubench_gl.effects.lighting import unit_divisor
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.pathtraced.cameras import camera_entry
 from taubench_gl.scene.model import Channel, Scene
@@ -49,6 +50,7 @@ class Quality:
     crisp: bool = False  # sample pixel centers only, as a rasterizer does
     cull_back_faces: bool = True  # of single-sided materials, as glTF requires
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear RGB
+    light_unit: str = "candela"  # watt: intensities divided by 683
     threads: int = 0  # 0: all cores
 
     def __post_init__(self) -> None:
@@ -68,7 +70,7 @@ def make_job(
     keyed = range(frames[0] - 1, frames[-1] + 2)
     states = {frame: poser.sample(frame / fps) for frame in keyed}
     views = {frame: camera.view_at(state) for frame, state in states.items()}
-    lights, notes = _lights(scene, states)
+    lights, notes = _lights(scene, states, unit_divisor(quality.light_unit))
     job = {
         "frames": list(frames),
         "first_key": keyed[0],
@@ -104,7 +106,7 @@ def _shines(state: FrameState, node: int) -> bool:
     return bool(state.visible[node] and np.any(state.world[node, :3, :3] != 0.0))
 
 
-def _lights(scene: Scene, states: dict[int, FrameState]) -> tuple[list[dict[str, Any]], list[str]]:
+def _lights(scene: Scene, states: dict[int, FrameState], divisor: float) -> tuple[list[dict[str, Any]], list[str]]:
     out, notes = [], []
     for node in scene.light_nodes:
         index = int(scene.nodes.light[node])
@@ -115,7 +117,7 @@ def _lights(scene: Scene, states: dict[int, FrameState]) -> tuple[list[dict[str,
                 "position": world[:3, 3].tolist(),
                 "rotation": math3d.orthonormal(world[:3, :3]).tolist(),
                 "color": list(map(float, light.color)),
-                "intensity": float(light.intensity) if _shines(state, node) else 0.0,
+                "intensity": float(light.intensity) / divisor if _shines(state, node) else 0.0,
                 "inner_cone": float(light.inner_cone),
                 "outer_cone": float(light.outer_cone),
             }

@@ -103,6 +103,7 @@ class MaterialReader:
             occlusion_texture=self._texture(occlusion, f"{pointer}/occlusionTexture"),
             occlusion_strength=1.0 if occlusion is None else occlusion.strength,
             emissive=tuple(c * scale for c in material.emissive_factor),
+            emissive_strength=scale,
             emissive_texture=self._texture(material.emissive_texture, f"{pointer}/emissiveTexture"),
             alpha_mode=material.alpha_mode,
             alpha_cutoff=material.alpha_cutoff,

@@ -21,6 +21,9 @@ from taubench_gl.scene.gltf.nodes import (
 )
 from taubench_gl.scene.model import Scene
 
+IMAGE_BASED_LIGHTS = frozenset({"EXT_lights_image_based", "KHR_lights_image_based"})
+"""Extensions of image-based light; it is not simulated."""
+
 
 def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
     """``load_scene`` for .gltf and .glb.  Raises SceneError.
@@ -62,6 +65,8 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
         sha256=document.identity.hexdigest(),
         files=document.identity.files,
         scene_names=scene_names,
+        generator=document.root.asset.generator,
+        image_based_light=bool(IMAGE_BASED_LIGHTS & set(document.root.extensions_used or ())),
         stand_in=own.get("stand_in"),
         default_camera=own.get("camera"),
     )

@@ -1,0 +1,130 @@
+"""Light unit and environment of a run: what ``auto`` stands for in a scene, and what the lighting passes read.
+
+glTF gives point and spot lights in candela and directional lights in lux (KHR_lights_punctual).  Blender's exporter
+multiplies watts by 683 lm/W since its lighting modes came (glTF-Blender-IO pull request 1760, version 3.6), so the
+radiance of such a file in W/(sr m2), as Cycles renders it, needs the intensities divided by 683.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
+
+LUMENS_PER_WATT = 683.0
+"""Luminous efficacy at 555 nm, ``PBR_WATTS_TO_LUMENS`` of Blender's exporter."""
+
+WATT_SINCE = (3, 6)
+"""First version of Blender's glTF exporter that writes 683 lm for each watt."""
+
+_BLENDER = re.compile(r"Khronos glTF Blender I/O v(\d+)\.(\d+)")
+
+DEFAULT_RADIANCE = (1.0, 1.0, 1.0)
+"""Radiance of the default environment's uniform sky, linear RGB; the exposure of a file that gets it is metered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """Light from all around.  ``radiance``: of the uniform sky, linear RGB; black for ``none`` and ``image``."""
+
+    kind: str  # none | default | uniform | image
+    radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    path: str | None = None  # of the image, equirectangular
+    reason: str = ""
+
+    @property
+    def shines(self) -> bool:
+        return self.kind == "image" or any(self.radiance)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """A resolved value of a setting, and why it was chosen, as a phrase."""
+
+    value: str
+    reason: str
+
+
+def environment_of(settings: Settings) -> Environment:
+    """The environment of resolved settings.  Raises ValueError if ``environment`` is ``auto``."""
+    value = settings.lighting.environment
+    if value == AUTO:
+        raise ValueError("environment is auto: call evaluation.resolve_lighting first")
+    if value == "none":
+        return Environment("none", reason="the environment is none")
+    if value == "default":
+        return Environment("default", DEFAULT_RADIANCE, reason="the default environment")
+    if isinstance(value, str):
+        return Environment("image", path=value, reason=f"an image, {value}")
+    return Environment("uniform", (value[0], value[1], value[2]), reason="a uniform sky was asked for")
+
+
+def intensity_divisor(settings: Settings) -> float:
+    """Divisor of punctual light intensities: 683 for watt, 1 for candela.  Raises ValueError for ``auto``."""
+    unit = settings.lighting.light_unit
+    if unit == AUTO:
+        raise ValueError("light unit is auto: call evaluation.resolve_lighting first")
+    return unit_divisor(unit)
+
+
+def unit_divisor(unit: str) -> float:
+    """``intensity_divisor`` of watt or candela."""
+    return LUMENS_PER_WATT if unit == "watt" else 1.0
+
+
+def light_unit_of(scene: Scene) -> Choice:
+    """The light unit that ``auto`` stands for."""
+    found = _BLENDER.match(scene.generator)
+    if found and (int(found[1]), int(found[2])) >= WATT_SINCE:
+        return Choice("watt", f"written by {_named(scene)}: {LUMENS_PER_WATT:g} lm for each watt")
+    if found:
+        return Choice("candela", f"written by {_named(scene)}, older than 3.6")
+    return Choice("candela", f"written by {_named(scene)}" if scene.generator else "the file names no generator")
+
+
+def _named(scene: Scene) -> str:
+    return " ".join(scene.generator.split())[:60]
+
+
+def own_light(scene: Scene) -> str | None:
+    """What light the file has, as a phrase; None if it has none.
+
+    A file has light if it has a punctual or image-based light, or a drawn material with
+    KHR_materials_emissive_strength above 1.
+    """
+    lights = len(scene.light_nodes)
+    if lights:
+        return f"the file has {lights} light{'s' if lights > 1 else ''}"
+    if scene.image_based_light:
+        return "the file has an image-based light, which is not simulated"
+    primitives = (p for n in scene.mesh_nodes.tolist() for p in scene.meshes[scene.nodes.mesh[n]].primitives)
+    drawn = {p.material for p in primitives if len(p.triangles) and p.material >= 0}
+    if any(scene.materials[m].emissive_strength > 1 and any(scene.materials[m].emissive) for m in drawn):
+        return "the file has emissive materials of strength above 1"
+    return None
+
+
+def environment_for(scene: Scene) -> Choice:
+    """The environment that ``auto`` stands for."""
+    light = own_light(scene)
+    return Choice("default", "the file has no light") if light is None else Choice("none", light)
+
+
+def as_rendered(settings: Settings) -> Settings:
+    """``settings`` for path-traced files, where ``auto`` stands for: exposure 1, no environment, unit as rendered."""
+    lighting = settings.lighting
+    return settings.replace(
+        **{name: fixed for name, fixed in FIXED_LIGHTING.items() if getattr(lighting, name) == AUTO}
+    )
+
+
+def without_auto(scene: Scene, settings: Settings) -> Settings:
+    """``settings`` with light unit and environment chosen for ``scene``; ``exposure`` may still be ``auto``."""
+    chosen = {}
+    if settings.lighting.light_unit == AUTO:
+        chosen["light_unit"] = light_unit_of(scene).value
+    if settings.lighting.environment == AUTO:
+        chosen["environment"] = environment_for(scene).value
+    return settings.replace(**chosen)

@@ -1,0 +1,45 @@
+"""Metered exposure: the factor that maps the log-average luminance of lit surfaces to middle gray.
+
+Source: Reinhard et al., Photographic Tone Reproduction for Digital Images, 2002, Eqs. (1) and (2) with key 0.18; pixels
+below ``LEAST_SHARE`` of the brightest one take no part, so no offset is needed for black ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+Array = np.ndarray
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of linear RGB with the primaries of Rec. 709."""
+
+MIDDLE_GRAY = 0.18
+LEAST_SHARE = 1e-3
+"""Pixels take part whose luminance is above this share of the largest one of all frames."""
+
+EXPOSURE_DIGITS = 4
+"""Significant decimal digits of a metered exposure."""
+
+
+def surface_luminance(radiance: Array, position: Array) -> Array:
+    """Luminance of surface pixels, (n,) float64: ``radiance`` (h, w, >= 3) linear RGB, ``position`` (h, w, 4) as the
+    channel, w = 0 where no surface is visible.  Pixels that are not finite are left out."""
+    lit = radiance[position[..., 3] > 0.0][:, :3].astype(np.float64) @ LUMINANCE
+    return lit[np.isfinite(lit)]
+
+
+def metered_exposure(frames: Sequence[Array]) -> float | None:
+    """The exposure of frames whose surfaces have these luminances, arrays (n,) float64; None if all is black."""
+    luminance = np.concatenate([np.zeros(0), *frames])
+    largest = luminance.max(initial=0.0)
+    if largest <= 0.0:
+        return None
+    used = luminance[luminance > LEAST_SHARE * largest]
+    return float(MIDDLE_GRAY / np.exp(np.mean(np.log(used))))
+
+
+def rounded(exposure: float) -> float:
+    """``exposure`` with ``EXPOSURE_DIGITS`` significant digits."""
+    return float(f"{exposure:.{EXPOSURE_DIGITS - 1}e}")
