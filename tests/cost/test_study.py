@@ -14,7 +14,6 @@ from click.testing import CliRunner
 from cost_tools import SMALL, ModelClock
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import PARAMETERS, cost, load_preset, save_preset
 from taubench_gl.cost.records import RECORDS_FILE, Records
@@ -89,7 +88,7 @@ def test_evaluate_options_take_precedence_over_the_preset(demo, tmp_path):
         f'{PRESET}[settings]\nwidth = 48\nheight = 28\nstorage = "half"\nfps = 12.0\ncolumns = ["position"]\n'
     )
     more = ["--frames", "0:3", "--fps", "30", "--out", str(tmp_path / "run")]
-    done = CliRunner().invoke(evaluate, [str(demo), "--preset", str(preset), *more])
+    done = CliRunner().invoke(cli, ["evaluate", str(demo), "--preset", str(preset), *more])
     assert done.exit_code == 0, done.output
     used = json.loads((tmp_path / "run" / "summary.json").read_text())["settings"]
     assert (used["width"], used["height"], used["storage"], used["fps"]) == (48, 28, "half", 30.0)
