@@ -6,29 +6,14 @@
 // Reference metrics.shading_rate.nearest_shaded, metrics.color (its exposure)
 #include "common/shading_rate.glsl"
 
-layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
-
 uniform ivec2 size;
 uniform vec3 sky;
 uniform float exposure;
 #if SHADING_RATE > 0
 uniform int phase;
 #endif
-uniform sampler2D position;
-#if HAS_DIRECT
-uniform sampler2D direct;
-#endif
-#if HAS_INDIRECT
-uniform sampler2D indirect;
-#endif
-#if HAS_EMISSION
-uniform sampler2D emission;
-#endif
 #if ACCUMULATE
 uniform float share; // negative: the first sample, which replaces the stored value
-layout(rgba32f, binding = 0) uniform image2D radiance_out;
-#else
-layout(rgba32f, binding = 0) writeonly uniform image2D radiance_out;
 #endif
 
 #define READ(channel, at) texelFetch(channel, at, 0)

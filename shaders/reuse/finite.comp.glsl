@@ -4,12 +4,6 @@
 // Counts   found.x: such pixels; found.y: their smallest index y * width + x
 #include "common/numbers.glsl"
 
-layout(local_size_x = GROUP_X, local_size_y = GROUP_Y) in;
-
-layout(std430, binding = 0) coherent buffer Found { uint found[3]; };
-
-uniform sampler2D result;
-uniform sampler2D radiance;
 uniform bool has_radiance;
 
 void main() {

@@ -26,6 +26,7 @@ from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, Source
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.reprojection import Reprojection
@@ -333,13 +334,15 @@ class ComposePass:
         accumulate: bool = False,
     ):
         """``channels``: the LIGHT_CHANNELS of the frames; ``accumulate``: sum weighted samples of one frame."""
-        self._gpu, self._size, self._settings, self._rate = context.gpu, size, settings, rate
-        self._group = Tuning(context.gpu.software).shading_group
-        self._reads = ("position", *(c for c in LIGHT_CHANNELS if c in channels))
-        defines = {f"HAS_{c.upper()}": c in channels for c in LIGHT_CHANNELS}
-        defines |= {"SHADING_RATE": RATES.index(rate), "ACCUMULATE": accumulate}
-        defines |= {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
-        self._program = context.shaders.compute("reuse/compose.comp.glsl", defines)
+        self._hazards, self._size, self._settings, self._rate = context.gpu.hazards, size, settings, rate
+        declaration = ComputePass("reuse compose", ("reuse/compose.comp.glsl",))
+        declaration.define(**{f"HAS_{c.upper()}": c in channels for c in LIGHT_CHANNELS})
+        declaration.define(SHADING_RATE=RATES.index(rate), ACCUMULATE=accumulate)
+        for name in ("position", *(c for c in LIGHT_CHANNELS if c in channels)):
+            declaration.texture(name)
+        declaration.image("radiance_out", resource="radiance", access=UPDATE if accumulate else WRITE)
+        declaration.dispatch(size, Tuning(context.gpu.software).shading_group)
+        self._pass = context.compute(declaration)
         self._accumulate = accumulate
         self.radiance = radiance_texture(context.gpu, size)
 
@@ -349,21 +352,17 @@ class ComposePass:
 
     def run(self, textures: Mapping[str, moderngl.Texture], frame: int = 0, share: float = 1.0) -> None:
         """Write ``radiance``.  ``share``: weight of this sample if samples add up, negative for the first sample."""
-        for unit, name in enumerate(self._reads):
-            textures[name].use(unit)
-            self._program[name] = unit
         sky, exposure = environment_of(self._settings).radiance, self._settings.lighting.exposure_factor
-        self._program["size"] = self._size
-        self._program["sky"], self._program["exposure"] = sky, exposure
+        values = {"size": self._size, "sky": sky, "exposure": exposure}
         if self._rate != "full":
-            self._program["phase"] = phase(self._rate, frame)
+            values["phase"] = phase(self._rate, frame)
         if self._accumulate:
-            self._program["share"] = share
-        self.radiance.bind_to_image(0, read=self._accumulate, write=True)
-        self._program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
-        self._gpu.ctx.memory_barrier()
+            values["share"] = share
+        self._pass.run(None, {**textures, "radiance": self.radiance}, **values)
+        self._hazards.publish()
 
     def release(self) -> None:
+        self._pass.release()
         self.radiance.release()
 
 
@@ -372,14 +371,14 @@ class MaskInputs:
 
     def __init__(self, context: GpuContext, source: Source, settings: Settings, radiance: tuple[str, ...]):
         """``radiance``: which of direct, indirect and color to compare; empty: geometry only."""
-        gpu, shaders = context.gpu, context.shaders
-        self._gpu = gpu
+        self._hazards = context.gpu.hazards
         self._evaluator = PairEvaluator(context, source, settings, images=True, radiance=radiance)
-        self._group = Tuning(gpu.software).shading_group
-        constants = [f"const uint {bit.name} = {bit.value}u;" for bit in (Reason.BEHIND, Reason.INVALID)]
-        constants.append(f"const float FAR_AWAY_PX = {FAR_AWAY_PX};")
-        defines = {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
-        self._fill = shaders.compute("reuse/invalid_motion.comp.glsl", defines, "\n".join(constants))
+        declaration = ComputePass("reuse invalid motion", ("reuse/invalid_motion.comp.glsl",))
+        declaration.glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in (Reason.BEHIND, Reason.INVALID)))
+        declaration.glsl(f"const float FAR_AWAY_PX = {FAR_AWAY_PX};")
+        declaration.texture("mask", "usampler2D").image("motion", "rg32f", access=WRITE)
+        declaration.dispatch(self.mask.size, Tuning(context.gpu.software).shading_group)
+        self._fill = context.compute(declaration)
         for texture in (self.mask, self.motion):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
@@ -398,14 +397,11 @@ class MaskInputs:
     def run(self, pair: Reprojection, declared: int) -> None:
         """``pair``: without jitter; ``declared``: Reason.FIRST or CUT for the whole frame, else 0."""
         self._evaluator.submit(pair, declared=declared)
-        self.mask.use(0)
-        self._fill["mask"] = 0
-        self._fill["size"] = self.mask.size
-        self.motion.bind_to_image(0, read=False, write=True)
-        self._fill.run(-(-self.mask.width // self._group[0]), -(-self.mask.height // self._group[1]))
-        self._gpu.ctx.memory_barrier()
+        self._fill.run(None, {"mask": self.mask, "motion": self.motion}, size=self.mask.size)
+        self._hazards.publish()
 
     def release(self) -> None:
+        self._fill.release()
         self._evaluator.release()
 
 

@@ -25,8 +25,9 @@ import numpy as np
 from taubench_gl.errors import MethodError
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.declare import UPDATE, ComputePass
 from taubench_gl.gpu.memory import require_memory
-from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.reuse.contract import Method, Value
 from taubench_gl.reuse.frame import FrameInputs
@@ -137,24 +138,19 @@ class _FiniteCheck:
     """Counts NaN and infinite pixels of a result where the input radiance is finite."""
 
     def __init__(self, gpu: Gpu, size: tuple[int, int]):
-        self._gpu, self.size = gpu, size
-        self._group = Tuning(gpu.software).shading_group
-        self._shaders = ShaderCache(gpu.ctx)
-        self._program = self._shaders.compute(
-            "reuse/finite.comp.glsl", {"GROUP_X": self._group[0], "GROUP_Y": self._group[1]}
-        )
+        self.size = size
+        self._context = GpuContext(gpu)
+        declaration = ComputePass("reuse finite", ("reuse/finite.comp.glsl",))
+        declaration.texture("result").texture("radiance").buffer("found", "uint", access=UPDATE)
+        declaration.dispatch(size, Tuning(gpu.software).shading_group)
+        self._pass = self._context.compute(declaration)
         self._found = gpu.ctx.buffer(reserve=12)
 
     def run(self, result: moderngl.Texture, frame: FrameInputs, method: Method) -> None:
         self._found.write(np.array([0, 0xFFFFFFFF, 0], dtype=np.uint32).tobytes())
-        self._found.bind_to_storage_buffer(0)
-        radiance = frame.textures.get("radiance", result)
-        for unit, (name, texture) in enumerate({"result": result, "radiance": radiance}.items()):
-            texture.use(unit)
-            self._program[name] = unit
-        self._program["has_radiance"] = "radiance" in frame.textures
-        self._program.run(-(-self.size[0] // self._group[0]), -(-self.size[1] // self._group[1]))
-        self._gpu.ctx.memory_barrier()
+        resources = {"result": result, "radiance": frame.textures.get("radiance", result), "found": self._found}
+        self._pass.run(None, resources, has_radiance="radiance" in frame.textures)
+        self._context.gpu.hazards.publish()
         count, first, _ = np.frombuffer(self._found.read(), dtype=np.uint32)
         if count:
             x, y = int(first) % self.size[0], int(first) // self.size[0]
@@ -168,4 +164,5 @@ class _FiniteCheck:
 
     def release(self) -> None:
         self._found.release()
-        self._shaders.release()
+        self._pass.release()
+        self._context.release()
