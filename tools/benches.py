@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from taubench_gl.channels import CHANNELS
@@ -318,7 +319,7 @@ def show(console: Console, result: Result) -> None:
     for head in (result.unit, *HEADS):
         table.add_column(head, justify="right")
     for r in result.rows:
-        table.add_row(*cells(r))
+        table.add_row(*map(escape, cells(r)))
     console.print(table)
     for note in (*result.notes, f"peak resident memory of this process so far: {peak_rss_mb():.0f} MiB"):
         console.print(f"  {note}", markup=False, highlight=False)
@@ -331,7 +332,7 @@ def show_claims(console: Console, claims: list[Claim]) -> None:
     for head in CLAIM_HEADS:
         table.add_column(head, justify="left" if head in ("claim", "holds") else "right")
     for claim in claims:
-        table.add_row(*claim_cells(claim))
+        table.add_row(*map(escape, claim_cells(claim)))
     console.print(table)
 
 

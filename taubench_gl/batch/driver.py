@@ -76,11 +76,9 @@ class Outcome:
 class Driver:
     """Runs the missing part of a batch in ``store``.  The caller holds the folder's lock."""
 
-    def __init__(
-        self, spec: BatchSpec, store: Store, engine: Engine, listener: Listener | None = None, chunk: int | None = None
-    ):
+    def __init__(self, spec: BatchSpec, store: Store, listener: Listener | None = None, chunk: int | None = None):
         """``chunk``: pairs per unit; None: chosen by the engine's width.  It does not change results."""
-        self.spec, self.store, self.engine = spec, store, engine
+        self.spec, self.store = spec, store
         self.listener = listener or Listener()
         self._chunk = chunk
         self._states = {job.id: _JobState(job) for job in spec.jobs}
@@ -88,30 +86,32 @@ class Driver:
         self._shown: Counter[Key] = Counter()  # pairs of a running unit that were reported to the listener
         self._failed: dict[str, str] = {}
         self._without_gl: list[str] = []
+        self._engine: Engine | None = None  # while ``run`` is active
 
     def on_pair(self, event: PairDone) -> None:
         """For engines that report pairs while ``wait`` blocks."""
         self._shown[event.unit.key] += 1
         self.listener.pairs_done(self._states[event.unit.job].job, 1)
 
-    def run(self) -> Outcome:
-        """Run all jobs.  Raises GraphicsError if no worker is left; finished pairs are kept."""
+    def run(self, engine: Engine) -> Outcome:
+        """Run all jobs on ``engine``.  Raises GraphicsError if no worker is left; finished pairs are kept."""
+        self._engine = engine
         for state in self._states.values():
             self._start(state)
         while True:
-            for slot in self.engine.idle():
+            for slot in engine.idle():
                 unit = self._choose(slot)
                 if unit is None:
                     break
                 self._states[unit.job].in_flight += 1
-                self.engine.submit(slot, unit)
+                engine.submit(slot, unit)
             if not any(state.in_flight for state in self._states.values()):
                 if any(state.pending for state in self._states.values()):
                     why = self._without_gl[-1] if self._without_gl else "all workers have ended"
                     hint = "finished pairs are kept; resume on a machine with OpenGL"
                     raise GraphicsError(f"no worker with OpenGL is left: {why}", hint=hint)
                 break
-            for event in self.engine.wait():
+            for event in engine.wait():
                 self._handle(event)
         return Outcome(finish(self.store, self.spec, self._failed), self._failed)
 
@@ -149,7 +149,7 @@ class Driver:
 
     def _chunk_size(self, pairs: int) -> int:
         """At least two chunks per worker if the job has that many pairs: it may be the only job left."""
-        return min(CHUNK_PAIRS, max(MIN_CHUNK_PAIRS, math.ceil(pairs / (2 * self.engine.width()))))
+        return min(CHUNK_PAIRS, max(MIN_CHUNK_PAIRS, math.ceil(pairs / (2 * self._engine.width()))))
 
     def _choose(self, slot: Slot) -> Unit | None:
         """The next unit for a worker: of the job it has loaded, else of a job without workers, else of any job."""

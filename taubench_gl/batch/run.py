@@ -65,20 +65,18 @@ def run_batch(
     require_pyarrow()
     if chunk is not None and chunk < 1:
         raise SettingsError(f"chunk is {chunk}", hint="give 1 pair or more")
-    store, drivers = Store(out), []
-    made = make_engine(engine, workers, store.out / LOGS, lambda event: drivers[0].on_pair(event))
-    if spec is None:
-        spec = store.load_spec()
+    store = Store(out)
+    spec = spec or store.load_spec()
+    driver = Driver(spec, store, listener, chunk)
+    made = make_engine(engine, workers, store.out / LOGS, driver.on_pair)
     store.require_usable()  # before the lock file is written
     with FolderLock(store.out):
         store.require_usable()
         with made as running:
             store.save_spec(spec)
-            if listener is not None:
-                jobs = len(spec.jobs)
-                listener.message(f"{jobs} job{'' if jobs == 1 else 's'} on {running.describe()}")
-            drivers.append(Driver(spec, store, running, listener, chunk))
-            return drivers[0].run()
+            jobs = len(spec.jobs)
+            driver.listener.message(f"{jobs} job{'' if jobs == 1 else 's'} on {running.describe()}")
+            return driver.run(running)
 
 
 @dataclass(frozen=True, slots=True)

@@ -102,7 +102,7 @@ def drive(tmp_path, spec):
     def run(engine, out="out", chunk=4, listener=None):
         store = Store(tmp_path / out)
         store.save_spec(spec)
-        return Driver(spec, store, engine, listener, chunk).run(), store
+        return Driver(spec, store, listener, chunk).run(engine), store
 
     return run
 
