@@ -2,16 +2,219 @@
 
 from __future__ import annotations
 
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
 import click
 
-from taubench_gl.apps.aliases import Group
-from taubench_gl.apps.scenes_make_command import make
-from taubench_gl.apps.scenes_registry_commands import get, list_scenes, show, verify
+from taubench_gl.apps.aliases import Group, former_option
+
+STAND_INS = ("eternal-valley-fps", "eternal-valley-vr")
 
 
 @click.group(cls=Group)
 def scenes() -> None:
     """Named scenes, such as the paper's, and procedural stand-ins."""
+
+
+registry_option = click.option(
+    "--registry",
+    "registries",
+    type=click.Path(path_type=Path),
+    multiple=True,
+    help="A TOML file with further scenes; may be repeated.  [default: those of TAUBENCH_SCENES]",
+)
+cache_option = click.option(
+    "--cache",
+    type=click.Path(path_type=Path),
+    help="Cache folder.  [default: TAUBENCH_CACHE, else the user's cache]",
+)
+
+
+def _entries(registries: tuple[Path, ...]) -> dict[str, Any]:
+    from taubench_gl.datasets.scene_cache import registry_entries
+
+    return registry_entries(registries)
+
+
+@click.command(
+    "list",
+    epilog="""\b
+Examples:
+  taubench-gl scenes list
+  taubench-gl scenes list --registry mine.toml --json""",
+)
+@registry_option
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_scenes(registries: tuple[Path, ...], as_json: bool) -> None:
+    """List the named scenes."""
+    import msgspec
+
+    entries = _entries(registries)
+    if as_json:
+        click.echo(json.dumps({name: msgspec.to_builtins(e) for name, e in entries.items()}, indent=2))
+        return
+    width = max(map(len, entries))
+    for name, entry in entries.items():
+        click.echo(f"{name:{width}}  {entry.format:12}  {entry.title}")
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl scenes show eternal-valley-fps"""
+)
+@click.argument("name")
+@registry_option
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
+    """Show license, homepage, units, rate, camera and the paper's rows of scene NAME."""
+    import msgspec
+
+    from taubench_gl.apps.screen import show_pairs
+    from taubench_gl.datasets.registry import find_entry
+
+    name, entry = find_entry(_entries(registries), name)
+    facts = msgspec.to_builtins(entry)
+    if as_json:
+        click.echo(json.dumps({"name": name, **facts}, indent=2))
+        return
+    show_pairs(f"Scene {name}", {key: value if value not in ("", None) else None for key, value in facts.items()})
+    if entry.options():
+        click.echo(f"  evaluate with      {entry.options()}")
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl scenes get bart-museum --from museum.zip
+  taubench-gl scenes get zero-day --from zeroday.zip --scene MEASURE_ONE.fbx
+  taubench-gl scenes get my-scene --registry mine.toml --accept-license
+  taubench-gl evaluate bart-museum
+\b
+An interrupted download is continued.  The checksum of the first download is stored; a later file that differs is
+refused.  Downloading needs the extra 'datasets'; --from does not.  Afterwards NAME can be used in place of a path; its
+frame rate, frames, camera and units are the defaults of the options."""
+)
+@click.argument("name")
+@click.option("--from", "source", type=click.Path(path_type=Path), metavar="FILE", help="Use this local file.")
+@click.option("--url", help="Download from this URL instead of the registry's.")
+@click.option("--scene", metavar="FILE", help="Scene file of the archive, if it holds several.")
+@former_option("--accept-licence", "--accept-license")
+@click.option("--accept-license", is_flag=True, help="Accept the license without a question.")
+@registry_option
+@cache_option
+def get(
+    name: str,
+    source: Path | None,
+    url: str | None,
+    scene: str | None,
+    accept_license: bool,
+    registries: tuple[Path, ...],
+    cache: Path | None,
+) -> None:
+    """Download scene NAME into the cache, or copy it from a local file, and print its path."""
+    from taubench_gl.datasets.registry import find_entry
+    from taubench_gl.datasets.scene_cache import CachedScene
+    from taubench_gl.errors import DatasetError
+
+    name, entry = find_entry(_entries(registries), name)
+    click.echo(f"{entry.title}, by {entry.authors or 'unknown'}; license: {entry.license or 'not stated'}", err=True)
+    if not accept_license:
+        if not sys.stdin.isatty():
+            raise DatasetError("the license is not accepted", hint="add --accept-license to accept it")
+        click.confirm("Do you accept the license?", abort=True, err=True)
+    cached = CachedScene(name, entry, cache)
+    if source is not None:
+        path = cached.take(source, scene)
+    else:
+        path = cached.get(url, _bar() if sys.stderr.isatty() else None, scene)
+    click.echo(path)
+    if entry.format in ("fbx", "blend"):
+        click.echo("the first evaluation converts it with Blender as a Python module (see: convert --help)", err=True)
+    defaults = f"  (defaults: {entry.options()})" if entry.options() else ""
+    click.echo(f"Tables 1 to 4: taubench-gl evaluate {name}{defaults}", err=True)
+    if registries or cache is not None:
+        click.echo("  with TAUBENCH_SCENES and TAUBENCH_CACHE set to the values of --registry and --cache", err=True)
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl scenes verify bart-museum"""
+)
+@click.argument("name")
+@registry_option
+@cache_option
+def verify(name: str, registries: tuple[Path, ...], cache: Path | None) -> None:
+    """Check that the cached file of scene NAME is unchanged since its download."""
+    from taubench_gl.datasets.registry import find_entry
+    from taubench_gl.datasets.scene_cache import CachedScene
+
+    record, scene = CachedScene(*find_entry(_entries(registries), name), cache).verify()
+    click.echo(f"{record.file}: {record.bytes} bytes, sha256 {record.sha256}, unchanged")
+    click.echo(scene)
+
+
+def _bar():
+    """A callback that prints a progress line on the terminal."""
+
+    def show_bytes(have: int, whole: int | None) -> None:
+        share = f"{100 * have / whole:5.1f} %" if whole else ""
+        click.echo(f"\r{have >> 20} MiB {share}", err=True, nl=whole is not None and have >= whole)
+
+    return show_bytes
+
+
+@click.command(
+    epilog="""\b
+Examples:
+  taubench-gl scenes make eternal-valley-fps valley.glb
+  taubench-gl evaluate valley.glb --fps 60 --environment 0.2,0.3,0.5"""
+)
+@click.argument("name", type=click.Choice(STAND_INS))
+@click.argument("out", type=click.Path(path_type=Path), metavar="OUT.glb")
+def make(name: str, out: Path) -> None:
+    """Write a procedural stand-in for one of the paper's EternalValley scenes (CC0).
+
+    It is not the dataset.  It has exactly the paper's counts (Table 1), and its camera statistics (Tables 2 and 3) at
+    the capture rate of 60 fps.  Its geometry and its Table 4 row differ from the paper's.
+    """
+    from taubench_gl.apps.screen import show_tables
+    from taubench_gl.datasets.stand_ins import make_stand_in
+    from taubench_gl.report import paper_tables
+    from taubench_gl.scene import load_scene
+
+    recipe = make_stand_in(name, out)
+    summary = describe(load_scene(out), recipe.camera.fps)
+    show_tables(paper_tables([summary])[:3])
+    click.echo(f"note: {recipe.note}")
+    click.echo(f"written to {out} ({out.stat().st_size:,} bytes, CC0)")
+    click.echo(f"Table 4: taubench-gl evaluate {out} --fps {recipe.camera.fps:g} --environment 0.2,0.3,0.5")
+
+
+def describe(scene: Any, fps: float) -> dict[str, Any]:
+    """The part of summary.json that needs no OpenGL: census and camera of all frames at ``fps``."""
+    import numpy as np
+
+    from taubench_gl.animation import Poser, choose_camera
+    from taubench_gl.effects.census import census
+    from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
+    from taubench_gl.settings import Settings
+
+    poser, camera = Poser(scene), choose_camera(scene)
+    times = [i / fps for i in range(Settings(fps=fps).sequence.frame_count(scene.duration))]
+    views = [camera.view_at(poser.sample(t)) for t in times]
+    activity = camera_activity(np.array([v.position for v in views]), np.array([v.world_from_view for v in views]))
+    return {
+        "scene": {"name": scene.name, "stand_in": scene.stand_in},
+        "settings": {"fps": fps},
+        "pairs": len(activity),
+        "census": census(scene, times, poser),
+        "camera": summarize(activity, detect_cuts(activity), fps) | {"source": camera.describe()},
+    }
 
 
 for command in (list_scenes, show, get, verify, make):
