@@ -11,7 +11,7 @@ import click
 
 from taubench_gl.apps.aliases import Group, former_option
 
-STAND_INS = ("eternal-valley-fps", "eternal-valley-vr")
+STAND_IN_NAMES = ("eternal-valley-fps", "eternal-valley-vr")
 
 
 @click.group(cls=Group)
@@ -174,7 +174,7 @@ Examples:
   taubench-gl scenes make eternal-valley-fps valley.glb
   taubench-gl evaluate valley.glb --fps 60 --environment 0.2,0.3,0.5"""
 )
-@click.argument("name", type=click.Choice(STAND_INS))
+@click.argument("name", type=click.Choice(STAND_IN_NAMES))
 @click.argument("out", type=click.Path(path_type=Path), metavar="OUT.glb")
 def make(name: str, out: Path) -> None:
     """Write a procedural stand-in for one of the paper's EternalValley scenes (CC0).

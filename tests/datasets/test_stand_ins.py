@@ -11,7 +11,7 @@ from validator import errors
 
 from taubench_gl.animation import Poser, choose_camera
 from taubench_gl.apps.cli import cli
-from taubench_gl.apps.scenes_command import STAND_INS, describe
+from taubench_gl.apps.scenes_command import STAND_IN_NAMES, describe
 from taubench_gl.datasets.stand_ins import STAND_INS, camera_path, make_stand_in
 from taubench_gl.datasets.valley import EYE_HEIGHT, FLOOR_SIDE, height, middle
 from taubench_gl.errors import SettingsError
@@ -176,7 +176,7 @@ def test_command_prints_tables_with_the_papers_rows(tmp_path):
 
 
 def test_invalid_names_and_suffixes_are_refused(tmp_path):
-    assert tuple(STAND_INS) == STAND_INS
+    assert tuple(STAND_INS) == STAND_IN_NAMES
     with pytest.raises(SettingsError, match="eternal-valley-fps"):
         make_stand_in("eternal-valley", tmp_path / "x.glb")
     with pytest.raises(SettingsError, match=r"\.glb"):
