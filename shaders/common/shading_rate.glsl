@@ -4,7 +4,7 @@
 #define SHADING_RATE 0
 #endif
 
-// Pixel of invocation ``id``: invocations are as many as shaded pixels, so what is not shaded costs nothing.
+// Pixel of invocation ``id``: there is one for each shaded pixel, so other pixels cost nothing.
 ivec2 shaded_pixel(ivec2 id, int phase) {
 #if SHADING_RATE == 1
     return ivec2(id.x, 2 * id.y + phase);

@@ -12,7 +12,7 @@ VirtualPointLight vpl(int k) {
 }
 #endif
 
-// Irradiance at x, normal n, of a diffuse VPL: a disk of its own texel's area, so nothing blows up close by
+// Irradiance at x, normal n, of a diffuse VPL: a disk with the area of its texel, so that the value stays bounded nearby
 // (Keller 1997; the disk form is that of Wallace et al. 1989).
 vec3 vpl_irradiance(VirtualPointLight v, vec3 x, vec3 n) {
     vec3 d = v.position.xyz - x;

@@ -126,7 +126,7 @@ Sample sample_history(vec2 at, bool surface) {
 
 void count_distance(int feature, float distance) {
     uint bin = histogram_bin(distance);
-    // Bin 0 is whatever of the comparable pixels is left over: still pixels cost no atomic.
+    // Bin 0 is the rest of the comparable pixels, so still pixels cost no atomic.
     if (bin > 0u) atomicAdd(histograms[feature * HISTOGRAM_BINS + int(bin)], 1u);
 }
 
@@ -204,7 +204,7 @@ uint classify(ivec2 pixel, out vec2 motion) {
     }
     // Decided before any division.
     float prev_depth = dot(P.prev_forward.xyz, q.xyz);
-    // A pixel that rounding drew in front of its own near plane may have been as far in front of the previous one.
+    // Rounding may place a pixel in front of its near plane; it may have been as far in front of the previous one.
     float limit = surface ? P.prev_near - max(P.near - now.position.w, 0.0) : 0.0;
     if (prev_depth <= limit) return mask | BEHIND;
     vec4 prev_clip = P.prev_clip_from_prev * q;

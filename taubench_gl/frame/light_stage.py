@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.effects.lighting import intensity_divisor
+from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.casters import Casters
 from taubench_gl.frame.draw_bounds import DrawBounds
 from taubench_gl.frame.lights import LightTable, LightTexture
@@ -16,6 +17,7 @@ from taubench_gl.frame.passes.shadows import ShadowPass, shadow_maps
 from taubench_gl.frame.plan import LIGHT
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.frame.tuning import MAX_LIGHTS
 from taubench_gl.gpu.declare import Stage
 from taubench_gl.gpu.passes import CompiledCompute
 from taubench_gl.metrics.lighting import albedo_table
@@ -35,6 +37,8 @@ class LightStage:
         for resource in (r for declare in LIGHT for p in declare(spec) for r in p.resources):
             self.memory[resource.label] = self.memory.get(resource.label, 0) + resource.bytes
         self.table = LightTable(scene, intensity_divisor(spec.settings))
+        if len(self.table) > MAX_LIGHTS:
+            raise GraphicsError(f"the scene has {len(self.table)} lights, at most {MAX_LIGHTS} can be rendered")
         self._light_texture = LightTexture(context.gpu, len(self.table))
         self._owned: dict[str, Any] = {}
         self._shadow = ShadowPass(context, spec, renderer.draws) if shadow_maps(spec) else None

@@ -1,4 +1,4 @@
-"""The frame on one page: every pass in order, for what is enabled, and what a frame therefore consists of.  No OpenGL.
+"""The frame on one page: every pass in order for the enabled effects, and the resources of a frame.  No OpenGL.
 
 The renderer makes the passes that this page declares, so what ``inspect`` prints is what an evaluation does.
 """
@@ -86,7 +86,7 @@ def frame_channels(spec: FrameSpec) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class FrameResources:
-    """What a frame consists of.  ``memory``: what is allocated, by name, in bytes."""
+    """Passes, shader variants and allocations of a frame.  ``memory``: bytes by name."""
 
     passes: tuple[str, ...]
     shaders: frozenset[str]
@@ -104,7 +104,7 @@ def frame_resources(spec: FrameSpec) -> FrameResources:
     passes = frame_passes(spec)
     sequence, storage = spec.settings.sequence, spec.settings.device.storage
     size = sequence.width, sequence.height
-    # Every sample within a pixel has a history of its own.
+    # Every sample position within a pixel has a history.
     samples = spec.settings.metrics.samples_per_pixel
     memory = {name: samples * n for name, n in history_bytes(size, frame_channels(spec), storage).items()}
     for p in passes:

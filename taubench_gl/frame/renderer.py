@@ -74,7 +74,7 @@ class Renderer:
         self._views: dict[float, tuple[FrameState, View]] = {}
 
     def new_history(self) -> History:
-        """Render targets for ``draw`` besides the renderer's own; the caller releases them."""
+        """More render targets for ``draw``; the caller releases them."""
         return History(self.context.gpu, self.size, self.channels, self.options.storage)
 
     def view(self, time: float) -> tuple[FrameState, View]:

@@ -1,4 +1,4 @@
-"""What the passes of a frame are declared from: scene, settings, enabled effects.  No OpenGL."""
+"""Input of pass declarations: scene, settings, enabled effects.  No OpenGL."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
 
 
 def raw_image(texture: moderngl.Texture) -> np.ndarray:
-    """An array that a texture can be read into, (h, w, components) of its own type; not filled."""
+    """An array to read a texture into, (h, w, components) of the texture's type; not filled."""
     width, height = texture.size
     return np.empty((height, width, texture.components), dtype=_NUMPY[texture.dtype])
 

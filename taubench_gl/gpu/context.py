@@ -59,7 +59,7 @@ class Gpu:
             self.hazards = Hazards(self.ctx)
 
     def __enter__(self) -> Gpu:
-        # An evaluation inside somebody's ``with gpu`` must not leave them without a current context.
+        # An evaluation inside a caller's ``with gpu`` must leave the context current.
         if self._entered == 0:
             self.ctx.__enter__()
         self._entered += 1
@@ -95,7 +95,7 @@ class Gpu:
         self._nothing.use()
 
     def collect(self) -> int:
-        """Release GL objects nobody refers to any more; the number released."""
+        """Release GL objects without references; the number released."""
         count = 0
         while self.ctx.objects:  # ctx.gc() itself stumbles over objects that were released by hand
             release = getattr(self.ctx.objects.popleft(), "release", None)
@@ -227,7 +227,7 @@ def _create(name: str, device: int | None) -> Gpu:
 
 
 def adopt_context(ctx: moderngl.Context, backend: str, function: Callable[[str], int], keep: Any = None) -> Gpu:
-    """A Gpu of a current context that somebody else made, such as a window; ``function``: address of a GL function.
+    """A Gpu of an existing current context, such as a window's; ``function``: address of a GL function.
 
     Sets the clip control that reversed Z needs.  Raises OSError where the context is not enough.
     """

@@ -266,8 +266,8 @@ def stage(*effects: str, options: Iterable[str] = ()) -> Callable[[Declare], Sta
 def dependencies(stages: Iterable[Stage]) -> dict[str, frozenset[str]]:
     """What each effect depends on: it has nothing to work on while one of those is disabled.
 
-    An effect with a stage of its own depends on whatever else the stage takes.  An effect that is an option everywhere
-    depends on what all stages that know it have in common.
+    The first effect of a stage depends on the stage's other effects.  An effect that is only an option depends on the
+    effects that all stages with that option have in common.
     """
     stages = tuple(stages)
     out: dict[str, frozenset[str]] = {}

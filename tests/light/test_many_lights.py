@@ -7,9 +7,8 @@ import pytest
 from light_tools import DIRECT_ONLY, lambert, opened, shoot
 
 from taubench_gl.errors import GraphicsError
-from taubench_gl.frame.passes.lighting import TILE, direct_light
-from taubench_gl.frame.spec import FrameSpec, SceneFacts
-from taubench_gl.frame.tuning import MAX_LIGHTS
+from taubench_gl.frame import light_stage
+from taubench_gl.frame.passes.lighting import TILE
 from taubench_gl.metrics.lighting import (
     SurfaceMaterial,
     evaluate_brdf,
@@ -19,7 +18,6 @@ from taubench_gl.metrics.lighting import (
     tile_boxes,
 )
 from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad
-from taubench_gl.settings import Settings
 
 SIZE = {"width": 192, "height": 108, "shadow_lights": 0, "columns": DIRECT_ONLY}
 
@@ -144,8 +142,7 @@ def test_a_black_or_hidden_light_is_in_no_list(gpu):
         assert source.light.tile_counts().max() == 1
 
 
-def test_more_lights_than_a_loop_can_count_are_refused():
-    spec = FrameSpec(SceneFacts(lamp_field(2, 2, cells=2)), Settings(), frozenset({"direct"}))
-    spec.__dict__["light_kinds"] = (0,) * (MAX_LIGHTS + 1)
-    with pytest.raises(GraphicsError):
-        direct_light(spec)
+def test_more_lights_than_a_loop_can_count_are_refused(gpu, monkeypatch):
+    monkeypatch.setattr(light_stage, "MAX_LIGHTS", 1)
+    with pytest.raises(GraphicsError), opened(gpu, lamp_field(2, 2, cells=2), **SIZE):
+        pass

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taubench_gl.effects.lighting import environment_of
-from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, UnrolledLights, unrolled_lights
 from taubench_gl.frame.passes.indirect import VPL, VPL_ROW, scene_center, vpl_count
 from taubench_gl.frame.shadow_faces import FACE, first_faces
 from taubench_gl.frame.spec import FrameSpec
-from taubench_gl.frame.tuning import MAX_LIGHTS
 from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.metrics.lighting import ALBEDO_TABLE, MIN_ALPHA, MIN_LIGHT_DISTANCE
@@ -68,9 +66,7 @@ def _unrolled(spec: FrameSpec) -> UnrolledLights:
 
 
 def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
-    """What all passes over lights have in common."""
-    if len(spec.light_kinds) > MAX_LIGHTS:
-        raise GraphicsError(f"the scene has {len(spec.light_kinds)} lights, at most {MAX_LIGHTS} can be rendered")
+    """The common part of all passes over lights."""
     lighting, view_axis = spec.settings.lighting, (0.0, 0.0, 0.0, 0.0)
     columns, rows = _tiles(spec)
 
@@ -111,7 +107,7 @@ def _shadowed(spec: FrameSpec, p: ComputePass, taps: int) -> ComputePass:
 
 @stage("light_culling", "direct", options=("glossy",))
 def light_lists(spec: FrameSpec) -> Sequence[Pass]:
-    """Lights that each tile cannot do without."""
+    """Lights of each tile, up to a bounded error."""
     lights = len(spec.light_kinds)
     if spec.shading.stochastic or not lights:
         return ()
