@@ -95,7 +95,7 @@ def test_only_channels_that_are_read_are_rendered(gpu):
 
 
 def test_radiance_is_exposed_light_and_sky(gpu):
-    more = {"settings": {"exposure": 2.0, "sky": (0.1, 0.2, 0.3)}}
+    more = {"settings": {"exposure": 2.0, "environment": (0.1, 0.2, 0.3)}}
     with inputs_of(gpu, still(), **more) as inputs:
         got = arrays(inputs.advance(0))["radiance"][..., :3]
         source = inputs.source

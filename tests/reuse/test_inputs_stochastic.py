@@ -38,7 +38,7 @@ def lit_scene():
 def source_of(gpu, **shading):
     settings = Settings(
         width=SIZE[0], height=SIZE[1], columns=COLUMNS, indirect="rsm", indirect_samples=96, shadow_size=128,
-        light_error=0.0, shadow_lights=shading.pop("shadow_lights", 8), sky=shading.pop("sky", (0.0, 0.0, 0.0)),
+        light_error=0.0, shadow_lights=shading.pop("shadow_lights", 8), environment=shading.pop("environment", "none"),
     )  # fmt: skip
     scene = lit_scene()
     return RasterSource(gpu, scene, choose_camera(scene), settings, shading=Shading(**shading))
@@ -163,8 +163,9 @@ def test_mean_of_many_frames_is_exact_light(opened):
     """Lights, shadows, indirect and sky: within 5 standard errors except for a few pixels, with errors decreasing as
     1/sqrt(n)."""
     sky = (0.3, 0.4, 0.5)
-    exact = light(opened(gather_each=True, sky=sky))
-    noisy = opened(light_samples=1, indirect_samples=32, seed=1, sky=sky)  # one alone has too heavy a tail for 5 sigma
+    exact = light(opened(gather_each=True, environment=sky))
+    # One indirect sample alone has too heavy a tail for 5 sigma.
+    noisy = opened(light_samples=1, indirect_samples=32, seed=1, environment=sky)
     counts, totals, squares, error = (9, 144), [0.0, 0.0], [0.0, 0.0], {}
     for frame in range(max(counts)):
         for k, value in enumerate(light(noisy, frame)):
