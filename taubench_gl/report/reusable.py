@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from taubench_gl.glossary import CONCEPTS, REUSE_REASONS, STATISTICS
+from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import run_labels
 from taubench_gl.report.tables import SAMPLING_COLUMNS, Column, Table, paper_tables, table_row
 
 Summary = Mapping[str, Any]
 
-RATES = ("surface", "shading")
 TERMS = {term.key: term for term in REUSE_REASONS.values()}
 _MERGED = (("behind", "outside"), ("lit", "shadowed"))
 """Reasons that are one phrase in the sentence."""
@@ -30,20 +30,20 @@ def reusable_sentence(summary: Summary) -> str:
     rate = block.get("reasons_of")
     if rate is None:
         return f"reusable pixels are unknown: {_why(block, 'surface')}"
-    subject = "of pixels" if rate == "shading" else "of pixels show a surface that"
     shares = {name: entry["mean_percent"] for name, entry in (block.get("reasons") or {}).items()}
-    text = sentence(block[rate]["mean_percent"], shares, subject)
+    text = sentence(block[rate]["mean_percent"], shares, rate)
     return text if rate == "shading" else f"{text} (shading is unknown: {_why(block, 'shading')})"
 
 
 def headline(summary: Summary) -> str:
-    """``reusable_sentence`` and the reprojection mode."""
+    """``camera reprojection: 81.3 % of pixels can be reused ...``: the reprojection mode and ``reusable_sentence``."""
     mode = reprojection_of(summary)
-    return reusable_sentence(summary) + (f" ({mode} reprojection)" if mode else "")
+    return (f"{mode} reprojection: " if mode else "") + reusable_sentence(summary)
 
 
-def sentence(percent: float, shares: Mapping[str, float], subject: str = "of pixels") -> str:
+def sentence(percent: float, shares: Mapping[str, float], rate: str = "shading") -> str:
     """The sentence from a reuse rate and the shares of its disjoint reasons, all in % of all pixels."""
+    subject = "of pixels" if rate == "shading" else "of pixels show a surface that"
     text = f"{percent_text(percent)} {subject} can be reused"
     phrases, covered = _largest(shares, 100.0 - percent)
     if not phrases:
@@ -81,7 +81,7 @@ def reusable_tables(summaries: Sequence[Summary]) -> list[Table]:
     """Reusable pixels with the reprojection mode, and the disjoint reasons of the others; a row per run."""
     labels = run_labels(summaries)
     several = len(summaries) > 1
-    lead = [f"{label}: {headline(s)}" if several else headline(s) for label, s in zip(labels, summaries, strict=True)]
+    lead = [f"{label}, {headline(s)}" if several else headline(s) for label, s in zip(labels, summaries, strict=True)]
     return [_rates(summaries, labels, tuple(lead)), _reasons(summaries, labels)]
 
 
@@ -145,7 +145,7 @@ def reprojection_of(summary: Summary) -> str | None:
     return (summary.get("reusable") or {}).get("reprojection") or (summary.get("settings") or {}).get("reprojection")
 
 
-def largest_words(names: Iterable[str]) -> str:
+def joined(names: Iterable[str]) -> str:
     """Reasons in words: ``disoccluded and turned``."""
     return " and ".join(TERMS[name].label for name in names)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from taubench_gl import glossary
 from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Reason
+from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.figures import DASHES
 from taubench_gl.report.frame_store import StoredFrames, spread, stored_frames
@@ -20,7 +21,9 @@ from taubench_gl.report.labels import run_labels
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, hex_of
 from taubench_gl.report.render import NONE, to_html
-from taubench_gl.report.tables import paper_numbers, paper_tables, thresholds_of
+from taubench_gl.report.reusable import reprojection_of, reusable_sentence, run_tables
+from taubench_gl.report.tables import paper_numbers, thresholds_of
+from taubench_gl.report.upset import upset_plot
 
 Summary = Mapping[str, Any]
 
@@ -71,16 +74,16 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
         data=report_data(runs, labels, images),
         title=" and ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
         several=len(runs) > 1,
-        runs=[_run_view(summary, label) for summary, label in zip(summaries, labels, strict=True)],
-        tables=to_html(paper_tables(summaries), scroll=True),
+        runs=[_run_view(s, label, f"upset{i}") for i, (s, label) in enumerate(zip(summaries, labels, strict=True))],
+        tables=to_html(run_tables(summaries), scroll=True),
     )
 
 
 # -------------------------------------------------------------------------------------------------- values of run.html
 
 
-def _run_view(summary: Summary, label: str) -> dict[str, Any]:
-    """Values of one run that the template shows without scripts."""
+def _run_view(summary: Summary, label: str, name: str) -> dict[str, Any]:
+    """Values of one run that the template shows without scripts; ``name`` is unique in the page."""
     camera, timing = summary.get("camera") or {}, summary.get("timing") or {}
     passes = {name: ms for name, ms in (timing.get("passes") or {}).items() if ms is not None}
     most = max(passes.values(), default=0.0) or 1.0
@@ -88,6 +91,10 @@ def _run_view(summary: Summary, label: str) -> dict[str, Any]:
     return {
         "label": label,
         "about": _about(summary),
+        "headline": reusable_sentence(summary),
+        "reprojection": reprojection_of(summary),
+        "rates": [_rate(summary, rate) for rate in RATES],
+        "upset": upset_plot(summary, name),
         "figures": [_figure(summary, column) for column in COLUMNS],
         "effects": _effects(summary),
         "cuts": [{"frame": c, "time": f"{c / fps:.3f} s" if fps else ""} for c in camera.get("cuts") or ()],
@@ -113,6 +120,16 @@ def _about(summary: Summary) -> str:
     ]
     stand_in = (summary.get("scene") or {}).get("stand_in")
     return " · ".join(parts + ([f"stand-in: {stand_in}"] if stand_in else []))
+
+
+def _rate(summary: Summary, rate: str) -> dict[str, Any]:
+    """A reuse rate: mean, lowest and highest of a pair, or why it is unknown."""
+    entry = (summary.get("reusable") or {}).get(rate) or {}
+    mean, low, high = (entry.get(f"{key}_percent") for key in ("mean", "min", "max"))
+    found = {"name": rate, "definition": glossary.CONCEPTS[rate].tooltip, "reason": None}
+    if mean is None:
+        return found | {"reason": entry.get("reason") or "not measured"}
+    return found | {"mean": _percent(mean), "range": "" if low is None else f"{_percent(low)} to {_percent(high)} %"}
 
 
 def _figure(summary: Summary, column: str) -> dict[str, Any]:

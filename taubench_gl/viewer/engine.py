@@ -20,7 +20,8 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
 from taubench_gl.metrics.display import object_motion
 from taubench_gl.metrics.reprojection import Reprojection, reproject
-from taubench_gl.metrics.reuse_rate import RATE_COLUMNS, disjoint_reasons
+from taubench_gl.metrics.reuse_rate import RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
+from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, FrozenCamera
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
@@ -303,6 +304,19 @@ class ViewerEngine:
             absent = any(column in missing for column in needs.get(name, (name,)))
             out[name] = None if absent else 100.0 * self.counts[name] / pixels
         return out
+
+    def reusable(self) -> tuple[str, float | None, str]:
+        """The reuse rate of the pair: which one, in percent of all pixels, and a sentence with its largest reasons.
+
+        ``shading``, or ``surface`` where light is not measured; None and why where neither is.
+        """
+        pixels, missing = max(self.counts.get("pixels", 0), 1), unmeasured_rates(self.feed.source.unmeasured)
+        rate = next((r for r in reversed(RATES) if r not in missing), None)
+        if rate is None or not self.counts:
+            return "surface", None, f"reusable pixels are unknown: {missing.get('surface', 'no pair')}"
+        percent = 100.0 * self.counts[f"reusable_{rate}"] / pixels
+        shares = {name: 100.0 * count / pixels for name, count in self.reasons[rate].items()}
+        return rate, percent, sentence(percent, shares, rate)
 
     def release(self) -> None:
         for part in (self._evaluator, self._context, self._display, self._observer, self.comparison, self.feed):

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from taubench_gl.conventions import FEATURES
-from taubench_gl.glossary import COLUMNS, REASONS, label_of
+from taubench_gl.glossary import COLUMNS, CONCEPTS, REASONS, label_of
+from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.palette import color_of
 from taubench_gl.viewer.actions import ACTIONS, KEYS, help_lines, key_words
 from taubench_gl.viewer.display import VISUALIZATIONS
@@ -121,7 +122,12 @@ class Panels:
         low, high = s.range
         loop = f"loop {low}-{high}   " if s.loop is not None else ""
         speed = "" if s.speed == 1.0 else f"speed {s.speed:g}   "
-        self._faint(f"{s.frame / s.fps:.3f} s at {s.fps:g} fps   {speed}{loop}{s.message or viewer.hint}")
+        rate, percent, _ = viewer.engine.reusable()
+        reusable = (
+            "" if percent is None else f"{'reusable' if rate == 'shading' else f'reusable {rate}'} {percent:.1f} %   "
+        )
+        at = f"{s.frame / s.fps:.3f} s at {s.fps:g} fps"
+        self._faint(f"{at}   {reusable}{speed}{loop}{s.message or viewer.hint}")
 
     def _camera(self) -> None:
         s = self._viewer.state
@@ -165,6 +171,7 @@ class Panels:
 
     def _masks(self) -> None:
         s, percentages = self._viewer.state, self._viewer.engine.percentages()
+        self._reusable()
         self._check("masks", s.overlays, "overlays", "overlays")
         imgui.same_line()
         self._slider("opacity", 0.0, 1.0, "%.2f")
@@ -184,6 +191,20 @@ class Panels:
         missing = [label_of(OVERLAYS[name]) for name in OVERLAYS if percentages.get(name) is None]
         if missing:
             self._faint(f"not measured: {', '.join(missing)}", wrap=True)
+
+    def _reusable(self) -> None:
+        """The reuse rates of the pair and the largest reasons; the reprojection mode beside them."""
+        engine = self._viewer.engine
+        percentages, (_, _, words) = engine.percentages(), engine.reusable()
+        for rate in RATES:
+            percent = percentages.get(f"reusable_{rate}")
+            imgui.text(f"reusable {rate}")
+            if imgui.is_item_hovered():
+                imgui.set_tooltip(_wrapped(CONCEPTS[rate].tooltip))
+            text = "not measured" if percent is None else f"{percent:.2f} %"
+            imgui.same_line(imgui.get_content_region_avail().x - imgui.calc_text_size(text).x)
+            imgui.text(text)
+        self._faint(f"{engine.feed.settings.metrics.reprojection} reprojection: {words}", wrap=True)
 
     def _thresholds(self) -> None:
         s, source = self._viewer.state, self._viewer.engine.feed.source

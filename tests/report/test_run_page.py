@@ -122,3 +122,13 @@ def test_number_of_images_is_limited_by_their_bytes(tmp_path, run, monkeypatch):
     assert 2 <= len(shown["items"]) < 12
     assert sum(len(v) for i in shown["items"] for v in i.values() if isinstance(v, str)) <= 12_000
     assert 5 in [i["n"] for i in shown["items"]]
+
+
+def test_reusable_pixels_come_first(summary, frames):
+    page = report_html([ReportRun(summary, frames), ReportRun(summary, frames)])
+    assert page.index("75.0 % of pixels") < page.index('id="figures"')
+    assert page.count('class="headline"') == 2 and page.count("<dt>reprojection</dt>") == 2
+    names = [a["id"] for _, a in _Tags(page).tags if a.get("id")]
+    assert len(set(names)) == len(names)
+    del summary["reusable"], summary["mask_histogram"]
+    assert "not recorded" in report_html([ReportRun(summary, frames)])

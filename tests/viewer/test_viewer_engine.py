@@ -32,6 +32,10 @@ def test_percentages_are_those_of_evaluate(drive, reprojection):
             n: row[n] for n in COUNT_COLUMNS if row[n] is not None
         }
         assert driven.engine.percentages()["position"] == percent(row, "position") > 0
+        assert driven.engine.percentages()["reusable_surface"] == percent(row, "reusable_surface") > 0
+        assert driven.engine.percentages()["reusable_shading"] is None  # light is not measured
+        rate, share, words = driven.engine.reusable()
+        assert (rate, share) == ("surface", percent(row, "reusable_surface")) and f"{share:.1f} %" in words
 
 
 def test_light_counts_are_those_of_evaluate(drive):
@@ -40,6 +44,7 @@ def test_light_counts_are_those_of_evaluate(drive):
     driven = drive(settings=settings, light=True)
     driven.run("frame 5\nexpect overlay.direct > 0")
     assert [driven.engine.counts[n] for n in ("direct", "color", "lit")] == [row[n] for n in ("direct", "color", "lit")]
+    assert driven.engine.reusable()[1] is None  # without frustum and normal nothing is known
     driven.run("set effect.direct off")
     assert driven.engine.percentages()["direct"] is None
     assert driven.engine.percentages()["lit"] is None
