@@ -58,7 +58,7 @@ def environment_of(settings: Settings) -> Environment:
         return Environment("default", DEFAULT_RADIANCE, reason="the default environment")
     if isinstance(value, str):
         return Environment("image", path=value, reason=f"an image, {value}")
-    return Environment("uniform", (value[0], value[1], value[2]), reason="a uniform sky was asked for")
+    return Environment("uniform", (value[0], value[1], value[2]), reason="a uniform sky is set")
 
 
 def intensity_divisor(settings: Settings) -> float:

@@ -98,7 +98,7 @@ def test_closed_room(gpu, yfov: float, axis: str, degrees: float) -> None:
 
 
 def test_closed_form_against_textbook() -> None:
-    """The two answers above are themselves held against hand-made ones."""
+    """The two answers above are themselves compared with hand-made ones."""
     w, h = SIZE
     # A quarter turn of a square image about its axis loses nothing but the half-pixel rim.
     assert stays((500, 500), 1.0, rotation_about("z", 90)) == pytest.approx((499 / 500) ** 2, abs=1e-4)

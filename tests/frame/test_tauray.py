@@ -1,4 +1,4 @@
-"""Another renderer's pictures of the same file: Tauray's positions, normals, albedo and distance of its test scene.
+"""Another renderer's images of the same file: Tauray's positions, normals, albedo and distance of its test scene.
 
 The references are half floats, so tolerances are half a unit in the last place (2 m: 1 mm, 8 m: 4 mm) plus rounding.
 What differs and why: (a) the rim of the blended sign has alpha below 0.5, where Tauray draws the sign and we, by the

@@ -125,7 +125,7 @@ def test_a_closed_box_conserves_flux(method, bounces):
     scene = s.build()
     for camera in range(4):
         got = draw(scene, camera=camera, indirect=method, indirect_samples=2400, probes=1000)
-        # On the wall looked at, every pixel shows the same area: a plain mean is a mean over the wall.
+        # On the visible wall every pixel shows the same area: a plain mean is a mean over the wall.
         wall = np.abs(got["position"][..., 3] - 1.0) < 1e-4
         means.append(got["indirect"][..., 0][wall].mean() * np.pi / ALBEDO)
     flux, area = 4 * np.pi, 24.0
