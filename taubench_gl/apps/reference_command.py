@@ -13,7 +13,7 @@ import click
 from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import OutPath, culling_option, environment_options, frame_options, settings_from
 from taubench_gl.errors import SettingsError
-from taubench_gl.settings import Settings
+from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
 
 
 @click.group(cls=Group)
@@ -53,7 +53,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     from taubench_gl.effects.lighting import environment_of
     from taubench_gl.evaluation import frame_range, resolve_lighting
     from taubench_gl.pathtraced.blender.job import Quality
-    from taubench_gl.pathtraced.blender.render import render_reference
+    from taubench_gl.pathtraced.blender.render import read_render, render_reference
     from taubench_gl.pathtraced.cameras import CAMERA_FILE
     from taubench_gl.scene import load_scene
 
@@ -73,6 +73,9 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     scene = load_scene(scene_path, scene=settings.sequence.scene, animation=settings.sequence.animation)
     camera = choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
+    earlier = read_render(out)
+    if settings.lighting.exposure == AUTO and earlier is not None and earlier.exposure is not None:
+        settings = settings.replace(exposure=earlier.exposure)  # a continued render keeps its exposure
     resolved = resolve_lighting(scene, settings, camera, frames=frames)
     settings = resolved.settings
     environment = environment_of(settings)
@@ -92,11 +95,15 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
         fps=settings.sequence.fps,
         size=options["size"],
         quality=quality,
+        lighting={name: settings.to_dict()[name] for name in FIXED_LIGHTING},
         progress=_ProgressLines(),
     )
     for note in notes[:10]:
         click.echo(f"note: {note}")
-    click.echo(f"{len(frames)} frames in {out}; next: taubench-gl evaluate exr:{out} --camera-file {out / CAMERA_FILE}")
+    factor = settings.lighting.exposure_factor
+    exposure = "" if factor == 1.0 else f" --exposure {factor:g}"
+    command = f"taubench-gl evaluate exr:{out} --camera-file {out / CAMERA_FILE}{exposure}"
+    click.echo(f"{len(frames)} frames in {out}; next: {command}")
 
 
 class _ProgressLines:

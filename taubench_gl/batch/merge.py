@@ -15,7 +15,7 @@ from taubench_gl.batch.partition import PairRecord, frames_table
 from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.store import Store
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.evaluation import assemble_summary, mark_cuts, sampled_pairs
+from taubench_gl.evaluation import Brightness, assemble_summary, describe_brightness, mark_cuts, sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report import run_tables
@@ -51,8 +51,12 @@ def merge_job(
     summary = assemble_summary(head["facts"], frames, settings, views, stats)
     source = dict(reports[0]["source"])
     summary["notes"] += source.pop("notes")
+    brightness = Brightness()
+    for report in reports:
+        brightness.add(report["brightness"])
     source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}
     summary |= source
+    describe_brightness(summary, brightness, settings)
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}
     summary["provenance"] = _common([one["provenance"] for one in reports])
     mark_cuts(rows, summary)

@@ -29,6 +29,7 @@ from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDon
 from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
     Observers,
+    checked_frames,
     evaluate_pairs,
     frame_range,
     frame_schedule,
@@ -112,11 +113,14 @@ class Worker:
             counts: list[Counts] = []
             context = GpuContext(gpu, timer=timer)
             observers = Observers(loaded.scene.name, progress=lambda _: on_pair(), on_counts=counts.append)
-            rows = evaluate_pairs(context, loaded.source, settings, schedule, observers).rows
+            checked = checked_frames(frame_schedule(frames, settings))
+            results = evaluate_pairs(context, loaded.source, settings, schedule, observers, checked)
+            rows = results.rows
             context.release()
             gpu.check("a chunk of a batch")
             report = {
                 "source": loaded.source.describe(),
+                "brightness": results.brightness.as_dict(),
                 "unmeasured": dict(loaded.source.unmeasured),
                 "provenance": provenance(gpu, timer.clock) | _process_info(time.perf_counter() - started),
                 "passes_ms": timer.median_ms(),

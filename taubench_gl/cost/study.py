@@ -220,6 +220,7 @@ def _about(subject: Subject, reference: str) -> dict[str, Any]:
         "frames": [subject.frames.start, subject.frames.stop],
         "pairs": len(subject.frames) - 1,
         "reference": described,
+        "lighting": {name: subject.baseline.to_dict()[name] for name in FIXED_LIGHTING},
         "machine": {
             "renderer": gpu.renderer,
             "driver": gpu.version,

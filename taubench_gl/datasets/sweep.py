@@ -20,7 +20,7 @@ from taubench_gl.datasets.free_space import VoxelSpace
 from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.outputs import output_folder, write_atomically
 from taubench_gl.report.plots import plot_sweep
 from taubench_gl.report.tables import paper_numbers
@@ -87,8 +87,11 @@ def run_sweep(
         _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
         output_folder(out)
         frames = (0, base.frames)
+        # One exposure for all speeds, metered on the first.
+        first = _posed(scene, specs[0], space)
+        settings = resolve_lighting(first, settings.replace(frames=frames)).settings
         for value, spec in zip(sweep.values, specs, strict=True):
-            run = evaluate_scene(_posed(scene, spec, space), settings.replace(frames=frames))
+            run = evaluate_scene(_posed(scene, spec, space), settings)
             rows.append(_row(sweep, value, run.summary))
             write_atomically(out / CSV_NAME, _csv(rows))
             if progress is not None:

@@ -6,6 +6,7 @@ the Run and of the pairs that ``on_pair`` receives; ``taubench_gl.api.evaluate``
 Path-traced files: ``pathtraced.evaluation``.
 """
 
+from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.pairs import (
     ChannelPair,
@@ -21,6 +22,7 @@ from taubench_gl.evaluation.schedule import frame_range, frame_schedule, frame_t
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
 
 __all__ = [
+    "Brightness",
     "ChannelPair",
     "EvaluatedPair",
     "Observers",
@@ -29,6 +31,8 @@ __all__ = [
     "PairResults",
     "ResolvedLighting",
     "assemble_summary",
+    "checked_frames",
+    "describe_brightness",
     "evaluate_pairs",
     "evaluate_scene",
     "finish_run",

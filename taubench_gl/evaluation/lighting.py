@@ -16,13 +16,13 @@ from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_luminance
+from taubench_gl.report.labels import GIVEN
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
 
 Array = np.ndarray
 
 LIGHT_COLUMNS = frozenset({"direct", "indirect", "color"})
-GIVEN = "as given"
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as reprojection_of
 from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.evaluation.brightness import Brightness, checked_frames
 from taubench_gl.evaluation.schedule import Schedule
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.passes.masks import ComparedSource, Counts, MaskPass
@@ -235,13 +236,20 @@ class PairResults:
     rows: list[dict[str, Any]]  # of frames.csv, one per pair
     views: list[View]  # of all frames drawn, through pixel centers
     stats: SequenceStats  # sums over all pairs
+    brightness: Brightness  # of the frames that were checked
 
 
 def evaluate_pairs(
-    context: GpuContext, source: Source, settings: Settings, schedule: Schedule, observers: Observers
+    context: GpuContext,
+    source: Source,
+    settings: Settings,
+    schedule: Schedule,
+    observers: Observers,
+    checked: Collection[int] | None = None,
 ) -> PairResults:
     """Evaluate the pairs of ``schedule``.
 
+    ``checked``: frames whose brightness is counted; None: ``checked_frames`` of ``schedule``, which is the whole run's.
     After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
     """
     evaluator = PairEvaluator(context, source, settings, images=observers.on_pair is not None)
@@ -250,12 +258,15 @@ def evaluate_pairs(
         tuple(c for c in COLUMNS if c not in unmeasured),
         unmeasured,
     )
-    results = PairResults([], [], stats)
+    results = PairResults([], [], stats, Brightness())
+    checked = checked_frames(schedule) if checked is None else checked
     total = sum(evaluate for _, evaluate in schedule)
     try:
         for frame, evaluate in schedule:
             view, finished = evaluator.step(frame, evaluate)
             results.views.append(view)
+            if evaluate and frame in checked and source.radiance:
+                results.brightness.count(source, settings)
             for pair in finished:
                 _report(pair, evaluator, results, observers, total)
         for pair in evaluator.finish():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
 from taubench_gl.errors import SceneError
+from taubench_gl.evaluation.brightness import describe_brightness
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.pairs import Observers, Pair, evaluate_pairs
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
@@ -81,6 +82,7 @@ def _run(
             described = source.describe()
             summary["notes"] += described.pop("notes")
             summary |= described
+            describe_brightness(summary, results.brightness, settings)
         finally:
             source.release()
             context.release()

@@ -23,7 +23,7 @@ from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import AUTO, Settings
 
 SCHEMA = "taubench-gl/export/1"
 MANIFEST = "export.json"
@@ -89,6 +89,9 @@ def export_scene(
     require_triangles(loaded)
     camera = choose_camera(loaded, settings.sequence.camera)
     frames = frame_range(loaded, camera, settings)
+    earlier = _read_manifest(out / MANIFEST)
+    if settings.lighting.exposure == AUTO and not overwrite and earlier and earlier["sha256"] == loaded.sha256:
+        settings = settings.replace(exposure=earlier["settings"]["exposure"])  # all parts of an export have one
     settings = resolve_lighting(loaded, settings, camera, frames=frames).settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:

@@ -26,7 +26,9 @@ SCHEMA = "taubench-gl/reference-comparison/1"
 NO_MASKS = "masks were not saved by both runs (evaluate them with --save masks,channels)"
 NO_CHANNELS = "channels were not saved by both runs (evaluate them with --save masks,channels)"
 _MASKS, _CHANNELS = "masks/mask_{:05d}.npz", "channels/channels_{:05d}.npz"
-_COMPARED_SETTINGS = ("fps", "reprojection", "sampling", "thresholds", "unit_scale", "exposure", "tone_map")
+_COMPARED_SETTINGS = (
+    "fps", "reprojection", "sampling", "thresholds", "unit_scale", "exposure", "environment", "tone_map",
+)  # fmt: skip
 
 
 def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str, Any]:
@@ -37,7 +39,8 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
     outside a band of one pixel on either side of the reference mask's edges, where sub-pixel differences flip pixels.
     ``features`` (if both saved channels): distribution of each error, see ``metrics.feature_errors``.  ``time``:
     seconds per frame.  ``worst``: the pair whose masks differ in most pixels.  A block without data is
-    ``{"reason": why}``.  Raises OutputError for runs of different sizes or without a common pair.
+    ``{"reason": why}``.  Raises OutputError for runs of different sizes, light units or exposures,
+    and without a common pair.
     """
     a, b = (one if isinstance(one, Run) else load_run(one) for one in (run, reference))
     _require_keys(a)
@@ -46,6 +49,7 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
     if sizes[0] != sizes[1]:
         x, y = ("x".join(map(str, size)) for size in sizes)
         raise OutputError(f"the runs have different sizes, {x} and {y}", hint="evaluate one of them again with --size")
+    _require_same_light(a, b)
     frames = sorted({row["frame"] for row in a.frames} & {row["frame"] for row in b.frames})
     if not frames:
         hint = "evaluate the same --frames at the same --fps"
@@ -65,6 +69,25 @@ def compare_runs(run: str | Path | Run, reference: str | Path | Run) -> dict[str
         "worst": worst,
         "provenance": [r.summary.get("provenance") for r in (a, b)],
     }
+
+
+def _require_same_light(a: Run, b: Run) -> None:
+    """Raises OutputError for runs that measure light in different units or at different exposures."""
+    light = ("direct", "indirect", "color")
+    if not all(any(_measures(run, column) for column in light) for run in (a, b)):
+        return
+    units = [run.summary["settings"].get("light_unit") for run in (a, b)]
+    if None not in units and units[0] != units[1]:
+        hint = f"render or evaluate one of them again with --light-unit {units[1]}"
+        raise OutputError(f"the runs have different light units, {units[0]} and {units[1]}", hint=hint)
+    exposures = [run.summary["settings"].get("exposure") for run in (a, b)]
+    if None not in exposures and exposures[0] != exposures[1]:
+        what = f"the runs have different exposures, {exposures[0]:g} and {exposures[1]:g}"
+        raise OutputError(what, hint=f"evaluate the reference again with --exposure {exposures[0]:g}")
+
+
+def _measures(run: Run, column: str) -> bool:
+    return ((run.summary.get("discard") or {}).get(column) or {}).get("mean_percent") is not None
 
 
 def save_comparison(result: dict[str, Any], out: str | Path) -> list[Path]:
@@ -145,7 +168,8 @@ def _require_keys(run: Run) -> None:
 def _different_settings(a: Run, b: Run) -> dict[str, list[Any]]:
     """Settings that change columns and differ between the runs -> both values."""
     values = {name: [run.summary["settings"].get(name) for run in (a, b)] for name in _COMPARED_SETTINGS}
-    return {name: pair for name, pair in values.items() if pair[0] != pair[1]}
+    unknown = None in values["environment"]  # of renders by other programs
+    return {name: p for name, p in values.items() if p[0] != p[1] and not (unknown and name == "environment")}
 
 
 def _column(a: Run, b: Run, column: str, frames: list[int]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from taubench_gl.evaluation import (
     Pair,
     PairEvaluator,
     assemble_summary,
+    describe_brightness,
     evaluate_pairs,
     finish_run,
     frame_schedule,
@@ -26,12 +27,13 @@ from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.pathtraced.blender.render import read_render
+from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
 from taubench_gl.pathtraced.cameras import FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
 from taubench_gl.pathtraced.passes import BOUNCES, LOBES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.provenance import provenance
+from taubench_gl.report.labels import GIVEN
 from taubench_gl.run import FRAME_COLUMNS, Progress, Run, RunWriter
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -144,6 +146,8 @@ def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, obse
             facts = _facts(given, _notes(source, given.camera))
             summary = assemble_summary(facts, frames, settings, results.views, results.stats) | source.describe()
             record = read_render(sequence.folder)
+            summary["settings"] |= _lighting(record)
+            describe_brightness(summary, results.brightness, settings)
             summary["path_traced"]["render"] = None if record is None else record.summary(frames)
             if options.lobes:
                 summary["lobes"] = lobes.summary()
@@ -161,6 +165,11 @@ def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, obse
     return finish_run(summary, results.rows, observers.writer)
 
 
+def _lighting(record: RenderRecord | None) -> dict[str, Any]:
+    """Light unit and environment of the renders for the block ``settings``; None where they are not recorded."""
+    return dict(record.lighting) if record is not None else {"light_unit": None, "environment": None}
+
+
 def _facts(given: PathTracedInput, notes: list[str]) -> dict[str, Any]:
     """As ``evaluation.scene_facts``, for files."""
     sequence = given.sequence
@@ -173,7 +182,7 @@ def _facts(given: PathTracedInput, notes: list[str]) -> dict[str, Any]:
             "playing": [],
         },
         "census": {"reason": NO_SCENE},
-        "lighting": {"light_unit": "as rendered", "exposure": "as given", "environment": "as rendered"},
+        "lighting": {"light_unit": "as rendered", "exposure": GIVEN, "environment": "as rendered"},
         "camera_source": given.camera.describe(),
         "notes": notes,
     }

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from taubench_gl.pathtraced.cameras import CAMERA_FILE
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import PREFIX, PathTracedSequence
 from taubench_gl.run import Run
-from taubench_gl.settings import Settings
+from taubench_gl.settings import AUTO, Settings
 
 Array = np.ndarray
 
@@ -31,6 +33,7 @@ class Render:
     fps: float
     frame_ms: tuple[float, ...]  # recorded render times, in frame order
     clock: str
+    lighting: Mapping[str, Any]  # light_unit and environment of the renders, where they are recorded
 
     @property
     def name(self) -> str:
@@ -77,6 +80,7 @@ class SampleCountSeries:
         """``settings`` with the size, frames and frame rate of the files; crisp renders show unfiltered textures."""
         width, height = self.reference.sequence.size
         textures = "finest" if self.reference.crisp else settings.sequence.textures
+        settings = settings.replace(**{n: v for n, v in self.reference.lighting.items() if settings.get(n) == AUTO})
         frames = (self.frames.start, self.frames.stop)
         return settings.replace(width=width, height=height, frames=frames, fps=self.reference.fps, textures=textures)
 
@@ -124,6 +128,7 @@ def _read(folder: Path) -> Render:
         float(record.fps or Settings().sequence.fps),
         tuple(1e3 * seconds for _, seconds in sorted(record.frame_seconds.items())),
         record.clock,
+        {name: value for name, value in record.lighting.items() if value is not None},
     )
 
 

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from taubench_gl.report.labels import lighting_text
+
 Study = Mapping[str, Any]
 Point = Mapping[str, Any]
 
@@ -38,6 +40,8 @@ def heading(study: Study) -> list[str]:
     machine, reference = study["machine"], study["reference"]
     subject = f"{study['scene']['name']}: {width}x{height}, {study['fps']:g} fps, {study['pairs']} pairs"
     lines = [f"Cost study: {subject}, {study['camera']}"]
+    lighting = lighting_text({"settings": study.get("lighting") or {}})
+    lines += [f"light: {lighting}"] if lighting else []
     if "path" in reference:
         lines.append(f"reference: {reference['name']} ({reference['path']})")
     else:

@@ -9,6 +9,8 @@ from typing import Any
 Summary = Mapping[str, Any]
 
 NOT_GIVEN = "default"
+GIVEN = "as given"
+"""Reason of a lighting setting that the caller chose."""
 _OTHER_KEYS = ("width", "height", "first_frame", "last_frame", "thresholds")
 """Settings that ``flat_settings`` combines or splits into other keys."""
 _CAMERA_REMARK = re.compile(r" \(|: ")
@@ -65,6 +67,30 @@ def phrase(key: str, text: str) -> str:
     """One flat setting in words: ``fps 24``, ``normal threshold 0.05``."""
     _, prefix, name = key.partition("thresholds.")
     return f"{name} threshold {text}" if prefix else f"{key.replace('_', ' ')} {text}"
+
+
+def lighting_text(summary: Summary) -> str | None:
+    """Light unit, exposure and environment of a run with their reasons; None for runs that do not record them.
+
+    ``light unit candela (written by X), exposure 0.3581 (metered in frames 0, 2 and 3), environment none``
+    """
+    settings, reasons = summary.get("settings") or {}, summary.get("lighting") or {}
+    if "light_unit" not in settings:
+        return None
+    parts = []
+    for name in ("light_unit", "exposure", "environment"):
+        value, reason = settings.get(name), reasons.get(name, GIVEN)
+        text = f"{name.replace('_', ' ')} {_light_value(value)}"
+        parts.append(text if reason == GIVEN or value is None else f"{text} ({reason})")
+    return ", ".join(parts)
+
+
+def _light_value(value: Any) -> str:
+    if isinstance(value, float | int):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return ",".join(f"{one:.4g}" for one in value)
+    return "as rendered" if value is None else str(value)
 
 
 def range_text(ends: Iterable[int | None]) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, save_figure
+from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.page import data_uri, render_page
 from taubench_gl.report.render import to_html
 from taubench_gl.report.tables import Column, Row, Table
@@ -54,7 +55,9 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     against = f"{reference['samples']} samples per pixel" if reference["kind"] == "max" else reference["path"]
     first = f"{summary['scene']['name']}: {s['width']}x{s['height']}, {s['fps']:g} fps, "
     first += f"means over frames {s['first_frame'] + 1} to {s['last_frame']} (N = {summary['evaluated_frames']}); "
-    return (f"{first}input: {kind}; reference: {reference['kind']}, {against}.", *given["notes"])
+    text = lighting_text(summary)
+    lighting = (f"{text}.",) if text else ()
+    return (f"{first}input: {kind}; reference: {reference['kind']}, {against}.", *lighting, *given["notes"])
 
 
 def fit_table(fit: Summary) -> Table:

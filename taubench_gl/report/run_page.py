@@ -17,7 +17,7 @@ from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.figures import DASHES
 from taubench_gl.report.frame_store import StoredFrames, spread, stored_frames
-from taubench_gl.report.labels import run_labels
+from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, hex_of
 from taubench_gl.report.render import NONE, to_html
@@ -118,6 +118,8 @@ def _about(summary: Summary) -> str:
         f"{settings.get('width', '?')} × {settings.get('height', '?')} pixels",
         f"{settings.get('reprojection', '?')} reprojection, {settings.get('sampling', '?')} sampling",
     ]
+    lighting = lighting_text(summary)
+    parts += [lighting] if lighting else []
     stand_in = (summary.get("scene") or {}).get("stand_in")
     return " · ".join(parts + ([f"stand-in: {stand_in}"] if stand_in else []))
 

@@ -12,7 +12,7 @@ from typing import Any
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.glossary import CAMERA, CENSUS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
-from taubench_gl.report.labels import run_labels
+from taubench_gl.report.labels import lighting_text, run_labels
 
 Summary = Mapping[str, Any]
 
@@ -234,12 +234,14 @@ def _paper_rate(paper: bool) -> str:
 
 
 def _notes(summaries: Sequence[Summary], labels: Sequence[str], paper: bool, *more: str) -> tuple[str, ...]:
-    """Notes of every table: the camera, and the source of the paper's rows."""
+    """Notes of every table: camera and lighting, and the source of the paper's rows."""
     notes = []
     for label, summary in zip(labels, summaries, strict=True):
         source = (summary.get("camera") or {}).get("source")
         notes += [f"{_prefix(label, labels)}camera: {source.removeprefix('camera ')}."] if source else []
         stand_in = (summary.get("scene") or {}).get("stand_in")
+        lighting = lighting_text(summary)
+        notes += [f"{_prefix(label, labels)}{lighting}."] if lighting else []
         notes += [f"{_prefix(label, labels)}stand-in: {stand_in}."] if stand_in else []
     notes += [note for note in more if note]
     if paper:

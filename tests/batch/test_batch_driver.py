@@ -37,11 +37,18 @@ def record(position: int) -> PairRecord:
 
 def answer(unit: Unit) -> bytes:
     if unit.positions is None:
-        facts = {"scene": {"name": "made", "sha256": "x"}, "census": {}, "camera_source": "c", "notes": []}
+        facts = {
+            "scene": {"name": "made", "sha256": "x"},
+            "census": {},
+            "lighting": {},
+            "camera_source": "c",
+            "notes": [],
+        }
         views = {"positions": [[0.0, 0, i] for i in range(FRAMES)], "rotations": [np.eye(3).tolist()] * FRAMES}
         return json.dumps({"frames": [0, FRAMES], "facts": facts, **views}).encode()
     report = {
         "source": {"effects": {}, "memory": {"gpu_bytes": 1}, "notes": []},
+        "brightness": {},
         "unmeasured": {c: "not requested" for c in COLUMNS if c not in ("frustum", "position")},
         "provenance": {"host": "h"},
         "passes_ms": {},

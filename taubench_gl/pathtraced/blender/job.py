@@ -93,6 +93,8 @@ def identity(job: dict[str, Any], sha256: str | None) -> str:
     # These differ between the frames of one render, or do not change pixels.
     left_out = ("frames", "first_key", "camera", "lights", "hidden", "threads", "name")
     pixels = {k: v for k, v in job.items() if k not in left_out}
+    if pixels.get("light_unit") == "candela":
+        del pixels["light_unit"]  # renders of earlier releases, which knew no other unit, can be continued
     return hashlib.sha256(json.dumps([pixels, sha256], sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -49,12 +49,14 @@ def render_reference(
     fps: float,
     size: tuple[int, int],
     quality: Quality | None = None,
+    lighting: Mapping[str, Any] | None = None,
     progress: Callable[[RenderProgress], None] | None = None,
     python: str | None = None,
 ) -> list[str]:
     """Render ``frames`` into ``out``: frame_NNNN.exr, camera.json, provenance.json, render.log.  Returns notes.
 
-    Complete frames of the same job are kept.  ``size``: width, height in pixels.  Raises PathTracedError if bpy is
+    Complete frames of the same job are kept.  ``size``: width, height in pixels.  ``lighting``: the
+    resolved fields light_unit, exposure and environment of Settings, for the record.  Raises PathTracedError if bpy is
     missing, Blender fails, or ``out`` holds frames of another job.
     """
     out, quality, python = Path(out), quality or Quality(), python or blender_python()
@@ -74,7 +76,7 @@ def render_reference(
         folder = Path(name)
         keyed = range(frames[0] - 1, frames[-1] + 2)
         path = write_resampled(scene, keyed, fps, folder)
-        _write_provenance(out, key, job, scene, camera, version, notes)
+        _write_provenance(out, key, job, scene, camera, version, notes, lighting or {})
         if job["frames"]:
             job |= {"scene": str(path), "out": str(out.resolve())}
             _run(python, job, folder, out, len(frames), progress)
@@ -152,6 +154,7 @@ def _write_provenance(
     camera: CameraTrack,
     version: str | None,
     notes: list[str],
+    lighting: Mapping[str, Any],
 ) -> None:
     path = out / PROVENANCE_FILE
     values = {
@@ -163,6 +166,7 @@ def _write_provenance(
         "scene": {"name": scene.name, "sha256": scene.sha256, "playing": list(scene.playing)},
         "camera": camera.describe(),
         "settings": {name: job[name] for name in _RECORDED},
+        "lighting": dict(lighting),
         "cores": os.cpu_count(),
         "notes": notes,
         "clock": CLOCK,
@@ -191,6 +195,8 @@ class RenderRecord:
     blender: str | None  # version
     frame_seconds: Mapping[int, float]  # frame -> render time
     clock: str  # how the times were measured
+    lighting: Mapping[str, Any]  # light_unit and environment, as fields of Settings; None: not recorded
+    exposure: float | None  # that ``evaluate`` gives the scene; the frames are linear radiance without it
 
     def summary(self, frames: Iterable[int]) -> dict[str, Any]:
         """The block ``render`` of summary.json; ``seconds_per_frame`` is the mean over the timed ones of ``frames``."""
@@ -209,12 +215,16 @@ def read_render(folder: Path) -> RenderRecord | None:
     settings = values.get("settings")
     if not isinstance(settings, dict) or "job" not in values:
         return None
+    # Earlier releases rendered candela, and recorded no environment.
+    lighting = values.get("lighting") or {"light_unit": "candela"}
     seconds = {int(frame): float(s) for frame, s in (values.get("frame_seconds") or {}).items()}
     return RenderRecord(
         **{name: settings.get(name) for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "fps")},
         blender=values.get("blender"),
         frame_seconds=seconds,
         clock=f"{values.get('clock', CLOCK)}, {values.get('cores', '?')} cores",
+        lighting={name: lighting.get(name) for name in ("light_unit", "environment")},
+        exposure=lighting.get("exposure"),
     )
 
 

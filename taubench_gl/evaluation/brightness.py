@@ -1,0 +1,96 @@
+"""Pixels that clip and pixels that are black, counted in the first, middle and last evaluated frame of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.evaluation.schedule import Schedule
+from taubench_gl.frame.sources import Source
+from taubench_gl.frame.targets import read_channel
+from taubench_gl.settings import Settings
+
+BLACK = 0.5 / 255.0
+"""Display color, in every channel, below which a pixel is black."""
+
+BLACK_RADIANCE = BLACK / 12.92
+"""Radiance times exposure that sRGB encodes as ``BLACK``."""
+
+WHITE = 1.0 - 1e-4
+"""Display color, or radiance times exposure, from which a channel clips: 1 less rounding."""
+
+MOST_CLIPPED, MOST_BLACK = 0.2, 0.9
+"""Shares above which a run has a note: of lit pixels, of all pixels."""
+
+
+@dataclass(slots=True)
+class Brightness:
+    """Counts of pixels.  Lit: of a surface, not black.  Clipped: lit, a channel is at white."""
+
+    frames: int = 0
+    pixels: int = 0
+    black: int = 0
+    lit: int = 0
+    clipped: int = 0
+
+    def add(self, other: Mapping[str, int]) -> None:
+        """Add the counts of ``as_dict``."""
+        for name, count in other.items():
+            setattr(self, name, getattr(self, name) + count)
+
+    def count(self, source: Source, settings: Settings) -> None:
+        """Add the current frame of ``source``: its color, or without one its light times exposure."""
+        textures = source.current
+        if "color" in textures:
+            value, black = read_channel(textures["color"], "color")[..., :3], BLACK
+        else:
+            channels = [read_channel(textures[n], n)[..., :3] for n in ("direct", "indirect") if n in textures]
+            if not channels:
+                return
+            value = sum(channels[1:], channels[0]).astype(np.float64) * settings.lighting.exposure_factor
+            black = BLACK_RADIANCE
+        top = value.max(axis=-1)
+        surface = read_channel(textures["position"], "position")[..., 3] > 0.0
+        dark = top < black
+        lit = surface & ~dark & np.isfinite(top)
+        clipped = lit & (top >= WHITE)
+        counts = {"pixels": top.size, "black": dark.sum(), "lit": lit.sum(), "clipped": clipped.sum()}
+        self.add({"frames": 1} | {name: int(count) for name, count in counts.items()})
+
+    def as_dict(self) -> dict[str, int]:
+        """JSON values."""
+        return asdict(self)
+
+    def notes(self, settings: Settings, unit_reason: str = "") -> list[str]:
+        """At most one line each on clipped and black pixels.  ``unit_reason``: why the light unit was chosen."""
+        exposure = f"exposure {settings.lighting.exposure_factor:.4g}"
+        where = f"in {self.frames} frame{'s' if self.frames != 1 else ''}"
+        notes = []
+        if self.clipped > MOST_CLIPPED * self.lit:
+            share = 100.0 * self.clipped / self.lit
+            notes.append(f"{share:.0f} % of lit pixels clip {where} at {exposure}: give a lower --exposure")
+        if self.black > MOST_BLACK * self.pixels:
+            share = 100.0 * self.black / self.pixels
+            what = f"{share:.0f} % of pixels are black {where} at {exposure}"
+            if settings.lighting.light_unit == "watt":
+                unit = f" ({unit_reason})" if unit_reason else ""
+                notes.append(f"{what} and light unit watt{unit}: intensities in candela need --light-unit candela")
+            else:
+                notes.append(f"{what}: a higher --exposure or an --environment may be needed")
+        return notes
+
+
+def checked_frames(schedule: Schedule) -> frozenset[int]:
+    """First, middle and last evaluated frame of the schedule of a whole run."""
+    frames = [frame for frame, evaluated in schedule if evaluated]
+    return frozenset({frames[0], frames[len(frames) // 2], frames[-1]}) if frames else frozenset()
+
+
+def describe_brightness(summary: dict[str, Any], brightness: Brightness, settings: Settings) -> None:
+    """Add the block ``brightness`` and its notes to a summary whose other notes are complete."""
+    reason = (summary.get("lighting") or {}).get("light_unit", "")
+    summary["brightness"] = brightness.as_dict()
+    summary["notes"] += brightness.notes(settings, reason)
