@@ -16,6 +16,7 @@ import numpy as np
 
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import Effect
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.frame.shadow_faces import faces_of, pack
 from taubench_gl.metrics.pair_sample import sample_pairs
 from taubench_gl.scene.model import Scene
@@ -96,7 +97,7 @@ def _bad_pair_sample(context: StudyContext, value: str) -> str | None:
 
 
 def _more_than_all_lights(context: StudyContext, value: int) -> str | None:
-    lights = len(context.scene.light_nodes)
+    lights = len(context.scene.light_nodes) + (environment_of(context.baseline).sun is not None)
     below = [v for v in PARAMETERS["shadow_lights"].values if v < value]
     return f"the scene has {lights} lights" if below and below[-1] >= lights else None
 
@@ -104,7 +105,8 @@ def _more_than_all_lights(context: StudyContext, value: int) -> str | None:
 def _too_large_an_atlas(context: StudyContext, size: int) -> str | None:
     """All shadow maps share one texture, whose size the device limits."""
     rows = sorted(context.ranked_lights[: context.baseline.lighting.shadow_lights])
-    faces = faces_of(context.scene, None, rows, (np.zeros(3), 1.0), size)
+    sun = environment_of(context.baseline).sun
+    faces = faces_of(context.scene, None, rows, (np.zeros(3), 1.0), size, sun)
     width, height = pack(faces)[1]
     if max(width, height) <= context.max_texture:
         return None

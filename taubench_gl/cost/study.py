@@ -31,9 +31,10 @@ from taubench_gl.cost.records import RECORDS_FILE, Records
 from taubench_gl.cost.result import CostStudy, assemble
 from taubench_gl.cost.timing import SWEEPS, Clock, OpenConfiguration, Pool, StudyTimer, due_visits, round_medians
 from taubench_gl.effects.decide import decide
+from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError, note_renamed
 from taubench_gl.evaluation import frame_range, resolve_lighting
-from taubench_gl.frame.spec import SceneFacts
+from taubench_gl.frame.spec import SceneFacts, ranked_with_sun
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, TimerVerdict, probe_timer
 from taubench_gl.pathtraced.compare import noise_floor_percent
@@ -194,7 +195,7 @@ def _subject(
     if len(frames) < 2:
         raise SettingsError("the scene gives no pair of frames", hint="give more --frames, or an animated scene")
     gpu = open_gpu(baseline.device.backend, baseline.device.device)
-    ranked = tuple(SceneFacts(scene, camera).ranked_lights)
+    ranked = tuple(ranked_with_sun(SceneFacts(scene, camera).ranked_lights, environment_of(baseline).sun))
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
     plan = make_plan(context, names, bare=bool(chosen_methods))

@@ -144,6 +144,7 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     sky = environment.shines
     emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
     lit, emissive = bool(kinds) or sky, bool(emitters)
+    lights = len(kinds) + (environment.sun is not None)
     # Indirect light starts from what the lights give directly.
     wants_direct = bool(columns & {"direct", "color"}) or (
         "indirect" in columns and settings.lighting.indirect != "none"
@@ -155,6 +156,8 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
         for kind in ("point", "spot", "directional")
     }
     effects["sky"] = Effect(sky and wants_direct, environment.reason)
+    has_sun = "the default environment has a sun" if environment.sun is not None else "the environment has no sun"
+    effects["sun"] = Effect(environment.sun is not None and wants_direct, has_sun)
     source = "lights or sky to scatter" if lit else "no light and no sky in the scene"
     effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column needs it")
     shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)
@@ -162,19 +165,18 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
         effects["direct"].enabled and shiny > 0,
         _count(shiny, "primitive has a glossy lobe", "primitives have a glossy lobe") if lit else source,
     )
-    if not effects["direct"].enabled or not kinds:
+    if not effects["direct"].enabled or not lights:
         shadows = Effect(False, "no punctual light to cast them")
     elif settings.lighting.shadow_lights == 0:
         shadows = Effect(False, "no light has shadows (--shadow-lights 0)")
     else:
-        given = min(settings.lighting.shadow_lights, len(kinds))
-        shadows = Effect(
-            True, f"{given} of {len(kinds)} lights get shadow maps of {settings.lighting.shadow_size} texels"
-        )
+        given = min(settings.lighting.shadow_lights, lights)
+        which = f"{given} of {lights} lights get" if kinds else "the sun gets"
+        shadows = Effect(True, f"{which} shadow maps of {settings.lighting.shadow_size} texels")
     effects["shadows"] = shadows
-    many = len(kinds) > MANY_LIGHTS
+    many = lights > MANY_LIGHTS
     effects["light_culling"] = Effect(
-        many and effects["direct"].enabled, f"{len(kinds)} lights, tile lists save time above {MANY_LIGHTS}"
+        many and effects["direct"].enabled, f"{lights} lights, tile lists save time above {MANY_LIGHTS}"
     )
     effects["indirect"] = _indirect(effects["shadows"], settings)
     effects["emission"] = Effect(

@@ -7,6 +7,7 @@ radiance of such a file in W/(sr m2), as Cycles renders it, needs the intensitie
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -21,8 +22,24 @@ WATT_SINCE = (3, 6)
 
 _BLENDER = re.compile(r"Khronos glTF Blender I/O v(\d+)\.(\d+)")
 
+
+@dataclass(frozen=True, slots=True)
+class Sun:
+    """A directional light of the environment, which is no light of the scene.
+
+    ``direction``: unit, where it shines, world; ``irradiance``: of a surface that faces it, linear RGB.
+    """
+
+    direction: tuple[float, float, float]
+    irradiance: tuple[float, float, float]
+
+
 DEFAULT_RADIANCE = (1.0, 1.0, 1.0)
 """Radiance of the default environment's uniform sky, linear RGB; the exposure of a file that gets it is metered."""
+
+DEFAULT_SUN = Sun((-0.4, -0.8, -math.sqrt(0.2)), (2.0 * math.pi,) * 3)
+"""53 degrees above the horizon, 42 degrees from +Z (where glTF models face) to +X.  A white diffuse surface that
+faces it reflects twice the radiance of the sky."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +50,7 @@ class Environment:
     radiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
     path: str | None = None  # of the image, equirectangular
     reason: str = ""
+    sun: Sun | None = None
 
     @property
     def shines(self) -> bool:
@@ -55,7 +73,7 @@ def environment_of(settings: Settings) -> Environment:
     if value == "none":
         return Environment("none", reason="the environment is none")
     if value == "default":
-        return Environment("default", DEFAULT_RADIANCE, reason="the default environment")
+        return Environment("default", DEFAULT_RADIANCE, reason="the default environment", sun=DEFAULT_SUN)
     if isinstance(value, str):
         return Environment("image", path=value, reason=f"an image, {value}")
     return Environment("uniform", (value[0], value[1], value[2]), reason="a uniform sky is set")

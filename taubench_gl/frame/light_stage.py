@@ -36,7 +36,7 @@ class LightStage:
         """GPU memory that the passes allocate, by name, bytes."""
         for resource in (r for declare in LIGHT for p in declare(spec) for r in p.resources):
             self.memory[resource.label] = self.memory.get(resource.label, 0) + resource.bytes
-        self.table = LightTable(scene, intensity_divisor(spec.settings))
+        self.table = LightTable(scene, intensity_divisor(spec.settings), spec.sun)
         if len(self.table) > MAX_LIGHTS:
             raise GraphicsError(f"the scene has {len(self.table)} lights, at most {MAX_LIGHTS} can be rendered")
         self._light_texture = LightTexture(context.gpu, len(self.table))
@@ -125,10 +125,13 @@ class LightStage:
 
     def notes(self) -> list[str]:
         """What was left out, for every output."""
+        out = []
         left_out = len(self.table) - len(self._spec.shadowed) if self._shadow is not None else 0
         if left_out:
-            return [f"{left_out} lights shine without shadows: only the most significant get shadow maps"]
-        return []
+            out.append(f"{left_out} lights shine without shadows: only the most significant get shadow maps")
+        if {"sky", "direct"} <= self._spec.enabled:
+            out.append("light of the sky is not occluded by the scene and gives no indirect light")
+        return out
 
     def release(self) -> None:
         passes = (*self._direct, *self._stochastic, *self._color, self._shadow, self.indirect)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
+from taubench_gl.effects.lighting import Sun
 from taubench_gl.frame.shadow_faces import is_wide
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.gpu.context import Gpu
@@ -39,10 +40,11 @@ KINDS = ("point", "spot", "directional")
 WIDE_SPOT = 3
 
 
-def light_kinds(scene: Scene) -> tuple[int, ...]:
-    """``LIGHT.direction.w`` of every row of the light table."""
+def light_kinds(scene: Scene, sun: Sun | None = None) -> tuple[int, ...]:
+    """``LIGHT.direction.w`` of every row of the light table: the lights of the scene, and after them ``sun``."""
     lights = (scene.lights[i] for i in scene.nodes.light[scene.light_nodes].tolist())
-    return tuple(WIDE_SPOT if is_wide(light) else KINDS.index(light.kind) for light in lights)
+    kinds = tuple(WIDE_SPOT if is_wide(light) else KINDS.index(light.kind) for light in lights)
+    return kinds if sun is None else (*kinds, KINDS.index("directional"))
 
 
 def significant_lights(scene: Scene, poser: Poser, camera: CameraTrack, times: Array) -> list[int]:
@@ -106,27 +108,30 @@ def unrolled_lights(kinds: tuple[int, ...], first_faces: dict[int, int]) -> Unro
 
 
 class LightTable:
-    """Rows for ``scene.light_nodes``; a light that is off has color 0 and keeps its row."""
+    """Rows for ``scene.light_nodes`` and after them the sun; a light that is off has color 0 and keeps its row."""
 
-    def __init__(self, scene: Scene, intensity_divisor: float = 1.0):
-        """``intensity_divisor``: of the light unit, ``effects.lighting.intensity_divisor``."""
+    def __init__(self, scene: Scene, intensity_divisor: float = 1.0, sun: Sun | None = None):
+        """``intensity_divisor``: of the light unit, ``effects.lighting.intensity_divisor``; not of ``sun``."""
         self._divisor = intensity_divisor
         self.nodes = scene.light_nodes
         self._index = scene.nodes.light[self.nodes]
-        self.rows = LIGHT.zeros(max(len(self.nodes), 1))
+        self._kinds = light_kinds(scene, sun)
+        self.rows = LIGHT.zeros(max(len(self._kinds), 1))
         self.rows["color"][:, 3] = -1.0
-        self._kinds = light_kinds(scene)
+        if sun is not None:
+            self.rows["direction"][-1] = (*sun.direction, self._kinds[-1])
+            self.rows["color"][-1, :3] = sun.irradiance
 
     def __len__(self) -> int:
-        return len(self.nodes)
+        return len(self._kinds)
 
     def update(self, state: FrameState, view: View) -> Array:
         """Fill the rows for one frame (shadow fields are left alone)."""
         world = state.world[self.nodes]
         on = state.visible[self.nodes] & np.any(world[:, :3, :3] != 0.0, axis=(1, 2))
-        if len(self.nodes):
-            self.rows["position"][:, :3] = world[:, :3, 3] - view.position
-            self.rows["direction"][:, :3] = -normalize(world[:, :3, 2])
+        if count := len(self.nodes):
+            self.rows["position"][:count, :3] = world[:, :3, 3] - view.position
+            self.rows["direction"][:count, :3] = -normalize(world[:, :3, 2])
         for row, i, kind, lit in zip(self.rows, self._index.tolist(), self._kinds, on.tolist(), strict=False):
             light = state.lights[i]
             row["position"][3] = light.range if np.isfinite(light.range) else 0.0

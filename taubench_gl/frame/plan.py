@@ -63,7 +63,7 @@ def frame_spec(
 ) -> FrameSpec:
     """What the passes of a frame with these ``effects`` are declared from; an effect that cannot work is left out."""
     enabled = {name for name, effect in effects.items() if effect.enabled}
-    if not len(facts.scene.light_nodes):
+    if not len(facts.scene.light_nodes) and "sun" not in enabled:
         enabled -= LIGHT_BOUND
     enabled = without_dependents(enabled, DEPENDS)
     return FrameSpec(facts, settings, enabled, shading or Shading(), extra, Tuning(software))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.animation import FrameState
+from taubench_gl.effects.lighting import Sun
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.math3d import normalize
 from taubench_gl.scene.model import Light, Scene
@@ -41,6 +42,9 @@ COVER_MARGIN = 2.0
 
 CONE_MARGIN = 1.02
 """A spot's map is this much wider than its cone, so that filter taps at its edge still see casters."""
+
+DIRECTIONAL_TEXELS = 4
+"""Texels along a side of a directional map, as a factor on those of other maps."""
 
 WIDEST_MAP = np.radians(80.0)
 """Half angle of the widest cone that has one map; at 90 degrees the map would be infinite."""
@@ -148,20 +152,31 @@ def light_faces(
 
 
 def faces_of(
-    scene: Scene, state: FrameState | None, rows: list[int], bounds: tuple[Array, float], resolution: int
+    scene: Scene,
+    state: FrameState | None,
+    rows: list[int],
+    bounds: tuple[Array, float],
+    resolution: int,
+    sun: Sun | None = None,
 ) -> list[Face]:
     """Faces of the lights in ``rows`` of the light table; ``state`` None: their number and sizes only.
 
-    A directional map covers the whole scene, so it gets four times the texels along each side.
+    ``sun``: the light of the row after those of the scene's lights.
+
+    A directional map covers the whole scene, so it gets DIRECTIONAL_TEXELS times the texels along each side.
     """
     nodes = scene.light_nodes
     out = []
     for row in rows:
+        if sun is not None and row == len(nodes):
+            light, direction = Light(kind="directional"), np.array(sun.direction)
+            out += light_faces(row, light, np.zeros(3), direction, bounds, DIRECTIONAL_TEXELS * resolution)
+            continue
         node = int(nodes[row])
         index = int(scene.nodes.light[node])
         light = (scene.lights if state is None else state.lights)[index]
         world = np.eye(4) if state is None else state.world[node]
-        size = resolution * (4 if light.kind == "directional" else 1)
+        size = resolution * (DIRECTIONAL_TEXELS if light.kind == "directional" else 1)
         cube = is_wide(scene.lights[index])
         out += light_faces(row, light, world[:3, 3].copy(), -normalize(world[:3, 2]), bounds, size, cube=cube)
     return out

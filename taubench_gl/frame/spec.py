@@ -13,6 +13,7 @@ from taubench_gl.animation import CameraTrack, Poser, bounding_box, bounding_sph
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import indirect_method
+from taubench_gl.effects.lighting import Environment, Sun, environment_of
 from taubench_gl.frame.lights import light_kinds, significant_lights
 from taubench_gl.frame.materials import MaterialKey, material_key
 from taubench_gl.frame.shading import Shading
@@ -38,6 +39,11 @@ def bound_times(scene: Scene) -> Array:
     return np.linspace(0.0, scene.duration, BOUND_TIMES) if scene.duration > 0 else np.zeros(1)
 
 
+def ranked_with_sun(ranked: list[int], sun: Sun | None) -> list[int]:
+    """``ranked``: rows of all lights of the scene; with ``sun``, its row precedes them."""
+    return ranked if sun is None else [len(ranked), *ranked]
+
+
 class SceneFacts:
     """Facts of a scene and its camera over the whole animation, each found when first needed."""
 
@@ -51,7 +57,7 @@ class SceneFacts:
 
     @cached_property
     def ranked_lights(self) -> list[int]:
-        """Rows of the light table, the most significant first."""
+        """Rows of the scene's lights in the light table, the most significant first."""
         camera = self._camera or choose_camera(self.scene)
         return significant_lights(self.scene, self.poser, camera, self._times)
 
@@ -103,20 +109,30 @@ class FrameSpec:
         return indirect_method(self.settings)
 
     @cached_property
+    def environment(self) -> Environment:
+        return environment_of(self.settings)
+
+    @property
+    def sun(self) -> Sun | None:
+        """The environment's sun: the last row of the light table."""
+        return self.environment.sun if "sun" in self.enabled else None
+
+    @cached_property
     def light_kinds(self) -> tuple[int, ...]:
         """``LIGHT.direction.w`` of every row of the light table."""
-        return light_kinds(self.scene)
+        return light_kinds(self.scene, self.sun)
 
     @cached_property
     def shadowed(self) -> list[int]:
-        """Rows of the light table that get shadow maps, ascending; none without shadows."""
+        """Rows of the light table that get shadow maps, ascending; none without shadows.  The sun comes first."""
         if "shadows" not in self.enabled:
             return []
-        return sorted(self.facts.ranked_lights[: self.settings.lighting.shadow_lights])
+        ranked = ranked_with_sun(self.facts.ranked_lights, self.sun)
+        return sorted(ranked[: self.settings.lighting.shadow_lights])
 
     def light_faces(self, resolution: int) -> list[Face]:
         """Faces of the shadowed lights at ``resolution`` texels: their number, owners and sizes, not their places."""
-        return faces_of(self.scene, None, self.shadowed, (np.zeros(3), 1.0), resolution)
+        return faces_of(self.scene, None, self.shadowed, (np.zeros(3), 1.0), resolution, self.sun)
 
     # --- channels
     def channels(self, *names: str, images: bool = False, history: bool = False) -> list[Use]:

@@ -134,7 +134,8 @@ def test_one_lobe_makes_direct_light_write_both():
 
 
 def test_what_effects_depend_on():
-    on_direct = {"shadows", "light_culling", "glossy", "sky", "point_lights", "spot_lights", "directional_lights"}
+    on_direct = {"shadows", "light_culling", "glossy", "sky", "sun", "point_lights", "spot_lights"}
+    on_direct |= {"directional_lights"}
     assert {effect for effect, needed in DEPENDS.items() if "direct" in needed} == on_direct | {"indirect"}
     assert {effect for effect, needed in DEPENDS.items() if "shadows" in needed} == {"indirect"}
     assert not DEPENDS["direct"] and not DEPENDS["normal_maps"]

@@ -350,7 +350,7 @@ class IndirectPass:
         """Write ``indirect`` of the frame; where the stochastic pass does that, only find the VPLs."""
         spec, rows = self._spec, frame.light_rows[self._spec.shadowed]
         frame.tables |= self.tables
-        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution)
+        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution, spec.sun)
         lit = b"".join(a.tobytes() for a in (rows["color"][:, :3], rows["position"][:, 3], rows["spot"][:, :2]))
         key = frame.casters.key() + lit + b"".join(face.key for face in faces)
         if key != self._solved:

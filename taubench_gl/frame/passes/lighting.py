@@ -73,7 +73,7 @@ def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
     def values(frame: FrameContext) -> dict:
         parallel = frame.view.camera.kind != "perspective"
         return {
-            "sky": (*environment_of(spec.settings).radiance, 0.0),
+            "sky": (*spec.environment.radiance, 0.0),
             "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if parallel else view_axis,
             "size": (*spec.size, columns, len(spec.light_kinds)),
             "tiles": columns * rows,
@@ -96,6 +96,8 @@ def _shadowed(spec: FrameSpec, p: ComputePass, taps: int) -> ComputePass:
     shadows = "shadows" in spec.enabled and bool(spec.light_kinds)
     p.define(SKY="sky" in spec.enabled, SHADOWS=shadows)
     p.define(**{name.upper(): name in spec.enabled for name in KINDS})
+    if spec.sun is not None:
+        p.define(DIRECTIONAL_LIGHTS=True)
     if shadows:
         p.define(SHADOW_TAPS=taps).glsl(f"const float SHADOW_BIAS = {SHADOW_BIAS}, SHADOW_REACH = {SHADOW_REACH};")
         p.texture("shadow_atlas")
@@ -126,7 +128,7 @@ def light_lists(spec: FrameSpec) -> Sequence[Pass]:
     )
 
 
-@stage("direct", options=("shadows", "light_culling", "glossy", "sky", *KINDS))
+@stage("direct", options=("shadows", "light_culling", "glossy", "sky", "sun", *KINDS))
 def direct_light(spec: FrameSpec) -> Sequence[Pass]:
     """All light of every pixel, exactly."""
     if spec.shading.stochastic:
@@ -158,7 +160,7 @@ def direct_light(spec: FrameSpec) -> Sequence[Pass]:
     return (p,)
 
 
-@stage("direct", options=("shadows", "glossy", "sky", "indirect", *KINDS))
+@stage("direct", options=("shadows", "glossy", "sky", "sun", "indirect", *KINDS))
 def stochastic_light(spec: FrameSpec) -> Sequence[Pass]:
     """Direct and indirect light from a few random samples per pixel: unbiased, with the noise of that many."""
     shading, lights = spec.shading, len(spec.light_kinds)

@@ -210,7 +210,7 @@ class ShadowPass:
     def run(self, frame: FrameContext) -> None:
         """Redraw stale faces and fill in the face table and the lights' shadow fields for this frame's camera."""
         spec, light_rows = self._spec, frame.light_rows
-        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution)
+        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution, spec.sun)
         light_rows["color"][:, 3] = -1.0
         stale: list[tuple[Face, tuple[int, int], Array]] = []
         parts: list[Rect] = []
