@@ -16,6 +16,8 @@ __version__ = "0.1.0"
 
 _LAZY = {
     "evaluate": "taubench_gl.api:evaluate",
+    "pairs": "taubench_gl.api:pairs",
+    "Pair": "taubench_gl.evaluation:Pair",
     "Settings": "taubench_gl.settings:Settings",
     "Run": "taubench_gl.run:Run",
     "load_run": "taubench_gl.run:load_run",

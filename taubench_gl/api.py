@@ -1,32 +1,56 @@
-"""``taubench_gl.evaluate``: an evaluation with its images, tables and plots."""
+"""``taubench_gl.evaluate``, an evaluation with its images, tables and plots, and ``taubench_gl.pairs``."""
 
 from __future__ import annotations
 
+import dataclasses
+import difflib
+import os
 import warnings
-from collections.abc import Callable, Collection
-from functools import partial
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import FEATURE_BIT, Reason
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.evaluation import Pair, evaluate_scene
-from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
+from taubench_gl.evaluation import (
+    Observers,
+    Pair,
+    SceneInput,
+    evaluate_scene,
+    frame_schedule,
+    iterate_pairs,
+    open_scene,
+)
+from taubench_gl.frame.sources import RasterSource, Source
+from taubench_gl.gpu.context import Gpu, open_gpu
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.pathtraced.evaluation import (
+    PathTracedInput,
+    PathTracedOptions,
+    evaluate_path_traced,
+    open_input,
+    require_supported,
+)
 from taubench_gl.pathtraced.sequence import is_sequence
+from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report import save_mask_image, write_report
 from taubench_gl.report.frame_store import FrameRecorder
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIELDS, Settings, unknown_setting
 
 SAVES = ("masks", "channels")
 SAVED_CHANNELS = ("position", "normal", "geometric_normal", "base_color", "material", "emission", "ids")
 _GEOMETRY_REASONS = (Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING)
 _LIGHT_REASONS = {"direct": (Reason.LIT, Reason.SHADOWED)}
+_PATH_TRACED = tuple(field.name for field in dataclasses.fields(PathTracedOptions))
+_OWN_SIZE = ("size", "width", "height", "camera")
+"""Options without effect on path-traced files, which have their own."""
 
 
 def evaluate(
@@ -34,51 +58,183 @@ def evaluate(
     settings: Settings | None = None,
     *,
     out: str | Path | None = None,
-    save: Collection[str] = (),
-    progress: Callable[[Progress], None] | None = None,
-    path_traced: PathTracedOptions | None = None,
+    save: str | Collection[str] = (),
     report: bool = False,
-    **overrides: Any,
+    progress: Callable[[Progress], None] | None = None,
+    on_pair: Callable[[Pair], None] | None = None,
+    **options: Any,
 ) -> Run:
     """Evaluate the frame pairs of ``scene`` (a Scene, the path of a scene file, or ``exr:DIR``) and return the Run.
 
-    ``overrides`` are fields of ``Settings``, such as ``width=640, height=360, reprojection="motion"``.  ``out`` is the
-    folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save`` adds, per pair,
-    ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``path_traced`` holds the options of
-    path-traced files.  ``report`` adds report.html, one self-contained page, and the folder ``images`` with the images
-    on it.  Raises TaubenchError.
+    ``options``: fields of ``Settings`` as ``Settings(...)`` takes them, and for path-traced files the fields of
+    ``PathTracedOptions`` (``camera_file``, ``scene_file``, ``mapping``, ``layer``, ``lobes``, ``second_seed``).
+    ``out``: the folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save``
+    adds, per pair, ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``report`` adds
+    report.html, one self-contained page, and the folder ``images`` with the images on it.  ``progress`` and
+    ``on_pair`` are called once per pair; the images of a ``Pair`` are on the GPU until ``on_pair`` returns.
 
-    >>> run = evaluate("scene.glb", width=640, height=360)  # doctest: +SKIP
+    Raises TaubenchError; for a name that does not exist with the nearest one.
+
+    >>> run = evaluate("scene.glb", size="640x360", frames=range(0, 24))  # doctest: +SKIP
     """
-    if "truth" in overrides:
-        warnings.warn("evaluate(truth=...) is now evaluate(path_traced=...)", DeprecationWarning, stacklevel=2)
-        path_traced = overrides.pop("truth")
-    settings = (settings or Settings()).replace(**overrides)
-    unknown = set(save) - set(SAVES)
-    if unknown:
-        raise SettingsError(f"cannot save {', '.join(sorted(unknown))}", hint=f"choose from {', '.join(SAVES)}")
-    evaluate_source: Callable[..., Run] = (
-        partial(evaluate_path_traced, options=path_traced) if is_sequence(scene) else evaluate_scene
-    )
-    if out is None:
-        if save or report:
-            raise SettingsError("save and report need an output folder", hint="give out")
-        return evaluate_source(scene, settings, progress=progress)
-    saver = _Saver(Path(out), frozenset(save), FrameRecorder(Path(out)) if report else None)
-    extra = SAVED_CHANNELS if "channels" in save else ()
-    run = evaluate_source(scene, settings, out=out, progress=progress, on_pair=saver, channels=extra)
-    saver.finish(run)
-    write_report(run.summary, run.frames, Path(out))
-    if report:
-        write_html_report([ReportRun(run.summary, run.frames, run.out)], Path(out) / REPORT_FILE)
+    _require_callable(progress=progress, on_pair=on_pair)
+    own = ("settings", "out", "save", "report", "progress", "on_pair")
+    settings, path_traced = _settings_of(scene, settings, options, own)
+    saved = _saves(save)
+    folder = _folder(out)
+    if folder is None and (saved or report):
+        raise SettingsError("save and report need an output folder", hint="give out")
+    saver = None if folder is None else _Saver(folder, saved, FrameRecorder(folder) if report else None, on_pair)
+    observers = Observers(progress, saver or on_pair, SAVED_CHANNELS if "channels" in saved else ())
+    if is_sequence(scene):
+        run = evaluate_path_traced(scene, settings, path_traced, observers, out=folder)
+    else:
+        run = evaluate_scene(scene, settings, observers, out=folder)
+    if folder is not None:
+        saver.finish(run)
+        write_report(run.summary, run.frames, folder)
+        if report:
+            write_html_report([ReportRun(run.summary, run.frames, run.out)], folder / REPORT_FILE)
     return run
+
+
+def pairs(
+    scene: Scene | str | Path, settings: Settings | None = None, *, channels: Collection[str] = (), **options: Any
+) -> Iterator[Pair]:
+    """The frame pairs of ``scene``, one after another, with their masks, motion and color as arrays.
+
+    ``options``: as for ``evaluate``.  ``channels``: to draw for ``Pair.read`` besides those the columns need, such as
+    ``base_color``.  The GPU is released when the loop ends or is left.  Raises TaubenchError.
+
+    >>> for pair in pairs("scene.glb", size="640x360", columns="position,normal"):  # doctest: +SKIP
+    ...     print(pair.frame, pair.mask.shape, pair.explain(320, 180))
+    """
+    settings, path_traced = _settings_of(scene, settings, options, ("settings", "channels"))
+    given: SceneInput | PathTracedInput
+    if is_sequence(scene):
+        require_supported(scene, settings)
+        given = open_input(scene, settings, path_traced)
+    else:
+        given = open_scene(scene, settings)
+    return _pairs(given, _channels(channels))
+
+
+def _pairs(given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> Iterator[Pair]:
+    settings, frames = given.settings, given.frames
+    gpu = open_gpu(settings.device.backend, settings.device.device)
+    context = source = None
+    try:
+        with gpu:
+            context = GpuContext(gpu)
+            source = _source(gpu, given, channels)
+        yield from iterate_pairs(context, source, settings, frame_schedule(frames, settings))
+    finally:
+        with gpu:
+            for part in (source, context):
+                if part is not None:
+                    part.release()
+            gpu.collect()
+
+
+def _source(gpu: Gpu, given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> Source:
+    if isinstance(given, PathTracedInput):
+        return PathTracedSource(gpu, given.sequence, given.camera, given.settings)
+    return RasterSource(gpu, given.scene, given.camera, given.settings, extra=channels)
+
+
+def _settings_of(
+    scene: Any, settings: Settings | None, options: Mapping[str, Any], own: tuple[str, ...]
+) -> tuple[Settings, PathTracedOptions]:
+    """Settings and path-traced options from ``options``; ``own``: arguments of the function itself."""
+    if not isinstance(scene, Scene | str | os.PathLike):
+        raise SettingsError(f"scene is {scene!r:.60}", hint="give a Scene, the path of a file, or exr:DIR")
+    if not isinstance(settings, Settings | None):
+        raise SettingsError(f"settings is {settings!r:.60}", hint="give Settings(...), or its fields by name")
+    options = dict(options)
+    if "truth" in options:
+        warnings.warn("evaluate(truth=...) is now evaluate(path_traced=...)", DeprecationWarning, stacklevel=3)
+        options["path_traced"] = options.pop("truth")
+    for name in options:
+        if name not in (*FIELDS, *_PATH_TRACED, "size", "path_traced", "sequence", "metrics", "lighting"):
+            raise unknown_setting(name, (*own, *_PATH_TRACED))
+    path_traced = options.pop("path_traced", None)
+    if not isinstance(path_traced, PathTracedOptions | None):
+        raise SettingsError(f"path_traced is {path_traced!r:.60}", hint="give its fields by name")
+    given = {name: options.pop(name) for name in _PATH_TRACED if name in options}
+    _require_used(scene, given | ({} if path_traced is None else {"path_traced": path_traced}), options)
+    if isinstance(given.get("lobes"), str):
+        given["lobes"] = tuple(name.strip() for name in given["lobes"].split(","))
+    settings = (settings or Settings()).replace(**options)
+    return settings, dataclasses.replace(path_traced or PathTracedOptions(), **given)
+
+
+def _require_used(scene: Any, path_traced: Mapping[str, Any], options: Mapping[str, Any]) -> None:
+    """Raises SettingsError for an option that this kind of scene ignores."""
+    where = scene.name if isinstance(scene, Scene) else str(scene)
+    if not is_sequence(scene):
+        for name, value in path_traced.items():
+            if value not in (None, (), ""):
+                raise SettingsError(f"{name} is for path-traced files", where=where, hint="give them as exr:DIR")
+        return
+    for name in _OWN_SIZE:
+        if name in options and not (name == "camera" and path_traced.get("scene_file")):
+            hint = "leave it out" + ("" if name != "camera" else ", or give scene_file to choose among its cameras")
+            raise SettingsError(f"{name} has no effect on path-traced files", where=where, hint=hint, setting=name)
+
+
+def _require_callable(**values: Any) -> None:
+    for name, value in values.items():
+        if value is not None and not callable(value):
+            raise SettingsError(f"{name} is {value!r:.60}", hint="give a function of one argument")
+
+
+def _saves(save: Any) -> frozenset[str]:
+    """``save`` as a set of SAVES, from text or a collection.  Raises SettingsError."""
+    names = [name.strip() for name in save.split(",") if name.strip()] if isinstance(save, str) else save
+    if not isinstance(names, Collection):
+        raise SettingsError(f"save is {save!r:.60}", hint=f"choose from {', '.join(SAVES)}")
+    unknown = sorted(str(name) for name in names if name not in SAVES)
+    if unknown:
+        near = difflib.get_close_matches(unknown[0], SAVES, 1)
+        hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(SAVES)}"
+        raise SettingsError(f"cannot save {', '.join(unknown)}", hint=hint)
+    return frozenset(names)
+
+
+def _channels(names: Any) -> tuple[str, ...]:
+    """Names of channels without duplicates, from text or a collection.  Raises SettingsError."""
+    if isinstance(names, str):
+        names = [name.strip() for name in names.split(",") if name.strip()]
+    if not isinstance(names, Collection):
+        raise SettingsError(f"channels is {names!r:.60}", hint="give names of channels")
+    for name in names:
+        if name not in CHANNELS:
+            near = difflib.get_close_matches(str(name), CHANNELS, 1)
+            hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(CHANNELS)}"
+            raise SettingsError(f"no channel is named {name!r}", hint=hint)
+    return tuple(dict.fromkeys(names))
+
+
+def _folder(out: Any) -> Path | None:
+    if out is None:
+        return None
+    if not isinstance(out, str | os.PathLike) or out == "":
+        raise SettingsError(f"out is {out!r:.60}", hint="give the path of a folder; '.' is the current one")
+    return Path(out)
 
 
 class _Saver:
     """Writes the outputs of ``save`` pair by pair, and keeps the worst frame so far."""
 
-    def __init__(self, out: Path, save: frozenset[str], recorder: FrameRecorder | None = None):
-        self._out, self._save, self._recorder = out, save, recorder
+    def __init__(
+        self,
+        out: Path,
+        save: frozenset[str],
+        recorder: FrameRecorder | None = None,
+        on_pair: Callable[[Pair], None] | None = None,
+    ):
+        """``on_pair``: called with each pair once it is saved."""
+        self._out, self._save, self._recorder, self._on_pair = out, save, recorder, on_pair
         self._worst: tuple[int, int, np.ndarray, np.ndarray] | None = None
         self._measured: set[str] = set()
 
@@ -86,10 +242,10 @@ class _Saver:
         self._measured = {name for name in FEATURE_BIT if pair.row[name] is not None}
         discarded = total_discards(pair.row)
         if self._worst is None or discarded > self._worst[0]:
-            self._worst = (discarded, pair.frame, pair.mask(), shaded(pair))
+            self._worst = (discarded, pair.frame, pair.mask, shaded(pair))
         if self._recorder is not None:
             images = shaded(pair), shaded(pair, previous=True)
-            self._recorder.add(pair.frame, discarded, *images, pair.mask(), pair.motion())
+            self._recorder.add(pair.frame, discarded, *images, pair.mask, pair.motion)
         try:
             if "masks" in self._save:
                 self._save_masks(pair)
@@ -97,11 +253,13 @@ class _Saver:
                 self._save_channels(pair)
         except OSError as error:
             raise OutputError(f"cannot be written: {error.strerror}", where=str(self._out)) from None
+        if self._on_pair is not None:
+            self._on_pair(pair)
 
     def _save_masks(self, pair: Pair) -> None:
         folder = self._out / "masks"
         folder.mkdir(exist_ok=True)
-        mask = pair.mask()
+        mask = pair.mask
         np.savez_compressed(folder / f"mask_{pair.frame:05d}.npz", mask=mask.astype(np.uint16))
         title = f"frame {pair.frame}"
         save_mask_image(folder / f"mask_{pair.frame:05d}.png", mask, shaded(pair), self._reasons(), title)
@@ -110,7 +268,7 @@ class _Saver:
         folder = self._out / "channels"
         folder.mkdir(exist_ok=True)
         arrays = {name: pair.source.read(name) for name in pair.source.channels}
-        arrays |= {"motion": pair.motion(), "mask": pair.mask(), "camera_position": pair.view.position}
+        arrays |= {"motion": pair.motion, "mask": pair.mask, "camera_position": pair.view.position}
         arrays["world_from_view"] = pair.view.world_from_view
         np.savez_compressed(folder / f"channels_{pair.frame:05d}.npz", **arrays)
 

@@ -13,7 +13,7 @@ from mask_benches import Walk
 from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.datasets.stand_ins import make_stand_in
 from taubench_gl.errors import PathTracedError
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import ASSETS
 from taubench_gl.pathtraced.blender.job import Quality
@@ -97,7 +97,8 @@ def _frames(scene: Scene, camera: CameraTrack, fps: float, options: Options, col
     width, height = options.size
     settings = Settings(width=width, height=height, fps=fps, frames=(0, count), **RASTERIZED[columns])
     start = time.perf_counter()
-    run = evaluate_scene(scene, settings, camera=camera, progress=lambda step: times.append(step.frame_seconds * 1e3))
+    observers = Observers(progress=lambda step: times.append(step.frame_seconds * 1e3))
+    run = evaluate_scene(scene, settings, observers, camera=camera)
     if len(times) < 2:  # a static scene with its own camera has one frame
         times = [(time.perf_counter() - start) * 1e3] * 2
     into += times[1:]

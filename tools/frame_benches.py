@@ -59,7 +59,7 @@ def shares(gpu: Gpu, options: Options) -> Result:
             source = RasterSource(gpu, scene, camera, settings, timer=timer)
             context = GpuContext(gpu, timer=timer)
             schedule = [(frame, frame > 0) for frame in range(count)]
-            evaluate_pairs(context, source, settings, schedule, Observers(label))
+            evaluate_pairs(context, source, settings, schedule, Observers(scene=label))
             source.release()
             context.release()
             gpu.collect()

@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import inspect
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 
 import click
@@ -20,8 +21,18 @@ PROGRAM = "taubench-gl"
 WIDTH = 100
 
 MODULES: dict[str, tuple[str, ...]] = {
-    "taubench_gl": ("evaluate", "Settings", "Run", "load_run", "load_scene", "sample", "TaubenchError"),
-    "taubench_gl.evaluation": ("evaluate_scene", "Pair", "PairEvaluator"),
+    "taubench_gl": (
+        "evaluate",
+        "pairs",
+        "Pair",
+        "Settings",
+        "Run",
+        "load_run",
+        "load_scene",
+        "sample",
+        "TaubenchError",
+    ),
+    "taubench_gl.evaluation": ("evaluate_scene", "Explanation", "PairEvaluator"),
     "taubench_gl.metrics.reprojection": ("Reprojection", "reproject"),
     "taubench_gl.metrics.masks": ("pair_masks", "PairMasks"),
     "taubench_gl.metrics.activity": ("camera_activity", "detect_cuts"),
@@ -113,6 +124,8 @@ def _members(owner: str, thing: object) -> list[str]:
     out = []
     for name, attribute in vars(thing).items():
         member = attribute.__func__ if isinstance(attribute, staticmethod) else attribute
+        if isinstance(member, property | cached_property) and not name.startswith("_") and inspect.getdoc(member):
+            out += [f"#### {owner}.{name}\n", f"{inspect.getdoc(member)}\n"]
         if inspect.isfunction(member) and not name.startswith("_") and member.__doc__:
             out += _entry(f"{owner}.{name}", member, "####")
     return out

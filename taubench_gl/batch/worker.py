@@ -112,7 +112,7 @@ class Worker:
             schedule = pair_schedule(frames, chosen) if chosen else frame_schedule(frames, settings)
             counts: list[Counts] = []
             context = GpuContext(gpu, timer=timer)
-            observers = Observers(loaded.scene.name, progress=lambda _: on_pair(), on_counts=counts.append)
+            observers = Observers(progress=lambda _: on_pair(), on_counts=counts.append)
             checked = checked_frames(frame_schedule(frames, settings))
             results = evaluate_pairs(context, loaded.source, settings, schedule, observers, checked)
             rows = results.rows

@@ -13,7 +13,7 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import COLUMNS, FEATURES
 from taubench_gl.cost.analysis import ColumnError
 from taubench_gl.cost.configurations import Configuration
-from taubench_gl.evaluation import Pair, evaluate_scene
+from taubench_gl.evaluation import Observers, Pair, evaluate_scene
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.metrics.counts import percent
@@ -95,7 +95,7 @@ def _measure_on_cpu(scene: Scene, camera: CameraTrack, settings: Settings) -> di
         rest = np.array([[0, *h[1:]] for h in histograms])  # SequenceStats derives bin 0
         counted[str(pair.frame)] = stats.add(Counts(masks.mask_histogram(), rest))
 
-    run = from_run(evaluate_scene(scene, settings, camera=camera, on_pair=count))
+    run = from_run(evaluate_scene(scene, settings, Observers(on_pair=count), camera=camera))
     discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
     for column, entry in run["columns"].items():
         if entry["percent"] is not None:
@@ -161,8 +161,8 @@ def render_channels(
     evaluate_scene(
         scene,
         center_settings(settings).replace(frames=frames),
+        Observers(on_pair=lambda pair: kept.update({pair.frame: pair_channels(pair)})),
         camera=camera,
-        on_pair=lambda pair: kept.update({pair.frame: pair_channels(pair)}),
     )
     return kept
 
@@ -170,7 +170,7 @@ def render_channels(
 def pair_channels(pair: Pair) -> Channels:
     """Channels that are compared, (h, w, n), ``motion`` (h, w, 2) in pixels and ``camera_position`` (3,)."""
     arrays = {name: pair.source.read(name) for name in COMPARED_CHANNELS if name in pair.source.channels}
-    return arrays | {"motion": pair.motion(), "camera_position": np.asarray(pair.view.position)}
+    return arrays | {"motion": pair.motion, "camera_position": np.asarray(pair.view.position)}
 
 
 def compare_features(found: Mapping[int, Channels], reference: Mapping[int, Channels], settings: Settings) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import Pair, evaluate_scene
+from taubench_gl.evaluation import Observers, Pair, evaluate_scene
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.run import Run
 from taubench_gl.scene.model import Primitive, Scene
@@ -79,9 +79,9 @@ class Stage:
         def keep(pair: Pair) -> None:
             names = [n for n in pair.source.channels if n in pair.source.current]
             now, before = ({n: pair.source.read(n, previous=old) for n in names} for old in (False, True))
-            pairs.append(LitPair(pair.mask(), pair.motion(), now, before, dict(pair.row)))
+            pairs.append(LitPair(pair.mask, pair.motion, now, before, dict(pair.row)))
 
-        run = evaluate_scene(scene, chosen, on_pair=keep, channels=tuple(extra), camera=camera)
+        run = evaluate_scene(scene, chosen, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
         return run, pairs
 
     def pair(self, scene: Scene, **settings: Any) -> LitPair:

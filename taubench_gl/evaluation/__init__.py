@@ -7,6 +7,7 @@ Path-traced files: ``pathtraced.evaluation``.
 """
 
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
+from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.pairs import (
     ChannelPair,
@@ -16,8 +17,9 @@ from taubench_gl.evaluation.pairs import (
     PairEvaluator,
     PairResults,
     evaluate_pairs,
+    iterate_pairs,
 )
-from taubench_gl.evaluation.scene import evaluate_scene, require_triangles
+from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, require_triangles
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule, frame_total, pair_schedule, sampled_pairs
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
 
@@ -25,11 +27,13 @@ __all__ = [
     "Brightness",
     "ChannelPair",
     "EvaluatedPair",
+    "Explanation",
     "Observers",
     "Pair",
     "PairEvaluator",
     "PairResults",
     "ResolvedLighting",
+    "SceneInput",
     "assemble_summary",
     "checked_frames",
     "describe_brightness",
@@ -39,7 +43,9 @@ __all__ = [
     "frame_range",
     "frame_schedule",
     "frame_total",
+    "iterate_pairs",
     "mark_cuts",
+    "open_scene",
     "pair_schedule",
     "require_triangles",
     "resolve_lighting",

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import difflib
+import operator
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +17,9 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as reprojection_of
 from taubench_gl.conventions import COLUMNS, FEATURES
+from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation.brightness import Brightness, checked_frames
+from taubench_gl.evaluation.explain import Explanation, MaskedPair, explain_pixel
 from taubench_gl.evaluation.schedule import Schedule
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.frame.passes.masks import ComparedSource, Counts, MaskPass
@@ -77,7 +83,7 @@ class PairEvaluator:
         radiance: tuple[str, ...] | None = None,
     ):
         """``images``: write mask and motion images too.  ``reprojection``, ``radiance``: None: the source's."""
-        self.source, self.settings = source, settings
+        self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
         # Counts are read one pair late, while the GPU works on the next pair; at once where images go with them.
         self.deferred = self._samples == 1 and not images
@@ -94,6 +100,7 @@ class PairEvaluator:
         )
         self._previous: list[View] = []  # views of the frame drawn last, one per sample within a pixel
         self._pending: deque[EvaluatedPair] = deque()
+        self._submitted: tuple[Reprojection, Mapping[str, float]] | None = None  # the pair last, and its thresholds
 
     def step(self, frame: int, evaluate: bool = True) -> tuple[View, list[EvaluatedPair]]:
         """Draw ``frame`` and, if ``evaluate``, submit its pair with the frame drawn before; read finished counts.
@@ -156,6 +163,7 @@ class PairEvaluator:
         current = self.source.current if current is None else current
         previous = (self.source.previous if previous is None else previous) or current
         limits = self._thresholds if thresholds is None else thresholds
+        self._submitted = pair, limits
         with self._timer.measure("masks"):
             return self._masks.run(
                 pair, limits, current, previous, int(declared), exposure=self.settings.lighting.exposure_factor
@@ -190,6 +198,17 @@ class PairEvaluator:
         """
         return read_channel(self._masks.motion, "motion")
 
+    def explain(self, x: int, row: int, thresholds: Mapping[str, float] | None = None) -> Explanation:
+        """Pixel (x, row from the top) of the pair submitted last, whose channels the source still holds.
+
+        Needs ``images``.  ``thresholds``: as for ``submit``; None: those the pair was submitted with.
+        """
+        assert self._submitted is not None
+        pair, limits = self._submitted
+        limits = limits if thresholds is None else thresholds
+        images = (self.gpu, self.source, self._masks.mask, self._masks.motion)
+        return explain_pixel(MaskedPair(*images, pair, self.settings, limits), x, row)
+
     def _draw(self, frame: int, sample: int) -> View:
         if self._samples == 1:
             return self.source.advance(frame)
@@ -199,34 +218,111 @@ class PairEvaluator:
         self._masks.release()
 
 
-@dataclass(frozen=True, slots=True)
 class Pair:
-    """One evaluated pair, as ``Observers.on_pair`` gets it; its images are on the GPU until the callback returns."""
+    """One evaluated pair of frames.  Pixels: row 0 is at the top.
 
-    frame: int  # number of the current frame
-    row: dict[str, Any]  # its row of frames.csv
-    view: View  # of the current frame, through pixel centers
-    source: Source
-    _evaluator: PairEvaluator
+    ``frame``: number of the current frame.  ``row``: its row of frames.csv.  ``view``: of the current frame, through
+    pixel centers.  ``unmeasured``: column -> why it is null.  Images are read from the GPU on first use; one that was
+    not read before the next pair is drawn (``on_pair``: before the callback returns) is gone, and raises
+    TaubenchError.  With several samples per pixel images show the last sample.
+    """
 
+    def __init__(self, frame: int, row: dict[str, Any], view: View, evaluator: PairEvaluator):
+        self.frame, self.row, self.view = frame, row, view
+        self.unmeasured = dict(evaluator.source.unmeasured)
+        self._evaluator: PairEvaluator | None = evaluator
+
+    def __repr__(self) -> str:
+        width, height = self.row["pixels"], 1
+        if self._evaluator is not None:
+            width, height = self._evaluator.source.size
+        return f"<Pair of frames {self.frame - 1} and {self.frame}, {width}x{height} pixels>"
+
+    @cached_property
     def mask(self) -> np.ndarray:
-        """Mask words, (h, w) uint32, row 0 at the top."""
-        return self._evaluator.mask()
+        """Mask words, bits of ``Reason``.  (h, w) uint32."""
+        return self._read(lambda evaluator: evaluator.mask())
 
+    @cached_property
     def motion(self) -> np.ndarray:
-        """Previous - current, pixels, +x right, +y down.  (h, w, 2) float32; 0 where behind the camera."""
-        return self._evaluator.motion()
+        """Previous - current position, pixels, +x right, +y down.  (h, w, 2) float32; 0 where behind the camera."""
+        return self._read(lambda evaluator: evaluator.motion())
+
+    @cached_property
+    def color(self) -> np.ndarray | None:
+        """Tone-mapped sRGB color of the current frame in [0, 1], (h, w, 3) float32.
+
+        None if the run has no color; ``unmeasured["color"]`` says why.
+        """
+        return None if "color" in self.unmeasured else self.read("color")[..., :3].astype(np.float32)
+
+    def read(self, name: str, *, previous: bool = False) -> np.ndarray:
+        """A channel of the current or previous frame, (h, w, components).  Raises TaubenchError."""
+        return self._read(lambda evaluator: _channel(evaluator.source, name, previous))
+
+    def explain(self, x: int, y: int) -> Explanation:
+        """Why pixel (x, y), y from the top, can or cannot be reused; ``print`` shows the reason.
+
+        Raises TaubenchError for a pixel outside the image, and after the next pair is drawn.
+        """
+        return self._read(lambda evaluator: evaluator.explain(*_pixel_in(evaluator.source.size, x, y)))
+
+    @property
+    def source(self) -> Source:
+        """The source of both frames.  Raises TaubenchError once it holds other frames."""
+        return self._current().source
+
+    def load(self) -> Pair:
+        """Read mask, motion and color, so that they stay; this pair."""
+        _ = self.mask, self.motion, self.color
+        return self
+
+    def close(self) -> None:
+        """The source is about to draw other frames."""
+        self._evaluator = None
+
+    def _current(self) -> PairEvaluator:
+        if self._evaluator is None:
+            raise TaubenchError(
+                f"the images of frame {self.frame} are gone", hint="use a pair inside its loop, before the next one"
+            )
+        return self._evaluator
+
+    def _read(self, read: Callable[[PairEvaluator], Any]) -> Any:
+        evaluator = self._current()
+        with evaluator.gpu:
+            return read(evaluator)
+
+
+def _channel(source: Any, name: str, previous: bool) -> np.ndarray:
+    if name not in source.channels:
+        near = difflib.get_close_matches(str(name), source.channels, 1) or [f"choose from {', '.join(source.channels)}"]
+        hint = f"did you mean {near[0]}?" if near[0] in source.channels else near[0]
+        raise SettingsError(f"no channel of these frames is named {name!r}", hint=hint)
+    return source.read(name, previous=previous)
+
+
+def _pixel_in(size: tuple[int, int], x: Any, y: Any) -> tuple[int, int]:
+    try:
+        column, row = operator.index(x), operator.index(y)
+    except TypeError:
+        raise SettingsError(f"pixel ({x!r:.30}, {y!r:.30}) is not two integers") from None
+    if not (0 <= column < size[0] and 0 <= row < size[1]):
+        what = f"pixel ({column}, {row}) is outside the image"
+        raise SettingsError(what, hint=f"x from 0 to {size[0] - 1}, y from 0 to {size[1] - 1}")
+    return column, row
 
 
 @dataclass(frozen=True, slots=True)
 class Observers:
     """Receivers of every evaluated pair.  ``on_pair`` makes the mask pass write images and counts be read at once."""
 
-    scene: str = ""  # its name, for ``progress``
-    writer: RunWriter | None = None  # gets the row
     progress: Callable[[Progress], None] | None = None
     on_pair: Callable[[Pair], None] | None = None
+    channels: tuple[str, ...] = ()  # to draw for ``on_pair`` besides those the columns need
     on_counts: Callable[[Counts], None] | None = None  # gets the exact counts
+    scene: str = ""  # its name, for ``progress``; set by the evaluation
+    writer: RunWriter | None = None  # gets the row; set by the evaluation
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,12 +349,7 @@ def evaluate_pairs(
     After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
     """
     evaluator = PairEvaluator(context, source, settings, images=observers.on_pair is not None)
-    unmeasured = dict(source.unmeasured)
-    stats = SequenceStats(
-        tuple(c for c in COLUMNS if c not in unmeasured),
-        unmeasured,
-    )
-    results = PairResults([], [], stats, Brightness())
+    results = PairResults([], [], _stats_of(source), Brightness())
     checked = checked_frames(schedule) if checked is None else checked
     total = sum(evaluate for _, evaluate in schedule)
     try:
@@ -280,20 +371,49 @@ def evaluate_pairs(
     return results
 
 
+def iterate_pairs(context: GpuContext, source: Source, settings: Settings, schedule: Schedule) -> Iterator[Pair]:
+    """The pairs of ``schedule``, one after another, with mask, motion and color read.
+
+    The GPU context is current only while a pair is drawn, not while the caller works with it.
+    """
+    gpu, stats = context.gpu, _stats_of(source)
+    with gpu:
+        evaluator = PairEvaluator(context, source, settings, images=True)
+    try:
+        for frame, evaluate in schedule:
+            with gpu:
+                _, finished = evaluator.step(frame, evaluate)
+            for one in finished:
+                with contextlib.closing(Pair(frame, _row(one, settings, stats), one.view, evaluator)) as pair:
+                    yield pair.load()
+    finally:
+        with gpu:
+            evaluator.release()
+
+
+def _stats_of(source: Source) -> SequenceStats:
+    return SequenceStats(tuple(c for c in COLUMNS if c not in source.unmeasured), dict(source.unmeasured))
+
+
+def _row(pair: EvaluatedPair, settings: Settings, stats: SequenceStats) -> dict[str, Any]:
+    """The row of frames.csv of a pair, which is added to ``stats``."""
+    row = {"frame": pair.frame, "time_s": pair.frame / settings.sequence.fps, **stats.add(pair.counts)}
+    return row | _camera_row(pair.views, settings.metrics.unit_scale)
+
+
 def _report(
     pair: EvaluatedPair, evaluator: PairEvaluator, results: PairResults, observers: Observers, total: int
 ) -> None:
     """Add a pair to the results and hand it to the observers."""
-    settings = evaluator.settings
-    row = {"frame": pair.frame, "time_s": pair.frame / settings.sequence.fps, **results.stats.add(pair.counts)}
-    row |= _camera_row(pair.views, settings.metrics.unit_scale)
+    row = _row(pair, evaluator.settings, results.stats)
     results.rows.append(row)
     if observers.on_counts is not None:
         observers.on_counts(pair.counts)
     if observers.writer is not None:
         observers.writer.write_row(row)
     if observers.on_pair is not None:
-        observers.on_pair(Pair(pair.frame, row, pair.view, evaluator.source, evaluator))
+        with contextlib.closing(Pair(pair.frame, row, pair.view, evaluator)) as given:
+            observers.on_pair(given)
         pair.ended = time.perf_counter()
     if observers.progress is not None:
         observers.progress(Progress(observers.scene, len(results.rows), total, pair.seconds))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from taubench_gl.animation import CameraTrack, Poser, choose_camera
 from taubench_gl.errors import SceneError
 from taubench_gl.evaluation.brightness import describe_brightness
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
-from taubench_gl.evaluation.pairs import Observers, Pair, evaluate_pairs
+from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
 from taubench_gl.frame.sources import RasterSource
@@ -18,7 +17,7 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.provenance import provenance
-from taubench_gl.run import FRAME_COLUMNS, Progress, Run, RunWriter
+from taubench_gl.run import FRAME_COLUMNS, Run, RunWriter
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -27,49 +26,58 @@ TIMED_FIRST, TIMED_EVERY = 16, 16
 """Frames whose passes are timed; timing a pass waits for it, so the passes of all other frames overlap."""
 
 
-def evaluate_scene(
-    scene: Scene | str | Path,
-    settings: Settings | None = None,
-    *,
-    out: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    on_pair: Callable[[Pair], None] | None = None,
-    channels: tuple[str, ...] = (),
-    camera: CameraTrack | None = None,
-) -> Run:
-    """Evaluate every frame pair of one scene.
+@dataclass(frozen=True, slots=True)
+class SceneInput:
+    """A scene ready to be evaluated: its camera, its frames, and the settings with their lighting resolved."""
 
-    ``out`` receives frames.csv row by row and summary.json at the end.  ``on_pair`` is called with each pair;
-    ``channels``: extra channels to draw for it; ``camera`` overrides ``sequence.camera``.  Raises TaubenchError.
-    """
-    settings = settings or Settings()
+    scene: Scene
+    camera: CameraTrack
+    frames: range
+    lighting: ResolvedLighting
+
+    @property
+    def settings(self) -> Settings:
+        return self.lighting.settings
+
+
+def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrack | None = None) -> SceneInput:
+    """Load a scene if it is a path, choose camera, frames and lighting.  Raises TaubenchError."""
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
     camera = camera or choose_camera(scene, settings.sequence.camera)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
-    resolved = resolve_lighting(scene, settings, camera, frames=frames)
-    observers = Observers(scene.name, None, progress, on_pair)
-    if out is None:
-        return _run(scene, camera, frames, resolved, channels, observers)
-    with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(scene, camera, frames, resolved, channels, replace(observers, writer=writer))
+    return SceneInput(scene, camera, frames, resolve_lighting(scene, settings, camera, frames=frames))
 
 
-def _run(
-    scene: Scene,
-    camera: CameraTrack,
-    frames: range,
-    resolved: ResolvedLighting,
-    extra: tuple[str, ...],
-    observers: Observers,
+def evaluate_scene(
+    scene: Scene | str | Path,
+    settings: Settings | None = None,
+    observers: Observers | None = None,
+    *,
+    out: str | Path | None = None,
+    camera: CameraTrack | None = None,
 ) -> Run:
-    settings = resolved.settings
+    """Evaluate every frame pair of one scene.
+
+    ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``.
+    Raises TaubenchError.
+    """
+    given = open_scene(scene, settings or Settings(), camera)
+    observers = replace(observers or Observers(), scene=given.scene.name)
+    if out is None:
+        return _run(given, observers)
+    with RunWriter(out, FRAME_COLUMNS) as writer:
+        return _run(given, replace(observers, writer=writer))
+
+
+def _run(given: SceneInput, observers: Observers) -> Run:
+    scene, camera, frames, settings = given.scene, given.camera, given.frames, given.settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
         context = GpuContext(gpu, timer=timer)
-        source = RasterSource(gpu, scene, camera, settings, extra=extra, timer=timer, poser=poser)
+        source = RasterSource(gpu, scene, camera, settings, extra=observers.channels, timer=timer, poser=poser)
         try:
             schedule = frame_schedule(frames, settings)
             results = evaluate_pairs(context, source, settings, schedule, observers)
@@ -77,7 +85,7 @@ def _run(
             views = results.views
             if settings.metrics.pairs != "all":  # camera activity is over all frames, drawn or not
                 views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]
-            facts = scene_facts(scene, camera, frames, resolved, poser)
+            facts = scene_facts(scene, camera, frames, given.lighting, poser)
             summary = assemble_summary(facts, frames, settings, views, results.stats)
             described = source.describe()
             summary["notes"] += described.pop("notes")

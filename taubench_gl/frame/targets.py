@@ -90,6 +90,15 @@ def read_channel(texture: moderngl.Texture, name: str) -> np.ndarray:
     return from_gl(out, name)
 
 
+def read_texel(gpu: Gpu, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
+    """One texel, y up.  (components,) in the type of the texture."""
+    framebuffer = gpu.ctx.framebuffer([texture])
+    data = framebuffer.read((x, y, 1, 1), components=texture.components, dtype=texture.dtype, alignment=1)
+    gpu.unbind_framebuffer()
+    framebuffer.release()
+    return np.frombuffer(data, dtype=_NUMPY[texture.dtype])
+
+
 def raw_image(texture: moderngl.Texture) -> np.ndarray:
     """An array to read a texture into, (h, w, components) of the texture's type; not filled."""
     width, height = texture.size

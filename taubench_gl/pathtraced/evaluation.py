@@ -34,7 +34,7 @@ from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.provenance import provenance
 from taubench_gl.report.labels import GIVEN
-from taubench_gl.run import FRAME_COLUMNS, Progress, Run, RunWriter
+from taubench_gl.run import FRAME_COLUMNS, Run, RunWriter
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -101,32 +101,34 @@ def evaluate_path_traced(
     spec: str | Path,
     settings: Settings | None = None,
     options: PathTracedOptions | None = None,
+    observers: Observers | None = None,
     *,
     out: str | Path | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    on_pair: Callable[[Pair], None] | None = None,
-    channels: tuple[str, ...] = (),
 ) -> Run:
     """Evaluate the frame pairs of ``exr:DIR`` or ``exr:DIR/name*.exr``.
 
     The image size is that of the files; the frame rate of a sidecar overrides the settings.  A column without its
-    passes is null, and its reason names them.  ``channels`` is ignored: files hold what they hold.  Raises
-    TaubenchError for every error that a user can cause.
+    passes is null, and its reason names them.  Raises TaubenchError for every error that a user can cause.
     """
     settings, options = settings or Settings(), options or PathTracedOptions()
+    require_supported(spec, settings)
+    given = open_input(spec, settings, options)
+    frames = given.frames
+    observers = replace(observers or Observers(), scene=given.sequence.name)
+    if out is None:
+        return _run(given, frames, options, observers)
+    with RunWriter(out, FRAME_COLUMNS) as writer:
+        return _run(given, frames, options, replace(observers, writer=writer))
+
+
+def require_supported(spec: str | Path, settings: Settings) -> None:
+    """Raises SettingsError for settings that only rendered scenes can have."""
     for what, value, only in (
         ("pairs", settings.metrics.pairs, "all"),
         ("samples per pixel", settings.metrics.samples_per_pixel, 1),
     ):
         if value != only:
             raise SettingsError(f"{what} {value} is for rendered scenes", where=str(spec), hint=f"leave it at {only}")
-    given = open_input(spec, settings, options)
-    frames = given.frames
-    observers = Observers(given.sequence.name, None, progress, on_pair)
-    if out is None:
-        return _run(given, frames, options, observers)
-    with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(given, frames, options, replace(observers, writer=writer))
 
 
 def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, observers: Observers) -> Run:

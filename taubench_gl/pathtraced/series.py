@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import PathTracedError
-from taubench_gl.evaluation import Pair
+from taubench_gl.evaluation import Observers, Pair
 from taubench_gl.pathtraced.blender.render import read_render
 from taubench_gl.pathtraced.cameras import CAMERA_FILE
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
@@ -60,10 +60,10 @@ class Render:
 
         def keep(pair: Pair) -> None:
             arrays = {name: pair.source.read(name) for name in names if name in pair.source.channels}
-            out[pair.frame] = arrays | {"motion": pair.motion(), "camera_position": np.asarray(pair.view.position)}
+            out[pair.frame] = arrays | {"motion": pair.motion, "camera_position": np.asarray(pair.view.position)}
 
         settings = _file_settings(settings).replace(frames=frames)
-        evaluate_path_traced(f"{PREFIX}{self.folder}", settings, self.options, on_pair=keep)
+        evaluate_path_traced(f"{PREFIX}{self.folder}", settings, self.options, Observers(on_pair=keep))
         return out
 
 

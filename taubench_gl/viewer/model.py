@@ -11,6 +11,7 @@ import numpy as np
 
 from taubench_gl.conventions import FEATURES
 from taubench_gl.errors import OutputError, TaubenchError
+from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.outputs import cannot_write, new_partial, write_png
 from taubench_gl.viewer import prefs
@@ -18,7 +19,6 @@ from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
 from taubench_gl.viewer.feeds import OpenRequest, PathTracedComparison, PathTracedFeed, open_feed
 from taubench_gl.viewer.layout import Layout, arrange
-from taubench_gl.viewer.probe import Probe, probe_pixel
 from taubench_gl.viewer.state import ViewerState, variables
 
 Array = np.ndarray
@@ -49,7 +49,7 @@ class ViewerModel:
         self.done = False
         self.fps = 0.0
         self._last_image: tuple[int, object] = (0, None)  # the image that was drawn last, for clips
-        self._probed: tuple[object, Probe] | None = None
+        self._probed: tuple[object, Explanation] | None = None
 
     def _open(self, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
         opened = open_feed(self.gpu, request, self.timer)
@@ -176,14 +176,14 @@ class ViewerModel:
     def layout(self) -> Layout:
         return arrange(self.window_size, self.engine.feed.size, self.state.panels)
 
-    def probe(self) -> Probe | None:
+    def probe(self) -> Explanation | None:
         """The probed pixel, read from the GPU only if the pair or the pixel changed; None without a pixel."""
         s = self.state
         if s.probe is None or self.engine.pair is None or s.freeze_current:
             return None
         key = (s.probe, self.engine.drawn.masks, self.engine.drawn.plans)
         if self._probed is None or self._probed[0] != key:
-            self._probed = (key, probe_pixel(self.engine, s, *s.probe))
+            self._probed = (key, self.engine.evaluator.explain(*s.probe, thresholds=s.thresholds))
         return self._probed[1]
 
     def close(self) -> None:

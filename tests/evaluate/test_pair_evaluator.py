@@ -10,7 +10,7 @@ import pytest
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
-from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
+from taubench_gl.evaluation import ChannelPair, Observers, PairEvaluator, evaluate_scene
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
@@ -104,5 +104,5 @@ def test_interrupt_keeps_the_pair_that_is_not_read_yet(tmp_path: Path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        evaluate_scene(ASSETS / "demo.glb", SETTINGS.replace(frames=(0, 9)), out=tmp_path, progress=stop)
+        evaluate_scene(ASSETS / "demo.glb", SETTINGS.replace(frames=(0, 9)), Observers(progress=stop), out=tmp_path)
     assert [row["frame"] for row in read_frames(tmp_path / FRAMES_FILE)] == [1, 2, 3]

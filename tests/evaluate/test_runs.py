@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.paths import PACKAGE
 from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
 from taubench_gl.scene import load_scene
@@ -104,7 +104,7 @@ def test_an_interrupt_keeps_the_finished_pairs(tmp_path: Path) -> None:
 
     whole = evaluate_scene(DEMO, settings())
     with pytest.raises(KeyboardInterrupt):
-        evaluate_scene(DEMO, settings(), out=tmp_path / "run", on_pair=stop_at_third)
+        evaluate_scene(DEMO, settings(), Observers(on_pair=stop_at_third), out=tmp_path / "run")
     assert not (tmp_path / "run" / SUMMARY_FILE).exists()
     rows = read_frames(tmp_path / "run" / FRAMES_FILE)
     assert [row["frame"] for row in rows] == [1, 2, 3]
@@ -128,7 +128,7 @@ def test_memory_does_not_grow_with_frames() -> None:
             at[progress.done] = process.memory_info().rss
 
     tiny = settings(width=32, height=18, fps=160.4, frames=(None, None))
-    run = evaluate_scene(DEMO, tiny, progress=watch)
+    run = evaluate_scene(DEMO, tiny, Observers(progress=watch))
     assert len(run.frames) == 401
     assert at[400] - at[40] < 4 * 2**20, f"{(at[400] - at[40]) / 2**20:.1f} MiB in 360 frames"
 
@@ -137,15 +137,15 @@ def test_masks_of_on_pair_match_the_row() -> None:
     from taubench_gl.metrics.counts import counts_of
 
     def compare(pair) -> None:
-        counts = counts_of(np.bincount(pair.mask().ravel(), minlength=1 << 16))
+        counts = counts_of(np.bincount(pair.mask.ravel(), minlength=1 << 16))
         for name in ("frustum", "position", "normal", "comparable", "sky", "disoccluded"):
             assert counts[name] == pair.row[name]
-        assert pair.motion().shape == (54, 96, 2) and np.isfinite(pair.motion()).all()
+        assert pair.motion.shape == (54, 96, 2) and np.isfinite(pair.motion).all()
         assert pair.source.read("base_color").shape == (54, 96, 4)
         seen.append(pair.frame)
 
     seen = []
-    evaluate_scene(DEMO, settings(), on_pair=compare, channels=("base_color",))
+    evaluate_scene(DEMO, settings(), Observers(on_pair=compare, channels=("base_color",)))
     assert seen == [1, 2, 3, 4, 5]
 
 

@@ -13,7 +13,7 @@ from frame_tools import THRESHOLDS, FormulaCamera, make_scene, quad, rotation_ab
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.frame.draw_bounds import in_view
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.frame.renderer import Renderer
@@ -193,7 +193,7 @@ def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: P
     settings = Settings(width=64, height=36, frames=(0, 7), columns=("frustum", "position", "normal"))
     scene = load_scene(ASSETS / "demo.glb")
     late = evaluate_scene(scene, settings)
-    at_once = evaluate_scene(scene, settings, on_pair=lambda pair: None)
+    at_once = evaluate_scene(scene, settings, Observers(on_pair=lambda pair: None))
     assert late.frames == at_once.frames and len(late.frames) == 6
     assert late.summary["discard"] == at_once.summary["discard"]
 
@@ -202,7 +202,7 @@ def test_rows_are_the_same_at_once_and_late_and_survive_an_interrupt(tmp_path: P
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        evaluate_scene(scene, settings, out=tmp_path, progress=stop)
+        evaluate_scene(scene, settings, Observers(progress=stop), out=tmp_path)
     rows = (tmp_path / "frames.csv").read_text().splitlines()[1:]
     assert [int(row.split(",")[0]) for row in rows] == list(range(1, len(rows) + 1)) and 3 <= len(rows) < 6
 

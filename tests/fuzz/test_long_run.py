@@ -18,7 +18,7 @@ RUNNER = """
 import json, os, resource
 from dataclasses import replace
 import psutil
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.selftest.scenes import busy_room
 from taubench_gl.settings import Settings
 from taubench_gl.gpu.context import open_gpu
@@ -35,7 +35,7 @@ def progress(p):
 settings = Settings(width=32, height=18, frames=(0, frames), reprojection="motion", shadow_size=32, indirect="none",
                     backend="egl",
                     columns=("frustum", "position", "normal", "direct", "color"))
-run = evaluate_scene(replace(room, channels=stretched), settings, out={out!r}, progress=progress)
+run = evaluate_scene(replace(room, channels=stretched), settings, Observers(progress=progress), out={out!r})
 gpu = open_gpu("egl")
 with gpu:
     left = gpu.collect()

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.errors import GraphicsError
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.gpu import context
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import MAX_SAMPLES, PassTimer, probe_timer
@@ -158,9 +158,9 @@ def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
     evaluate_scene(DEMO, settings)
     before = alive(gpu)  # the program used last is deleted, yet lives until another is used
     assert sum(before.values()) <= 2, before
-    for look in (None, lambda pair: pair.mask(), stop):
+    for look in (None, lambda pair: pair.mask, stop):
         with contextlib.suppress(KeyboardInterrupt):
-            evaluate_scene(DEMO, settings, on_pair=look)
+            evaluate_scene(DEMO, settings, Observers(on_pair=look))
         assert gpu.ctx.error == "GL_NO_ERROR"
         assert alive(gpu) == before
 

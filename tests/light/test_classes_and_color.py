@@ -8,7 +8,7 @@ from light_tools import facing, floor, lambert, look, look_down, opened, picture
 from shadow_tools import Case, on_plane
 
 from taubench_gl.conventions import Reason
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, box
@@ -40,7 +40,7 @@ def mask_of(scene: Scene, **settings) -> tuple[np.ndarray, dict]:
     masks = []
     settings = {"width": WIDTH, "height": WIDTH, "fps": 1.0, "columns": ("position", "direct"), "shadow_size": SIZE,
                 "thresholds": {"direct": 0.05}} | settings  # fmt: skip
-    run = evaluate_scene(scene, Settings(**settings), on_pair=lambda pair: masks.append(pair.mask()))
+    run = evaluate_scene(scene, Settings(**settings), Observers(on_pair=lambda pair: masks.append(pair.mask)))
     assert len(masks) == 1
     return masks[0], run.frames[0]
 

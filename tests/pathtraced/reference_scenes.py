@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, OrbitCamera, Poser, View, choose_camera
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.scene import load_scene
@@ -108,16 +108,16 @@ def compare(
     def keep(name: str):
         def observe(pair):
             kept[name].append((pair.frame, pair.source.read("position").copy(), pair.source.read("normal").copy(),
-                               pair.motion()))  # fmt: skip
+                               pair.motion))  # fmt: skip
 
-        return observe
+        return Observers(on_pair=observe)
 
     options = PathTracedOptions(camera_file=folder / "camera.json")
     path_traced = evaluate_path_traced(
-        f"exr:{folder}", Settings(frames=frames, columns=COLUMNS), options, on_pair=keep("path_traced")
+        f"exr:{folder}", Settings(frames=frames, columns=COLUMNS), options, keep("path_traced")
     )
-    raster = evaluate_scene(scene, Settings(**settings), camera=camera, on_pair=keep("raster"))
-    evaluate_scene(scene, Settings(**settings, reprojection="motion"), camera=camera, on_pair=keep("motion"))
+    raster = evaluate_scene(scene, Settings(**settings), keep("raster"), camera=camera)
+    evaluate_scene(scene, Settings(**settings, reprojection="motion"), keep("motion"), camera=camera)
     out = {}
     for column in COLUMNS:
         own, traced = (run.summary["discard"][column]["mean_percent"] for run in (raster, path_traced))

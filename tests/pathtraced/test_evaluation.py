@@ -9,6 +9,7 @@ from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, write
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.evaluation import Observers
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.pathtraced.cameras import camera_file_text
@@ -24,9 +25,9 @@ def test_masks_equal_the_float64_reference(renders):
     masks = {}
 
     def keep(pair):
-        masks[pair.frame] = pair.mask()
+        masks[pair.frame] = pair.mask
 
-    run = evaluate_path_traced(f"exr:{renders}", settings, options(renders), on_pair=keep)
+    run = evaluate_path_traced(f"exr:{renders}", settings, options(renders), Observers(on_pair=keep))
     sequence = PathTracedSequence.open(renders)
     views = {f: view_at(0.3 * f) for f in (4, 5, 6)}
     frames = {f: frame_channels(sequence.read(f), view, view, settings) for f, view in views.items()}

@@ -9,7 +9,7 @@ from frame_tools import still_camera
 
 from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.effects.decide import decide
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
@@ -34,10 +34,10 @@ def pairs_of(scene, **options):
 
     def keep(pair) -> None:
         read = {n: pair.source.read(n) for n in pair.source.channels}
-        seen.append((pair.row, pair.mask(), read))
+        seen.append((pair.row, pair.mask, read))
 
     camera = still_camera(Camera(yfov=0.8), (0, 0, 6.0))
-    run = evaluate_scene(scene, SETTINGS, camera=camera, on_pair=keep, **options)
+    run = evaluate_scene(scene, SETTINGS, Observers(on_pair=keep, **options), camera=camera)
     return run, seen
 
 

@@ -11,13 +11,13 @@ from viewer_tools import DEMO, QUIET, ROOT, pixels
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation.explain import in_words
 from taubench_gl.glossary import label_of
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.report.palette import color_of
 from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.settings import Settings
-from taubench_gl.viewer.probe import in_words, probe_pixel
 
 
 @pytest.mark.parametrize("reprojection", ["camera", "motion"])
@@ -163,7 +163,7 @@ def test_the_probe_agrees_with_the_float64_reference(drive, sampling, reprojecti
     rng, reasons = np.random.default_rng(1), set()
     interesting = np.argwhere(engine.mask() & np.uint32(int(Reason.POSITION | Reason.NORMAL | FRUSTUM)))
     for row, x in [*interesting[rng.permutation(len(interesting))[:12]], *rng.integers(0, (54, 96), (8, 2))]:
-        found = probe_pixel(engine, s, int(x), int(row))
+        found = engine.evaluator.explain(int(x), int(row), thresholds=s.thresholds)
         reasons.add(found.reason.split(":")[0])
         assert found.word == engine.mask()[row, x]
         if found.at is not None:

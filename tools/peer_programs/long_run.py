@@ -17,7 +17,7 @@ from serve import serve
 
 
 def prepare():
-    from taubench_gl.evaluation import evaluate_scene
+    from taubench_gl.evaluation import Observers, evaluate_scene
     from taubench_gl.settings import Settings
 
     path, (width, height, frames, fps) = sys.argv[1], map(int, sys.argv[2:])
@@ -30,7 +30,7 @@ def prepare():
     with tempfile.TemporaryDirectory() as out:
         start = time.perf_counter()
         settings = Settings(width=width, height=height, fps=fps, frames=(0, frames))
-        evaluate_scene(path, settings, out=out, progress=note_memory)
+        evaluate_scene(path, settings, Observers(progress=note_memory), out=out)
         seconds = time.perf_counter() - start
     return (lambda request: {}), {"resident_mib": resident, "frame_ms": seconds * 1e3 / len(resident)}
 
