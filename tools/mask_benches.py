@@ -38,7 +38,7 @@ from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Camera
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 HAS_NUMBA = importlib.util.find_spec("numba") is not None
 NO_NUMBA = "numba is not installed (pip install 'taubench-gl[bench]')"
@@ -53,7 +53,7 @@ class MaskBench:
         self.channels = ("position", "normal", "prev_position") if mode == "motion" else ("position", "normal")
         self.context = GpuContext(gpu)
         self.renderer = Renderer(self.context, scene, choose_camera(scene), size, self.channels)
-        self.evaluator = PairEvaluator(self.context, ChannelPair(size, reprojection=mode), Settings())
+        self.evaluator = PairEvaluator(self.context, ChannelPair(size, reprojection=mode), Settings(**FIXED_LIGHTING))
         self.thresholds = Settings().metrics.thresholds
         self.torch = torch
 

@@ -30,7 +30,7 @@ from taubench_gl.frame.renderer import Renderer
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 PYRENDER, OURS, MASKED, READ = (
     "pyrender: color and depth, read back",
@@ -65,7 +65,7 @@ def pyrender(gpu: Gpu, options: Options) -> Result:
     scene, camera = load_scene(path), Walk()
     context = GpuContext(gpu)
     renderer = Renderer(context, scene, camera, options.size, EIGHT)
-    evaluator = PairEvaluator(context, ChannelPair(options.size), Settings())
+    evaluator = PairEvaluator(context, ChannelPair(options.size), Settings(**FIXED_LIGHTING))
     watch, covered = Stopwatch(gpu), []
 
     def masked(frame: int) -> None:

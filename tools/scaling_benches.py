@@ -21,7 +21,7 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, lamp_field, quad, skinned, sphere, turn_x
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 SMALL = (320, 180)
 
@@ -93,7 +93,7 @@ def pixels(gpu: Gpu, options: Options) -> Result:
     sizes = [(max(options.size[0] // n, 16), max(options.size[1] // n, 9)) for n in (8, 4, 2, 1)]
     walkers = [Walker(gpu, scene, size, camera=camera) for size in sizes]
     context = GpuContext(gpu)
-    evaluators = [PairEvaluator(context, ChannelPair(size), Settings()) for size in sizes]
+    evaluators = [PairEvaluator(context, ChannelPair(size), Settings(**FIXED_LIGHTING)) for size in sizes]
 
     def mask(i: int) -> Callable[[], object]:
         renderer, history = walkers[i].renderer, walkers[i].renderer.history
