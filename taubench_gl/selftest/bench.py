@@ -173,7 +173,7 @@ class Bench:
         texture = self.gpu.ctx.texture(size, 4, dtype="f1")
         framebuffer = self.gpu.ctx.framebuffer([texture])
         channels = {"position": texture, "normal": texture}
-        evaluator = PairEvaluator(self.context, ChannelPair(size, channels, channels), Settings.of(**FIXED_LIGHTING))
+        evaluator = PairEvaluator(self.context, ChannelPair(size, channels, channels), Settings(**FIXED_LIGHTING))
         try:
             framebuffer.clear()
             return counts_of(evaluator.compare(still_pair(size)).mask_histogram)

@@ -56,20 +56,20 @@ def test_value_out_of_range_is_a_settings_error(name):
 @pytest.mark.parametrize("exposure", [0, -1.0, float("nan"), float("inf"), 1e300, 1e-300, "bright", None])
 def test_invalid_exposures(exposure):
     with pytest.raises(SettingsError) as caught:
-        Settings.of(exposure=exposure)
+        Settings(exposure=exposure)
     assert caught.value.setting == "exposure" and caught.value.hint
 
 
 @pytest.mark.parametrize("value", ["auto", "none", "default", (0.0, 0.5, 2.0), "room.hdr", "folder/ROOM.EXR"])
 def test_environments_round_trip(value):
-    settings = Settings.of(environment=value)
+    settings = Settings(environment=value)
     assert Settings.from_dict(json.loads(json.dumps(settings.to_dict()))).lighting.environment == value
 
 
 @pytest.mark.parametrize("value", ["", "room.png", (0.1, 0.2), (0.1, float("nan"), 0.2), (1e39, 0.0, 0.0), (1, "x", 2)])
 def test_invalid_environments(value):
     with pytest.raises(SettingsError) as caught:
-        Settings.of(environment=value)
+        Settings(environment=value)
     assert caught.value.setting == "environment"
 
 
