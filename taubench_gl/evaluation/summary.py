@@ -118,8 +118,8 @@ def _color_notes(reusable: dict[str, Any]) -> list[str]:
     if share < 0.005:
         return []
     return [
-        f"color is not part of the reuse rate, because it depends on the tone map: it discards {share:.2f} % of all "
-        "pixels that are reusable (emission or textures changed, or light changed by less than its thresholds)"
+        f"color is not part of the reuse rate, because it depends on the tone map; color alone discards {share:.2f} % "
+        "of all pixels (emission or textures changed, or light changed by less than its thresholds)"
     ]
 
 
