@@ -1,5 +1,5 @@
 // Tile light lists with a bounded error: a light is left out of a tile only while the sum of the upper bounds of all lights
-// left out there stays below P.light_error (radiance, before exposure).
+// left out there stays below P.light_error (radiance times exposure).
 //
 // Bound of one light in one tile: its irradiance at the tile's nearest point times the largest brdf * cos that any pixel of
 // the tile can have for any direction of light (``largest_brdf``).
@@ -67,7 +67,7 @@ void main() {
             high = max(high, p.xyz);
             brdf = max(brdf, largest_brdf(ivec2(x, y), p.xyz));
         }
-    brdf *= 1.0001; // rounding
+    brdf *= 1.0001 * P.exposure; // 1.0001: rounding
     uint kept = 0u, base = tile * uint(P.size.w);
     if (low.x <= high.x) {
         float sums[BINS];

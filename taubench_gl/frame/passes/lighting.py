@@ -23,7 +23,8 @@ LIGHTING = Struct(
     Field("parallel_view", "vec4", "xyz: unit, towards a parallel camera; w: 1 if the camera is parallel"),
     Field("size", "ivec4", "xy: pixels, z: tiles in a row, w: lights"),
     Field("tiles", "int", "tiles of the image"),
-    Field("light_error", "float", "largest radiance that culling may leave out of a tile, linear, without exposure"),
+    Field("light_error", "float", "largest radiance x exposure that culling may leave out of a tile"),
+    Field("exposure", "float", "factor on radiance in culling"),
     Field("phase", "int", "which pixels a shading rate other than full shades in this frame"),
 )
 STOCHASTIC = Struct(
@@ -77,7 +78,8 @@ def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
             "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if parallel else view_axis,
             "size": (*spec.size, columns, len(spec.light_kinds)),
             "tiles": columns * rows,
-            "light_error": lighting.light_error / lighting.exposure_factor,
+            "light_error": lighting.light_error,
+            "exposure": lighting.exposure_factor,
             "phase": phase(spec.shading.rate, frame.number),
         }
 

@@ -1,0 +1,292 @@
+"""Light units, metered exposure and brightness of whole runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.batch.run import run_batch
+from taubench_gl.batch.spec import read_spec
+from taubench_gl.evaluation import Brightness, checked_frames, evaluate_scene, resolve_lighting
+from taubench_gl.evaluation.lighting import metered_frames
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.paths import PACKAGE
+from taubench_gl.run import load_run
+from taubench_gl.scene import load_scene
+from taubench_gl.selftest.scenes import SceneBuilder, busy_room, quad, turn_x
+from taubench_gl.settings import FIXED_LIGHTING, Settings
+
+AUTO = dict.fromkeys(FIXED_LIGHTING, "auto")
+BLENDER = "Khronos glTF Blender I/O v4.5.51"
+SIZE = {"width": 64, "height": 48}
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+LIGHT = ("frustum", "direct", "color")
+
+
+def two_floors(albedos=(0.8, 0.2), illuminance: float = 1000.0):
+    """Two Lambert half planes seen from above, under a sun at 60 degrees: radiance albedo E cos(60) / pi."""
+    b = SceneBuilder()
+    for side, albedo in zip((-1.0, 1.0), albedos, strict=True):
+        material = b.material(base_color=(albedo,) * 3 + (1.0,), metallic=0.0, roughness=1.0, specular=0.0)
+        b.node(mesh=b.mesh(quad(2.0, 4.0, material=material)), translation=(2.0 * side, 0, 0), rotation=turn_x(-90.0))
+    b.light(kind="directional", intensity=illuminance, rotation=turn_x(-30.0))
+    lens = {"kind": "orthographic", "xmag": 1.0, "ymag": 1.0, "znear": 0.01, "zfar": 20.0}
+    b.camera(translation=(0.0, 8.0, 0.0), rotation=turn_x(-90.0), **lens)
+    return b.build()
+
+
+def scaled(scene, factor: float):
+    """``scene`` with all intensities times ``factor``."""
+    lights = tuple(dataclasses.replace(light, intensity=light.intensity * factor) for light in scene.lights)
+    return dataclasses.replace(scene, lights=lights)
+
+
+def divided(scene, divisor: float):
+    lights = tuple(dataclasses.replace(light, intensity=light.intensity / divisor) for light in scene.lights)
+    return dataclasses.replace(scene, lights=lights)
+
+
+def resolved(scene, **settings):
+    return resolve_lighting(scene, Settings(**SIZE | AUTO | settings))
+
+
+# ---------------------------------------------------------------------------------------------------------- exposure
+def test_metered_exposure_of_two_lambert_floors():
+    scene = two_floors()
+    radiance = [albedo * 1000.0 * math.cos(math.radians(60.0)) / math.pi for albedo in (0.8, 0.2)]
+    expected = 0.18 / math.sqrt(radiance[0] * radiance[1])
+    found = resolved(scene).settings.lighting.exposure
+    assert found == pytest.approx(expected, rel=6e-4) and found == float(f"{found:.3e}")
+
+
+def test_what_is_metered_is_what_the_shader_draws(gpu):
+    """The exposure again, in float64, from the channels that the frames of the evaluation have."""
+    scene = busy_room(lamps=3)
+    settings = Settings(**SIZE | FIXED_LIGHTING, frames=(0, 5), columns=("direct",))
+    source = RasterSource(gpu, scene, choose_camera(scene), settings)
+    values = []
+    for frame in (0, 2, 4):
+        source.advance(frame)
+        direct, surface = source.read("direct").astype(np.float64), source.read("position")[..., 3] > 0
+        values.append(direct[surface][:, :3] @ (0.2126, 0.7152, 0.0722))
+    source.release()
+    light = np.concatenate(values)
+    expected = 0.18 / np.exp(np.log(light[light > 1e-3 * light.max()]).mean())
+    found = resolved(scene, frames=(0, 5))
+    assert found.settings.lighting.exposure == float(f"{expected:.3e}")
+    assert "0, 2 and 4" in found.reasons["exposure"]
+
+
+@pytest.mark.parametrize(
+    ("frames", "metered"),
+    [(range(0, 1), (0,)), (range(3, 5), (3, 4)), (range(0, 3), (0, 1, 2)), (range(10, 20), (10, 15, 19))],
+)
+def test_first_middle_and_last_frame_are_metered(frames, metered):
+    assert metered_frames(frames) == metered
+
+
+@pytest.mark.parametrize("factor", [683.0, 1.0 / 50.0])
+@pytest.mark.parametrize("lamps", [3, 20])
+def test_metered_columns_do_not_depend_on_the_scale_of_the_lights(factor, lamps):
+    settings = Settings(**SIZE | AUTO, frames=(0, 4))
+    runs = [evaluate_scene(one, settings) for one in (busy_room(lamps=lamps), scaled(busy_room(lamps=lamps), factor))]
+    exposures = [run.summary["settings"]["exposure"] for run in runs]
+    assert exposures[1] * factor == pytest.approx(exposures[0], rel=1e-3)
+    for column, entry in runs[0].summary["discard"].items():
+        other = runs[1].summary["discard"][column]["mean_percent"]
+        assert other == pytest.approx(entry["mean_percent"], abs=0.1), column
+
+
+@pytest.mark.parametrize(
+    ("change", "exposure"),
+    [
+        ({"columns": ("frustum", "position")}, 1.0),
+        ({"light_unit": "watt"}, 1.0),
+        ({"exposure": 0.25}, 0.25),
+        ({"light_unit": "candela", "exposure": 3}, 3.0),
+    ],
+)
+def test_exposures_that_are_not_metered(change, exposure, monkeypatch):
+    monkeypatch.setattr("taubench_gl.evaluation.lighting.direct_luminance", None)
+    assert resolved(two_floors(), **change).settings.lighting.exposure == exposure
+
+
+def test_a_scene_whose_surfaces_are_black_has_exposure_1():
+    assert resolved(two_floors((0.0, 0.0))).settings.lighting.exposure == 1.0
+    assert resolved(two_floors(illuminance=0.0)).settings.lighting.exposure == 1.0
+
+
+def without_lights(generator=""):
+    scene = two_floors()
+    nodes = dataclasses.replace(scene.nodes, light=np.full_like(scene.nodes.light, -1))
+    return dataclasses.replace(scene, lights=(), nodes=nodes, generator=generator)
+
+
+def test_files_without_light_are_metered_whatever_wrote_them():
+    found = [resolved(without_lights(generator)) for generator in ("", BLENDER)]
+    assert {one.settings.lighting.environment for one in found} == {"default"}
+    assert [one.settings.lighting.light_unit for one in found] == ["candela", "watt"]
+    exposures = {one.settings.lighting.exposure for one in found}
+    assert len(exposures) == 1 and exposures != {1.0}
+    assert resolved(without_lights(), environment="none").settings.lighting.exposure == 1.0
+
+
+def test_resolved_settings_come_back_unchanged(monkeypatch):
+    monkeypatch.setattr("taubench_gl.evaluation.lighting.direct_luminance", None)
+    once = Settings(**SIZE | FIXED_LIGHTING | {"exposure": 0.5, "light_unit": "watt"})
+    assert (
+        resolve_lighting(two_floors(), once).settings is once or resolve_lighting(two_floors(), once).settings == once
+    )
+
+
+# -------------------------------------------------------------------------------------------------------------- unit
+def test_watt_is_the_file_with_intensities_over_683_bit_for_bit():
+    scene = busy_room(lamps=3)
+    frames = {"frames": (0, 4)}
+    watt = evaluate_scene(dataclasses.replace(scene, generator=BLENDER), Settings(**SIZE | AUTO | frames))
+    candela = evaluate_scene(divided(scene, 683.0), Settings(**SIZE | FIXED_LIGHTING | frames))
+    assert watt.summary["settings"]["light_unit"] == "watt" and watt.summary["settings"]["exposure"] == 1.0
+    assert watt.frames == candela.frames
+    assert watt.summary["curves"] == candela.summary["curves"]
+    undivided = evaluate_scene(scene, Settings(**SIZE | FIXED_LIGHTING | frames))
+    assert undivided.summary["curves"] != candela.summary["curves"]
+
+
+def test_animated_intensities_are_divided_and_emission_is_not(gpu):
+    b = SceneBuilder()
+    lamp = b.material(emissive=(4.0, 4.0, 4.0), emissive_strength=4.0, metallic=0.0)
+    b.node(mesh=b.mesh(quad(material=lamp)), rotation=turn_x(-90.0))
+    b.light(kind="point", translation=(0.0, 1.0, 0.0), intensity=683.0)
+    b.camera(translation=(0.0, 3.0, 0.0), rotation=turn_x(-90.0))
+    scene = b.build()
+    images = {}
+    for unit in ("candela", "watt"):
+        settings = Settings(**SIZE | FIXED_LIGHTING | {"light_unit": unit}, columns=("direct", "color"))
+        source = RasterSource(gpu, scene, choose_camera(scene), settings)
+        source.advance(0)
+        images[unit] = {name: source.read(name).astype(np.float64) for name in ("direct", "emission")}
+        source.release()
+    assert np.array_equal(images["watt"]["emission"], images["candela"]["emission"])
+    lit = images["candela"]["direct"][..., :3] > 0
+    ratio = images["candela"]["direct"][..., :3][lit] / images["watt"]["direct"][..., :3][lit]
+    assert ratio == pytest.approx(683.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("factor", [683.0, 1.0 / 50.0])
+def test_light_error_is_in_exposed_units(gpu, factor):
+    scene = busy_room(lamps=24)
+    counts = []
+    for one, exposure in ((scene, 1.0), (scaled(scene, factor), 1.0 / factor)):
+        settings = Settings(**SIZE | FIXED_LIGHTING | {"exposure": exposure}, columns=("direct",), light_error=0.05)
+        source = RasterSource(gpu, one, choose_camera(one), settings)
+        source.advance(0)
+        counts.append(source.light.tile_counts().astype(int))
+        source.release()
+    assert counts[0].max() > 0 and np.array_equal(*counts)
+
+
+# -------------------------------------------------------------------------------------------------------- brightness
+def test_brightness_of_two_floors_in_closed_form():
+    """Half of the image has radiance 4, half 0.5: exposure 1 clips half of it, exposure 1e-5 makes all of it black."""
+    scene = two_floors((0.8, 0.1), illuminance=4.0 * math.pi / (0.8 * math.cos(math.radians(60.0))))
+    pixels = SIZE["width"] * SIZE["height"]
+    for columns in (("direct",), ("direct", "color")):
+        for exposure, expected in ((1.0, (0, pixels, pixels // 2)), (1e-5, (pixels, 0, 0)), (0.2, (0, pixels, 0))):
+            settings = Settings(**SIZE | FIXED_LIGHTING | {"exposure": exposure}, columns=columns, frames=(0, 1))
+            run = evaluate_scene(still_pair(scene), settings.replace(frames=(0, 2)))
+            found = run.summary["brightness"]
+            assert found["frames"] == 1 and found["pixels"] == pixels
+            assert (found["black"], found["lit"], found["clipped"]) == expected, (columns, exposure)
+            assert bool(run.summary["notes"]) == (exposure != 0.2)
+
+
+def still_pair(scene):
+    """``scene`` with an animation of one second that moves nothing."""
+    from taubench_gl.scene.model import Channel
+
+    times = np.array([0.0, 1.0])
+    still = Channel("node", 0, "scale", "LINEAR", times, np.ones((2, 3)))
+    return dataclasses.replace(scene, channels=(still,))
+
+
+@pytest.mark.parametrize(
+    ("clipped", "black", "notes"), [(20, 900, 0), (21, 900, 1), (0, 901, 1), (21, 901, 2), (0, 0, 0)]
+)
+def test_notes_begin_above_the_documented_shares(clipped, black, notes):
+    brightness = Brightness(frames=3, pixels=1000, black=black, lit=100, clipped=clipped)
+    assert len(brightness.notes(Settings(**FIXED_LIGHTING))) == notes
+
+
+def test_a_black_image_in_watt_names_candela():
+    settings = Settings(**SIZE | AUTO, frames=(0, 2), columns=LIGHT)
+    dim = dataclasses.replace(still_pair(two_floors(illuminance=0.05)), generator=BLENDER)
+    notes = evaluate_scene(dim, settings).summary["notes"]
+    assert any("--light-unit candela" in note for note in notes)
+    bright = evaluate_scene(dim, settings.replace(light_unit="candela")).summary
+    assert not any("--light-unit candela" in note for note in bright["notes"])
+    assert bright["brightness"]["black"] == bright["brightness"]["clipped"] == 0
+
+
+def test_frames_whose_brightness_is_checked():
+    schedule = [(0, False), (1, True), (2, True), (7, False), (8, True), (9, True)]
+    assert checked_frames(schedule) == {1, 8, 9}
+    assert checked_frames([(4, False)]) == frozenset()
+
+
+# ------------------------------------------------------------------------------------------------------ entry points
+CONCRETE = {"light_unit": "candela", "environment": "none"}
+
+
+def test_a_run_records_its_lighting(tmp_path):
+    run = evaluate_scene(DEMO, Settings(**SIZE | AUTO, frames=(0, 3), columns=LIGHT), out=tmp_path)
+    stored = load_run(tmp_path).summary
+    assert CONCRETE.items() <= stored["settings"].items() and 0 < stored["settings"]["exposure"] != 1.0
+    assert all(stored["lighting"][name] for name in FIXED_LIGHTING)
+    again = evaluate_scene(DEMO, Settings.from_dict({n: stored["settings"][n] for n in FIXED_LIGHTING}).replace(
+        **SIZE, frames=(0, 3), columns=LIGHT))  # fmt: skip
+    assert again.frames == run.frames
+
+
+def test_a_batch_meters_once_and_equals_evaluate(tmp_path):
+    text = f'scenes = ["{DEMO}"]\nsize = "64x48"\nframes = "0:6"\ncolumns = ["frustum", "direct", "color"]\n'
+    text += "".join(f'{name} = "auto"\n' for name in FIXED_LIGHTING)
+    (tmp_path / "spec.toml").write_text(text)
+    spec = read_spec(tmp_path / "spec.toml")
+    run_batch(spec, tmp_path / "out", chunk=2)
+    batch = load_run(tmp_path / "out" / "jobs" / spec.jobs[0].id).summary
+    alone = evaluate_scene(DEMO, Settings(**SIZE | AUTO, frames=(0, 6), columns=LIGHT)).summary
+    for block in ("settings", "lighting", "discard", "brightness", "notes"):
+        assert batch[block] == json.loads(json.dumps(alone[block])), block
+    assert batch["brightness"]["frames"] == 3
+
+
+def test_users_get_automatic_lighting_from_the_command_line(tmp_path):
+    command = [sys.executable, "-m", "taubench_gl", "evaluate", DEMO, "--size", "64x48", "--frames", "0:2"]
+    command += ["--columns", "frustum,direct", "--out", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    settings = load_run(tmp_path).summary["settings"]
+    assert settings["light_unit"] == "candela" and settings["environment"] == "none" and settings["exposure"] != 1.0
+    assert done.stdout.count(f"exposure {settings['exposure']:.4g}") >= 4  # with every table
+    assert f"exposure {settings['exposure']:.4g}" in (tmp_path / "tables.txt").read_text()
+
+
+def test_generator_and_strength_are_read_from_gltf(tmp_path):
+    document = {
+        "asset": {"version": "2.0", "generator": BLENDER},
+        "extensionsUsed": ["EXT_lights_image_based", "KHR_materials_emissive_strength"],
+        "materials": [
+            {"emissiveFactor": [1, 0.5, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}}
+        ],
+    }
+    (tmp_path / "a.gltf").write_text(json.dumps(document))
+    scene = load_scene(tmp_path / "a.gltf")
+    assert scene.generator == BLENDER and scene.image_based_light
+    assert scene.materials[0].emissive_strength == 8 and scene.materials[0].emissive == (8, 4, 0)
