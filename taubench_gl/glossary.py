@@ -186,16 +186,16 @@ REUSE_REASONS: Mapping[Reason, Term] = {
         )
     },
     Reason.POSITION: Term(
-        "position", "moved",
+        "position", "changed in position",
         "The surface point is not where the history has it, and neither surface hides the other", "", _REUSABLE,
     ),
     Reason.NORMAL: Term(
-        "normal", "turned", "The normal changed although the position did not", "", _REUSABLE,
+        "normal", "changed in normal", "The normal changed although the position did not", "", _REUSABLE,
     ),
     Reason.LIT: REASONS[Reason.LIT],
     Reason.SHADOWED: REASONS[Reason.SHADOWED],
     Reason.DIRECT: Term(
-        "direct", "lit in another color", "Direct radiance changed at equal luminance", "", _REUSABLE
+        "direct", "changed in light color", "Direct radiance changed at equal luminance", "", _REUSABLE
     ),
     Reason.INDIRECT: Term(
         "indirect", "changed in indirect light", "Indirect radiance changed although direct radiance did not", "",

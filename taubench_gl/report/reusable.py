@@ -25,14 +25,14 @@ def run_tables(summaries: Sequence[Summary], paper: bool = True) -> list[Table]:
 
 
 def reusable_sentence(summary: Summary) -> str:
-    """One sentence: ``81.3 % of pixels can be reused; most of the rest is disoccluded (9.1 %) or moved (6.0 %)``."""
+    """``81.3 % of pixels can be reused; most of the rest is disoccluded (9.1 %) or off-screen (6.0 %)``."""
     block = summary.get("reusable") or {}
     rate = block.get("reasons_of")
     if rate is None:
         return f"reusable pixels are unknown: {_why(block, 'surface')}"
     shares = {name: entry["mean_percent"] for name, entry in (block.get("reasons") or {}).items()}
     text = sentence(block[rate]["mean_percent"], shares, rate)
-    return text if rate == "shading" else f"{text} (shading is unknown: {_why(block, 'shading')})"
+    return text if rate == "shading" else f"{text} (light was not measured)"
 
 
 def headline(summary: Summary) -> str:
@@ -146,7 +146,7 @@ def reprojection_of(summary: Summary) -> str | None:
 
 
 def joined(names: Iterable[str]) -> str:
-    """Reasons in words: ``disoccluded and turned``."""
+    """Reasons in words: ``disoccluded and darkened``."""
     return " and ".join(TERMS[name].label for name in names)
 
 

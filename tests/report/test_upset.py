@@ -27,7 +27,7 @@ def texts(svg: str) -> list[str]:
 
 def test_the_plot_shows_the_shares_of_combinations_and_reasons(library, summary):
     found = texts(upset_plot(summary).svg)
-    for label in ("off-screen", "disoccluded", "newly occluding", "turned"):
+    for label in ("off-screen", "disoccluded", "newly occluding", "changed in normal"):
         assert label in found
     # 800 pixels a pair: 130 off-screen, 50 disoccluded, 15 turned, 5 occluding and turned; turned in all: 20
     for share in ("16.25", "6.25", "1.88", "0.62", "2.50"):
