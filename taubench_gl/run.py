@@ -94,6 +94,31 @@ class Run:
 
         return TablesView(self.tables(paper))
 
+    def plot(self) -> Any:
+        """Discard rate of every pair over time, and the camera motion below it: a Matplotlib figure.
+
+        Shown in a notebook; ``figure.savefig("frames.png")`` writes it.  Raises OutputError for a run without pairs.
+        """
+        from taubench_gl.report.plots import frames_figure
+
+        if not self.frames:
+            raise OutputError("the run has no pair to plot", where=None if self.out is None else str(self.out))
+        return frames_figure(self.summary, self.frames)
+
+    def to_pandas(self) -> Any:
+        """``frames`` as a pandas DataFrame: one row per pair, FRAME_COLUMNS as columns, NaN where not measured.
+
+        Raises OutputError without pandas, which is optional.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise OutputError("to_pandas needs pandas", hint="run: pip install pandas") from None
+        columns = sorted(self.frames[0] if self.frames else FRAME_COLUMNS, key=_place_of)
+        table = pandas.DataFrame(self.frames, columns=columns)
+        unmeasured = [name for name in columns if table[name].isna().all()]
+        return table.astype(dict.fromkeys(unmeasured, float))
+
     def save(self, folder: str | Path) -> Path:
         """Write summary.json and frames.csv into ``folder``.  Raises OutputError."""
         columns = list(self.frames[0]) if self.frames else list(FRAME_COLUMNS)
@@ -102,6 +127,23 @@ class Run:
                 writer.write_row(row)
             writer.write_summary(self.summary)
         return writer.out
+
+    def _repr_html_(self) -> str:
+        """The run in a notebook: what was evaluated, the headline and tables, and the notes."""
+        from html import escape
+
+        notes = "".join(f"<li>{escape(str(note))}</li>" for note in self.summary.get("notes") or ())
+        listed = f"<details><summary>Notes</summary><ul>{notes}</ul></details>" if notes else ""
+        return f"<p>{escape(self._title())}</p>{self.table(paper=False)._repr_html_()}{listed}"
+
+    def _title(self) -> str:
+        """``demo: 60 pairs at 24 fps, 1920x1080``."""
+        settings = self.summary.get("settings", {})
+        size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
+        name = self.summary.get("scene", {}).get("name", "?")
+        fps = settings.get("fps")
+        rate = "?" if fps is None else f"{fps:g}"
+        return f"{name}: {self.summary.get('pairs', 0)} pairs at {rate} fps, {size}"
 
     def __repr__(self) -> str:
         discard = self.summary.get("discard", {})
@@ -113,11 +155,7 @@ class Run:
             for name, entry in (reusable | discard).items()
             if entry is not None and entry.get("mean_percent") is not None
         )
-        settings = self.summary.get("settings", {})
-        size = f"{settings.get('width', '?')}x{settings.get('height', '?')}"
-        name = self.summary.get("scene", {}).get("name", "?")
-        pairs = f"{self.summary.get('pairs', 0)} pairs at {settings.get('fps', '?')} fps, {size}"
-        return f"<Run {name}: {pairs}: {rates or 'nothing measured'}>"
+        return f"<Run {self._title()}: {rates or 'nothing measured'}>"
 
 
 class RunWriter:
@@ -336,6 +374,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"{type(value).__name__} cannot be written to summary.json")
+
+
+def _place_of(column: str) -> int:
+    """The place of a column in frames.csv; columns it does not know come last."""
+    return FRAME_COLUMNS.index(column) if column in FRAME_COLUMNS else len(FRAME_COLUMNS)
 
 
 def _no_summary(out: Path) -> OutputError:

@@ -46,6 +46,69 @@ API_HEAD = """# Python interface
 machines without it.
 
 This page is written by `python -m taubench_gl.apps.doc` from the docstrings.
+
+
+## Examples
+
+Run them in the folder of the project.  [notebooks/api.ipynb](notebooks/api.ipynb) shows the same in a notebook.
+
+An evaluation takes the options of [`taubench-gl evaluate`](commands/evaluate.md) by name, as the command line spells
+them or as Python values:
+
+```python
+import taubench_gl as tb
+
+scene = "assets/demo.glb"
+run = tb.evaluate(scene, size="320x180", frames=range(0, 4), indirect="none")
+print(run.summary["reusable"]["surface"]["mean_percent"])  # % of all pixels
+print(run.table())  # as HTML in a notebook
+run.plot().savefig("frames.png")  # discard rate over time, a Matplotlib figure
+```
+
+The counts of every pair, as a list of dictionaries or as a pandas table:
+
+```python
+print(run.frames[0]["position"])
+print(run.to_pandas()[["frame", "pixels", "frustum", "position", "normal"]])
+```
+
+The images of every pair, as NumPy arrays, row 0 at the top.  `pair.mask` holds bits of `Reason`
+([conventions.md](conventions.md)):
+
+```python
+for pair in tb.pairs(scene, size="320x180", frames="0:3", columns="frustum,position,normal", reprojection="motion"):
+    disoccluded = (pair.mask & tb.Reason.DISOCCLUDED) != 0
+    print(pair.frame, disoccluded.mean(), abs(pair.motion).max())
+    print(pair.explain(160, 90))
+    if pair.color is None:
+        print("no color:", pair.unmeasured["color"])
+```
+
+The same during an evaluation:
+
+```python
+masks = {}
+options = {"size": (320, 180), "frames": (0, 3), "columns": ["position"]}
+tb.evaluate(scene, on_pair=lambda pair: masks.update({pair.frame: pair.mask}), **options)
+print(masks[1].shape)
+```
+
+Settings that several evaluations share:
+
+```python
+settings = tb.Settings(size="320x180", frames=range(3), columns="frustum,position", thresholds={"position": 0.05})
+for reprojection in ("camera", "motion"):
+    print(tb.evaluate(scene, settings, reprojection=reprojection))
+```
+
+A wrong name or value is a `TaubenchError` of one line:
+
+```python
+try:
+    tb.evaluate(scene, widht=320)
+except tb.TaubenchError as error:
+    print(error)  # no setting is named 'widht' (did you mean width?)
+```
 """
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
+from types import MethodType
 from typing import Any
 
 from taubench_gl.outputs import cannot_write, plain_text
@@ -27,7 +29,15 @@ def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **g
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
+        figure._repr_png_ = MethodType(_png_of, figure)  # notebooks show figures of pyplot only
         return figure, figure.subplots(rows, columns, **grid)
+
+
+def _png_of(figure: Any) -> bytes:
+    """The figure as a PNG file."""
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=100)
+    return data.getvalue()
 
 
 def column_style(name: str) -> dict[str, Any]:

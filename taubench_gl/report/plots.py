@@ -73,12 +73,15 @@ def plot_thresholds(summary: Summary, path: str | Path) -> list[Path]:
 
 
 def plot_frames(summary: Summary, frames: Sequence[Mapping[str, Any]], path: str | Path) -> list[Path]:
-    """The discard rate per pair, and below it the camera motion; cuts are vertical lines.
+    """``frames_figure`` as files.
 
     -> the PNG and SVG file; none if there is no pair.  Raises OutputError.
     """
-    if not frames:
-        return []
+    return save_figure(frames_figure(summary, frames), Path(path)) if frames else []
+
+
+def frames_figure(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Any:
+    """The discard rate per pair, and below it the camera motion; cuts are vertical lines.  -> Matplotlib figure."""
     figure, (upper, lower) = new_figure(9.0, 5.6, rows=2, sharex=True, height_ratios=(3, 2))
     number = _column(frames, "frame")
     pixels = _column(frames, "pixels")
@@ -106,7 +109,7 @@ def plot_frames(summary: Summary, frames: Sequence[Mapping[str, Any]], path: str
             axes.axvline(cut, color="#882255", linewidth=1, linestyle=(0, (2, 2)), label=None if i else "cut")
     legend_beside(upper, x=1.09)
     legend_beside(lower, right, x=1.09)
-    return save_figure(figure, Path(path))
+    return figure
 
 
 def plot_sweep(

@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from taubench_gl.api import pairs
 from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.gpu import context
@@ -161,6 +162,18 @@ def test_repeated_evaluations_leave_nothing_behind(gpu: Gpu) -> None:
     for look in (None, lambda pair: pair.mask, stop):
         with contextlib.suppress(KeyboardInterrupt):
             evaluate_scene(DEMO, settings, Observers(on_pair=look))
+        assert gpu.ctx.error == "GL_NO_ERROR"
+        assert alive(gpu) == before
+
+
+def test_a_loop_over_pairs_that_is_left_leaves_nothing_behind(gpu: Gpu) -> None:
+    settings = Settings(width=64, height=36, frames=(0, 3), columns=("frustum", "position", "color"), indirect="none")
+    evaluate_scene(DEMO, settings)
+    before = alive(gpu)
+    for last in (1, 9):
+        for pair in pairs(DEMO, settings):
+            if pair.frame == last:
+                break
         assert gpu.ctx.error == "GL_NO_ERROR"
         assert alive(gpu) == before
 
