@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+RADIANCE_UNIT = "W/(sr m2) or cd/m2"
+"""By the setting ``light_unit``, watt or candela; without exposure."""
+
 
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
@@ -60,7 +63,7 @@ CHANNELS: dict[str, ChannelInfo] = {
             ("Metallic", "Roughness", "Occlusion", "Specular"),
         ),
         ChannelInfo(
-            "emission", 4, "f4", "W/(sr m2)", "emitted radiance, linear",
+            "emission", 4, "f4", RADIANCE_UNIT, "emitted radiance, linear",
             ("Emission.R", "Emission.G", "Emission.B", None),
         ),
         ChannelInfo(
@@ -69,7 +72,7 @@ CHANNELS: dict[str, ChannelInfo] = {
         ),
         *(
             ChannelInfo(
-                name, 4, "f4", "W/(sr m2)", doc, (f"{exr}.R", f"{exr}.G", f"{exr}.B", None), attachment=False
+                name, 4, "f4", RADIANCE_UNIT, doc, (f"{exr}.R", f"{exr}.G", f"{exr}.B", None), attachment=False
             )
             for name, doc, exr in (
                 ("direct", "radiance of lights and sky after one bounce, all lobes, linear", "Direct"),

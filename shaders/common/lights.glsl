@@ -1,4 +1,4 @@
-// Punctual lights (KHR_lights_punctual): candela and lux, 1/d^2 with range window and spot falloff.
+// Punctual lights (KHR_lights_punctual): candela and lux, or these over 683, 1/d^2 with range window and spot falloff.
 // Reference: metrics.lighting.incident
 const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE_SPOT = 3.0;
 

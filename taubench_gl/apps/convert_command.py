@@ -6,12 +6,14 @@ from pathlib import Path
 
 import click
 
+from taubench_gl.errors import note_renamed
+
 
 @click.command(
     epilog="""\b
 Examples:
   taubench-gl convert scene.fbx scene.glb
-  taubench-gl convert scene.blend scene.glb --lights watts
+  taubench-gl convert scene.blend scene.glb
 \b
 Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
 interpreter that has it.  Scripts inside .blend files are not run."""
@@ -21,16 +23,19 @@ interpreter that has it.  Scripts inside .blend files are not run."""
 @click.option(
     "--lights",
     type=click.Choice(["spec", "watts"]),
-    default="spec",
-    show_default=True,
-    help="spec: candela and lux at 683 lm/W.  watts: values that reproduce Cycles' radiance at exposure 1.",
+    hidden=True,
 )
-def convert(source: str, target: Path, lights: str) -> None:
-    """Write an FBX or .blend file as glTF, with its animations, cameras and lights."""
+def convert(source: str, target: Path, lights: str | None) -> None:
+    """Write an FBX or .blend file as glTF, with its animations, cameras and lights.
+
+    Lights are in candela and lux, 683 lm for each watt; the other commands divide them by 683 (--light-unit auto).
+    """
     from taubench_gl.pathtraced.blender.convert import convert as convert_file
     from taubench_gl.scene import load_scene
 
-    made = convert_file(source, target, lights=lights)
+    if lights is not None:
+        note_renamed(f"--lights {lights}", "candela, always; see --light-unit of evaluate")
+    made = convert_file(source, target)
     listed = ", ".join(f"{made[name]} {name}" for name in ("meshes", "cameras", "lights", "armatures", "actions"))
     click.echo(f"Blender {made['blender']} read {listed}")
     scene = load_scene(target)

@@ -1,7 +1,7 @@
 """Light unit and environment of a run: what ``auto`` stands for in a scene, and what the lighting passes read.
 
 glTF gives point and spot lights in candela and directional lights in lux (KHR_lights_punctual).  Blender's exporter
-multiplies watts by 683 lm/W since its lighting modes came (glTF-Blender-IO pull request 1760, version 3.6), so the
+multiplies watts by 683 lm/W since it has lighting modes (glTF-Blender-IO pull request 1760; docs/light.md), so the
 radiance of such a file in W/(sr m2), as Cycles renders it, needs the intensities divided by 683.
 """
 

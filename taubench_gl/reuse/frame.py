@@ -10,6 +10,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.channels import RADIANCE_UNIT
 from taubench_gl.metrics.reprojection import Reprojection
 
 
@@ -28,7 +29,7 @@ INPUTS: dict[str, InputInfo] = {
     info.name: info
     for info in (
         InputInfo(
-            "radiance", 4, "f4", "W/(sr m2)",
+            "radiance", 4, "f4", RADIANCE_UNIT,
             "rgb: this frame's radiance, linear, exposure applied, with the noise and resolution of the input kind; "
             "a: 1 where the pixel was shaded in this frame, 0 where it was filled from its nearest shaded neighbor",
         ),
@@ -36,7 +37,7 @@ INPUTS: dict[str, InputInfo] = {
         InputInfo("normal", 4, "f4", "1", "as channels.normal"),
         InputInfo("prev_position", 4, "f4", "m", "as channels.prev_position: the same point in the previous frame"),
         InputInfo("base_color", 4, "f2", "1", "as channels.base_color"),
-        InputInfo("emission", 4, "f4", "W/(sr m2)", "as channels.emission, exposure not applied"),
+        InputInfo("emission", 4, "f4", RADIANCE_UNIT, "as channels.emission, exposure not applied"),
         InputInfo("ids", 2, "u4", "1", "as channels.ids"),
         InputInfo("history_position", 4, "f4", "m", "position of the previous frame, relative to the previous camera"),
         InputInfo("history_normal", 4, "f4", "1", "normal of the previous frame"),

@@ -59,8 +59,8 @@ os._exit(0)
 def test_conversion_and_its_errors(tmp_path):
     python = executable(tmp_path, STAND_IN)
     (tmp_path / "a.fbx").write_text("whole")
-    made = convert(tmp_path / "a.fbx", tmp_path / "new" / "a.glb", lights="watts", python=python)
-    assert (tmp_path / "new" / "a.glb").read_text() == "glTF COMPAT"
+    made = convert(tmp_path / "a.fbx", tmp_path / "new" / "a.glb", python=python)
+    assert (tmp_path / "new" / "a.glb").read_text() == "glTF SPEC"
     assert made == {"meshes": 1, "cameras": 0, "lights": 2, "armatures": 0, "actions": 3, "blender": "4.5.0"}
     (tmp_path / "b.fbx").write_text("broken")
     (tmp_path / "c.blend").write_text("crash")

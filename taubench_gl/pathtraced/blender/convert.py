@@ -11,14 +11,12 @@ from taubench_gl.outputs import write_atomically
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
 
 SOURCES = (".fbx", ".blend")
-LIGHT_UNITS = {"spec": "SPEC", "watts": "COMPAT"}
-"""spec: candela and lux at 683 lumens per watt.  watts: values that reproduce Cycles' radiance at exposure 1."""
+LIGHTING_MODE = "SPEC"
+"""Mode of Blender's exporter: candela and lux at 683 lumens per watt, what ``light_unit`` expects of its files."""
 
 
-def convert(
-    source: str | Path, target: str | Path, *, lights: str = "spec", python: str | None = None
-) -> dict[str, Any]:
-    """Write ``source`` as the .glb file ``target``, atomically, with animations, cameras and lights.
+def convert(source: str | Path, target: str | Path, *, python: str | None = None) -> dict[str, Any]:
+    """Write ``source`` as the .glb file ``target``, atomically, with animations, cameras and lights in candela and lux.
 
     The first frame of an FBX file is at 0 s; frame f of a .blend file is at f / fps, as Blender's exporter writes it.
     Returns the counts of meshes, cameras, lights, armatures and actions, and Blender's version.  Raises SceneError for
@@ -35,7 +33,7 @@ def convert(
     with tempfile.TemporaryDirectory(prefix="taubench-") as name:
         folder = Path(name)
         made = folder / "scene.glb"
-        job = {"source": str(source.resolve()), "target": str(made), "lights": LIGHT_UNITS[lights]}
+        job = {"source": str(source.resolve()), "target": str(made), "lights": LIGHTING_MODE}
         done = _run(python, job, folder, source)
         write_atomically(target, made.read_bytes(), parents=True)
     counts = done["counts"]
