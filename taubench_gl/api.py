@@ -24,7 +24,7 @@ from taubench_gl.evaluation import (
     iterate_pairs,
     open_scene,
 )
-from taubench_gl.frame.sources import RasterSource, Source
+from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.pathtraced.evaluation import (
@@ -139,7 +139,7 @@ def _pairs(given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> It
 def _source(gpu: Gpu, given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> Source:
     if isinstance(given, PathTracedInput):
         return PathTracedSource(gpu, given.sequence, given.camera, given.settings)
-    return RasterSource(gpu, given.scene, given.camera, given.settings, extra=channels)
+    return RasterSource(gpu, given.scene, given.camera, given.settings, SourceOptions(extra=channels))
 
 
 def _settings_of(

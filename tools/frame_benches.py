@@ -31,7 +31,7 @@ from taubench_gl.channels import CHANNELS
 from taubench_gl.datasets.stand_ins import make_stand_in
 from taubench_gl.evaluation import Observers, PairEvaluator, evaluate_pairs
 from taubench_gl.frame.read_back import ChannelReader
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -146,7 +146,7 @@ def readback(gpu: Gpu, options: Options) -> Result:
     scene = load_scene(path)
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
     settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY)
-    source = RasterSource(gpu, scene, camera, settings, extra=READS)
+    source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=READS))
     watch, ways = Stopwatch(gpu), {"at once": False, "pixel buffers, one frame late": True}
     readers = {name: ChannelReader(gpu, buffered=buffered) for name, buffered in ways.items()}
 

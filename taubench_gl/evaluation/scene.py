@@ -12,7 +12,7 @@ from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -77,7 +77,9 @@ def _run(given: SceneInput, observers: Observers) -> Run:
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
         context = GpuContext(gpu, timer=timer)
-        source = RasterSource(gpu, scene, camera, settings, extra=observers.channels, timer=timer, poser=poser)
+        source = RasterSource(
+            gpu, scene, camera, settings, SourceOptions(extra=observers.channels), timer=timer, poser=poser
+        )
         try:
             schedule = frame_schedule(frames, settings)
             results = evaluate_pairs(context, source, settings, schedule, observers)

@@ -20,7 +20,7 @@ from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.export.channels import RADIANCE
 from taubench_gl.frame.read_back import ChannelReader, Image
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.targets import History
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -92,7 +92,9 @@ class FrameSource:
         table |= {"mask_forward": "prev_position", "mask": "position"}
         light = {"direct", "indirect", "color"}
         extra = tuple(dict.fromkeys(table.get(n, n) for n in names if n not in light))
-        self.source = RasterSource(gpu, scene, camera, settings, extra=extra, poser=self._poser, jitter=self._jitter)
+        self.source = RasterSource(
+            gpu, scene, camera, settings, SourceOptions(extra=extra, jitter=self._jitter), poser=self._poser
+        )
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
         self._context = GpuContext(gpu)

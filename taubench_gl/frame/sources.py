@@ -6,6 +6,7 @@ The rasterizer is one source, path-traced files are another; one mask implementa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -57,6 +58,17 @@ class Source(Protocol):
     def release(self) -> None: ...
 
 
+@dataclass(frozen=True, slots=True)
+class SourceOptions:
+    """How a RasterSource departs from what columns and settings ask for."""
+
+    extra: tuple[str, ...] = ()  # channels besides those the columns need
+    force: tuple[str, ...] = ()  # effects to simulate although no column needs them
+    without: tuple[str, ...] = ()  # effects not to simulate, with those that depend on them
+    jitter: Callable[[int], np.ndarray] | None = None  # frame -> sub-pixel offset (2,) of its samples, pixels
+    shading: Shading | None = None  # fewer pixels or random samples instead of exact light
+
+
 class RasterSource:
     """Frames of a Scene, rasterized."""
 
@@ -66,24 +78,16 @@ class RasterSource:
         scene: Scene,
         camera: CameraTrack,
         settings: Settings,
+        options: SourceOptions = SourceOptions(),
         *,
-        extra: tuple[str, ...] = (),
         timer: PassTimer | None = None,
         poser: Poser | None = None,
-        force: tuple[str, ...] = (),
-        without: tuple[str, ...] = (),
-        jitter: Callable[[int], np.ndarray] | None = None,
-        shading: Shading | None = None,
     ):
-        """``extra``: channels besides those the columns need; ``force``: effects to simulate although no column needs
-        them; ``without``: effects not to simulate, and what depends on them;
-        ``jitter``: sub-pixel offset (2,) of each frame's samples, such as ``animation.jitter.halton_jitter``;
-        ``shading``: fewer pixels or random samples instead of exact light, see ``frame.shading``."""
-        self._jitter = jitter
+        self._jitter, shading = options.jitter, options.shading
         self.samples = settings.metrics.samples_per_pixel
         self._offsets = grid_offsets(self.samples)
         self._fps = settings.sequence.fps
-        self.effects = disable(force_on(decide(scene, settings), force), without, DEPENDS)
+        self.effects = disable(force_on(decide(scene, settings), options.force), options.without, DEPENDS)
         if shading is not None and not shading.exact:
             # Emission stays: it is part of the radiance of such frames (reuse.inputs).
             self.effects = {**self.effects, "color": Effect(False, "not every pixel has its exact light")}
@@ -94,17 +98,17 @@ class RasterSource:
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
         poser, software = poser or Poser(scene), gpu.software
         facts = SceneFacts(scene, camera, poser)
-        spec = frame_spec(facts, settings, self.effects, shading=shading, extra=extra, software=software)
+        spec = frame_spec(facts, settings, self.effects, shading=shading, extra=options.extra, software=software)
         self.size = spec.size
         self.context = GpuContext(gpu, timer=timer)
-        options = RasterOptions(
+        raster = RasterOptions(
             culling=settings.sequence.culling,
             textures=settings.sequence.textures,
             storage=settings.device.storage,
             normal_maps=self.effects["normal_maps"].enabled,
         )
         channels = frame_channels(spec)
-        self.renderer = Renderer(self.context, scene, camera, self.size, channels, options, poser=poser)
+        self.renderer = Renderer(self.context, scene, camera, self.size, channels, raster, poser=poser)
         # Every sample position has a history; scene, shadows and probes are shared.
         self._more = [self.renderer.new_history() for _ in range(self.samples - 1)]
         self._history = self.renderer.history

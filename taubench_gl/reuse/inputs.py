@@ -23,7 +23,7 @@ from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource, Source
+from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
@@ -98,9 +98,13 @@ class RasterInputs:
         shading = None if kind.exact else kind.shading()
         common = {"settings": self.settings, "poser": request.poser or Poser(request.scene)}
         self.source = RasterSource(
-            gpu, request.scene, request.camera, timer=self.timer, jitter=self._jitter, shading=shading, extra=extra,
+            gpu,
+            request.scene,
+            request.camera,
+            options=SourceOptions(jitter=self._jitter, shading=shading, extra=extra),
+            timer=self.timer,
             **common,
-        )  # fmt: skip
+        )
         needs_exact = exact or "exact_mask" in self.reads
         self.exact: RasterSource | None = None
         if needs_exact:
@@ -108,7 +112,7 @@ class RasterInputs:
             self.exact = (
                 self.source
                 if kind.exact
-                else RasterSource(gpu, request.scene, request.camera, shading=unshared, **common)
+                else RasterSource(gpu, request.scene, request.camera, options=SourceOptions(shading=unshared), **common)
             )
         self._context = GpuContext(gpu)
         self._compose = ComposePass(
@@ -136,10 +140,17 @@ class RasterInputs:
         if self._exact_masks is not None:
             self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.size), declared)
         out = FrameInputs(
-            index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
-            prev_view=previous, jitter_px=view.jitter_px, prev_jitter_px=previous.jitter_px,
-            exposure=self.settings.lighting.exposure_factor, cut=frame in self._cuts,
-        )  # fmt: skip
+            index=self._index,
+            time=frame / self.settings.sequence.fps,
+            textures=self._textures(),
+            pair=pair,
+            view=view,
+            prev_view=previous,
+            jitter_px=view.jitter_px,
+            prev_jitter_px=previous.jitter_px,
+            exposure=self.settings.lighting.exposure_factor,
+            cut=frame in self._cuts,
+        )
         self._index, self._previous = self._index + 1, view
         return out
 
@@ -251,7 +262,7 @@ class FileInputs:
         if not missing:
             return None
         geometry = settings.replace(columns=("frustum",), textures="finest")
-        return RasterSource(gpu, scene, camera, geometry, extra=missing)
+        return RasterSource(gpu, scene, camera, geometry, SourceOptions(extra=missing))
 
     def frames(self, requested: tuple[int | None, int | None]) -> range:
         """Frame numbers of the files within ``requested``.  Raises PathTracedError for gaps."""
@@ -273,10 +284,17 @@ class FileInputs:
             if masks is not None:
                 masks.run(pair, _declared(self._previous, frame, self._cuts))
         out = FrameInputs(
-            index=self._index, time=frame / self.settings.sequence.fps, textures=self._textures(), pair=pair, view=view,
-            prev_view=previous, jitter_px=np.zeros(2), prev_jitter_px=np.zeros(2),
-            exposure=self.settings.lighting.exposure_factor, cut=frame in self._cuts,
-        )  # fmt: skip
+            index=self._index,
+            time=frame / self.settings.sequence.fps,
+            textures=self._textures(),
+            pair=pair,
+            view=view,
+            prev_view=previous,
+            jitter_px=np.zeros(2),
+            prev_jitter_px=np.zeros(2),
+            exposure=self.settings.lighting.exposure_factor,
+            cut=frame in self._cuts,
+        )
         self._index, self._previous = self._index + 1, view
         return out
 

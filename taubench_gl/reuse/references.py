@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.reuse.frame import read_result
@@ -31,9 +31,13 @@ class SupersampledReference:
         self._offset = self._offsets[0]
         settings = light_settings(request.settings, request.kind)
         self._source = RasterSource(
-            request.gpu, request.scene, request.camera, settings, poser=request.poser,
-            shading=Shading(gather_each=request.kind.noisy), jitter=lambda frame: self._offset,
-        )  # fmt: skip
+            request.gpu,
+            request.scene,
+            request.camera,
+            settings,
+            SourceOptions(shading=Shading(gather_each=request.kind.noisy), jitter=lambda frame: self._offset),
+            poser=request.poser,
+        )
         self._context = GpuContext(request.gpu)
         channels = light_channels(self._source)
         self._compose = ComposePass(self._context, self._source.size, settings, channels, accumulate=True)

@@ -19,7 +19,7 @@ from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.spec import bound_times
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
@@ -118,10 +118,9 @@ class SceneFeed:
             self.scene,
             self.camera,
             self.settings,
-            extra=tuple(n for n in CHANNELS if n in self._extra),
+            SourceOptions(extra=tuple(n for n in CHANNELS if n in self._extra), without=tuple(off)),
             timer=self._timer,
             poser=self._poser,
-            without=tuple(off),
         )
         if self.source is not None:  # only now: if the new source fails, the old one stays
             self.source.release()

@@ -10,7 +10,7 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import View, choose_camera
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
@@ -52,7 +52,7 @@ class Shot:
 def opened(gpu: Gpu, scene: Scene, *, extra: tuple[str, ...] = (), **settings) -> Iterator[RasterSource]:
     """The source of an evaluation over ``scene``; 64x48 and direct light alone unless ``settings`` say otherwise."""
     settings = {"width": 64, "height": 48, "columns": DIRECT_ONLY} | settings
-    source = RasterSource(gpu, scene, choose_camera(scene), Settings(**settings), extra=extra)
+    source = RasterSource(gpu, scene, choose_camera(scene), Settings(**settings), SourceOptions(extra=extra))
     try:
         yield source
     finally:

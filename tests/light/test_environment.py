@@ -116,12 +116,12 @@ def test_stochastic_light_of_the_default_environment_is_exact_without_indirect_l
     """One light, unoccluded: each of its samples is the light itself."""
     from taubench_gl.animation import choose_camera
     from taubench_gl.frame.shading import Shading
-    from taubench_gl.frame.sources import RasterSource
+    from taubench_gl.frame.sources import RasterSource, SourceOptions
 
     scene = table()
     settings = Settings(width=64, height=48, columns=("direct",), environment="default", shadow_size=256)
     source = RasterSource(
-        gpu, scene, choose_camera(scene), settings, shading=Shading(light_samples=1, indirect_samples=1)
+        gpu, scene, choose_camera(scene), settings, SourceOptions(shading=Shading(light_samples=1, indirect_samples=1))
     )
     try:
         shot = shoot(source)

@@ -18,7 +18,7 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.frame.passes.lighting import LOBES
 from taubench_gl.frame.plan import DEPENDS, FramePlan, frame_channels, frame_passes, frame_spec
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.spec import SceneFacts
 from taubench_gl.gpu.declare import IMAGE, TEXTURE, ComputePass
 from taubench_gl.scene import load_scene
@@ -87,7 +87,9 @@ def check(gpu, scene, chosen) -> None:
 def test_shaders_use_all_that_their_pass_declares(gpu, settings, shading):
     """The interface of a shader is generated, so it cannot use what is not declared; nor is more declared."""
     scene = busy_room(lamps=20)
-    source = RasterSource(gpu, scene, choose_camera(scene), Settings(**SIZE, **settings), shading=shading)
+    source = RasterSource(
+        gpu, scene, choose_camera(scene), Settings(**SIZE, **settings), SourceOptions(shading=shading)
+    )
     try:
         source.advance(0)
         spec = frame_spec(

@@ -15,7 +15,7 @@ from shadow_tools import Case, on_plane, visibility
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Image, Scene, Texture
 from taubench_gl.selftest.scenes import SceneBuilder, box, morphed, quad, skinned, sphere, turn_x
@@ -67,7 +67,7 @@ def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu):
     for parts, shading in ((1, None), (MAX_UNROLLED + 1, None), (1, Shading(light_samples=1, indirect_samples=1))):
         scene = case.scene(parts=parts)
         settings = Settings(width=96, height=96, shadow_size=SIZE, shadow_lights=parts, shadow_filter="hard")
-        source = RasterSource(gpu, scene, choose_camera(scene), settings, shading=shading)
+        source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(shading=shading))
         found.append(shoot(source).direct)
         source.release()
     for other in found[1:]:

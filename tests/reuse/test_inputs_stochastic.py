@@ -7,7 +7,7 @@ import pytest
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.metrics import shading_rate
 from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf, incident
 from taubench_gl.metrics.stochastic import choose, estimate_direct, estimate_indirect, light_choice, pcg4d, random4
@@ -41,7 +41,7 @@ def source_of(gpu, **shading):
         light_error=0.0, shadow_lights=shading.pop("shadow_lights", 8), environment=shading.pop("environment", "none"),
     )  # fmt: skip
     scene = lit_scene()
-    return RasterSource(gpu, scene, choose_camera(scene), settings, shading=Shading(**shading))
+    return RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(shading=Shading(**shading)))
 
 
 @pytest.fixture
@@ -239,7 +239,11 @@ def test_mean_with_all_light_types_and_tile_lists(gpu, filtering):
     )  # fmt: skip
     exact = RasterSource(gpu, scene, choose_camera(scene), settings)
     noisy = RasterSource(
-        gpu, scene, choose_camera(scene), settings, shading=Shading(light_samples=4, indirect_samples=1, seed=9)
+        gpu,
+        scene,
+        choose_camera(scene),
+        settings,
+        SourceOptions(shading=Shading(light_samples=4, indirect_samples=1, seed=9)),
     )
     exact.advance(0)
     assert exact.light.tile_counts() is not None

@@ -14,7 +14,7 @@ from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.metrics.color import display_color
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import turn_x, turn_y
@@ -44,7 +44,7 @@ def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: in
     """Direct radiance of frames, (h, w, 3) each.  ``samples``: random light samples per pixel; 0: all lamps."""
     shading = Shading(light_samples=samples, indirect_samples=samples)
     settings = stage.settings(columns=("direct",))
-    source = RasterSource(stage.gpu, what, choose_camera(what), settings, shading=shading)
+    source = RasterSource(stage.gpu, what, choose_camera(what), settings, SourceOptions(shading=shading))
     try:
         found = []
         for frame in frames:
