@@ -164,7 +164,9 @@ class SequenceSettings(_Group):
         (None, None), "Python slice (A, B) of frame numbers; None: the default end", selects=True
     )
     camera: str | int | None = _setting(
-        None, "node name, camera name or index; None: the first camera, else a framing orbit", selects=True
+        None,
+        "node name, camera name, index or orbit; None: the file's, a framing orbit if there is none or all is still",
+        selects=True,
     )
     scene: str | int | None = _setting(None, "name or index of the file's scene; None: its default", selects=True)
     animation: tuple[str | int, ...] | None = _setting(

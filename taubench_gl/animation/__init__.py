@@ -8,7 +8,9 @@ from taubench_gl.animation.views import (
     OrbitCamera,
     bounding_box,
     bounding_sphere,
+    camera_of_run,
     choose_camera,
+    is_still,
 )
 
 __all__ = [
@@ -20,7 +22,9 @@ __all__ = [
     "View",
     "bounding_box",
     "bounding_sphere",
+    "camera_of_run",
     "choose_camera",
+    "is_still",
     "pose_normals",
     "pose_vertices",
     "sample",

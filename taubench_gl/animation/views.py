@@ -1,34 +1,50 @@
-"""Camera tracks: a camera of the file, or a framing orbit for a scene without cameras."""
+"""Camera tracks: a camera of the file, or a framing orbit."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 import numpy as np
 from pyrr import matrix44
+from scipy.optimize import brentq
+from scipy.spatial import ConvexHull, QhullError
 
 from taubench_gl import math3d
 from taubench_gl.animation.pose import Poser, is_skinned, pose_vertices
 from taubench_gl.animation.state import FrameState, View
 from taubench_gl.errors import SettingsError
-from taubench_gl.scene.model import Camera, Scene
+from taubench_gl.scene.model import Camera, Channel, Primitive, Scene
+from taubench_gl.settings import SequenceSettings
 
 Array = np.ndarray
 
-ORBIT_PERIOD = 10.0
-"""Seconds per revolution of the framing orbit: 36 degrees a second, 1.5 degrees a frame at 24 fps."""
+ORBIT = "orbit"
+"""The request for a framing orbit.  It takes precedence over a camera of this name, which has an index."""
 
 ORBIT_YFOV = math.radians(45.0)
 ORBIT_ELEVATION = math.radians(20.0)
 """Radians above the horizon: shows the tops of objects; a look-at along +Y would be undefined."""
 
-ORBIT_MARGIN = 1.1
-"""The bounding sphere covers 1 / 1.1 of the image height."""
+ORBIT_FILL = 0.8
+"""Share of the image height that the subject covers, or of the width where that is the tighter limit."""
 
-BOUNDS_SAMPLES = 5
-"""Number of times, evenly spaced over the animation with both ends, at which the orbit's bounds are evaluated."""
+ORBIT_STEP = 0.02
+"""Distance that the camera moves per frame at ORBIT_FPS, as a share of the subject's size."""
+
+ORBIT_FPS = 24.0
+
+STILL_SECONDS = 2.0
+"""Duration of a still scene under the framing orbit or a caller's camera; a camera of the file gives one frame."""
+
+NO_CAMERA = "the scene has no camera"
+ALL_STILL = "the scene and its camera are still"
+REQUESTED = "requested"
+"""Reasons for a framing orbit."""
+
+_HULL_POINTS = 32
+"""Fewer points are kept as they are."""
 
 
 class CameraTrack(Protocol):
@@ -62,54 +78,139 @@ class FileCamera:
 
 
 class OrbitCamera:
-    """Orbits the scene about +Y, once in ``period`` seconds, from the +Z side towards +X.
+    """Orbits the subject, everything that is drawn, about +Y, from the +Z side towards +X.
 
-    The orbit does not make a scene animated: a still scene has duration 0 and one frame.  A caller that needs motion
-    uses ``period`` as the duration.
+    Framing: over the animation, the projection of the subject fills ORBIT_FILL of the image height, or of the width
+    where the subject is wider than the image, and is centered.  Exact for the posed vertices at ``times``.
+
+    Motion: the camera moves ``step`` = ORBIT_STEP of ``subject_size`` per frame at ORBIT_FPS, both in scene units.
+    ``subject_size`` is the diagonal of the box that contains the subject over the animation.  The rotation per frame
+    follows from the radius of the orbit, so it depends on the shape of the subject and of the image.
+
+    ``size``: width and height of the image, pixels.  ``duration``: seconds; at least STILL_SECONDS if the scene is
+    still.  The view is a pure function of the time.
     """
 
-    period = ORBIT_PERIOD
     name = "framing orbit"
 
-    def __init__(self, scene: Scene, poser: Poser | None = None):
-        poser = poser or Poser(scene)
-        times = np.linspace(0.0, scene.duration, BOUNDS_SAMPLES) if scene.duration > 0 else [0.0]
-        self.center, self.radius = bounding_sphere(poser, times)
-        self.distance = ORBIT_MARGIN * self.radius / math.sin(0.5 * ORBIT_YFOV)
-        # Half the gap in front of the sphere and the same behind it: the sphere is never clipped.
-        gap = 0.5 * (self.distance - self.radius)
-        self.camera = Camera(
-            name=self.name,
-            yfov=ORBIT_YFOV,
-            znear=self.distance - self.radius - gap,
-            zfar=self.distance + self.radius + gap,
-        )
+    def __init__(
+        self, scene: Scene, poser: Poser | None = None, size: tuple[int, int] = (16, 9), reason: str = NO_CAMERA
+    ):
+        self.reason = reason
+        still, subject = is_still(scene), _Subject(poser or Poser(scene))
+        self.duration = max(scene.duration, STILL_SECONDS) if still else scene.duration
+        self.times = np.linspace(0.0, self.duration, int(np.clip(12.0 * self.duration, 24, 96)) + 1)
+        clouds = [subject.at(0.0)] * len(self.times) if still else [subject.at(t) for t in self.times]
+        points = np.concatenate(clouds)
+        low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
+        self.center = 0.5 * low + 0.5 * high
+        self.subject_size = float(np.linalg.norm(high - low))
+        if self.subject_size == 0.0:  # nothing, or a single point
+            unit = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
+            self.subject_size, clouds = float(np.linalg.norm(unit[1] - unit[0])), [self.center + unit] * len(self.times)
+        self.step = ORBIT_STEP * self.subject_size
+        self._frame([cloud - self.center for cloud in clouds], size[0] / size[1])
 
-    def describe(self) -> str:
-        return "framing orbit (the scene has no camera)"
+    def _frame(self, clouds: list[Array], aspect: float) -> None:
+        """Find the rotation per second, the offset of the camera and the clipping planes."""
+        slopes = ORBIT_FILL * math.tan(0.5 * ORBIT_YFOV) * np.array([aspect, 1.0])
+
+        def framing(rate: float) -> tuple[Array, float, float]:
+            """The camera in the rotating frame, (3,), and the range of planar depths."""
+            # The camera at (sx, sy, d) sees (x, y, z) inside the limits if |x - sx| <= slope_x (d - z), and so for y.
+            upper, lower, depth = np.full(2, -np.inf), np.full(2, -np.inf), np.array([np.inf, -np.inf])
+            for t, cloud in zip(self.times, clouds, strict=True):
+                if not len(cloud):
+                    continue
+                seen = cloud @ _orbit_axes(rate * t)
+                upper = np.maximum(upper, (seen[:, 2:] + seen[:, :2] / slopes).max(axis=0))
+                lower = np.maximum(lower, (seen[:, 2:] - seen[:, :2] / slopes).max(axis=0))
+                depth = np.array([min(depth[0], seen[:, 2].min()), max(depth[1], seen[:, 2].max())])
+            distance = max(float((0.5 * (upper + lower)).max()), depth[1] + 0.02 * self.subject_size)
+            shift = 0.5 * slopes * (upper - lower)
+            return np.array([*shift, distance]), distance - depth[1], distance - depth[0]
+
+        def surplus(rate: float) -> float:
+            """How much faster than ``rate`` the camera must rotate to move by ``step`` per frame."""
+            (sx, sy, d), _, _ = framing(rate)
+            radius = math.hypot(sx, d * math.cos(ORBIT_ELEVATION) - sy * math.sin(ORBIT_ELEVATION))
+            return ORBIT_FPS * 2.0 * math.asin(min(0.5 * self.step / radius, 1.0)) - rate
+
+        # The framing depends on the rotation, and the rotation on the distance: a root exists between the two ends.
+        self.rate = float(brentq(surplus, 0.0, ORBIT_FPS * math.pi, xtol=1e-12))
+        self._offset, near, far = framing(self.rate)
+        self.camera = Camera(name=self.name, yfov=ORBIT_YFOV, znear=0.5 * near, zfar=far + 0.5 * near)
+
+    @property
+    def period(self) -> float:
+        """Seconds per revolution."""
+        return 2.0 * math.pi / self.rate
+
+    def describe(self, unit_scale: float = 1.0) -> str:
+        """``unit_scale``: scene units per meter."""
+        step = f"{self.step / unit_scale:.4g} m per frame at {ORBIT_FPS:g} fps"
+        return f"framing orbit ({self.reason}): moves {step}, {100 * ORBIT_STEP:g} % of the subject's size"
 
     def view_at(self, state: FrameState) -> View:
-        turn = 2.0 * math.pi * math.fmod(state.time, self.period) / self.period
-        level = math.cos(ORBIT_ELEVATION)
-        towards_camera = np.array([level * math.sin(turn), math.sin(ORBIT_ELEVATION), level * math.cos(turn)])
-        # pyrr multiplies row vectors, so the upper left of its view matrix is world_from_view.  The eye is a unit
-        # direction from the origin: pyrr's subtraction loses precision far from the origin.
-        look_at = matrix44.create_look_at(towards_camera, np.zeros(3), np.array([0.0, 1.0, 0.0]), dtype=np.float64)
-        return View(self.center + self.distance * towards_camera, look_at[:3, :3], self.camera)
+        axes = _orbit_axes(self.rate * math.fmod(state.time, self.period))
+        return View(self.center + axes @ self._offset, axes, self.camera)
 
 
-def choose_camera(scene: Scene, requested: str | int | None = None) -> CameraTrack:
+def _orbit_axes(angle: float) -> Array:
+    """world_from_view of the orbit at ``angle``, radians from +Z towards +X.  (3, 3) float64."""
+    level = math.cos(ORBIT_ELEVATION)
+    towards_camera = np.array([level * math.sin(angle), math.sin(ORBIT_ELEVATION), level * math.cos(angle)])
+    # pyrr multiplies row vectors, so the upper left of its view matrix is world_from_view.  The eye is a unit
+    # direction from the origin: pyrr's subtraction loses precision far from the origin.
+    look_at = matrix44.create_look_at(towards_camera, np.zeros(3), np.array([0.0, 1.0, 0.0]), dtype=np.float64)
+    return look_at[:3, :3]
+
+
+def is_still(scene: Scene, cameras: Iterable[int] = ()) -> bool:
+    """Whether no animation that plays moves or changes anything drawn, any light or the cameras on nodes ``cameras``.
+
+    Over the whole animation, whichever frames are evaluated.
+    """
+    nodes, cameras = scene.nodes, list(cameras)
+    skins = {int(s) for s in nodes.skin[scene.mesh_nodes] if s >= 0}
+    joints = [np.asarray(scene.skins[s].joints, dtype=np.int64) for s in skins]
+    moved = {int(n) for n in np.concatenate([scene.mesh_nodes, scene.light_nodes, *joints])} | set(cameras)
+    for node in tuple(moved):
+        while (node := int(nodes.parent[node])) >= 0 and node not in moved:
+            moved.add(node)
+    used = {
+        "node": moved,
+        "camera": {int(nodes.camera[n]) for n in cameras},
+        "light": {int(i) for i in nodes.light[scene.light_nodes]},
+    }
+    return not any(c.index in used[c.target] and _varies(c) for c in scene.channels)
+
+
+def _varies(channel: Channel) -> bool:
+    values = channel.values
+    if len(values) < 2:
+        return False
+    if channel.interpolation == "CUBICSPLINE":
+        return bool(np.any(values[:, 1] != values[:1, 1]) or np.any(values[:, [0, 2]]))
+    return bool(np.any(values != values[:1]))
+
+
+def choose_camera(
+    scene: Scene, requested: str | int | None = None, size: tuple[int, int] = (16, 9)
+) -> FileCamera | OrbitCamera:
     """The requested camera.
 
-    ``requested``: the name of a node, the name of a camera, or an index into ``scene.camera_nodes`` (a number, or its
-    text if no name matches).  Names are tried in this order; the first match in file order is used.  None: the file's
-    default (``Scene.default_camera``), else its first camera, or an ``OrbitCamera`` where there is none.  Raises
-    SettingsError, which lists the cameras.
+    ``requested``: ORBIT, the name of a node, the name of a camera, or an index into ``scene.camera_nodes`` (a number,
+    or its text if no name matches).  Names are tried in this order; the first match in file order is used.  None: the
+    file's default (``Scene.default_camera``), else its first camera, or an ``OrbitCamera`` where there is none.
+    ``size``: of the image that an orbit frames, pixels.  Raises SettingsError, which lists the cameras.
     """
     tracks = [FileCamera(scene, node) for node in scene.camera_nodes]
     if requested is None:
         named = [track for track in tracks if track.node_name == scene.default_camera]
-        return (named or tracks)[0] if tracks else OrbitCamera(scene)
+        return (named or tracks)[0] if tracks else OrbitCamera(scene, size=size)
+    if requested == ORBIT:
+        return OrbitCamera(scene, size=size, reason=REQUESTED if tracks else NO_CAMERA)
     if isinstance(requested, str) and requested:
         for track in tracks:
             if track.node_name == requested:
@@ -121,11 +222,17 @@ def choose_camera(scene: Scene, requested: str | int | None = None) -> CameraTra
         index = int(requested)
         if 0 <= index < len(tracks):
             return tracks[index]
-    listed = ", ".join(f"{i}: {track.describe()}" for i, track in enumerate(tracks))
-    raise SettingsError(
-        f"no camera {requested!r} in scene {scene.name!r}",
-        hint=f"choose from {listed}" if tracks else "the scene has no camera; omit the option for a framing orbit",
-    )
+    listed = ", ".join([*(f"{i}: {track.describe()}" for i, track in enumerate(tracks)), f"{ORBIT}: a framing orbit"])
+    raise SettingsError(f"no camera {requested!r} in scene {scene.name!r}", hint=f"choose from {listed}")
+
+
+def camera_of_run(scene: Scene, sequence: SequenceSettings) -> FileCamera | OrbitCamera:
+    """The camera of an evaluation: as requested; an orbit where none is and the file's camera sees nothing move."""
+    size = (sequence.width, sequence.height)
+    camera = choose_camera(scene, sequence.camera, size)
+    if sequence.camera is None and isinstance(camera, FileCamera) and is_still(scene, [camera.node]):
+        return OrbitCamera(scene, size=size, reason=ALL_STILL)
+    return camera
 
 
 def bounding_sphere(poser: Poser, times: Sequence[float] | Array) -> tuple[Array, float]:
@@ -179,3 +286,44 @@ def _drawn_points(scene: Scene, state: FrameState, node: int) -> Array:
             placed = np.einsum("kij,cj->kci", world_from_instance[:, :3, :3], corners)
             clouds.append((placed + world_from_instance[:, None, :3, 3]).reshape(-1, 3))
     return np.concatenate(clouds)
+
+
+class _Subject:
+    """Everything drawn, as vertices that have the same convex hull."""
+
+    def __init__(self, poser: Poser):
+        self._poser = poser
+        self._hulls: dict[int, Array] = {}  # of rigid primitives, by id
+
+    def at(self, time: float) -> Array:
+        """World, scene units; vertices that are not finite are left out.  -> (P, 3) float64."""
+        scene, state, clouds = self._poser.scene, self._poser.sample(float(time)), [np.zeros((0, 3))]
+        for node in scene.mesh_nodes[state.visible[scene.mesh_nodes]].tolist():
+            instances = scene.nodes.instances.get(node, np.eye(4)[None])
+            for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+                if not len(primitive.triangles):
+                    continue
+                if primitive.targets or is_skinned(scene, node, primitive):
+                    posed = pose_vertices(scene, state, node, primitive)
+                    clouds.append(posed[np.unique(primitive.triangles)])
+                else:
+                    local = self._hull_of(primitive)
+                    clouds += [math3d.transform_points(state.world[node] @ instance, local) for instance in instances]
+        points = np.concatenate(clouds)
+        return _hull(points[np.all(np.isfinite(points), axis=-1)])
+
+    def _hull_of(self, primitive: Primitive) -> Array:
+        if id(primitive) not in self._hulls:
+            used = primitive.positions[np.unique(primitive.triangles)].astype(np.float64)
+            self._hulls[id(primitive)] = _hull(used)
+        return self._hulls[id(primitive)]
+
+
+def _hull(points: Array) -> Array:
+    """The vertices of the convex hull; all points where there are few or the hull has no volume."""
+    if len(points) < _HULL_POINTS:
+        return points
+    try:
+        return points[ConvexHull(points - points.mean(axis=0)).vertices]
+    except QhullError:
+        return points

@@ -52,7 +52,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
 
     Statistics compare at most MAX_INSPECTED frames, evenly spaced (``frames_inspected``).
     """
-    from taubench_gl.animation import Poser, bounding_sphere, choose_camera
+    from taubench_gl.animation import Poser, bounding_sphere, camera_of_run
     from taubench_gl.effects.census import census
     from taubench_gl.effects.lighting import without_auto
     from taubench_gl.frame.plan import FramePlan
@@ -76,7 +76,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "frames_inspected": inspected,
         "bounds": {"center": (center / unit).tolist(), "radius_m": radius / unit},
         "census": counts,
-        "camera": choose_camera(scene).describe(),
+        "camera": camera_of_run(scene, settings.sequence).describe(),
         "cameras": [_camera(scene, int(node), unit) for node in scene.camera_nodes],
         "animations": [
             {

@@ -235,8 +235,9 @@ def frame_options(size: str = "1920x1080", fps: float = Settings().sequence.fps)
             command,
             click.option(
                 "--camera",
-                metavar="NAME|INDEX",
-                help="Camera of the scene.  [default: the first, else an orbit around the scene]",
+                metavar="NAME|INDEX|orbit",
+                help="Camera of the scene, or a framing orbit.  [default: the file's; orbit if there is none or the "
+                "camera and the scene are still]",
             ),
             scene_options,
             of_settings("--fps", default=fps),

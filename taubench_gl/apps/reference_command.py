@@ -49,7 +49,7 @@ interpreter that has it.  An interrupted render continues with the first missing
 @click.option("--threads", type=click.IntRange(0), default=0, help="CPU threads of Blender.  [default: all cores]")
 def render(scene_path: str, out: Path, **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
-    from taubench_gl.animation import choose_camera
+    from taubench_gl.animation import camera_of_run
     from taubench_gl.effects.lighting import environment_of
     from taubench_gl.evaluation import frame_range, resolve_lighting
     from taubench_gl.pathtraced.blender.job import Quality
@@ -71,7 +71,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     )
     settings = settings_from({name: options[name] for name in names})
     scene = load_scene(scene_path, scene=settings.sequence.scene, animation=settings.sequence.animation)
-    camera = choose_camera(scene, settings.sequence.camera)
+    camera = camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     earlier = read_render(out)
     if settings.lighting.exposure == AUTO and earlier is not None and earlier.exposure is not None:

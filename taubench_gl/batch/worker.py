@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl import __version__
-from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.animation import Poser, camera_of_run
 from taubench_gl.batch.partition import PairRecord, encode, require_pyarrow
 from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDone, Unit
 from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
@@ -97,7 +97,7 @@ class Worker:
             return self._loaded
         self.release()
         scene = load_scene(unit.scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
-        self._loaded = _Loaded(key, scene, Poser(scene), choose_camera(scene, settings.sequence.camera))
+        self._loaded = _Loaded(key, scene, Poser(scene), camera_of_run(scene, settings.sequence))
         return self._loaded
 
     def _count(self, unit: Unit, loaded: _Loaded, gpu: Gpu, on_pair: Callable[[], None], started: float) -> bytes:

@@ -12,7 +12,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.animation import CameraTrack, choose_camera
+from taubench_gl.animation import CameraTrack, camera_of_run
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import methods
 from taubench_gl.cost.analysis import validate
@@ -149,7 +149,7 @@ def cost(
     if series is not None:
         baseline = series.settings(baseline)
     requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
-    baseline = resolve_lighting(scene, baseline, choose_camera(scene, baseline.sequence.camera)).settings
+    baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
     subject = _subject(scene, baseline, names, chosen_methods, series)
     out = Path(out)
     if fresh:
@@ -190,7 +190,7 @@ def _subject(
     chosen_methods: tuple[methods.MethodConfiguration, ...],
     series: SampleCountSeries | None,
 ) -> Subject:
-    camera = choose_camera(scene, baseline.sequence.camera)
+    camera = camera_of_run(scene, baseline.sequence)
     frames = frame_range(scene, camera, baseline)
     if len(frames) < 2:
         raise SettingsError("the scene gives no pair of frames", hint="give more --frames, or an animated scene")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, choose_camera
+from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.effects.lighting import environment_for, light_unit_of, own_light
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.frame.sources import RasterSource
@@ -71,7 +71,7 @@ def _exposure(
         return 1.0, "the light unit is watt"
     if own_light(scene) is None and settings.lighting.environment == "none":
         return 1.0, "the scene has no light"
-    camera = camera or choose_camera(scene, settings.sequence.camera)
+    camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings) if frames is None else frames
     metered = metered_frames(frames)
     factor = metered_exposure(direct_luminance(scene, settings, camera, metered, poser))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from taubench_gl.animation import CameraTrack, Poser, choose_camera
+from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.errors import SceneError
 from taubench_gl.evaluation.brightness import describe_brightness
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
@@ -44,7 +44,7 @@ def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrac
     """Load a scene if it is a path, choose camera, frames and lighting.  Raises TaubenchError."""
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
-    camera = camera or choose_camera(scene, settings.sequence.camera)
+    camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
     return SceneInput(scene, camera, frames, resolve_lighting(scene, settings, camera, frames=frames))

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taubench_gl.animation import CameraTrack, FileCamera
+from taubench_gl.animation import CameraTrack, FileCamera, OrbitCamera
+from taubench_gl.animation.views import STILL_SECONDS
 from taubench_gl.errors import SettingsError
 from taubench_gl.metrics.pair_sample import PairSample, sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
-
-STILL_ORBIT_SECONDS = 2.0
-"""Duration of a still scene under the framing orbit or a caller's camera; a camera of the file gives one frame."""
 
 Schedule = list[tuple[int, bool]]
 """(frame to draw, whether its pair with the frame drawn before is evaluated), in order."""
@@ -35,9 +33,11 @@ def frame_range(scene: Scene, camera: CameraTrack, settings: Settings) -> range:
 
 
 def _duration(scene: Scene, camera: CameraTrack) -> float:
-    """Duration in seconds; of a still scene STILL_ORBIT_SECONDS unless the camera is one of the file."""
+    """Duration in seconds; of a still scene STILL_SECONDS unless the camera is one of the file."""
+    if isinstance(camera, OrbitCamera):
+        return camera.duration
     if scene.duration == 0 and not isinstance(camera, FileCamera):
-        return STILL_ORBIT_SECONDS
+        return STILL_SECONDS
     return scene.duration
 
 

@@ -29,8 +29,10 @@ def scene_facts(
     """
     settings = resolved.settings
     notes = [str(note) for note in scene.notes]
+    source = camera.describe()
     if isinstance(camera, OrbitCamera):
-        notes.insert(0, f"the camera is a {camera.describe()}")
+        source = camera.describe(settings.metrics.unit_scale)
+        notes.insert(0, f"the camera is a {source}")
     overflowing = poser.overflowing(poser.sample(frames[0] / settings.sequence.fps).world)
     if len(overflowing):
         name = scene.nodes.names[overflowing[0]] or f"number {overflowing[0]}"
@@ -47,7 +49,7 @@ def scene_facts(
         },
         "census": census(scene, (f / settings.sequence.fps for f in frames), poser),
         "lighting": dict(resolved.reasons),
-        "camera_source": camera.describe(),
+        "camera_source": source,
         "notes": notes,
     }
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl import __version__
-from taubench_gl.animation import View, choose_camera
+from taubench_gl.animation import View, camera_of_run
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
 from taubench_gl.export.channels import PRECISIONS, choose_channels
@@ -87,7 +87,7 @@ def export_scene(
     names = options.names()
     loaded = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
     require_triangles(loaded)
-    camera = choose_camera(loaded, settings.sequence.camera)
+    camera = camera_of_run(loaded, settings.sequence)
     frames = frame_range(loaded, camera, settings)
     earlier = _read_manifest(out / MANIFEST)
     if settings.lighting.exposure == AUTO and not overwrite and earlier and earlier["sha256"] == loaded.sha256:

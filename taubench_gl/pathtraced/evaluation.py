@@ -11,6 +11,7 @@ import numpy as np
 
 from taubench_gl.animation import View, choose_camera
 from taubench_gl.animation.pairs import reprojection
+from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import (
@@ -78,22 +79,24 @@ class PathTracedInput:
 def open_input(spec: str | Path, settings: Settings, options: PathTracedOptions) -> PathTracedInput:
     """Open ``exr:DIR`` or ``exr:DIR/name*.exr``; no pixel is read.  Raises TaubenchError."""
     sequence = PathTracedSequence.open(spec, mapping=options.mapping, layer=options.layer)
-    camera, fps = _choose_camera(options, settings)
+    camera, fps = _choose_camera(options, settings, sequence.size)
     settings = as_rendered(settings).replace(width=sequence.size[0], height=sequence.size[1], fps=fps)
     return PathTracedInput(sequence, camera, settings)
 
 
-def _choose_camera(options: PathTracedOptions, settings: Settings) -> tuple[PathTracedCamera, float]:
-    """The camera and the frame rate."""
+def _choose_camera(
+    options: PathTracedOptions, settings: Settings, size: tuple[int, int]
+) -> tuple[PathTracedCamera, float]:
+    """The camera and the frame rate; ``size``: of the files, pixels."""
     sequence = settings.sequence
     if options.camera_file is not None:
         camera = SidecarCamera(options.camera_file)
         return camera, camera.file.fps or sequence.fps
     if options.scene_file is not None:
         scene = load_scene(options.scene_file, scene=sequence.scene, animation=sequence.animation)
-        if not len(scene.camera_nodes):
+        if not len(scene.camera_nodes) and sequence.camera != ORBIT:
             raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
-        return SceneCamera(scene, choose_camera(scene, sequence.camera), sequence.fps), sequence.fps
+        return SceneCamera(scene, choose_camera(scene, sequence.camera, size), sequence.fps), sequence.fps
     return FittedCamera(), sequence.fps
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, choose_camera
+from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import GraphicsError, MethodError, SettingsError
@@ -150,7 +150,7 @@ def evaluate_methods(
     options.check()
     if not isinstance(scene, Scene):
         scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
-    camera = camera or choose_camera(scene, settings.sequence.camera)
+    camera = camera or camera_of_run(scene, settings.sequence)
     if options.kind.files is not None:
         settings, reasons = as_rendered(settings), {}
     else:

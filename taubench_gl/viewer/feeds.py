@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import moderngl
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, View, bounding_sphere, choose_camera
+from taubench_gl.animation import CameraTrack, Poser, View, bounding_sphere, camera_of_run
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
@@ -80,7 +80,7 @@ class SceneFeed:
         self._gpu, self.scene, self._timer = gpu, scene, timer
         # One sample at the pixel center: the masks belong to the displayed image.
         self.settings = settings.replace(samples_per_pixel=1)
-        self.camera = camera or choose_camera(scene, settings.sequence.camera)
+        self.camera = camera or camera_of_run(scene, settings.sequence)
         self.frames = frame_range(scene, self.camera, settings)
         self._poser = Poser(scene)
         resolved = resolve_lighting(scene, self.settings, self.camera, frames=self.frames, poser=self._poser)

@@ -11,9 +11,21 @@ from hypothesis import strategies as st
 from made_scenes import make_channel, make_scene, triangle_mesh
 from pyrr import matrix44
 
-from taubench_gl.animation import FileCamera, OrbitCamera, Poser, bounding_sphere, choose_camera, pose_vertices, sample
+from taubench_gl.animation import (
+    FileCamera,
+    OrbitCamera,
+    Poser,
+    bounding_sphere,
+    camera_of_run,
+    choose_camera,
+    is_still,
+    pose_vertices,
+    sample,
+    views,
+)
 from taubench_gl.errors import SettingsError
 from taubench_gl.scene.model import Camera, Mesh, Primitive
+from taubench_gl.settings import SequenceSettings
 
 HALF_Y = [0, np.sin(np.pi / 4), 0, np.cos(np.pi / 4)]
 
@@ -46,7 +58,7 @@ def test_error_for_unknown_cameras_lists_cameras(requested):
 
 def test_scene_without_cameras_gets_an_orbit():
     scene = make_scene([-1], meshes=[triangle_mesh()], mesh=[0])
-    assert choose_camera(scene).describe() == "framing orbit (the scene has no camera)"
+    assert isinstance(choose_camera(scene), OrbitCamera) and choose_camera(scene).reason == views.NO_CAMERA
     with pytest.raises(SettingsError, match="no camera"):
         choose_camera(scene, "Main")
 
@@ -92,34 +104,128 @@ def orbit_scene(offset=(0.0, 0.0, 0.0), size=1.0, **fields):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("offset", [(0, 0, 0), (1e6, -1e5, 3e6)])
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-def test_orbit_shows_every_vertex_at_all_times(offset, size):
-    scene = orbit_scene(offset, size)
-    orbit, poser = OrbitCamera(scene), Poser(scene)
-    for t in np.linspace(0, orbit.period, 13):
+def projected(scene, orbit, size, times):
+    """Smallest and largest image coordinates, in [-1, 1], and depths of all vertices at ``times``."""
+    poser, seen = Poser(scene), []
+    for t in times:
         state = poser.sample(t)
         view = orbit.view_at(state)
         assert is_rotation(view.world_from_view)
-        for node in (0, 1):
-            pos = pose_vertices(scene, state, node, scene.meshes[0].primitives[0]) - view.position
-            clip = np.append(pos, np.ones((3, 1)), axis=1) @ view.clip_from_relative(640, 480).T
-            ndc = clip[:, :3] / clip[:, 3:]
-            assert np.all(clip[:, 3] > view.camera.znear)
-            assert np.all(np.abs(ndc[:, :2]) < 1) and np.all((ndc[:, 2] > 0) & (ndc[:, 2] < 1))
+        for node in scene.mesh_nodes.tolist():
+            for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+                pos = pose_vertices(scene, state, node, primitive) - view.position
+                clip = np.append(pos, np.ones((len(pos), 1)), axis=1) @ view.clip_from_relative(*size).T
+                assert np.all(clip[:, 3] > view.camera.znear)
+                seen.append(clip[:, :3] / clip[:, 3:])
+    seen = np.concatenate(seen)
+    return seen.min(axis=0), seen.max(axis=0)
 
 
-def test_orbit_is_periodic_and_looks_at_the_center():
+@pytest.mark.parametrize("offset", [(0, 0, 0), (1e6, -1e5, 3e6)])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("image", "tight"), [((640, 480), 0), ((1920, 1080), 1), ((100, 400), 0), ((64, 1), 1)])
+def test_orbit_fills_80_percent_of_the_tighter_side(offset, size, image, tight):
+    scene = orbit_scene(offset, size)
+    orbit = OrbitCamera(scene, size=image)
+    low, high = projected(scene, orbit, image, orbit.times)
+    assert np.all(low[:2] >= -0.8 - 1e-5) and np.all(high[:2] <= 0.8 + 1e-5) and low[2] > 0 and high[2] < 1
+    assert (low[tight], high[tight]) == pytest.approx((-0.8, 0.8), abs=1e-5)
+
+
+def test_orbit_frames_the_whole_animation():
+    """The subject moves and deforms while the camera moves."""
+    channels = [
+        make_channel(0, "translation", [0, 1.5], [[0, 0, 0], [4, 3, -2]]),
+        make_channel(1, "scale", [0, 1.5], [[1, 1, 1], [1, 5, 1]]),
+    ]
+    scene = orbit_scene(channels=channels)
+    orbit = OrbitCamera(scene, size=(400, 300))
+    assert orbit.duration == 1.5
+    low, high = projected(scene, orbit, (400, 300), orbit.times)
+    assert max(np.abs(low[:2]).max(), high[:2].max()) == pytest.approx(0.8, abs=1e-9)
+    assert max((high - low)[:2]) == pytest.approx(1.6, abs=1e-9)
+    low, high = projected(scene, orbit, (400, 300), np.linspace(0, 1.5, 200))
+    assert max(np.abs(low[:2]).max(), high[:2].max()) < 0.81
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 1), (10, 1, 1), (1, 10, 1), (1, 0.1, 10)])
+def test_orbit_moves_by_a_share_of_the_subject_per_frame(scale):
+    scene = make_scene([-1], meshes=[triangle_mesh()], mesh=[0], scale=[scale])
+    orbit, poser = OrbitCamera(scene), Poser(scene)
+    corners = pose_vertices(scene, poser.sample(0), 0, scene.meshes[0].primitives[0])
+    assert orbit.subject_size == pytest.approx(np.linalg.norm(np.ptp(corners, axis=0)))
+    assert orbit.step == pytest.approx(0.02 * orbit.subject_size)
+    path = np.array([orbit.view_at(poser.sample(i / 24)).position for i in range(49)])
+    assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=1), orbit.step, rtol=1e-9)
+
+
+def test_rotation_per_frame_depends_on_the_shape_and_not_on_the_scale():
+    def rate(*scale):
+        return OrbitCamera(make_scene([-1], meshes=[triangle_mesh()], mesh=[0], scale=[scale])).rate
+
+    assert rate(1, 1, 1) == pytest.approx(rate(7, 7, 7))
+    rates = [rate(1, 1, 1), rate(5, 1, 1), rate(1, 5, 1)]
+    assert len({round(r, 2) for r in rates}) == 3
+
+
+def test_orbit_is_periodic_about_the_vertical_axis_without_roll():
     scene = orbit_scene()
     orbit, poser = OrbitCamera(scene), Poser(scene)
     start, quarter, whole = (orbit.view_at(poser.sample(t)) for t in (0, orbit.period / 4, orbit.period))
     assert np.array_equal(start.position, whole.position)
     assert np.array_equal(start.world_from_view, whole.world_from_view)
-    towards = start.position - orbit.center
-    assert towards[0] == 0 and towards[2] > 0
-    assert np.allclose(quarter.position - orbit.center, [towards[2], towards[1], 0])
-    assert np.allclose(-start.world_from_view[:, 2], -towards / np.linalg.norm(towards))
+    towards, later = start.position - orbit.center, quarter.position - orbit.center
+    assert np.allclose(later, [towards[2], towards[1], -towards[0]])
+    assert towards[2] > 0 and towards[1] > 0
     assert abs(start.world_from_view[1, 0]) < 1e-15  # no roll
+
+
+def test_orbit_is_always_accepted():
+    orbit = choose_camera(camera_scene(), "orbit")
+    assert isinstance(orbit, OrbitCamera) and orbit.reason == views.REQUESTED
+    assert isinstance(choose_camera(orbit_scene(), "orbit"), OrbitCamera)
+
+
+MOVES = {
+    "camera": make_channel(1, "translation", [0, 1], [[0, 0, 0], [2, 0, 0]]),
+    "parent of the camera": make_channel(0, "rotation", [0, 1], [[0, 0, 0, 1], HALF_Y]),
+    "field of view": make_channel(0, "yfov", [0, 1], [[0.6], [0.8]], target="camera"),
+    "object": make_channel(4, "translation", [0, 1], [[0, 0, 0], [2, 0, 0]]),
+    "visibility": make_channel(4, "visible", [0, 1], [[1], [0]], "STEP"),
+    "tangents": make_channel(4, "scale", [0, 1], np.array([np.zeros((3, 3)), np.ones((3, 3))]), "CUBICSPLINE"),
+}
+NOTHING_MOVES = {
+    "no animation": (),
+    "equal keys": (make_channel(1, "translation", [0, 1], [[1, 0, 0], [1, 0, 0]]),),
+    "one key": (make_channel(1, "translation", [0.5], [[1, 0, 0]]),),
+    "a node without content": (make_channel(3, "translation", [0, 1], [[0, 0, 0], [2, 0, 0]]),),
+    "another camera": (make_channel(2, "translation", [0, 1], [[0, 0, 0], [2, 0, 0]]),),
+}
+
+
+def scene_with_camera(*channels):
+    return make_scene(
+        [-1, 0, -1, -1, -1], cameras=[Camera("Main", yfov=0.6), Camera("other")], camera=[-1, 0, 1, -1, -1],
+        meshes=[triangle_mesh()], mesh=[-1, -1, -1, -1, 0], channels=list(channels),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_an_animated_scene_keeps_the_camera_of_its_file(name):
+    scene = scene_with_camera(MOVES[name])
+    assert not is_still(scene, [1])
+    assert camera_of_run(scene, SequenceSettings()).node == 1
+
+
+@pytest.mark.parametrize("name", NOTHING_MOVES)
+def test_a_still_scene_gets_an_orbit_unless_a_camera_is_requested(name):
+    scene = scene_with_camera(*NOTHING_MOVES[name])
+    orbit = camera_of_run(scene, SequenceSettings(width=300, height=400))
+    assert isinstance(orbit, OrbitCamera) and orbit.reason == views.ALL_STILL and orbit.duration == 2.0
+    assert np.array_equal(orbit.view_at(sample(scene, 0.3)).position,
+                          OrbitCamera(scene, size=(300, 400)).view_at(sample(scene, 0.3)).position)  # fmt: skip
+    assert camera_of_run(scene, SequenceSettings(camera="Main")).node == 1
+    assert camera_of_run(scene, SequenceSettings(camera=0)).node == 1
 
 
 def test_pyrr_look_at_against_explicit_cross_products():

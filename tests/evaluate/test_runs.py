@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
+from taubench_gl.animation import OrbitCamera
 from taubench_gl.errors import OutputError, SceneError, SettingsError, TaubenchError
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.paths import PACKAGE
@@ -149,12 +150,31 @@ def test_masks_of_on_pair_match_the_row() -> None:
     assert seen == [1, 2, 3, 4, 5]
 
 
-def test_a_still_scene_with_a_camera_has_one_frame_and_no_pair(data: Path) -> None:
-    run = evaluate_scene(data / "tauray_test" / "test.glb", settings(frames=(None, None)))
+def test_a_still_camera_that_is_requested_has_one_frame_and_no_pair(data: Path) -> None:
+    run = evaluate_scene(data / "tauray_test" / "test.glb", settings(frames=(None, None), camera=0))
     assert run.summary["pairs"] == 0 and run.frames == []
     for entry in run.summary["discard"].values():
         assert entry["mean_percent"] is None and entry["reason"]
     json.dumps(run.summary, allow_nan=False)
+
+
+def test_a_still_scene_with_a_camera_is_seen_from_an_orbit(data: Path) -> None:
+    small = settings(frames=(0, 4), columns=("frustum", "position"), unit_scale=2.0)
+    scene = load_scene(data / "tauray_test" / "test.glb")
+    run, orbit = evaluate_scene(scene, small), evaluate_scene(scene, small.replace(camera="orbit"))
+    assert run.summary["pairs"] == 3 and run.frames == orbit.frames
+    step = OrbitCamera(scene, size=(96, 54)).step / 2.0
+    assert run.summary["camera"]["position"]["mean"] == pytest.approx(step)
+    assert f"{step:.4g} m" in run.summary["camera"]["source"]
+    assert run.summary["discard"]["frustum"]["mean_percent"] > 0
+
+
+def test_the_frustum_column_under_the_orbit_depends_on_the_shape(data: Path) -> None:
+    wide = settings(frames=(0, 4), columns=("frustum",))
+    samples = [data / "khronos" / name for name in ("Duck/Duck.glb", "BoxVertexColors/BoxVertexColors.glb",
+                                                    "OrientationTest/OrientationTest.glb")]  # fmt: skip
+    shares = [evaluate_scene(path, wide).summary["discard"]["frustum"]["mean_percent"] for path in samples]
+    assert len({round(share, 2) for share in shares}) == len(shares) and min(shares) > 0
 
 
 def test_a_zero_length_animation_is_still(data: Path) -> None:

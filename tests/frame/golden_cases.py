@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from fixed_orbit import file_camera_or_fixed_orbit
 from frame_tools import draw_pair, find_scene
 
-from taubench_gl.animation import choose_camera
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.paths import PACKAGE
 from taubench_gl.scene import load_scene
@@ -45,7 +45,7 @@ def scene_path(data: Path, name: str) -> Path:
 def render(gpu: Gpu, path: Path, time: float) -> dict[str, np.ndarray]:
     """Depth (half float), normal and base color (8 bits), ids, and the reason word of the pair before ``time``."""
     scene = load_scene(path)
-    result = draw_pair(gpu, scene, choose_camera(scene), SIZE, (time - STEP, time), reprojection="motion",
+    result = draw_pair(gpu, scene, file_camera_or_fixed_orbit(scene), SIZE, (time - STEP, time), reprojection="motion",
                        extra=("base_color", "ids"))  # fmt: skip
     now = result.current
     color = np.clip(now["base_color"][..., :3].astype(np.float64), 0, 1) ** (1 / 2.2)

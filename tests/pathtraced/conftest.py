@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))  # helpers shared by the tests of this folder
+sys.path.append(str(Path(__file__).parents[1] / "frame"))  # fixed_orbit
 
 
 @pytest.fixture

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from fixed_orbit import FixedOrbit
 
-from taubench_gl.animation import CameraTrack, FrameState, OrbitCamera, Poser, View, choose_camera
+from taubench_gl.animation import CameraTrack, FrameState, Poser, View, choose_camera
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.pathtraced.sequence import PathTracedSequence
@@ -87,7 +88,7 @@ class PanCamera:
 
 def open_case(case: Case, data: Path) -> tuple[Scene, CameraTrack]:
     scene = load_scene(data / case.path)
-    cameras = {"file": choose_camera, "orbit": OrbitCamera, "pan": PanCamera}
+    cameras = {"file": choose_camera, "orbit": FixedOrbit, "pan": PanCamera}
     return scene, cameras[case.camera](scene)
 
 
