@@ -54,7 +54,7 @@ def divided(scene, divisor: float):
 
 
 def resolved(scene, **settings):
-    return resolve_lighting(scene, Settings(**SIZE | AUTO | settings))
+    return resolve_lighting(scene, Settings(**SIZE | AUTO | {"camera": 0} | settings))
 
 
 # ---------------------------------------------------------------------------------------------------------- exposure
@@ -200,7 +200,7 @@ def test_brightness_of_two_floors_in_closed_form():
     for columns in (("direct",), ("direct", "color")):
         for exposure, expected in ((1.0, (0, pixels, pixels // 2)), (1e-5, (pixels, 0, 0)), (0.2, (0, pixels, 0))):
             settings = Settings(**SIZE | FIXED_LIGHTING | {"exposure": exposure}, columns=columns, frames=(0, 1))
-            run = evaluate_scene(still_pair(scene), settings.replace(frames=(0, 2)))
+            run = evaluate_scene(still_pair(scene), settings.replace(frames=(0, 2), camera=0))
             found = run.summary["brightness"]
             assert found["frames"] == 1 and found["pixels"] == pixels
             assert (found["black"], found["lit"], found["clipped"]) == expected, (columns, exposure)
@@ -225,7 +225,7 @@ def test_notes_begin_above_the_documented_shares(clipped, black, notes):
 
 
 def test_a_black_image_in_watt_names_candela():
-    settings = Settings(**SIZE | AUTO, frames=(0, 2), columns=LIGHT)
+    settings = Settings(**SIZE | AUTO, frames=(0, 2), columns=LIGHT, camera=0)
     dim = dataclasses.replace(still_pair(two_floors(illuminance=0.05)), generator=BLENDER)
     notes = evaluate_scene(dim, settings).summary["notes"]
     assert any("--light-unit candela" in note for note in notes)

@@ -170,7 +170,7 @@ def test_a_still_scene_with_a_camera_is_seen_from_an_orbit(data: Path) -> None:
 
 
 def test_the_frustum_column_under_the_orbit_depends_on_the_shape(data: Path) -> None:
-    wide = settings(frames=(0, 4), columns=("frustum",))
+    wide = settings(width=640, height=360, frames=(0, 4), columns=("frustum",))
     samples = [data / "khronos" / name for name in ("Duck/Duck.glb", "BoxVertexColors/BoxVertexColors.glb",
                                                     "OrientationTest/OrientationTest.glb")]  # fmt: skip
     shares = [evaluate_scene(path, wide).summary["discard"]["frustum"]["mean_percent"] for path in samples]
