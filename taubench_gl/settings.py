@@ -20,6 +20,7 @@ import operator
 import os
 import re
 import typing
+import warnings
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -337,10 +338,6 @@ class Settings:
         for name, group in self._changed(values).items():
             object.__setattr__(self, name, group)
 
-    @staticmethod
-    def of(**values: Any) -> Settings:
-        return Settings(**values)
-
     def replace(self, **values: Any) -> Settings:
         """These settings with other values, named as in ``Settings(...)``.  Raises SettingsError."""
         return Settings(**{name: getattr(self, name) for name in GROUPS} | self._changed(values))
@@ -471,8 +468,10 @@ def _parse_animation(value: Any) -> Any:
 def parse_environment(text: Any) -> Any:
     """The value of ``environment`` that ``text`` spells: one number or R,G,B is a radiance (r, g, b).
 
-    Values that are not text are returned unchanged.
+    Values that are neither text nor numbers are returned unchanged.
     """
+    if isinstance(text, float | int) and not isinstance(text, bool):
+        return (float(text),) * 3
     if not isinstance(text, str):
         return text
     try:
@@ -536,8 +535,10 @@ def _group_of(name: str) -> str:
 
 
 def _with_sides(values: Mapping[str, Any]) -> dict[str, Any]:
-    """``values`` with ``size`` as width and height."""
-    values = dict(values)
+    """``values`` with ``size`` as width and height, and ``sky``, the name of the last release, as ``environment``."""
+    if "sky" in values:
+        warnings.warn("the setting sky is now environment", DeprecationWarning, stacklevel=4)
+    values = _current_names(values)
     if "size" in values:
         values["width"], values["height"] = parse_size(values.pop("size"))
     return values

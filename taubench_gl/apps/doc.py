@@ -26,6 +26,7 @@ MODULES: dict[str, tuple[str, ...]] = {
         "pairs",
         "Pair",
         "Settings",
+        "load_preset",
         "Run",
         "load_run",
         "load_scene",

@@ -18,7 +18,7 @@ import msgspec
 
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
-from taubench_gl.settings import FIELD_TYPES, FIELDS, RENAMED, Settings, parse_environment
+from taubench_gl.settings import FIELD_TYPES, FIELDS, RENAMED, Settings, parse_environment, parse_frames, parse_size
 
 Resolver = Callable[[str], tuple[str, dict[str, Any]]]
 """Maps the name of a scene to an argument of ``load_scene`` and the settings of its registry entry."""
@@ -138,9 +138,9 @@ def _checked(field: str, value: Any, name: str, errors: list[str]) -> dict[str, 
     """The Settings fields that one value sets, after a check of type and range; None if the value is invalid."""
     try:
         if field == "size":
-            return _validated(_size(value))
+            return _validated(dict(zip(("width", "height"), parse_size(value))))
         if field == "frames":
-            value = _frames(value)
+            value = parse_frames(value)
         elif field == "environment" and isinstance(value, str):
             value = parse_environment(value)
         elif field in LISTS and isinstance(value, str):
@@ -156,23 +156,6 @@ def _checked(field: str, value: Any, name: str, errors: list[str]) -> dict[str, 
 def _validated(fields: dict[str, Any]) -> dict[str, Any]:
     Settings(**fields)
     return fields
-
-
-def _size(value: Any) -> dict[str, int]:
-    width, by, height = value.lower().partition("x") if isinstance(value, str) else ("", "", "")
-    if not (by and width.isdecimal() and height.isdecimal()):
-        raise SettingsError(f"{value!r} is not a size such as '1920x1080'")
-    return {"width": int(width), "height": int(height)}
-
-
-def _frames(value: Any) -> list[int | None]:
-    first, colon, stop = value.partition(":") if isinstance(value, str) else ("", "", "")
-    try:
-        if not colon:
-            raise ValueError
-        return [int(end) if end.strip() else None for end in (first, stop)]
-    except ValueError:
-        raise SettingsError(f"{value!r} is not a range of frames such as '0:24', '100:' or ':-1'") from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -205,6 +205,4 @@ assert result.as_expected"""
 _EVALUATE = """\
 import taubench_gl as tb
 
-settings = tb.Settings(width={width}, height={height}, fps=4, columns=("frustum", "position", "normal"))
-run = tb.evaluate(demo.scene(), settings)
-run.table(paper=False)"""
+tb.evaluate(demo.scene(), size="{width}x{height}", fps=4, columns="frustum,position,normal")"""

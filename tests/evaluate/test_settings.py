@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,7 +85,7 @@ def test_sky_of_an_earlier_release_is_the_environment(sky, environment):
 
 
 @pytest.mark.parametrize(
-    "values", [{"width": "wide"}, {"environment": 1.0}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}]
+    "values", [{"width": "wide"}, {"environment": True}, {"thresholds": 3}, {"pairs": 7}, {"widht": 3}]
 )
 def test_wrong_type_or_name_is_a_settings_error(values):
     for make in (lambda: Settings(**values), lambda: Settings.from_dict(values)):
@@ -123,6 +124,11 @@ def test_replace_changes_only_the_named_fields():
     assert other.metrics is settings.metrics and other.device is settings.device
 
 
+def test_former_name_sky_is_environment():
+    with pytest.warns(DeprecationWarning):
+        assert Settings(sky=(0.1, 0.2, 0.3)) == Settings(environment=(0.1, 0.2, 0.3))
+
+
 def test_whole_groups_and_flat_names_go_together():
     changed = Settings(**CHANGED)
     settings = Settings(metrics=changed.metrics, device=changed.device, width=3)
@@ -147,6 +153,9 @@ def test_whole_groups_and_flat_names_go_together():
         ({"camera": "1"}, {"camera": "1"}),
         ({"fps": "30", "width": "64"}, {"fps": 30.0, "width": 64}),
         ({"exposure": np.float32(2)}, {"exposure": 2.0}),
+        ({"environment": 0.5}, {"environment": (0.5, 0.5, 0.5)}),
+        ({"environment": "0.1,0.2,0.3"}, {"environment": (0.1, 0.2, 0.3)}),
+        ({"environment": Path("sky.hdr")}, {"environment": "sky.hdr"}),
     ],
 )
 def test_values_are_accepted_as_the_command_line_spells_them(given, expected):
