@@ -32,7 +32,8 @@ def assert_still(result) -> None:
     """Not one pixel leaves, and with thresholds of 0 not one distance differs from 0."""
     counts = counts_of(result.counts.mask_histogram)
     assert counts["comparable"] == counts["pixels"] and counts["sky"] == counts["history_sky"]
-    kinds = ("pixels", "comparable", "sky", "history_sky")
+    assert counts["reusable_surface"] == counts["reusable_shading"] == counts["pixels"]
+    kinds = ("pixels", "comparable", "sky", "history_sky", "reusable_surface", "reusable_shading")
     assert {name: n for name, n in counts.items() if n and name not in kinds} == {}
     assert not result.counts.histograms[:, 1:].any()
     assert not result.motion.any()
