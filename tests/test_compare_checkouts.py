@@ -74,3 +74,18 @@ def test_a_checkout_equals_itself(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines()[-1].startswith("2 cases (1 refused")
+
+
+def test_a_checkout_with_light_units_gets_the_lighting_of_earlier_releases(tool, tmp_path):
+    old, new = tmp_path / "old", tmp_path / "new"
+    for checkout, field in ((old, "sky: tuple"), (new, "light_unit: str")):
+        (checkout / "taubench_gl").mkdir(parents=True)
+        (checkout / "taubench_gl" / "settings.py").write_text(field)
+    lit = tool.Case("lit", ("evaluate", "a.glb", "--sky", "1,1,1", "--exposure", "0.5"))
+    assert tool.arguments_for(lit, old) == lit.arguments
+    more = tool.arguments_for(lit, new)[len(lit.arguments) :]
+    assert more == ("--light-unit", "candela", "--light-error", "0.0005")
+    plain = tool.arguments_for(tool.Case("plain", ("export", "a.glb")), new)
+    assert plain[2:] == ("--light-unit", "candela", "--exposure", "1", "--environment", "none")
+    for words in (("scenes", "make"), ("evaluate", "exr:renders")):
+        assert tool.arguments_for(tool.Case("other", words), new) == words
