@@ -78,6 +78,8 @@ def evaluate(
     >>> run = evaluate("scene.glb", size="640x360", frames=range(0, 24))  # doctest: +SKIP
     """
     _require_callable(progress=progress, on_pair=on_pair)
+    if not isinstance(report, bool):
+        raise SettingsError(f"report is {report!r:.60}", hint="give True or False")
     own = ("settings", "out", "save", "report", "progress", "on_pair")
     settings, path_traced = _settings_of(scene, settings, options, own)
     saved = _saves(save)
@@ -160,12 +162,22 @@ def _settings_of(
     path_traced = options.pop("path_traced", None)
     if not isinstance(path_traced, PathTracedOptions | None):
         raise SettingsError(f"path_traced is {path_traced!r:.60}", hint="give its fields by name")
-    given = {name: options.pop(name) for name in _PATH_TRACED if name in options}
+    given = {name: _path_traced_value(name, options.pop(name)) for name in _PATH_TRACED if name in options}
     _require_used(scene, given | ({} if path_traced is None else {"path_traced": path_traced}), options)
-    if isinstance(given.get("lobes"), str):
-        given["lobes"] = tuple(name.strip() for name in given["lobes"].split(","))
     settings = (settings or Settings()).replace(**options)
     return settings, dataclasses.replace(path_traced or PathTracedOptions(), **given)
+
+
+def _path_traced_value(name: str, value: Any) -> Any:
+    """``value`` of a field of PathTracedOptions; lobes also as comma-separated text.  Raises SettingsError."""
+    if name == "lobes":
+        names = [one.strip() for one in value.split(",")] if isinstance(value, str) else value
+        if isinstance(names, list | tuple | set | frozenset) and all(isinstance(one, str) for one in names):
+            return tuple(names)
+    elif isinstance(value, str | os.PathLike | None):
+        return value
+    hint = "give names of lobes" if name == "lobes" else "give text or a path"
+    raise SettingsError(f"{name} is {value!r:.60}", hint=hint)
 
 
 def _require_used(scene: Any, path_traced: Mapping[str, Any], options: Mapping[str, Any]) -> None:
@@ -191,13 +203,13 @@ def _require_callable(**values: Any) -> None:
 def _saves(save: Any) -> frozenset[str]:
     """``save`` as a set of SAVES, from text or a collection.  Raises SettingsError."""
     names = [name.strip() for name in save.split(",") if name.strip()] if isinstance(save, str) else save
-    if not isinstance(names, Collection):
+    if not isinstance(names, list | tuple | set | frozenset):
         raise SettingsError(f"save is {save!r:.60}", hint=f"choose from {', '.join(SAVES)}")
     unknown = sorted(str(name) for name in names if name not in SAVES)
     if unknown:
         near = difflib.get_close_matches(unknown[0], SAVES, 1)
         hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(SAVES)}"
-        raise SettingsError(f"cannot save {', '.join(unknown)}", hint=hint)
+        raise SettingsError(f"cannot save {', '.join(unknown):.60}", hint=hint)
     return frozenset(names)
 
 
@@ -205,13 +217,13 @@ def _channels(names: Any) -> tuple[str, ...]:
     """Names of channels without duplicates, from text or a collection.  Raises SettingsError."""
     if isinstance(names, str):
         names = [name.strip() for name in names.split(",") if name.strip()]
-    if not isinstance(names, Collection):
+    if not isinstance(names, list | tuple | set | frozenset):
         raise SettingsError(f"channels is {names!r:.60}", hint="give names of channels")
     for name in names:
         if name not in CHANNELS:
             near = difflib.get_close_matches(str(name), CHANNELS, 1)
             hint = f"did you mean {near[0]}?" if near else f"choose from {', '.join(CHANNELS)}"
-            raise SettingsError(f"no channel is named {name!r}", hint=hint)
+            raise SettingsError(f"no channel is named {name!r:.60}", hint=hint)
     return tuple(dict.fromkeys(names))
 
 

@@ -79,7 +79,7 @@ class Check:
 
 
 def _is(name: str, value: Any) -> str:
-    return f"{name} is {value!r}"
+    return f"{name} is {value!r:.60}"
 
 
 def _at_least(least: float, text: str, most: float = math.inf) -> Check:
@@ -97,7 +97,7 @@ def _one_of(allowed: tuple[str, ...]) -> Check:
 
 
 def _columns_fault(_name: str, value: Any) -> str | None:
-    return next((f"no column is named {column!r}" for column in value if column not in COLUMNS), None)
+    return next((f"no column is named {column!r:.60}" for column in value if column not in COLUMNS), None)
 
 
 def _environment_fault(name: str, value: Any) -> str | None:
@@ -119,7 +119,7 @@ def _pairs_fault(name: str, value: Any) -> str | None:
 def _thresholds_fault(_name: str, value: Any) -> str | None:
     for feature, threshold in value.items():
         if feature not in FEATURES:
-            return f"no feature is named {feature!r}"
+            return f"no feature is named {feature!r:.60}"
         if not (math.isfinite(threshold) and threshold >= 0):
             return f"threshold of {feature} is {threshold!r}"
     return None
@@ -145,8 +145,8 @@ class _Group:
                 continue
             try:
                 fault = check.fault(field.name.replace("_", " "), value)
-            except (TypeError, AttributeError):
-                fault = f"{field.name.replace('_', ' ')} is {value!r}"
+            except (TypeError, AttributeError, OverflowError):
+                fault = _is(field.name.replace("_", " "), value)
             if fault is not None:
                 raise SettingsError(fault, hint=check.hint(value), setting=field.name)
 
@@ -471,7 +471,7 @@ def parse_environment(text: Any) -> Any:
     Values that are neither text nor numbers are returned unchanged.
     """
     if isinstance(text, float | int) and not isinstance(text, bool):
-        return (float(text),) * 3
+        return (text,) * 3
     if not isinstance(text, str):
         return text
     try:
@@ -548,8 +548,9 @@ def _converted(name: str, value: Any) -> Any:
     """``value`` in the type of the field.  Raises SettingsError."""
     try:
         return msgspec.convert(value, FIELD_TYPES[name])
-    except msgspec.ValidationError as error:
-        what = f"{name} is {value!r:.60}: {str(error).replace('`', '')}"
+    except (msgspec.ValidationError, UnicodeError, AttributeError) as error:
+        reason = str(error).replace("`", "") if isinstance(error, msgspec.ValidationError) else "of another type"
+        what = f"{name} is {value!r:.60}: {reason}"
         check = FIELDS[name].metadata["check"]
         raise SettingsError(what, hint=check.hint(value) if check else None, setting=name) from None
 

@@ -131,7 +131,7 @@ def test_pairs_are_those_of_the_evaluation():
         assert pair.mask.dtype == np.uint32 and pair.mask.shape == (54, 96)
         assert pair.motion.dtype == np.float32 and pair.motion.shape == (54, 96, 2)
         assert pair.color.dtype == np.float32 and pair.color.shape == (54, 96, 3)
-        assert 0 < pair.color.max() <= 1
+        assert 0 < pair.color.max() <= 1 and pair.settings.lighting.resolved
         for name in ("position", "normal", "direct", "color"):
             assert np.count_nonzero(pair.mask & tb.Reason[name.upper()]) == row[name]
 

@@ -222,21 +222,19 @@ class Pair:
     """One evaluated pair of frames.  Pixels: row 0 is at the top.
 
     ``frame``: number of the current frame.  ``row``: its row of frames.csv.  ``view``: of the current frame, through
-    pixel centers.  ``unmeasured``: column -> why it is null.  Images are read from the GPU on first use; one that was
+    pixel centers.  ``settings``: with light unit, exposure and environment as numbers and names, never ``auto``.
+    ``unmeasured``: column -> why it is null.  Images are read from the GPU on first use; one that was
     not read before the next pair is drawn (``on_pair``: before the callback returns) is gone, and raises
     TaubenchError.  With several samples per pixel images show the last sample.
     """
 
     def __init__(self, frame: int, row: dict[str, Any], view: View, evaluator: PairEvaluator):
-        self.frame, self.row, self.view = frame, row, view
+        self.frame, self.row, self.view, self.settings = frame, row, view, evaluator.settings
         self.unmeasured = dict(evaluator.source.unmeasured)
         self._evaluator: PairEvaluator | None = evaluator
 
     def __repr__(self) -> str:
-        width, height = self.row["pixels"], 1
-        if self._evaluator is not None:
-            width, height = self._evaluator.source.size
-        return f"<Pair of frames {self.frame - 1} and {self.frame}, {width}x{height} pixels>"
+        return f"<Pair: frame {self.frame} and the one before, {self.row['pixels']} pixels>"
 
     @cached_property
     def mask(self) -> np.ndarray:

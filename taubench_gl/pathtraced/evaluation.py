@@ -59,7 +59,7 @@ class PathTracedOptions:
             raise SettingsError("a camera file and a scene file are given", hint="give one")
         for lobe in self.lobes:
             if lobe not in LOBES:
-                raise SettingsError(f"no lobe is named {lobe!r}", hint=f"choose from {', '.join(LOBES)}")
+                raise SettingsError(f"no lobe is named {lobe!r:.60}", hint=f"choose from {', '.join(LOBES)}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -193,3 +193,21 @@ def test_wrong_value_is_one_short_line(given):
         Settings(**given)
     assert caught.value.setting == next(iter(given))
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 250
+
+
+JUNK = (
+    object(), b"x", [], {}, (), None, float("nan"), float("inf"), 10**400, -1, 1.5, True, "", "\n", "\ud800", "1e999",
+    "x" * 9999, print, {1, 2}, 1j, [[]], [None], {"a": []}, {None: 1}, {"normal": 10**400}, ("a", "b", "c"),
+    range(3), slice(1, "x"), Path("x"), ..., np.array(3), np.array([1, 2]), np.array(["a"]), np.float64("nan"),
+    np.datetime64("2020"),
+)  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize("name", [*FIELDS, "size", "sequence", "metrics", "lighting", "sky"])
+def test_any_value_is_accepted_or_answered_in_one_short_line(name):
+    for value in JUNK:
+        try:
+            Settings(**{name: value}).to_dict()
+        except SettingsError as error:
+            assert "\n" not in str(error) and len(str(error)) < 250

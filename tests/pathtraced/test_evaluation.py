@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from exr_files import HEIGHT, WIDTH, blender_frame, options, view_at, write
 
+import taubench_gl as tb
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
@@ -39,6 +40,19 @@ def test_masks_equal_the_float64_reference(renders):
         np.testing.assert_array_equal(mask, expected.mask)
         row = next(r for r in run.frames if r["frame"] == f)
         assert row["direct"] == int(((expected.mask & Reason.DIRECT) != 0).sum()) > 0
+
+
+def test_pairs_of_files_are_those_of_their_evaluation(renders):
+    """Options of path-traced files are given by name."""
+    camera_file = options(renders).camera_file
+    run = tb.evaluate(f"exr:{renders}", camera_file=camera_file, lobes="diffuse")
+    pairs = list(tb.pairs(f"exr:{renders}", camera_file=str(camera_file)))
+    assert [pair.frame for pair in pairs] == [5, 6] and "diffuse" in run.summary["lobes"]
+    for pair, row in zip(pairs, run.frames, strict=True):
+        assert pair.color.shape == (HEIGHT, WIDTH, 3)
+        assert pair.row == {name: value for name, value in row.items() if name != "camera_cut"}
+    for pair in tb.pairs(f"exr:{renders}", camera_file=camera_file):
+        assert pair.explain(1, 2).word == pair.mask[2, 1]
 
 
 def test_the_summary_has_the_same_blocks_as_that_of_a_scene(renders):
