@@ -1,10 +1,11 @@
-// Color of a pixel: direct + indirect + emission (or the sky's radiance), exposed, tone-mapped, sRGB-encoded.
+// Color of a pixel: direct + indirect + emission (or the radiance of the environment), exposed, tone-mapped, sRGB-encoded.
 //
 // Paper      section 3.2, f_color.
 // Reads      position and, where enabled, direct, indirect, emission.
 // Writes     color in [0, 1].
 // Reference  metrics.color
 #define READ(channel, at) channel##_at(at)
+#include "common/environment.glsl"
 #include "common/numbers.glsl"
 #include "common/radiance.glsl"
 
@@ -23,7 +24,12 @@ vec3 tone_map(vec3 x) {
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
-    vec3 radiance = radiance_at(pixel, P.sky.rgb);
+#if ENVIRONMENT_IMAGE
+    vec3 sky = environment_seen((P.sky_origin + float(pixel.x) * P.sky_dx + float(pixel.y) * P.sky_dy).xyz);
+#else
+    vec3 sky = P.sky.rgb;
+#endif
+    vec3 radiance = radiance_at(pixel, sky);
     // Above 1e6 every curve is 1, and its products would overflow.
     vec3 mapped = tone_map(clamp(radiance * P.exposure, 0.0, 1.0e6));
     vec3 color = vec3(srgb(mapped.r), srgb(mapped.g), srgb(mapped.b));

@@ -1,10 +1,12 @@
-// Direct radiance: light of every punctual light and of the uniform sky that the visible point scatters to the camera.
+// Direct radiance: light of every punctual light and of the environment that the visible point scatters to the
+// camera.
 //
 // Paper      section 3.2, f_dir: the direct radiance whose change is thresholded.
 // Reads      position normal geometric_normal base_color material, light table, shadow atlas, tile light lists.
 // Writes     direct (diffuse + glossy) and, where requested, each lobe; only of the pixels shaded in this frame.
-// Reference  metrics.lighting (albedo_table for the sky)
-// Departs    Occlusion of the sky is not simulated: its light is that of an unoccluded point.
+// Reference  metrics.lighting (albedo_table for the environment), metrics.environment
+// Departs    Occlusion of the environment is not simulated: its light is that of an unoccluded point.  Glossy light of an image
+//            is its split sum.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"

@@ -4,10 +4,15 @@
 // Reads    position; direct, indirect, emission where available
 // Writes   radiance: rgb exposed, a 1 where shaded and 0 where filled; ACCUMULATE adds a share of rgb instead.
 // Reference metrics.shading_rate.nearest_shaded, metrics.color (its exposure)
+#include "common/environment.glsl"
 #include "common/shading_rate.glsl"
 
 uniform ivec2 size;
+#if ENVIRONMENT_IMAGE
+uniform vec3 sky_origin, sky_dx, sky_dy; // view direction of pixel (0, 0), and its steps
+#else
 uniform vec3 sky;
+#endif
 uniform float exposure;
 #if SHADING_RATE > 0
 uniform int phase;
@@ -26,6 +31,9 @@ void main() {
     ivec2 from = nearest_shaded(pixel, phase, size);
 #else
     ivec2 from = pixel;
+#endif
+#if ENVIRONMENT_IMAGE
+    vec3 sky = environment_seen(sky_origin + float(from.x) * sky_dx + float(from.y) * sky_dy);
 #endif
     vec3 radiance = radiance_at(from, sky) * exposure;
 #if ACCUMULATE

@@ -8,6 +8,17 @@ from taubench_gl.animation.state import View
 from taubench_gl.metrics.reprojection import Reprojection
 
 
+def sky_directions(view: View, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """View direction of pixel (0, 0) of ``view``, and its steps per pixel to the right and up: world axes, (3,) each.
+
+    Not normalized; includes the jitter.  Parallel projections look the same way in every pixel.
+    """
+    if view.camera.kind != "perspective":
+        return -view.world_from_view[:, 2], np.zeros(3), np.zeros(3)
+    pair = reprojection(view, view, width, height)
+    return pair.sky_origin[:3], pair.sky_dx[:3], pair.sky_dy[:3]
+
+
 def reprojection(view: View, previous: View, width: int, height: int, *, jitter: bool = True) -> Reprojection:
     """Matrices of the pair (previous, view), float64, relative to the two cameras (docs/conventions.md).
 

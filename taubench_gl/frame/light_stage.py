@@ -10,6 +10,7 @@ from taubench_gl.effects.lighting import intensity_divisor
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.casters import Casters
 from taubench_gl.frame.draw_bounds import DrawBounds
+from taubench_gl.frame.environment import MAP, image_of, texels
 from taubench_gl.frame.lights import LightTable, LightTexture
 from taubench_gl.frame.passes.indirect import IndirectPass
 from taubench_gl.frame.passes.lighting import TILE, color, direct_light, light_lists, stochastic_light
@@ -51,6 +52,10 @@ class LightStage:
         self._color = self._compile(color)
         if "albedo_table" in self._owned:
             self._owned["albedo_table"].write(albedo_table().tobytes())
+        if MAP in self._owned:
+            for name, values in texels(spec.environment).items():
+                if name in self._owned:
+                    self._owned[name].write(values.tobytes())
         if self._stochastic:
             self._owned["light_choice"] = context.gpu.ctx.buffer(reserve=8 * max(len(self.table), 1), dynamic=True)
 
@@ -131,6 +136,9 @@ class LightStage:
             out.append(f"{left_out} lights shine without shadows: only the most significant get shadow maps")
         if {"sky", "direct"} <= self._spec.enabled:
             out.append("light of the sky is not occluded by the scene and gives no indirect light")
+        negative = image_of(self._spec.environment).negative if MAP in self._owned else 0
+        if negative:
+            out.append(f"{negative} values of the environment image are below 0 and count as 0")
         return out
 
     def release(self) -> None:

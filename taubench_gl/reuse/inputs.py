@@ -16,12 +16,13 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import halton_jitter
-from taubench_gl.animation.pairs import reprojection
+from taubench_gl.animation.pairs import reprojection, sky_directions
 from taubench_gl.conventions import COLUMNS, Reason
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
 from taubench_gl.frame.tuning import Tuning
@@ -131,7 +132,7 @@ class RasterInputs:
         if self.exact not in (None, self.source):
             self.exact.advance(frame)
         with self.timer.measure("compose"):
-            self._compose.run(self.source.current, frame)
+            self._compose.run(self.source, frame)
         previous = self._previous or view
         declared = _declared(self._previous, frame, self._cuts)
         pair = reprojection(view, previous, *self.size, jitter=False)
@@ -358,6 +359,8 @@ class ComposePass:
         declaration.define(SHADING_RATE=RATES.index(rate), ACCUMULATE=accumulate)
         for name in ("position", *(c for c in LIGHT_CHANNELS if c in channels)):
             declaration.texture(name)
+        self._environment = environment_of(settings)
+        declare_environment(declaration, self._environment, lobes=False, owned=False)
         declaration.image("radiance_out", resource="radiance", access=UPDATE if accumulate else WRITE)
         declaration.dispatch(size, Tuning(context.gpu.software).shading_group)
         self._pass = context.compute(declaration)
@@ -368,15 +371,23 @@ class ComposePass:
     def bytes(self) -> int:
         return 16 * self._size[0] * self._size[1]
 
-    def run(self, textures: Mapping[str, moderngl.Texture], frame: int = 0, share: float = 1.0) -> None:
-        """Write ``radiance``.  ``share``: weight of this sample if samples add up, negative for the first sample."""
-        sky, exposure = environment_of(self._settings).radiance, self._settings.lighting.exposure_factor
-        values = {"size": self._size, "sky": sky, "exposure": exposure}
+    def run(self, source: RasterSource, frame: int = 0, share: float = 1.0) -> None:
+        """Write ``radiance`` of the current frame of ``source``.
+
+        ``share``: weight of this sample if samples add up, negative for the first sample.
+        """
+        values: dict[str, Any] = {"size": self._size, "exposure": self._settings.lighting.exposure_factor}
+        if self._environment.kind == "image":
+            rays = sky_directions(source.renderer.frame.view, *self._size)
+            values |= zip(("sky_origin", "sky_dx", "sky_dy"), map(tuple, rays), strict=True)
+        else:
+            values["sky"] = self._environment.radiance
         if self._rate != "full":
             values["phase"] = phase(self._rate, frame)
         if self._accumulate:
             values["share"] = share
-        self._pass.run(None, {**textures, "radiance": self.radiance}, **values)
+        textures = {**source.renderer.frame.tables, **source.current, "radiance": self.radiance}
+        self._pass.run(None, textures, **values)
         self._hazards.publish()
 
     def release(self) -> None:

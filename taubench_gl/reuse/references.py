@@ -48,7 +48,7 @@ class SupersampledReference:
         for k, offset in enumerate(self._offsets):
             self._offset = offset
             self._source.advance(frame)
-            self._compose.run(self._source.current, frame, -share if k == 0 else share)
+            self._compose.run(self._source, frame, -share if k == 0 else share)
         return read_result(self._compose.radiance)[..., :3]
 
     def describe(self) -> dict[str, Any]:

@@ -1,17 +1,26 @@
-"""Environments against closed forms: the default one (a uniform sky and a sun)."""
+"""Environments, the default one and images, against closed forms and the float64 reference."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
-from light_tools import floor, lambert, look, look_down, opened, picture, shoot, worst
+from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
 
+from taubench_gl.animation.pairs import sky_directions
 from taubench_gl.effects.census import census
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import DEFAULT_RADIANCE, DEFAULT_SUN
+from taubench_gl.errors import SettingsError
 from taubench_gl.frame.plan import FramePlan
+from taubench_gl.math3d import normalize
+from taubench_gl.metrics.environment import directions, environment_maps, glossy_radiance, lookup, resized, solid_angles
+from taubench_gl.metrics.lighting import albedo_table
+from taubench_gl.scene.environment import read_environment
 from taubench_gl.scene.model import Scene
-from taubench_gl.selftest.scenes import SceneBuilder, box
+from taubench_gl.selftest.scenes import SceneBuilder, box, sphere
 from taubench_gl.settings import Settings
 
 ALBEDO = 0.6
@@ -82,9 +91,7 @@ def test_a_file_with_lights_keeps_them_beside_the_sun(gpu):
 
 
 def unlit(scene: Scene) -> Scene:
-    import dataclasses
-
-    return dataclasses.replace(scene, nodes=dataclasses.replace(scene.nodes, light=np.full(len(scene.nodes), -1)))
+    return replace(scene, nodes=replace(scene.nodes, light=np.full(len(scene.nodes), -1)))
 
 
 @pytest.mark.parametrize("shadow_lights", [0, 1])
@@ -129,3 +136,216 @@ def test_stochastic_light_of_the_default_environment_is_exact_without_indirect_l
         source.release()
     expected = np.broadcast_to(ALBEDO / np.pi * (np.pi * SKY + UP * SUN), shot.direct.shape)
     assert worst(shot.direct, expected, shot.surface) < 1e-3
+
+
+# ---------------------------------------------------------------------------------------------------------- images
+WIDE = 64
+"""Columns of the images of these tests."""
+
+BALL = 0.75
+"""Base color of the balls, exact in half floats."""
+
+
+def image_file(folder: Path, radiance: np.ndarray, name: str = "sky.exr") -> str:
+    """Write (h, 2 h, 3) as an environment image."""
+    import OpenImageIO as oiio
+
+    path = str(folder / name)
+    out = oiio.ImageOutput.create(path)
+    assert out.open(path, oiio.ImageSpec(radiance.shape[1], radiance.shape[0], 3, "float"))
+    assert out.write_image(np.ascontiguousarray(radiance, dtype=np.float32))
+    out.close()
+    return path
+
+
+def ball(b: SceneBuilder, **material) -> None:
+    b.node(mesh=b.mesh(replace(sphere(1.0, rings=96), material=lambert(b, BALL, **material))))
+
+
+def ball_scene(**material) -> Scene:
+    b = SceneBuilder()
+    ball(b, **material)
+    look(b, (1.5, 2.0, 3.0), (0.0, 0.0, 0.0), yfov=0.7)
+    return b.build()
+
+
+def cosine_sky(axis: np.ndarray, height: int = 128) -> np.ndarray:
+    """Radiance max(cos, 0) around ``axis``."""
+    return np.repeat(np.maximum(directions(height) @ axis, 0.0)[..., None], 3, axis=-1)
+
+
+AXIS = np.array([0.48, 0.6, 0.64])
+
+
+@pytest.mark.parametrize("material", [{}, {"specular": 1.0, "roughness": 0.3}, {"metallic": 1.0, "roughness": 0.7}])
+def test_a_uniform_image_is_the_uniform_environment(gpu, tmp_path, material):
+    sky = (0.5, 0.25, 1.0)
+    path = image_file(tmp_path, np.broadcast_to(sky, (8, 16, 3)))
+    columns = ("frustum", "direct", "color")
+    image, uniform = (
+        picture(gpu, ball_scene(**material), environment=e, columns=columns, storage="float") for e in (path, sky)
+    )
+    assert worst(image.direct, uniform.direct, image.surface) < 1e-5
+    assert np.abs(image["color"] - uniform["color"]).max() < 1e-5, "surfaces and sky pixels"
+
+
+def test_white_furnace_of_a_white_diffuse_ball(gpu, tmp_path):
+    """A white Lambert ball vanishes in a uniform image."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(replace(sphere(), material=lambert(b, 1.0))))
+    look(b, (0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
+    path = image_file(tmp_path, np.full((16, 32, 3), 0.5), "furnace.hdr")
+    shot = picture(gpu, b.build(), environment=path, columns=("direct", "color"), tone_map="linear")
+    assert 0.1 < shot.surface.mean() < 0.9
+    assert np.ptp(shot["color"][..., :3]) < 1e-3
+
+
+def test_a_diffuse_ball_in_a_cosine_lobe_is_the_closed_form(gpu, tmp_path):
+    """The integral of max(l.a, 0) max(l.n, 0) is 2/3 ((pi - g) cos g + sin g), g the angle between a and n."""
+    path = image_file(tmp_path, cosine_sky(AXIS))
+    shot = picture(gpu, ball_scene(), environment=path, storage="float")
+    g = np.arccos(np.clip(shot["normal"][..., :3] @ AXIS, -1.0, 1.0))
+    expected = BALL / np.pi * 2.0 / 3.0 * ((np.pi - g) * np.cos(g) + np.sin(g))
+    assert np.abs(shot.direct - expected[..., None])[shot.surface].max() < 1e-3
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.0625, 0.3125, 0.5, 1.0])
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+def test_light_of_an_image_equals_the_reference(gpu, tmp_path, roughness, metallic):
+    """A mirror shows the image, rough surfaces its filtered maps; shader and float64 look up the same maps."""
+    rng = np.random.default_rng(5)
+    radiance = resized(rng.uniform(0.0, 2.0, (4, 8, 3)), WIDE // 2)
+    path = image_file(tmp_path, radiance)
+    scene = ball_scene(specular=1.0, metallic=metallic, roughness=roughness)
+    shot = picture(gpu, scene, environment=path, extra=("direct_glossy",), storage="float")
+    n, at = shot["normal"][..., :3], shot.surface
+    v = normalize(-shot["position"][..., :3] + (~at)[..., None])
+    mirror = normalize(2.0 * np.sum(n * v, axis=-1, keepdims=True) * n - v)
+    maps = environment_maps(read_environment(path).radiance)
+    glossy = glossy_radiance(maps, mirror, np.full(mirror.shape[:2], roughness))
+    albedo = bilinear_albedo(roughness, np.maximum(np.sum(n * v, axis=-1), 1e-4))
+    dielectric = 0.04 * albedo[..., 0] + albedo[..., 1]
+    metal = BALL * albedo[..., 0] + albedo[..., 1]
+    expected = ((1.0 - metallic) * dielectric + metallic * metal)[..., None] * glossy
+    assert np.abs(shot["direct_glossy"][..., :3] - expected)[at].max() < 2e-4
+    taken = 0.04 + 0.96 * albedo[..., 2]
+    diffuse = (1.0 - metallic) * (1.0 - taken)[..., None] * BALL * lookup(maps.lobes[0], n)
+    assert np.abs(shot.direct - expected - diffuse)[at].max() < 2e-4
+
+
+def bilinear_albedo(roughness: float, n_v: np.ndarray) -> np.ndarray:
+    table = albedo_table().astype(np.float64)
+    last = len(table) - 1
+    rows = roughness * last
+    r = min(int(rows), last - 1)
+    row = table[r] * (1.0 - (rows - r)) + table[r + 1] * (rows - r)
+    return np.stack([np.interp(n_v * last, np.arange(last + 1), row[:, c]) for c in range(4)], axis=-1)
+
+
+TOWARD = {"+X": (1, 0, 0), "-X": (-1, 0, 0), "+Y": (0, 1, 0), "-Y": (0, -1, 0), "+Z": (0, 0, 1), "-Z": (0, 0, -1)}
+COLUMN = {"+X": 0.5, "-X": 0.0, "+Z": 0.75, "-Z": 0.25, "+Y": 0.1, "-Y": 0.1}
+
+
+@pytest.mark.parametrize("side", TOWARD)
+def test_one_bright_pixel_lights_the_side_that_faces_it_and_is_seen_there(gpu, tmp_path, side):
+    """The center of the image is +X, a quarter of its width to the right is +Z, its top is +Y."""
+    radiance = np.zeros((WIDE // 2, WIDE, 3))
+    row = {"+Y": 0, "-Y": WIDE // 2 - 1}.get(side, WIDE // 4)
+    column = int(COLUMN[side] * WIDE)
+    radiance[row, column] = 1000.0
+    path = image_file(tmp_path, radiance)
+    toward = np.array(TOWARD[side], dtype=float)
+    shot = picture(gpu, ball_scene(), environment=path, storage="float")
+    cosine = shot["normal"][..., :3] @ directions(WIDE // 2)[row, column]
+    assert directions(WIDE // 2)[row, column] @ toward > 0.99
+    assert np.all(shot.direct[shot.surface & (cosine < -0.1)] < 1e-6)
+    facing_it = shot.surface & (cosine > 0.2)
+    # Irradiance of one pixel: radiance, solid angle, cosine.  At the poles its centroid is 0.9 degrees from its center.
+    expected = BALL / np.pi * 1000.0 * solid_angles(WIDE // 2)[row] * cosine
+    ratio = shot.direct[..., 0][facing_it] / expected[facing_it]
+    assert np.abs(ratio - 1.0).max(initial=0.0) < (0.1 if "Y" in side else 0.02)
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(replace(sphere(0.01), material=lambert(b))), translation=-50.0 * toward)
+    b.camera(rotation=facing(toward), yfov=0.6)
+    seen = picture(gpu, b.build(), environment=path, columns=("direct", "color"))["color"][..., 0]
+    rows, columns = np.nonzero(seen > 0.5)
+    assert len(rows) and abs(rows.mean() - 23.5) < 10 and abs(columns.mean() - 31.5) < 10
+
+
+def test_sky_pixels_show_the_image_exposed(gpu, tmp_path):
+    """Each pixel of the sky is the image in its view direction, times the exposure, sRGB-encoded."""
+    radiance = resized(np.random.default_rng(3).uniform(0.0, 1.0, (4, 8, 3)), WIDE // 2)
+    path = image_file(tmp_path, radiance)
+    shot = picture(gpu, ball_scene(), environment=path, columns=("direct", "color"), exposure=0.5, tone_map="linear")
+    h, w = shot.surface.shape
+    origin, dx, dy = sky_directions(shot.view, w, h)
+    x, y = np.meshgrid(np.arange(w), np.arange(h)[::-1])
+    rays = normalize(origin + x[..., None] * dx + y[..., None] * dy)
+    linear = 0.5 * lookup(radiance, rays)
+    expected = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+    sky = ~shot.surface
+    assert sky.mean() > 0.3
+    assert np.abs(shot["color"][..., :3] - expected)[sky].max() < 1e-3
+
+
+def test_a_parallel_camera_sees_one_direction(gpu, tmp_path):
+    b = SceneBuilder()
+    floor(b, 0.5, material=lambert(b))
+    look_down(b, 2.0)
+    path = image_file(tmp_path, cosine_sky(np.array([0.0, -1.0, 0.0])))
+    shot = picture(gpu, b.build(), environment=path, columns=("direct", "color"))
+    sky = shot["color"][~shot.surface][:, :3]
+    assert len(sky) and np.ptp(sky) == 0 and sky.max() > 0.99
+
+
+def test_a_bright_small_sun_is_finite_and_keeps_its_energy(tmp_path):
+    radiance = np.zeros((64, 128, 3))
+    radiance[20, 30] = 1e5
+    maps = environment_maps(read_environment(image_file(tmp_path, radiance)).radiance)
+    solid = solid_angles(128)[:, None, None]
+    assert np.all(np.isfinite(maps.lobes)) and maps.lobes.min() >= 0.0
+    given = float((radiance * solid_angles(64)[:, None, None]).sum())
+    diffuse = float((maps.lobes[0] * solid).sum())
+    assert diffuse == pytest.approx(given, rel=1e-3), "mean irradiance / pi is the mean radiance"
+
+
+@pytest.mark.parametrize("mode", ["missing", "text", "cut", "not wide", "nan", "folder"])
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+def test_files_that_are_no_environment_answer_in_one_line(tmp_path, mode, suffix):
+    path = tmp_path / f"bad{suffix}"
+    good = np.random.default_rng(1).uniform(0.0, 1.0, (32, 64, 3))
+    if mode == "text":
+        path.write_text("hello\nworld\n")
+    elif mode == "folder":
+        path.mkdir()
+    elif mode == "cut":
+        image_file(tmp_path, good, path.name)
+        path.write_bytes(path.read_bytes()[:-500])
+    elif mode == "not wide":
+        image_file(tmp_path, good[:, :40], path.name)
+    elif mode == "nan":
+        if suffix == ".hdr":
+            pytest.skip("the format has no such values")
+        good[3, 4, 1] = np.nan
+        image_file(tmp_path, good, path.name)
+    with pytest.raises(SettingsError) as error:
+        read_environment(path)
+    assert error.value.setting == "environment" and error.value.where == str(path)
+    assert "\n" not in str(error.value)
+
+
+def test_negative_radiance_counts_as_black_and_is_noted(gpu, tmp_path):
+    radiance = np.full((8, 16, 3), 0.5)
+    radiance[0, 0] = -1.0
+    path = image_file(tmp_path, radiance)
+    assert read_environment(path).negative == 3 and read_environment(path).radiance.min() == 0.0
+    with opened(gpu, ball_scene(), environment=path) as source:
+        assert any("below 0" in note for note in source.describe()["notes"])
+
+
+def test_an_image_that_changes_is_read_again(tmp_path):
+    path = image_file(tmp_path, np.full((8, 16, 3), 0.5))
+    first = read_environment(path)
+    image_file(tmp_path, np.full((16, 32, 3), 0.25))
+    second = read_environment(path)
+    assert first.sha256 != second.sha256 and second.size == (32, 16)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taubench_gl.effects.lighting import environment_of
+from taubench_gl.animation.pairs import sky_directions
 from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, UnrolledLights, unrolled_lights
 from taubench_gl.frame.passes.indirect import VPL, VPL_ROW, scene_center, vpl_count
 from taubench_gl.frame.shadow_faces import FACE, first_faces
@@ -36,6 +37,9 @@ STOCHASTIC = Struct(
 COLOR = Struct(
     "ColorRecord",
     Field("sky", "vec4", "xyz: uniform sky radiance, linear"),
+    Field("sky_origin", "vec4", "xyz: view direction of pixel (0, 0), world axes, not normalized"),
+    Field("sky_dx", "vec4", "xyz: its step per pixel to the right"),
+    Field("sky_dy", "vec4", "xyz: its step per pixel up"),
     Field("size", "ivec4", "xy: pixels"),
     Field("exposure", "float", "factor on radiance before tone mapping"),
 )
@@ -106,6 +110,8 @@ def _shadowed(spec: FrameSpec, p: ComputePass, taps: int) -> ComputePass:
     if {"sky", "glossy"} <= spec.enabled:
         table = Resource.texture("albedo_table", (ALBEDO_TABLE, ALBEDO_TABLE), label="albedo table")
         p.texture("albedo_table", given=True).allocate(table)
+    if "sky" in spec.enabled:
+        declare_environment(p, spec.environment, lobes=True, owned=True)
     return p
 
 
@@ -204,13 +210,17 @@ def color(spec: FrameSpec) -> Sequence[Pass]:
     inputs = tuple(name for name in SUMMED if name in spec.enabled)
     lighting = spec.settings.lighting
 
-    def values(_: FrameContext) -> dict:
-        sky, exposure = environment_of(spec.settings).radiance, lighting.exposure_factor
-        return {"sky": (*sky, 0.0), "size": (*spec.size, 0, 0), "exposure": exposure}
+    def values(frame: FrameContext) -> dict:
+        out = {"sky": (*spec.environment.radiance, 0.0), "size": (*spec.size, 0, 0)}
+        if spec.environment.kind == "image":
+            rays = sky_directions(frame.view, *spec.size)
+            out |= {n: (*ray, 0.0) for n, ray in zip(("sky_origin", "sky_dx", "sky_dy"), rays, strict=True)}
+        return {**out, "exposure": lighting.exposure_factor}
 
+    p = ComputePass("color", ("color/color.comp.glsl",))
+    declare_environment(p, spec.environment, lobes=False, owned="sky" not in spec.enabled)
     return (
-        ComputePass("color", ("color/color.comp.glsl",))
-        .define(TONE_MAP=TONE_MAPS.index(lighting.tone_map))
+        p.define(TONE_MAP=TONE_MAPS.index(lighting.tone_map))
         .define(**{f"HAS_{name.upper()}": name in inputs for name in SUMMED})
         .constants("P", COLOR, values)
         .use(*spec.channels("position", *inputs, images=True))
