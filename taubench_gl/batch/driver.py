@@ -26,6 +26,7 @@ from taubench_gl.batch.units import (
 )
 from taubench_gl.batch.worker import resolved_settings
 from taubench_gl.errors import GraphicsError
+from taubench_gl.evaluation import files_identity
 from taubench_gl.run import SUMMARY_FILE
 
 CHUNK_PAIRS = 32
@@ -139,7 +140,7 @@ class Driver:
         records, reports = self.store.load_pairs(job)
         missing = [p for p in positions if p not in records]
         self.listener.job_known(job, len(positions) - len(missing), len(positions))
-        sha256 = head["facts"]["scene"]["sha256"]
+        sha256 = files_identity(head["facts"]["scene"])
         chunks = chunked(missing, self._chunk or self._chunk_size(len(positions)))
         if not positions and not reports:
             chunks = [()]

@@ -25,7 +25,7 @@ class Unit:
     scene: str
     settings: Settings
     positions: tuple[int, ...] | None = None
-    sha256: str | None = None  # hash of the scene when the head was computed
+    sha256: str | None = None  # of the files when the head was computed, evaluation.files_identity
 
     @property
     def key(self) -> Key:

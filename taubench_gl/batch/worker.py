@@ -30,7 +30,10 @@ from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
     Observers,
     checked_frames,
+    environment_image,
     evaluate_pairs,
+    file_hashes,
+    files_identity,
     frame_range,
     frame_schedule,
     pair_schedule,
@@ -86,7 +89,7 @@ class Worker:
             if unit.settings.lighting.exposure == AUTO:
                 open_context(unit.settings)  # its exposure may have to be metered
             return head(loaded.scene, loaded.poser, loaded.camera, unit.settings)
-        if unit.sha256 != loaded.scene.sha256:
+        if unit.sha256 != files_identity(file_hashes(loaded.scene, unit.settings)):
             raise SceneError("changed while the batch was running", where=unit.scene, hint="run the batch again")
         return self._count(unit, loaded, gpu, on_pair, started)
 
@@ -165,7 +168,8 @@ def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
     values = {
         "schema": HEAD_SCHEMA,
         "version": __version__,
-        "one_file": scene.files == 1,  # a .glb may refer to images and buffers in other files
+        # A .glb may refer to images and buffers in other files.
+        "one_file": scene.files == 1 and environment_image(resolved.settings) is None,
         "frames": [frames.start, frames.stop],
         "facts": scene_facts(scene, camera, frames, resolved, poser),
         "lighting": {name: resolved.settings.to_dict()[name] for name in LIGHTING},

@@ -33,7 +33,7 @@ from taubench_gl.cost.timing import SWEEPS, Clock, OpenConfiguration, Pool, Stud
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError, note_renamed
-from taubench_gl.evaluation import frame_range, resolve_lighting
+from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
 from taubench_gl.frame.spec import SceneFacts, ranked_with_sun
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, TimerVerdict, probe_timer
@@ -238,7 +238,11 @@ def _about(subject: Subject, reference: str) -> dict[str, Any]:
 
 def _identity(subject: Subject, about: Mapping[str, Any]) -> dict[str, str]:
     found = identity(
-        subject.plan, subject.scene.sha256, subject.frames, about["reference"]["identity"], about["camera"]
+        subject.plan,
+        files_identity(file_hashes(subject.scene, subject.baseline)),
+        subject.frames,
+        about["reference"]["identity"],
+        about["camera"],
     )
     if subject.methods:
         found["methods"] = fingerprint([c.name for c in subject.methods])

@@ -8,7 +8,13 @@ Path-traced files: ``pathtraced.evaluation``.
 
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
 from taubench_gl.evaluation.explain import Explanation
-from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
+from taubench_gl.evaluation.lighting import (
+    ResolvedLighting,
+    environment_image,
+    file_hashes,
+    files_identity,
+    resolve_lighting,
+)
 from taubench_gl.evaluation.pairs import (
     ChannelPair,
     EvaluatedPair,
@@ -37,8 +43,11 @@ __all__ = [
     "assemble_summary",
     "checked_frames",
     "describe_brightness",
+    "environment_image",
     "evaluate_pairs",
     "evaluate_scene",
+    "file_hashes",
+    "files_identity",
     "finish_run",
     "frame_range",
     "frame_schedule",

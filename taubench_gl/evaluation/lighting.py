@@ -5,18 +5,21 @@ Every entry point calls ``resolve_lighting``; everything below it sees only conc
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
-from taubench_gl.effects.lighting import environment_for, light_unit_of, own_light
+from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, own_light
 from taubench_gl.evaluation.schedule import frame_range
+from taubench_gl.frame.environment import image_of
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_luminance
 from taubench_gl.report.labels import GIVEN
+from taubench_gl.scene.environment import EnvironmentImage
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
 
@@ -55,10 +58,29 @@ def resolve_lighting(
         environment = environment_for(scene)
         chosen["environment"], reasons["environment"] = environment.value, environment.reason
     settings = settings.replace(**chosen)
+    if (image := environment_image(settings)) is not None:
+        reasons["environment"] += f", an image of {image.size[0]}x{image.size[1]} pixels"
     if lighting.exposure == AUTO:
         exposure, reasons["exposure"] = _exposure(scene, settings, camera, frames, poser)
         settings = settings.replace(exposure=exposure)
     return ResolvedLighting(settings, reasons)
+
+
+def environment_image(settings: Settings) -> EnvironmentImage | None:
+    """The environment image of resolved settings, read; None if there is none.  Raises SettingsError."""
+    environment = environment_of(settings)
+    return image_of(environment) if environment.kind == "image" else None
+
+
+def file_hashes(scene: Scene, settings: Settings) -> dict[str, str | None]:
+    """``sha256`` of the scene's files and, where there is an environment image, ``environment_sha256``."""
+    image = environment_image(settings)
+    return {"sha256": scene.sha256, **({} if image is None else {"environment_sha256": image.sha256})}
+
+
+def files_identity(hashes: Mapping[str, Any]) -> str | None:
+    """One identity of ``file_hashes``; that of the scene alone where there is no environment image."""
+    return " ".join(filter(None, (hashes["sha256"], hashes.get("environment_sha256")))) or None
 
 
 def _exposure(

@@ -9,7 +9,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, OrbitCamera, Poser, View
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
-from taubench_gl.evaluation.lighting import ResolvedLighting
+from taubench_gl.evaluation.lighting import ResolvedLighting, file_hashes
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
@@ -42,7 +42,7 @@ def scene_facts(
         "scene": {
             "name": scene.name,
             "path": None if scene.path is None else str(scene.path),
-            "sha256": scene.sha256,
+            **file_hashes(scene, settings),
             "duration_s": scene.duration,
             "playing": list(scene.playing),
             "stand_in": scene.stand_in,
