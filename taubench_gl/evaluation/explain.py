@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
+from taubench_gl.conventions import FEATURES, FRUSTUM, GUARD_PX, Reason
 from taubench_gl.frame.passes.masks import ComparedSource
 from taubench_gl.frame.targets import read_texel
 from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.masks import SAMPLERS, compare
-from taubench_gl.metrics.reprojection import Reprojection
+from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
+
+
+@runtime_checkable
+class KnowsPreviousPosition(Protocol):
+    """A source that has the scene, so that it can follow a surface point."""
+
+    def previous_position(self, position: Array) -> Array | None:
+        """As ``frame.sources.RasterSource.previous_position``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +65,8 @@ class Explanation:
     at: tuple[float, float] | None
     features: Mapping[str, FeatureValues]
     reason: str
+    object_motion_m: float | None = None  # distance by which the surface point itself moved; None: not determined
+    motion_word: int | None = None  # ``word`` under motion reprojection, bits of the comparison; None: not determined
 
     def __str__(self) -> str:
         return self.reason
@@ -98,7 +108,53 @@ def explain_pixel(images: MaskedPair, x: int, row: int) -> Explanation:
     behind = bool(word & (Reason.BEHIND | Reason.FIRST | Reason.CUT | Reason.INVALID))
     at = None if behind else (at_up[0], pair.height - 1 - at_up[1])
     moved = (float(motion[0]), -float(motion[1]) + 0.0)
-    return Explanation((x, row), word, moved, at, features, in_words(word))
+    found = Explanation((x, row), word, moved, at, features, in_words(word))
+    if comparable and source.reprojection == "camera" and word & (Reason.POSITION | Reason.NORMAL):
+        return _with_object_motion(found, images, now)
+    return found
+
+
+def _with_object_motion(found: Explanation, images: MaskedPair, now: Mapping[str, Array]) -> Explanation:
+    """``found`` with what motion reprojection would give.
+
+    Without motion vectors, a surface that moves is compared with what was at its place, often itself: no occluder.
+    """
+    source, pair = images.source, images.pair
+    p = now["position"][0, :3]
+    if not now["position"][0, 3] > 0 or not isinstance(source, KnowsPreviousPosition):
+        return found
+    previous = source.previous_position(p)
+    if previous is None:
+        return found
+    motion = float(np.linalg.norm(previous - p))
+    meters = motion / images.settings.metrics.unit_scale
+    q = previous + pair.camera_delta
+    word = _motion_word(images, found.pixel, now, q)
+    threshold = images.thresholds["position"]
+    helps = not word & (FRUSTUM | Reason.POSITION | Reason.NORMAL)
+    words = found.reason
+    if motion > 1e-3 * threshold and (helps or motion > threshold):
+        then = f": {in_words(word)}" if word else " it would be reusable"
+        words = f"it moved {meters:.3g} m itself; with motion vectors{then}"
+    return replace(found, reason=words, object_motion_m=meters, motion_word=word)
+
+
+def _motion_word(images: MaskedPair, pixel: tuple[int, int], now: Mapping[str, Array], q: Array) -> int:
+    """Reason bits of a pixel whose surface point was at ``q``, relative to the previous camera."""
+    pair = images.pair
+    if q @ pair.prev_forward <= pair.prev_near * (1.0 - NEAR_GUARD):
+        return int(Reason.BEHIND)
+    size = np.array([pair.width, pair.height])
+    ends = [(pair.clip_from_current, now["position"][0, :3]), (pair.prev_clip_from_prev, q)]
+    clips = [matrix @ np.append(point, 1.0) for matrix, point in ends]
+    motion = 0.5 * size * (clips[1][:2] / clips[1][3] - clips[0][:2] / clips[0][3])
+    at = np.array([pixel[0], pair.height - 1 - pixel[1]]) + motion
+    if np.any(at < -GUARD_PX) or np.any(at > size - 1 + GUARD_PX):
+        return int(Reason.OUTSIDE)
+    before = _history(images, list(now), (float(at[0]), float(at[1])), True)
+    here, then = ({n: v if n == "position" else v[:, :3] for n, v in values.items()} for values in (now, before))
+    bits, _ = compare(here, q[None], then, images.thresholds, images.settings.lighting.exposure_factor)
+    return int(bits[0])
 
 
 def _history(images: MaskedPair, names: list[str], at_up: tuple[float, float], surface: bool) -> dict[str, Array]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View
 from taubench_gl.animation.jitter import grid_offsets
+from taubench_gl.animation.surface import previous_point
 from taubench_gl.effects.decide import Effect, as_summary, decide, disable, unmeasured
 from taubench_gl.effects.decide import force as force_on
 from taubench_gl.frame.light_stage import LightStage
@@ -112,6 +113,7 @@ class RasterSource:
         # Every sample position has a history; scene, shadows and probes are shared.
         self._more = [self.renderer.new_history() for _ in range(self.samples - 1)]
         self._history = self.renderer.history
+        self._previous_time = 0.0  # seconds
         self.light = LightStage(self.renderer, spec) if any(declare(spec) for declare in LIGHT) else None
 
     def advance(self, frame: int) -> View:
@@ -128,13 +130,15 @@ class RasterSource:
     def draw_pair(self, frame: int, previous_frame: int, view: View, previous_view: View) -> View:
         """``advance`` with views and a previous frame that the caller chooses, for interactive cameras."""
         self._history = self.renderer.history
-        self.renderer.draw(frame / self._fps, previous_frame / self._fps, views=(view, previous_view))
+        self._previous_time = previous_frame / self._fps
+        self.renderer.draw(frame / self._fps, self._previous_time, views=(view, previous_view))
         if self.light is not None:
             self.light.run(frame)
         return view
 
     def _draw(self, frame: int, offset: np.ndarray | None) -> View:
-        self.renderer.draw(frame / self._fps, (frame - 1) / self._fps, offset, history=self._history)
+        self._previous_time = (frame - 1) / self._fps
+        self.renderer.draw(frame / self._fps, self._previous_time, offset, history=self._history)
         if self.light is not None:
             self.light.run(frame)
         return self.renderer.frame.view
@@ -153,6 +157,17 @@ class RasterSource:
 
     def read(self, name: str, *, previous: bool = False) -> np.ndarray:
         return read_channel((self.previous if previous else self.current)[name], name)
+
+    def previous_position(self, position: np.ndarray) -> np.ndarray | None:
+        """Where the surface point at ``position`` was in the previous frame, both relative to the current camera.
+
+        (3,) -> (3,) float64, scene units; for any ``reprojection``.  None where nothing is drawn.
+        """
+        frame, scene = self.renderer.frame, self.renderer.scene
+        assert frame is not None
+        before = self.renderer.poser.sample(self._previous_time)
+        found = previous_point(scene, frame.state, before, frame.view.position + position)
+        return None if found is None else found - frame.view.position
 
     def describe(self) -> dict[str, Any]:
         size = self.renderer.bytes + (0 if self.light is None else self.light.bytes)
