@@ -56,6 +56,10 @@ class ExportOptions:
         return (*SINTEL_NAMES, *(("color",) if "color" in self.channels else ()))
 
 
+_EXPOSED = frozenset({"color", "direct", "indirect", "direct_diffuse", "direct_glossy", "mask", "mask_forward"})
+"""Channels that depend on light, and masks, which depend on the exposure."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExportResult:
     """Frames ``written`` now and ``kept`` from an earlier run; ``unmeasured``: reason per missing channel."""
@@ -92,7 +96,10 @@ def export_scene(
     earlier = _read_manifest(out / MANIFEST)
     if settings.lighting.exposure == AUTO and not overwrite and earlier and earlier["sha256"] == loaded.sha256:
         settings = settings.replace(exposure=earlier["settings"]["exposure"])  # all parts of an export have one
-    settings = resolve_lighting(loaded, settings, camera, frames=frames).settings
+    # Geometry does not depend on the exposure.
+    columns = settings.metrics.columns if _EXPOSED & set(names) else ("frustum",)
+    lighting = resolve_lighting(loaded, settings.replace(columns=columns), camera, frames=frames).settings
+    settings = lighting.replace(columns=settings.metrics.columns)
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         source = FrameSource(gpu, loaded, camera, settings, names, jitter=options.jitter)

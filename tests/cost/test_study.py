@@ -238,3 +238,17 @@ def test_parameters_are_documented():
         assert parameter.doc and parameter.name == name and len(parameter.values) >= 2
         assert all(isinstance(parameter.phrase(v), str) and parameter.phrase(v) for v in parameter.values)
         assert set(parameter.columns) <= set(COLUMNS)
+
+
+def test_a_preset_leaves_open_what_the_study_left_open(tmp_path, demo):
+    auto = {"exposure": "auto", "light_unit": "auto", "environment": "auto"}
+    small = SMALL | {"parameters": ("storage",), "columns": ("frustum", "direct"), "choose_for": ("direct",)}
+    small |= {"repeats": 1, "frames": (20, 23), "indirect": "none"}
+    study = cost(demo, out=tmp_path, within=100.0, check=False, **small, **auto)
+    lighting = study.about["lighting"]
+    assert lighting["light_unit"] == "candela" and lighting["exposure"] not in (1.0, "auto")
+    configurations = {c.settings.lighting.exposure for c in study.plan.configurations}
+    assert configurations == {lighting["exposure"]}
+    study.save()
+    preset = load_preset(tmp_path / "preset.toml")
+    assert {name: preset.get(name, "auto") for name in auto} == auto

@@ -179,3 +179,22 @@ def test_folder_with_a_partial_manifest_is_usable(tmp_path):
     (other / "notes.txt").write_text("mine")
     with pytest.raises(OutputError):
         export_scene(DEMO, other, settings, ExportOptions(channels=FAST))
+
+
+def test_parts_of_an_export_share_a_metered_exposure(tmp_path):
+    auto = {"exposure": "auto", "channels": ("color",)}
+    exposures = []
+    for frames in ((8, 10), (10, 12)):
+        export(tmp_path / "parts", "npz", frames=frames, **auto)
+        manifest = json.loads((tmp_path / "parts" / "export.json").read_text())
+        exposures.append(manifest["settings"]["exposure"])
+    assert exposures[0] == exposures[1] != 1.0 and manifest["frames"] == [8, 12]
+    export(tmp_path / "later", "npz", frames=(10, 12), **auto)
+    later = json.loads((tmp_path / "later" / "export.json").read_text())["settings"]
+    assert isinstance(later["exposure"], float) and later["light_unit"] == "candela"
+
+
+def test_an_export_of_geometry_meters_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("taubench_gl.evaluation.lighting.direct_luminance", None)
+    export(tmp_path, "npz", frames=(8, 9), exposure="auto", channels=("position",))
+    assert json.loads((tmp_path / "export.json").read_text())["settings"]["exposure"] == 1.0

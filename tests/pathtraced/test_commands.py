@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -9,9 +10,12 @@ import pytest
 from click.testing import CliRunner
 from exr_files import blender_frame, write
 
+from taubench_gl.animation import choose_camera
 from taubench_gl.apps.cli import cli
 from taubench_gl.paths import ASSETS
+from taubench_gl.pathtraced.blender.job import Quality, identity, make_job
 from taubench_gl.run import load_run
+from taubench_gl.scene import load_scene
 
 DEMO = ASSETS / "demo.glb"
 
@@ -86,6 +90,39 @@ def test_sky_option(tmp_path, monkeypatch, words, sky):
     )
     assert done.exit_code == 0, done.output
     assert [quality.sky for quality in qualities] == [sky]
+
+
+def test_a_render_gets_the_lighting_of_evaluate(tmp_path, monkeypatch):
+    """Light unit, exposure and environment as resolved; a continued render keeps its exposure."""
+    calls = []
+    target = "taubench_gl.pathtraced.blender.render.render_reference"
+    monkeypatch.setattr(target, lambda *_, **options: calls.append(options) or [])
+    command = ["reference", "render", str(DEMO), "--out", str(tmp_path), "--size", "64x48"]
+    command += [word for name in ("--light-unit", "--exposure", "--environment") for word in (name, "auto")]
+    for frames in ("0:2", "10:12"):
+        done = CliRunner().invoke(cli, [*command, "--frames", frames])
+        assert done.exit_code == 0, done.output
+        record = {"job": "1", "settings": {"samples": 4}, "lighting": calls[-1]["lighting"]}
+        (tmp_path / "provenance.json").write_text(json.dumps(record))
+    first, second = (call["lighting"] for call in calls)
+    assert first == second and first["light_unit"] == "candela" and first["environment"] == "none"
+    assert first["exposure"] not in (1.0, "auto")
+    assert f"--exposure {first['exposure']:g}" in done.output
+    assert {call["quality"].light_unit for call in calls} == {"candela"}
+
+
+def test_intensities_of_a_job_are_divided_for_watt():
+    scene = load_scene(DEMO)
+    jobs = [
+        make_job(scene, choose_camera(scene), range(2), 24.0, (64, 48), Quality(light_unit=unit))[0]
+        for unit in ("candela", "watt")
+    ]
+    intensities = [
+        [entry["intensity"] for light in job["lights"] for entry in light["frames"].values()] for job in jobs
+    ]
+    assert any(intensities[0]) and intensities[1] == [value / 683.0 for value in intensities[0]]
+    assert len({identity(job, "x") for job in jobs}) == 2
+    assert identity(jobs[0], "x") == identity({k: v for k, v in jobs[0].items() if k != "light_unit"}, "x")
 
 
 def test_a_sky_of_three_arguments_is_refused(tmp_path):

@@ -22,7 +22,7 @@ from taubench_gl.pathtraced.compare import (
     mask_agreement,
     save_comparison,
 )
-from taubench_gl.run import load_run
+from taubench_gl.run import Run, load_run
 from taubench_gl.settings import Settings
 
 
@@ -148,3 +148,38 @@ def test_runs_with_the_former_block_name_are_read(renders, tmp_path):
     summary = json.loads(path.read_text())
     path.write_text(json.dumps({"truth" if k == "path_traced" else k: v for k, v in summary.items()}))
     assert load_run(tmp_path / "a").summary["path_traced"] == summary["path_traced"]
+
+
+def changed(run, **settings):
+    """``run`` with other settings in its summary."""
+    summary = run.summary | {"settings": run.summary["settings"] | settings}
+    return Run(summary, run.frames, run.out)
+
+
+def test_other_exposures_and_light_units_are_refused(renders):
+    runs = [evaluate(f"exr:{renders}", Settings(exposure=e), path_traced=options(renders)) for e in (1.0, 2.0)]
+    with pytest.raises(OutputError) as error:
+        compare_runs(*runs)
+    assert "exposure" in error.value.what and "--exposure 1" in error.value.hint
+    watt, candela = (changed(runs[0], light_unit=unit) for unit in ("watt", "candela"))
+    with pytest.raises(OutputError) as error:
+        compare_runs(watt, candela)
+    assert "watt" in error.value.what and "candela" in error.value.what
+    assert compare_runs(watt, changed(candela, light_unit=None))["pairs"] > 0  # unknown, as of other programs
+    assert compare_runs(watt, watt)["settings_that_differ"] == {}
+
+
+def test_runs_without_light_may_have_other_exposures(renders):
+    settings = Settings(columns=("frustum", "position", "normal"))
+    run = evaluate(f"exr:{renders}", settings, path_traced=options(renders))
+    for column in ("direct", "indirect", "color"):
+        run.summary["discard"][column] = {"mean_percent": None, "reason": "not requested"}
+    assert compare_runs(run, changed(run, exposure=7.0))["pairs"] > 0
+
+
+def test_light_unit_and_environment_of_recorded_renders(renders):
+    record = {"job": "1", "settings": {"samples": 4}, "lighting": {"light_unit": "watt", "environment": "none"}}
+    for values, unit in (({}, None), (record, "watt"), ({"job": "1", "settings": {"samples": 4}}, "candela")):
+        (renders / "provenance.json").write_text(json.dumps(values))
+        found = evaluate(f"exr:{renders}", path_traced=options(renders)).summary["settings"]
+        assert found["light_unit"] == unit and found["exposure"] == 1.0

@@ -28,6 +28,19 @@ def make_render(folder: Path, samples: int, seed: int = 0, seconds: float = 0.5)
     return folder
 
 
+def test_a_study_takes_the_light_unit_of_its_renders(tmp_path):
+    auto = Settings(light_unit="auto", environment="auto", exposure="auto")
+    make_render(tmp_path / "r4", 4)
+    found = find_series(f"exr:{tmp_path}").settings(auto).lighting
+    assert (found.light_unit, found.environment, found.exposure) == ("candela", "auto", "auto")
+    record = json.loads((tmp_path / "r4" / "provenance.json").read_text())
+    record["lighting"] = {"light_unit": "watt", "environment": [0.1, 0.2, 0.3], "exposure": 0.5}
+    (tmp_path / "r4" / "provenance.json").write_text(json.dumps(record))
+    found = find_series(f"exr:{tmp_path}").settings(auto).lighting
+    assert (found.light_unit, found.environment) == ("watt", (0.1, 0.2, 0.3))
+    assert find_series(f"exr:{tmp_path}").settings(Settings(light_unit="candela")).lighting.light_unit == "candela"
+
+
 @pytest.fixture
 def renders_folder(tmp_path):
     for samples, seed in ((16, 0), (1, 0), (4, 0), (16, 3)):

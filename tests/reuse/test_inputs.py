@@ -312,3 +312,16 @@ def test_surface_with_changed_faces_is_cut_in_both_masks(gpu, tmp_path, reprojec
             for name in ("mask", "exact_mask"):
                 cut = found[name][..., 0] & np.uint32(Reason.CUT) > 0
                 np.testing.assert_array_equal(cut, fresh, err_msg=f"{name}, frame {frame}")
+
+
+@pytest.mark.parametrize("columns", [("frustum",), ("frustum", "direct", "color")])
+def test_a_reuse_evaluation_meters_whatever_the_columns(columns):
+    from reuse_tools import evaluate
+
+    from taubench_gl.selftest.scenes import busy_room
+
+    auto = {"exposure": "auto", "light_unit": "auto", "environment": "auto", "columns": columns}
+    done = evaluate(busy_room(lamps=2), ["none"], (0, 3), settings=auto)
+    settings = done.summary["settings"]
+    assert settings["exposure"] not in (1.0, "auto") and settings["light_unit"] == "candela"
+    assert settings["columns"] == list(columns) and "metered" in done.summary["lighting"]["exposure"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.paths import ASSETS
 from taubench_gl.run import Run
 from taubench_gl.settings import Settings
 from taubench_gl.viewer import prefs
@@ -261,3 +262,18 @@ def test_former_names_of_variables_and_values_still_work(capsys):
 
 def test_former_actions_name_current_ones():
     assert set(FORMER_ACTIONS.values()) <= set(ACTIONS) and not set(FORMER_ACTIONS) & set(ACTIONS)
+
+
+def test_a_feed_of_the_viewer_resolves_its_lighting(gpu):
+    """As evaluate does; the observer camera shows the same light."""
+    from taubench_gl.gpu.timing import PassTimer
+    from taubench_gl.scene import load_scene
+    from taubench_gl.viewer.feeds import SceneFeed
+
+    demo = ASSETS / "demo.glb"
+
+    auto = {"exposure": "auto", "light_unit": "auto", "environment": "auto"}
+    feed = SceneFeed(gpu, load_scene(demo), Settings(width=64, height=36, frames=(0, 3), **auto), PassTimer(gpu))
+    lighting = feed.settings.lighting
+    assert lighting.resolved and lighting.light_unit == "candela" and lighting.exposure != 1.0
+    assert set(feed.lighting) == set(auto)
