@@ -96,6 +96,7 @@ def frames_figure(summary: Summary, frames: Sequence[Mapping[str, Any]]) -> Any:
     style = {"linewidth": 1.4, "marker": marker}
     lower.plot(number, turned, color="black", label="rotation (left)", **style)
     lower.set(ylabel="rotation, degrees", xlabel="frame")
+    lower.xaxis.get_major_locator().set_params(integer=True)
     lower.set_ylim(bottom=0)
     right = lower.twinx()
     right.spines["right"].set_visible(True)
