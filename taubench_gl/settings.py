@@ -281,7 +281,7 @@ class LightingSettings(_Group):
         _at_least(16, "16 to 4096 texels", 4096),
         unit="texels",
     )
-    shadow_lights: int = _setting(8, "lights with shadows, the most significant first", _at_least(0, "0 or more"))
+    shadow_lights: int = _setting(24, "lights with shadows, the most significant first", _at_least(0, "0 or more"))
     shadow_filter: str = _setting("bilinear", "filter of the shadow-map lookup", _one_of(SHADOW_FILTERS))
     indirect: str = _setting("auto", "method of indirect light", _one_of(INDIRECT))
     indirect_samples: int = _setting(1024, "virtual point lights of all lights together", _at_least(1, "at least 1"))

@@ -1,4 +1,5 @@
-// Punctual lights (KHR_lights_punctual): candela and lux, or these over 683, 1/d^2 with range window and spot falloff.
+// Punctual lights (KHR_lights_punctual): candela and lux with spot falloff x^2, or these over 683 with the cone of Cycles;
+// 1/d^2 with range window.
 // Reference: metrics.lighting.incident
 const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE_SPOT = 3.0;
 
@@ -59,7 +60,7 @@ Incident incident(LightRecord light, vec3 p) {
 #if SPOT_LIGHTS
     if (light.direction.w == KIND_SPOT || light.direction.w == KIND_WIDE_SPOT) {
         float cone = clamp(dot(light.direction.xyz, -r.l) * light.spot.x + light.spot.y, 0.0, 1.0);
-        r.radiance *= cone * cone;
+        r.radiance *= cone * cone * (1.0 + light.spot.z * (2.0 - 2.0 * cone));
     }
 #endif
 #endif

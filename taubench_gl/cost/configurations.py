@@ -22,7 +22,7 @@ COMBINATIONS: tuple[Mapping[str, Any], ...] = (
     {"storage": "half", "pairs": "strata:8"},
     {"shadow_size": 512, "shadow_filter": "hard"},
     {"shadow_size": 512, "shadow_lights": 4},
-    {"shadow_size": 2048, "shadow_lights": 16},
+    {"shadow_size": 2048, "shadow_lights": 24},
     {"shadow_size": 2048, "samples_per_pixel": 4},
     {"indirect_samples": 256, "probes": 96},
     {"indirect": "rsm", "indirect_samples": 256},

@@ -17,7 +17,7 @@ import numpy as np
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import Effect
 from taubench_gl.effects.lighting import environment_of
-from taubench_gl.frame.shadow_faces import faces_of, pack
+from taubench_gl.frame.shadow_faces import faces_of, halved_shadows, pack
 from taubench_gl.metrics.pair_sample import sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings, scheme_of
@@ -104,9 +104,10 @@ def _more_than_all_lights(context: StudyContext, value: int) -> str | None:
 
 def _too_large_an_atlas(context: StudyContext, size: int) -> str | None:
     """All shadow maps share one texture, whose size the device limits."""
-    rows = sorted(context.ranked_lights[: context.baseline.lighting.shadow_lights])
+    ranked = context.ranked_lights[: context.baseline.lighting.shadow_lights]
     sun = environment_of(context.baseline).sun
-    faces = faces_of(context.scene, None, rows, (np.zeros(3), 1.0), size, sun)
+    halved = halved_shadows(list(ranked))
+    faces = faces_of(context.scene, None, sorted(ranked), (np.zeros(3), 1.0), size, sun, halved)
     width, height = pack(faces)[1]
     if max(width, height) <= context.max_texture:
         return None
@@ -161,7 +162,7 @@ PARAMETERS: dict[str, Parameter] = {
             "bilinear", LIGHT, lambda v: f"{v} shadow filter", inapplicable=_without("shadows"),
         ),
         Parameter(
-            "shadow_lights", "lights with shadows, the most significant first", (1, 4, 8, 16), 16, LIGHT,
+            "shadow_lights", "lights with shadows, the most significant first", (1, 4, 8, 16, 24), 24, LIGHT,
             lambda v: f"{v} light{'s' * (v != 1)} with shadows", inapplicable=_without("shadows"),
             inapplicable_value=_more_than_all_lights,
         ),

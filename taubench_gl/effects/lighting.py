@@ -79,16 +79,16 @@ def environment_of(settings: Settings) -> Environment:
     return Environment("uniform", (value[0], value[1], value[2]), reason="a uniform sky is set")
 
 
-def intensity_divisor(settings: Settings) -> float:
-    """Divisor of punctual light intensities: 683 for watt, 1 for candela.  Raises ValueError for ``auto``."""
+def light_unit_in(settings: Settings) -> str:
+    """watt or candela.  Raises ValueError for ``auto``."""
     unit = settings.lighting.light_unit
     if unit == AUTO:
         raise ValueError("light unit is auto: call evaluation.resolve_lighting first")
-    return unit_divisor(unit)
+    return unit
 
 
 def unit_divisor(unit: str) -> float:
-    """``intensity_divisor`` of watt or candela."""
+    """Divisor of punctual light intensities: 683 for watt, 1 for candela."""
     return LUMENS_PER_WATT if unit == "watt" else 1.0
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.effects.lighting import intensity_divisor
+from taubench_gl.effects.lighting import light_unit_in
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.casters import Casters
 from taubench_gl.frame.draw_bounds import DrawBounds
@@ -37,7 +37,7 @@ class LightStage:
         """GPU memory that the passes allocate, by name, bytes."""
         for resource in (r for declare in LIGHT for p in declare(spec) for r in p.resources):
             self.memory[resource.label] = self.memory.get(resource.label, 0) + resource.bytes
-        self.table = LightTable(scene, intensity_divisor(spec.settings), spec.sun)
+        self.table = LightTable(scene, light_unit_in(spec.settings), spec.sun)
         if len(self.table) > MAX_LIGHTS:
             raise GraphicsError(f"the scene has {len(self.table)} lights, at most {MAX_LIGHTS} can be rendered")
         self._light_texture = LightTexture(context.gpu, len(self.table))

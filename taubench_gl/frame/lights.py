@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
-from taubench_gl.effects.lighting import Sun
+from taubench_gl.effects.lighting import Sun, unit_divisor
 from taubench_gl.frame.shadow_faces import is_wide
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.gpu.context import Gpu
@@ -31,7 +31,7 @@ LIGHT = Struct(
         "vec4",
         "xyz: linear color x intensity (cd or lux; W/sr or W/m2); w: first shadow face, -1 = none",
     ),
-    Field("spot", "vec4", "xy: scale and offset of the cone falloff"),
+    Field("spot", "vec4", "x, y, z: scale, offset and smooth of the cone falloff (metrics/lighting.py)"),
 )
 LIGHT_ROW = 64
 """Lights in a row of the texture that holds the table, a texel for each of their fields."""
@@ -110,9 +110,12 @@ def unrolled_lights(kinds: tuple[int, ...], first_faces: dict[int, int]) -> Unro
 class LightTable:
     """Rows for ``scene.light_nodes`` and after them the sun; a light that is off has color 0 and keeps its row."""
 
-    def __init__(self, scene: Scene, intensity_divisor: float = 1.0, sun: Sun | None = None):
-        """``intensity_divisor``: of the light unit, ``effects.lighting.intensity_divisor``; not of ``sun``."""
-        self._divisor = intensity_divisor
+    def __init__(self, scene: Scene, light_unit: str = "candela", sun: Sun | None = None):
+        """``light_unit``: watt or candela, of the lights of the scene; not of ``sun``.
+
+        Watts are Blender's, so a spot then has the cone of Cycles.
+        """
+        self._divisor, self._cycles_cone = unit_divisor(light_unit), light_unit == "watt"
         self.nodes = scene.light_nodes
         self._index = scene.nodes.light[self.nodes]
         self._kinds = light_kinds(scene, sun)
@@ -138,7 +141,7 @@ class LightTable:
             row["direction"][3] = kind
             row["color"][:3] = np.multiply(light.color, light.intensity / self._divisor) if lit else 0.0
             if light.kind == "spot":
-                row["spot"][:2] = spot_terms(light)
+                row["spot"][:3] = spot_terms(light, self._cycles_cone)
         return self.rows
 
 

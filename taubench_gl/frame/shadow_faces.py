@@ -6,6 +6,7 @@ casters stand still keeps its texels, so shadow edges do not shimmer under a mov
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +46,9 @@ CONE_MARGIN = 1.02
 
 DIRECTIONAL_TEXELS = 4
 """Texels along a side of a directional map, as a factor on those of other maps."""
+
+FULL_SIZE_SHADOWS = 8
+"""Lights, the most significant first, whose maps have ``shadow_size`` texels along a side; those after have half."""
 
 WIDEST_MAP = np.radians(80.0)
 """Half angle of the widest cone that has one map; at 90 degrees the map would be infinite."""
@@ -111,6 +115,11 @@ class Face:
         return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
 
 
+def halved_shadows(ranked: list[int]) -> frozenset[int]:
+    """``ranked``: rows of the lights with shadows, the most significant first -> rows whose maps are half as large."""
+    return frozenset(ranked[FULL_SIZE_SHADOWS:])
+
+
 def is_wide(light: Light) -> bool:
     """Whether a spot has the cube of maps of a point light.
 
@@ -158,25 +167,27 @@ def faces_of(
     bounds: tuple[Array, float],
     resolution: int,
     sun: Sun | None = None,
+    halved: Collection[int] = (),
 ) -> list[Face]:
     """Faces of the lights in ``rows`` of the light table; ``state`` None: their number and sizes only.
 
-    ``sun``: the light of the row after those of the scene's lights.
+    ``sun``: the light of the row after those of the scene's lights.  ``halved``: rows with half as many texels.
 
     A directional map covers the whole scene, so it gets DIRECTIONAL_TEXELS times the texels along each side.
     """
     nodes = scene.light_nodes
     out = []
     for row in rows:
+        texels = resolution // 2 if row in halved else resolution
         if sun is not None and row == len(nodes):
             light, direction = Light(kind="directional"), np.array(sun.direction)
-            out += light_faces(row, light, np.zeros(3), direction, bounds, DIRECTIONAL_TEXELS * resolution)
+            out += light_faces(row, light, np.zeros(3), direction, bounds, DIRECTIONAL_TEXELS * texels)
             continue
         node = int(nodes[row])
         index = int(scene.nodes.light[node])
         light = (scene.lights if state is None else state.lights)[index]
         world = np.eye(4) if state is None else state.world[node]
-        size = resolution * (DIRECTIONAL_TEXELS if light.kind == "directional" else 1)
+        size = texels * (DIRECTIONAL_TEXELS if light.kind == "directional" else 1)
         cube = is_wide(scene.lights[index])
         out += light_faces(row, light, world[:3, 3].copy(), -normalize(world[:3, 2]), bounds, size, cube=cube)
     return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from taubench_gl.effects.lighting import Environment, Sun, environment_of
 from taubench_gl.frame.lights import light_kinds, significant_lights
 from taubench_gl.frame.materials import MaterialKey, material_key
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.shadow_faces import Face, faces_of
+from taubench_gl.frame.shadow_faces import Face, faces_of, halved_shadows
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, WRITE, Use
 from taubench_gl.scene.model import Material, Primitive, Scene
@@ -127,12 +127,23 @@ class FrameSpec:
         """Rows of the light table that get shadow maps, ascending; none without shadows.  The sun comes first."""
         if "shadows" not in self.enabled:
             return []
-        ranked = ranked_with_sun(self.facts.ranked_lights, self.sun)
-        return sorted(ranked[: self.settings.lighting.shadow_lights])
+        return sorted(self._ranked_shadows)
 
-    def light_faces(self, resolution: int) -> list[Face]:
-        """Faces of the shadowed lights at ``resolution`` texels: their number, owners and sizes, not their places."""
-        return faces_of(self.scene, None, self.shadowed, (np.zeros(3), 1.0), resolution, self.sun)
+    @property
+    def halved(self) -> frozenset[int]:
+        """Rows of ``shadowed`` after the FULL_SIZE_SHADOWS most significant: their maps are half as large."""
+        return halved_shadows(self._ranked_shadows)
+
+    @property
+    def _ranked_shadows(self) -> list[int]:
+        return ranked_with_sun(self.facts.ranked_lights, self.sun)[: self.settings.lighting.shadow_lights]
+
+    def light_faces(self, resolution: int, halved: Collection[int] = ()) -> list[Face]:
+        """Faces of the shadowed lights at ``resolution`` texels: their number, owners and sizes, not their places.
+
+        ``halved``: rows of lights with half as many texels.
+        """
+        return faces_of(self.scene, None, self.shadowed, (np.zeros(3), 1.0), resolution, self.sun, halved)
 
     # --- channels
     def channels(self, *names: str, images: bool = False, history: bool = False) -> list[Use]:

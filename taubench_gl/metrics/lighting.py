@@ -32,11 +32,13 @@ MIN_LIGHT_DISTANCE = 1e-3
 """Meters.  Distances to point and spot lights are clamped to at least this."""
 
 
-def incident(light: PunctualLight, position: Array, direction: Array, points: Array) -> tuple[Array, Array]:
+def incident(
+    light: PunctualLight, position: Array, direction: Array, points: Array, *, cycles_cone: bool = False
+) -> tuple[Array, Array]:
     """Unit vectors towards the light, and the irradiance of a surface that faces it.
 
     ``position`` (3,) and unit ``direction`` (3,) of the light, and ``points`` (..., 3), all in world space.
-    -> (..., 3), (..., 3).
+    ``cycles_cone``: see ``spot_terms``.  -> (..., 3), (..., 3).
     """
     points = np.asarray(points, dtype=np.float64)
     color = np.asarray(light.color, dtype=np.float64) * light.intensity
@@ -50,16 +52,30 @@ def incident(light: PunctualLight, position: Array, direction: Array, points: Ar
     if np.isfinite(light.range) and light.range > 0:
         out = out * np.clip(1.0 - (d2 / light.range**2) ** 2, 0.0, 1.0)
     if light.kind == "spot":
-        scale, shift = spot_terms(light)
+        scale, shift, smooth = spot_terms(light, cycles_cone)
         cone = np.clip(np.sum(direction * -to_light, axis=-1, keepdims=True) * scale + shift, 0.0, 1.0)
-        out = out * cone**2
+        out = out * cone**2 * (1.0 + smooth * (2.0 - 2.0 * cone))
     return to_light, out
 
 
-def spot_terms(light: PunctualLight) -> tuple[float, float]:
-    """``scale`` and ``offset`` of KHR_lights_punctual's spot falloff clamp(cos scale + offset, 0, 1)^2."""
-    scale = 1.0 / max(0.001, np.cos(light.inner_cone) - np.cos(light.outer_cone))
-    return float(scale), float(-np.cos(light.outer_cone) * scale)
+LEAST_CONE = 1e-3
+"""Least width of a spot's falloff, in the cosine of the angle to its axis (KHR_lights_punctual)."""
+
+
+def spot_terms(light: PunctualLight, cycles_cone: bool = False) -> tuple[float, float, float]:
+    """``scale``, ``offset`` and ``smooth`` of the spot falloff: x = clamp(cos scale + offset, 0, 1), x^2 or smoothstep.
+
+    ``smooth`` 0 gives x^2, the falloff that KHR_lights_punctual recommends, from the outer to the inner angle.
+    ``cycles_cone`` gives ``smooth`` 1, x^2 (3 - 2x), over the width of Cycles (scene/light.cpp, kernel/light/spot.h):
+    the share ``blend`` of 1 - cos(outer), which Blender's exporter writes as inner = outer (1 - blend).
+    """
+    outer = np.cos(light.outer_cone)
+    if cycles_cone:
+        width = (1.0 - outer) * (1.0 - light.inner_cone / light.outer_cone) if light.outer_cone > 0.0 else 0.0
+    else:
+        width = np.cos(light.inner_cone) - outer
+    scale = 1.0 / max(LEAST_CONE, width)
+    return float(scale), float(-outer * scale), float(cycles_cone)
 
 
 MIN_ALPHA = 1e-3

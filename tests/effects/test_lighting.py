@@ -10,7 +10,7 @@ from taubench_gl.effects.lighting import (
     as_rendered,
     environment_for,
     environment_of,
-    intensity_divisor,
+    light_unit_in,
     light_unit_of,
     own_light,
     without_auto,
@@ -93,7 +93,7 @@ def test_environment_records():
 
 
 def test_unresolved_settings_are_an_error_below_the_entry_points():
-    for read in (environment_of, intensity_divisor, lambda s: s.lighting.exposure_factor):
+    for read in (environment_of, light_unit_in, lambda s: s.lighting.exposure_factor):
         with pytest.raises(ValueError, match="resolve_lighting"):
             read(Settings(**AUTO))
     assert not Settings(**AUTO).lighting.resolved and Settings(**FIXED_LIGHTING).lighting.resolved

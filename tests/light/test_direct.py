@@ -33,8 +33,11 @@ def lit_floor(light: Light, *, place=PLACE, aim=AIM, **material) -> Scene:
     return b.build()
 
 
-def closed_form(light: Light, points: np.ndarray) -> np.ndarray:
-    """albedo / pi times irradiance of the plane y = 0, written out from KHR_lights_punctual, not from the reference."""
+def closed_form(light: Light, points: np.ndarray, cone=None) -> np.ndarray:
+    """albedo / pi times irradiance of the plane y = 0, written out from KHR_lights_punctual, not from the reference.
+
+    ``cone``: another falloff, of the light and the cosine of the angle to its axis.
+    """
     cosine = np.full(points.shape[:-1], -AIM[1])
     gain = np.ones(points.shape[:-1])
     if light.kind != "directional":
@@ -46,9 +49,34 @@ def closed_form(light: Light, points: np.ndarray) -> np.ndarray:
             gain = gain * np.clip(1.0 - (d / light.range) ** 4, 0.0, 1.0)
         if light.kind == "spot":
             toward = np.sum(-offset * AIM, axis=-1) / d
-            inner, outer = np.cos(light.inner_cone), np.cos(light.outer_cone)
-            gain = gain * np.clip((toward - outer) / max(inner - outer, 1e-3), 0.0, 1.0) ** 2
+            gain = gain * (cone or recommended_cone)(light, toward)
     return ALBEDO / np.pi * (light.intensity * cosine * gain)[..., None] * np.array(light.color)
+
+
+def recommended_cone(light: Light, cosine: np.ndarray) -> np.ndarray:
+    """KHR_lights_punctual."""
+    inner, outer = np.cos(light.inner_cone), np.cos(light.outer_cone)
+    return np.clip((cosine - outer) / max(inner - outer, 1e-3), 0.0, 1.0) ** 2
+
+
+def cycles_cone(light: Light, cosine: np.ndarray) -> np.ndarray:
+    """Cycles' smoothstep over the share ``blend`` of 1 - cos(outer); Blender writes inner = outer (1 - blend)."""
+    blend, outer = 1.0 - light.inner_cone / light.outer_cone, np.cos(light.outer_cone)
+    x = np.clip((cosine - outer) / max((1.0 - outer) * blend, 1e-3), 0.0, 1.0)
+    return x * x * (3.0 - 2.0 * x)
+
+
+@pytest.mark.parametrize("inner", [0.0, 0.2, 0.55, 0.6])
+def test_a_spot_in_watts_has_the_cone_of_cycles(gpu, inner):
+    light = Light(kind="spot", intensity=50.0 * 683.0, inner_cone=inner, outer_cone=0.6)
+    shot = picture(gpu, lit_floor(light), shadow_lights=0, light_unit="watt")
+    expected = closed_form(light, shot.points, cycles_cone) / 683.0
+    lit = shot.surface & (expected.max(axis=-1) > 1e-2 * expected.max())
+    assert worst(shot.direct, expected, lit) < 5e-3 and lit.any()
+    reference = incident(light, PLACE, AIM, shot.points, cycles_cone=True)[1][..., 0]
+    cone = reference / incident(Light(kind="point", intensity=light.intensity), PLACE, AIM, shot.points)[1][..., 0]
+    toward = np.sum((shot.points - PLACE) * AIM, axis=-1) / np.linalg.norm(shot.points - PLACE, axis=-1)
+    assert np.allclose(cone[shot.surface], cycles_cone(light, toward)[shot.surface], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", LIGHTS)

@@ -68,6 +68,14 @@ def test_cameras(tmp_path: Path) -> None:
     assert scene.camera_nodes.tolist() == [0, 1, 2]
 
 
+def test_a_spot_with_equal_angles_is_read(tmp_path: Path) -> None:
+    """Blender's exporter writes them for a spot light with blend 0."""
+    gltf = lights()
+    gltf.json["extensions"]["KHR_lights_punctual"]["lights"][1]["spot"] = {"innerConeAngle": 0.2, "outerConeAngle": 0.2}
+    spot = load_scene(gltf.save(tmp_path)).lights[1]
+    assert spot.inner_cone == spot.outer_cone == 0.2
+
+
 def test_lights(tmp_path: Path) -> None:
     scene = load_scene(lights().save(tmp_path))
     point, spot, sun = scene.lights

@@ -37,7 +37,7 @@ def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
     """Depth of every shadowed light's faces, all in one atlas."""
     if not spec.light_kinds:
         return ()
-    faces = spec.light_faces(spec.settings.lighting.shadow_size)
+    faces = spec.light_faces(spec.settings.lighting.shadow_size, spec.halved)
     largest = max((f.resolution for f in faces), default=0)
     p = geometry_pass("shadows", "shadow/shadow.frag.glsl", ("base_color",)).attachment("shadow_atlas")
     p.allocate(
@@ -189,7 +189,7 @@ class ShadowPass:
         self._spec = spec
         self._resolution = spec.settings.lighting.shadow_size
         self.redrawn = 0  # faces drawn in the last run
-        faces = spec.light_faces(self._resolution)
+        faces = spec.light_faces(self._resolution, spec.halved)
         self._first_faces = first_faces(faces)
         self._offsets, _ = pack(faces)
         self._cache = ShadowMapCache(len(faces))
@@ -210,7 +210,9 @@ class ShadowPass:
     def run(self, frame: FrameContext) -> None:
         """Redraw stale faces and fill in the face table and the lights' shadow fields for this frame's camera."""
         spec, light_rows = self._spec, frame.light_rows
-        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution, spec.sun)
+        faces = faces_of(
+            spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution, spec.sun, spec.halved
+        )
         light_rows["color"][:, 3] = -1.0
         stale: list[tuple[Face, tuple[int, int], Array]] = []
         parts: list[Rect] = []

@@ -64,9 +64,10 @@ def _light(document: Document, light: schema.PunctualLight, pointer: str) -> Lig
     if light.type == "spot":
         if light.spot is None:
             raise document.error("a spot light must have the property spot", pointer)
-        if not spot.inner_cone_angle < spot.outer_cone_angle <= math.pi / 2 + 1e-6:
+        # The extension wants inner < outer; Blender writes equal angles for a spot light with blend 0.
+        if not spot.inner_cone_angle <= spot.outer_cone_angle <= math.pi / 2 + 1e-6 or not spot.outer_cone_angle:
             raise document.error(
-                f"needs innerConeAngle {spot.inner_cone_angle:g} < outerConeAngle {spot.outer_cone_angle:g} <= pi/2",
+                f"needs innerConeAngle {spot.inner_cone_angle:g} <= outerConeAngle {spot.outer_cone_angle:g} <= pi/2",
                 f"{pointer}/spot",
             )
     return Light(
