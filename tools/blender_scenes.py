@@ -213,7 +213,7 @@ def configure(scene, samples):
     render.resolution_x, render.resolution_y = SIZE
     render.resolution_percentage = 100
     layer = scene.view_layers[0]
-    layer.use_pass_position = True
+    layer.use_pass_z = True
     for lobe in ("diffuse", "glossy", "transmission"):
         for what in ("direct", "color"):
             setattr(layer, f"use_pass_{lobe}_{what}", True)

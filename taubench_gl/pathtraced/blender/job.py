@@ -130,7 +130,7 @@ def _lights(scene: Scene, states: dict[int, FrameState], divisor: float) -> tupl
         out.append({"kind": light.kind, "name": light.name, "frames": entries})
         if np.isfinite(light.range):
             notes.append(f"light '{light.name}': Cycles ignores its range of {light.range:g} m")
-        if light.kind == "spot":
+        if light.kind == "spot" and divisor == 1.0:
             notes.append(f"light '{light.name}': Cycles and glTF use different formulas for the cone of a spot light")
     return out, notes
 
