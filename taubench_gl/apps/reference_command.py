@@ -12,7 +12,6 @@ import click
 
 from taubench_gl.apps.aliases import Group
 from taubench_gl.apps.options import OutPath, culling_option, environment_options, frame_options, settings_from
-from taubench_gl.errors import SettingsError
 from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
 
 
@@ -51,7 +50,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     """Render SCENE with Cycles: multilayer EXR files, a camera sidecar, provenance and a log."""
     from taubench_gl.animation import camera_of_run
     from taubench_gl.effects.lighting import environment_of
-    from taubench_gl.evaluation import frame_range, resolve_lighting
+    from taubench_gl.evaluation import environment_image, frame_range, resolve_lighting
     from taubench_gl.pathtraced.blender.job import Quality
     from taubench_gl.pathtraced.blender.render import read_render, render_reference
     from taubench_gl.pathtraced.cameras import CAMERA_FILE
@@ -79,12 +78,14 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
     resolved = resolve_lighting(scene, settings, camera, frames=frames)
     settings = resolved.settings
     environment = environment_of(settings)
-    if environment.kind == "image":
-        raise SettingsError("an image environment is not rendered", hint="give a uniform one, --environment R,G,B")
+    image = environment_image(settings)
     quality = Quality(
         **{name: options[name] for name in ("samples", "bounces", "seed", "seed_per_frame", "crisp", "threads")},
         cull_back_faces=settings.sequence.culling == "gltf",
         sky=environment.radiance,
+        sun=environment.sun,
+        image=None if image is None else str(image.path.resolve()),
+        image_sha256=None if image is None else image.sha256,
         light_unit=settings.lighting.light_unit,
     )
     notes = render_reference(

@@ -14,9 +14,10 @@ import pytest
 from cycles_scenes import DOWN, blinking, fake_blender, plane
 
 from taubench_gl.animation import choose_camera, sample
+from taubench_gl.effects.lighting import DEFAULT_SUN
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.pathtraced.blender import process
-from taubench_gl.pathtraced.blender.job import KEY_FPS, Quality, make_job, write_resampled
+from taubench_gl.pathtraced.blender.job import KEY_FPS, Quality, identity, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import HOW_TO_GET_BPY
 from taubench_gl.pathtraced.blender.render import PROVENANCE_FILE, read_render, render_reference
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, read_camera_file
@@ -178,3 +179,21 @@ def test_scripts_are_standalone(script):
     modules = set(re.findall(r"^(?:import|from) (\w+)", text, flags=re.M))
     assert modules <= {"bpy", "mathutils", *sys.stdlib_module_names}
     assert "bpy" not in sys.modules
+
+
+def test_the_environment_is_part_of_a_render_and_its_identity(scene):
+    camera, frames = choose_camera(scene), range(1)
+
+    def job_of(**quality):
+        return make_job(scene, camera, frames, 24.0, (16, 9), Quality(**quality))[0]
+
+    plain, sunny = job_of(), job_of(sun=DEFAULT_SUN)
+    (entry,) = sunny["lights"][-1]["frames"].values()
+    shines = -np.array(entry["rotation"])[:, 2]
+    np.testing.assert_allclose(shines, DEFAULT_SUN.direction, atol=1e-12)
+    np.testing.assert_allclose(np.multiply(entry["color"], entry["intensity"]), DEFAULT_SUN.irradiance)
+    assert len(sunny["lights"]) == len(plain["lights"]) + 1
+    jobs = [plain, sunny, job_of(image="a.hdr", image_sha256="1"), job_of(image="a.hdr", image_sha256="2")]
+    assert len({identity(job, "scene") for job in jobs}) == 4
+    moved = job_of(image="elsewhere.hdr", image_sha256="1")
+    assert identity(moved, "scene") == identity(jobs[2], "scene")

@@ -11,7 +11,11 @@ import pytest
 from cycles_scenes import BASE_COLOR, DOWN, blinking, plane
 from reference_scenes import CASES, compare, faults, open_case
 
-from taubench_gl.animation import choose_camera
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.animation.pairs import sky_directions
+from taubench_gl.effects.lighting import DEFAULT_RADIANCE, DEFAULT_SUN
+from taubench_gl.math3d import normalize
+from taubench_gl.metrics.environment import directions
 from taubench_gl.pathtraced.blender.job import Quality
 from taubench_gl.pathtraced.blender.render import render_reference
 from taubench_gl.pathtraced.sequence import PathTracedSequence
@@ -93,3 +97,38 @@ def test_a_hidden_skinned_mesh_is_not_rendered(data, tmp_path, blender):
             load_scene(path), camera, range(1), out, fps=24.0, size=(16, 9), quality=quality, python=blender
         )
         assert PathTracedSequence.open(out).read(0).sky.all() == all_sky
+
+
+def test_the_default_environment_has_the_irradiance_of_sky_and_sun(tmp_path, blender):
+    """A horizontal plane without occluders reflects base color times (sky + 0.8 sun / pi)."""
+    scene, out = load_scene(plane(tmp_path / "s.gltf")), tmp_path / "out"
+    quality = Quality(samples=256, crisp=True, sky=DEFAULT_RADIANCE, sun=DEFAULT_SUN)
+    render_reference(
+        scene, choose_camera(scene), range(1), out, fps=24.0, size=(17, 17), quality=quality, python=blender
+    )
+    frame = PathTracedSequence.open(out).read(0, ("diffuse",))
+    expected = np.array(BASE_COLOR) * (np.array(DEFAULT_RADIANCE) + 0.8 * np.array(DEFAULT_SUN.irradiance) / math.pi)
+    np.testing.assert_allclose(frame.lobes["diffuse_direct"][~frame.sky].mean(axis=0), expected, rtol=0.03)
+
+
+def test_environment_images_are_oriented_as_in_the_rasterizer(tmp_path, blender):
+    """The color of an image names its direction; Cycles' sky pixels show their own view directions."""
+    import OpenImageIO as oiio
+
+    path = str(tmp_path / "sky.exr")
+    file = oiio.ImageOutput.create(path)
+    file.open(path, oiio.ImageSpec(512, 256, 3, "float"))
+    file.write_image(np.ascontiguousarray(0.5 + 0.5 * directions(256), dtype=np.float32))
+    file.close()
+    root = json.loads(plane(tmp_path / "s.gltf").read_text())
+    root["nodes"][1] |= {"rotation": normalize(np.array([0.3, -0.4, 0.2, 0.8])).tolist()}
+    (tmp_path / "s.gltf").write_text(json.dumps(root))
+    scene, out = load_scene(tmp_path / "s.gltf"), tmp_path / "out"
+    camera, quality = choose_camera(scene), Quality(samples=16, crisp=True, image=path, image_sha256="x")
+    render_reference(scene, camera, range(1), out, fps=24.0, size=(16, 9), quality=quality, python=blender)
+    frame = PathTracedSequence.open(out).read(0)
+    origin, dx, dy = sky_directions(camera.view_at(Poser(scene).sample(0.0)), 16, 9)
+    x, y = np.meshgrid(np.arange(16), np.arange(9)[::-1])
+    rays = normalize(origin + x[..., None] * dx + y[..., None] * dy)
+    assert frame.sky.all()
+    np.testing.assert_allclose(frame.environment, 0.5 + 0.5 * rays, atol=0.01)

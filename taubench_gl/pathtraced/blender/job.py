@@ -22,7 +22,7 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, FrameState, Poser, View
 from taubench_gl.animation.curves import sample_channel
-from taubench_gl.effects.lighting import unit_divisor
+from taubench_gl.effects.lighting import Sun, unit_divisor
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.pathtraced.cameras import camera_entry
 from taubench_gl.scene.model import Channel, Scene
@@ -50,6 +50,9 @@ class Quality:
     crisp: bool = False  # sample pixel centers only, as a rasterizer does
     cull_back_faces: bool = True  # of single-sided materials, as glTF requires
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear RGB
+    sun: Sun | None = None  # of the environment
+    image: str | None = None  # environment image, replaces the sky
+    image_sha256: str | None = None  # of its file
     light_unit: str = "candela"  # watt: intensities divided by 683
     threads: int = 0  # 0: all cores
 
@@ -71,6 +74,8 @@ def make_job(
     states = {frame: poser.sample(frame / fps) for frame in keyed}
     views = {frame: camera.view_at(state) for frame, state in states.items()}
     lights, notes = _lights(scene, states, unit_divisor(quality.light_unit))
+    if quality.sun is not None:
+        lights.append(_sun(quality.sun, keyed[0]))
     job = {
         "frames": list(frames),
         "first_key": keyed[0],
@@ -93,8 +98,13 @@ def identity(job: dict[str, Any], sha256: str | None) -> str:
     # These differ between the frames of one render, or do not change pixels.
     left_out = ("frames", "first_key", "camera", "lights", "hidden", "threads", "name")
     pixels = {k: v for k, v in job.items() if k not in left_out}
+    # Renders of earlier releases, which knew no other unit and no other environment, can be continued.
     if pixels.get("light_unit") == "candela":
-        del pixels["light_unit"]  # renders of earlier releases, which knew no other unit, can be continued
+        del pixels["light_unit"]
+    pixels.pop("image")  # its path; its content counts
+    for name in ("sun", "image_sha256"):
+        if pixels[name] is None:
+            del pixels[name]
     return hashlib.sha256(json.dumps([pixels, sha256], sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -106,6 +116,22 @@ def _hidden(scene: Scene, state: FrameState) -> list[int]:
 def _shines(state: FrameState, node: int) -> bool:
     """A light is off if its node is hidden or has scale 0, as in the rasterizer."""
     return bool(state.visible[node] and np.any(state.world[node, :3, :3] != 0.0))
+
+
+def _sun(sun: Sun, frame: int) -> dict[str, Any]:
+    """A still light of the job."""
+    z = -np.array(sun.direction)
+    x = math3d.normalize(np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z))
+    strongest = max(sun.irradiance)
+    entry = {
+        "position": [0.0, 0.0, 0.0],
+        "rotation": np.stack([x, np.cross(z, x), z], axis=-1).tolist(),
+        "color": [c / strongest for c in sun.irradiance],
+        "intensity": strongest,
+        "inner_cone": 0.0,
+        "outer_cone": 0.0,
+    }
+    return {"kind": "directional", "name": "sun of the environment", "frames": {str(frame): entry}}
 
 
 def _lights(scene: Scene, states: dict[int, FrameState], divisor: float) -> tuple[list[dict[str, Any]], list[str]]:

@@ -26,7 +26,8 @@ from taubench_gl.scene.model import Scene
 PROVENANCE_FILE, LOG_FILE = "provenance.json", "render.log"
 CLOCK = "wall clock around each frame's render, within Blender"
 _RECORDED = (
-    "fps", "size", "samples", "bounces", "seed", "seed_per_frame", "crisp", "cull_back_faces", "sky", "light_unit",
+    "fps", "size", "samples", "bounces", "seed", "seed_per_frame", "crisp", "cull_back_faces", "sky", "sun",
+    "image", "image_sha256", "light_unit",
 )  # fmt: skip
 
 

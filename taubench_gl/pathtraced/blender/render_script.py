@@ -39,7 +39,7 @@ def main():
     activate_animations(job["first_key"])
     place_camera(scene, job)
     place_lights(scene, job)
-    light_sky(scene, job["sky"])
+    light_sky(scene, job["sky"], job["image"])
     if job["cull_back_faces"]:
         hide_back_faces()
     configure(scene, job)
@@ -157,13 +157,18 @@ def linear_keys(*owners):
                     key.interpolation = "LINEAR"
 
 
-def light_sky(scene, color):
+def light_sky(scene, color, image):
+    """Uniform radiance, or an equirectangular image: Blender's center of an image is +X too."""
     world = bpy.data.worlds.new("taubench")
     scene.world = world
     world.use_nodes = True
     background = world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (*color, 1.0)
     background.inputs["Strength"].default_value = 1.0
+    if image is not None:
+        texture = world.node_tree.nodes.new("ShaderNodeTexEnvironment")
+        texture.image = bpy.data.images.load(image)
+        world.node_tree.links.new(texture.outputs["Color"], background.inputs["Color"])
 
 
 def hide_back_faces():
