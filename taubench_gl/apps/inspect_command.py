@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from typing import TYPE_CHECKING, Any
@@ -54,7 +55,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     """
     from taubench_gl.animation import Poser, bounding_sphere, camera_of_run
     from taubench_gl.effects.census import census
-    from taubench_gl.effects.lighting import without_auto
+    from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
     from taubench_gl.frame.plan import FramePlan
 
     poser = Poser(scene)
@@ -99,6 +100,9 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
             }
             for node in map(int, scene.light_nodes)
         ],
+        "generator": scene.generator,
+        "light_unit": dataclasses.asdict(light_unit_of(scene)),
+        "environment": dataclasses.asdict(environment_for(scene)),
         "effects": FramePlan(scene, without_auto(scene, settings), poser=poser).costs(),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
@@ -133,6 +137,8 @@ def _show(facts: dict[str, Any]) -> None:
             "bounds": f"radius {size['radius_m']:.4g} m around ({where}) at time 0",
             "materials, images": f"{facts['materials']}, {len(facts['images'])}",
             "camera used": facts["camera"],
+            "light unit": "{value} ({reason})".format(**facts["light_unit"]),
+            "environment": "{value} ({reason})".format(**facts["environment"]),
         },
     )
     counts = {name.replace("_", " "): n for name, n in facts["census"].items() if not isinstance(n, dict | list)}

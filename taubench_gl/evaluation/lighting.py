@@ -21,7 +21,7 @@ from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_lumi
 from taubench_gl.report.labels import GIVEN
 from taubench_gl.scene.environment import EnvironmentImage
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import AUTO, Settings
+from taubench_gl.settings import AUTO, MAX_EXPOSURE, Settings
 
 Array = np.ndarray
 
@@ -100,7 +100,8 @@ def _exposure(
     numbers = " and ".join([", ".join(map(str, metered[:-1])), str(metered[-1])]) if len(metered) > 1 else metered[0]
     if factor is None:
         return 1.0, f"no surface reflects light in frame{'s' * (len(metered) > 1)} {numbers}"
-    return rounded(factor), f"metered in frame{'s' * (len(metered) > 1)} {numbers}"
+    factor = min(max(rounded(factor), 1.0 / MAX_EXPOSURE), MAX_EXPOSURE)
+    return factor, f"metered in frame{'s' * (len(metered) > 1)} {numbers}"
 
 
 def metered_frames(frames: range) -> tuple[int, ...]:

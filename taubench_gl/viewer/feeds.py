@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import moderngl
@@ -53,6 +54,7 @@ class Feed(Protocol):
     frames: range
     settings: Settings
     effects: Mapping[str, Effect]
+    lighting: Mapping[str, str]  # why light unit, exposure and environment were chosen
     center: np.ndarray
     radius: float
     source: Any
@@ -158,6 +160,7 @@ class PathTracedFeed:
 
     free = False
     switchable: tuple[str, ...] = ()
+    lighting: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, gpu: Gpu, spec: str, settings: Settings, options: PathTracedOptions):
         given = open_input(spec, settings, options)

@@ -10,6 +10,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 from taubench_gl.conventions import FEATURES
 from taubench_gl.glossary import COLUMNS, CONCEPTS, REASONS, label_of
 from taubench_gl.metrics.reuse_rate import RATES
+from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import color_of
 from taubench_gl.viewer.actions import ACTIONS, KEYS, help_lines, key_words
 from taubench_gl.viewer.display import VISUALIZATIONS
@@ -247,6 +248,10 @@ class Panels:
         viewer, s = self._viewer, self._viewer.state
         if not viewer.engine.feed.effects:
             self._faint("path-traced files: nothing is simulated")
+        else:
+            feed = viewer.engine.feed
+            lighting = lighting_text({"settings": feed.settings.to_dict(), "lighting": dict(feed.lighting)})
+            self._faint(str(lighting), wrap=True)
         for name, effect in viewer.engine.feed.effects.items():
             label = name.replace("_", " ")
             if name in s.effects:
