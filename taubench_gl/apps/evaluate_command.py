@@ -105,7 +105,7 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
             _message(f"error: {scene}: internal error, see above")
             failed += 1
     if runs:
-        _show(runs)
+        _show(runs, report=report)
     if failed:
         _message(f"{failed} of {len(scenes)} scenes failed")
     return 2 if failed else 0
@@ -175,12 +175,30 @@ def _evaluate_one(
         given = next(name for name, value in path_traced.items() if value).replace("_", "-").removesuffix("s")
         raise SettingsError(f"--{given} is for path-traced files", where=scene, hint="give them as exr:DIR")
     with ProgressBar(Path(scene).name) as progress:
-        return evaluate_scene(scene, settings, out=folder, save=save, progress=progress, report=report, **more)
+        run = evaluate_scene(scene, settings, out=folder, save=save, progress=progress, report=report, **more)
+    if not run.summary["pairs"]:
+        raise SettingsError("there is one frame and no pair", where=scene, hint=_way_to_a_pair(run, settings))
+    return run
 
 
-def _show(runs: list[Run]) -> None:
+def _way_to_a_pair(run: Run, settings: Settings) -> str:
+    """What to change so that a run without a pair has one."""
+    from taubench_gl.animation.views import ORBIT
+
+    sequence = settings.sequence
+    if run.summary.get("path_traced"):
+        return "give a folder or --frames with two consecutive frames"
+    if run.summary["scene"]["duration_s"] == 0 and sequence.camera not in (None, ORBIT):
+        return f"the scene and camera {sequence.camera!r} are still: leave --camera out, or give --camera {ORBIT}"
+    if sequence.frames != (None, None):
+        return "give --frames A:B with two frames or more"
+    return f"the animation lasts {run.summary['scene']['duration_s']:.3g} s: give a higher --fps"
+
+
+def _show(runs: list[Run], *, report: bool) -> None:
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.report import run_tables
+    from taubench_gl.report.page import REPORT_FILE
 
     show_tables(run_tables([run.summary for run in runs]))
     for run in runs:
@@ -193,6 +211,8 @@ def _show(runs: list[Run]) -> None:
             click.echo(f"note: {name}: and {len(notes) - 10} more, see summary.json")
         if run.out is not None:
             click.echo(f"written to {run.out}{os.sep}")
+            if report:
+                click.echo(f"report: {run.out / REPORT_FILE}")
 
 
 def _interrupted(folder: Path | None, runs: list[Run]) -> str:

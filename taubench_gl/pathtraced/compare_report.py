@@ -119,7 +119,15 @@ def _tables(result: Result) -> list[_Table]:
 
 
 def _columns(result: Result) -> _Table:
-    heads = ["column", "run %", "reference %", "difference pp", "noise floor %", "IoU", "equal outside band %"]
+    heads = [
+        "column",
+        "run, % of all pixels",
+        "reference, % of all pixels",
+        "difference pp",
+        "noise floor %",
+        "IoU",
+        "equal outside band %",
+    ]
     table = _Table("Discarded pixels by column", heads)
     for column, entry in result["columns"].items():
         if entry["difference_pp"] is None:

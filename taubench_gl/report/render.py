@@ -152,7 +152,8 @@ def to_csv(tables: Sequence[Table]) -> str:
                 source = "paper" if row.paper else "run"
                 value = "" if value is None else value
                 note = row.reasons.get(index, "")
-                writer.writerow((table.number, row.label, source, column.name, column.unit, value, note))
+                unit = row.percent_of if column.unit == "%" else column.unit
+                writer.writerow((table.number, row.label, source, column.name, unit, value, note))
     return out.getvalue()
 
 

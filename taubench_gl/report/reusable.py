@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from taubench_gl.glossary import CONCEPTS, REUSE_REASONS, STATISTICS
@@ -94,7 +95,7 @@ def _rates(summaries: Sequence[Summary], labels: Sequence[str], lead: tuple[str,
             entry = block.get(rate) or {}
             values += [entry.get(key) for key in _STATISTICS]
             why += [_why(block, rate)] * len(_STATISTICS)
-        rows.append(table_row(label, values, summary, *why))
+        rows.append(replace(table_row(label, values, summary, *why), percent_of=STATISTICS["mean_percent"].label))
     columns = (
         Column("reprojection", definition="How a pixel finds its history: camera or motion"),
         *(
@@ -130,14 +131,17 @@ def _reasons(summaries: Sequence[Summary], labels: Sequence[str]) -> Table:
             rest = [share[name] for name in present if name not in named]
             values.append(None if rate is None else sum(value or 0.0 for value in rest))
         why = [_why(block, "shading" if rate else "surface")] * len(values)
-        rows.append(table_row(label if rate != "surface" else f"{label}, surface", values, summary, *why))
+        row = table_row(label if rate != "surface" else f"{label}, surface", values, summary, *why)
+        rows.append(replace(row, percent_of=STATISTICS["mean_percent"].label))
     columns = [Column("reusable", "%", 2, CONCEPTS["reuse_rate"].tooltip)]
     columns += [Column(TERMS[name].label, "%", 2, TERMS[name].tooltip) for name in named]
     if len(named) < len(present):
         rest = ", ".join(TERMS[name].label for name in present if name not in named)
         columns.append(Column("other", "%", 2, f"All other reasons: {rest}"))
     notes = ("A pixel counts once, under its first reason; reasons and reusable pixels add up to 100 %.",)
-    return Table("reasons", "Why pixels are not reusable", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes)
+    return Table(
+        "reasons", "Why pixels are not reusable, % of all pixels", (*columns, *SAMPLING_COLUMNS), tuple(rows), notes
+    )
 
 
 def reprojection_of(summary: Summary) -> str | None:

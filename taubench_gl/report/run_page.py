@@ -210,6 +210,10 @@ def _run_data(run: ReportRun, label: str, most: int, budget: int) -> dict[str, A
     discard = summary.get("discard") or {}
     measured = [c for c in COLUMNS if (discard.get(c) or {}).get("mean_percent") is not None]
     images, why = _images(run, most, budget)
+    if not summary.get("pairs"):
+        images, why = None, "No images: the run has no pair of frames."
+    elif images is None:
+        why = f"No images: {why}. Evaluate the scene again with --report to show the frames with their masks here."
     return {
         "label": label,
         "pairs": summary.get("pairs") or 0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -43,6 +43,7 @@ class Row:
     values: tuple[Any, ...]
     paper: bool = False
     reasons: Mapping[int, str] = field(default_factory=dict)
+    percent_of: str = "%"  # unit of the columns in percent: of which pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,13 +151,19 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
                 why[0] = why[0] or "pixels discarded by frustum are not comparable"
             left_out = len(cuts) if key == "without_cuts_mean_percent" else 0
             values = [entry.get(key) for entry in entries]
-            rows.append(table_row(f"{label}, {basis}", values, summary, *why, left_out=left_out))
+            row = table_row(f"{label}, {basis}", values, summary, *why, left_out=left_out)
+            rows.append(replace(row, percent_of=basis.split(",")[0]))
             if key == "mean_percent" and summary.get("noise_floor"):
-                rows.append(_noise_floor(label, summary))
+                rows.append(replace(_noise_floor(label, summary), percent_of=all_pixels))
     if paper:
         fps = float(paper_numbers()["settings"]["render_fps"])
         rows += [
-            Row(scene["name"], (*(scene["discard"][name] for name in COLUMNS), fps, None), paper=True)
+            Row(
+                scene["name"],
+                (*(scene["discard"][name] for name in COLUMNS), fps, None),
+                paper=True,
+                percent_of=STATISTICS["mean_percent"].label,
+            )
             for scene in paper_numbers()["scenes"]
         ]
     columns = (*(Column(name, "%", 2, COLUMN_TERMS[name].tooltip) for name in COLUMNS), *SAMPLING_COLUMNS)

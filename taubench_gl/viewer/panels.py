@@ -125,7 +125,9 @@ class Panels:
         speed = "" if s.speed == 1.0 else f"speed {s.speed:g}   "
         rate, percent, _ = viewer.engine.reusable()
         reusable = (
-            "" if percent is None else f"{'reusable' if rate == 'shading' else f'reusable {rate}'} {percent:.1f} %   "
+            ""
+            if percent is None
+            else f"{'reusable' if rate == 'shading' else f'reusable {rate}'} {percent:.1f} % of all pixels   "
         )
         at = f"{s.frame / s.fps:.3f} s at {s.fps:g} fps"
         self._faint(f"{at}   {reusable}{speed}{loop}{s.message or viewer.hint}")
@@ -176,6 +178,7 @@ class Panels:
         self._check("masks", s.overlays, "overlays", "overlays")
         imgui.same_line()
         self._slider("opacity", 0.0, 1.0, "%.2f")
+        self._faint("% of all pixels")
         right = imgui.get_content_region_avail().x
         for name in OVERLAYS:
             percent = percentages.get(name)

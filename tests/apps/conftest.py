@@ -21,6 +21,7 @@ class FakeEvaluate:
     """
 
     pairs = 4
+    duration = 1.0  # seconds
 
     def __init__(self) -> None:
         self.calls: list[dict[str, Any]] = []
@@ -35,7 +36,7 @@ class FakeEvaluate:
         rows = [{"frame": i, "pixels": 10, "frustum": i} for i in range(1, self.pairs + 1)]
         summary = {
             "schema": "taubench-gl/summary/1",
-            "scene": {"name": name},
+            "scene": {"name": name, "duration_s": self.duration},
             "settings": {"width": 5, "height": 2, "fps": settings.sequence.fps, "thresholds": {}},
             "pairs": self.pairs,
             "discard": {"frustum": {"mean_percent": 25.0}},

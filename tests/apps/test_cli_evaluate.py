@@ -45,6 +45,27 @@ def test_results_are_written_to_the_folder(taubench, evaluate, tmp_path):
     assert {file.name for file in tmp_path.iterdir()} == {"summary.json", "frames.csv"}
 
 
+def test_the_path_of_the_report_is_printed(taubench, evaluate, tmp_path):
+    code, out, _ = taubench("evaluate", "walk.glb", "--out", tmp_path, "--report")
+    assert code == 0 and str(tmp_path / "report.html") in out
+    _, out, _ = taubench("evaluate", "walk.glb", "--out", tmp_path)
+    assert "report.html" not in out
+
+
+@pytest.mark.parametrize(
+    ("options", "duration", "way_out"),
+    [
+        (["--camera", "Main"], 0.0, "--camera orbit"),
+        (["--frames", "3:4"], 1.0, "--frames"),
+        ([], 0.01, "--fps"),
+    ],
+)
+def test_a_run_without_a_pair_is_exit_code_2_with_the_way_out(taubench, evaluate, options, duration, way_out):
+    evaluate.pairs, evaluate.duration = 0, duration
+    code, out, err = taubench("evaluate", "walk.glb", *options)
+    assert code == 2 and way_out in err and err.strip().count("\n") == 0 and not out
+
+
 def test_backend_from_the_environment(taubench, evaluate, monkeypatch):
     monkeypatch.setenv("TAUBENCH_BACKEND", "osmesa")
     taubench("evaluate", "a.glb")

@@ -96,6 +96,11 @@ def test_run_without_images_has_a_reason(run, tmp_path):
     assert data["no_images"]
 
 
+def test_run_without_a_pair_does_not_ask_for_images(run):
+    without = data_of(report_html([ReportRun(run.summary | {"pairs": 0}, [])]))["runs"][0]
+    assert without["images"] is None and without["no_images"] and "--report" not in without["no_images"]
+
+
 def test_failed_write_leaves_no_file(run, tmp_path):
     with pytest.raises(OutputError):
         write_html_report([ReportRun(run.summary, run.frames)], tmp_path / "none" / "report.html")

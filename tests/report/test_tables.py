@@ -179,6 +179,8 @@ def test_csv_is_complete_and_exact(summary):
     assert len(rows) == sum(len(table.rows) * len(table.columns) for table in tables)
     mean = next(row for row in rows if row["table"] == "2" and row["column"] == "mean")
     assert float(mean["value"]) == 0.1 + 0.2 and mean["source"] == "run" and mean["unit"] == "m"
+    units = [row["unit"] for row in rows if row["table"] == "4" and row["column"] == "position"]
+    assert {"% of all pixels", "% of comparable pixels"} == set(units)
     missing = [row for row in rows if row["note"] == "no indirect light here"]
     assert len(missing) == 2 and all(row["value"] == "" for row in missing)
 

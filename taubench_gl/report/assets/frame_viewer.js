@@ -181,7 +181,7 @@ function makeViewer(box, state) {
     panel.replaceChildren();
     percents.clear();
     for (const group of [...new Set(run.reasons.map((r) => r.group))]) {
-      const set = el("fieldset", {}, el("legend", {}, el("span", {}, group), el("span", {}, "this frame")));
+      const set = el("fieldset", {}, el("legend", {}, el("span", {}, group), el("span", {}, "this frame, % of all pixels")));
       for (const r of run.reasons.filter((one) => one.group === group)) {
         if (!shown.has(r.name)) shown.set(r.name, r.on);
         const tick = el("input", { type: "checkbox", "data-reason": r.name });
@@ -207,8 +207,7 @@ function makeViewer(box, state) {
     clearInterval(playing);
     play.textContent = "▶";
     if (!images) {
-      box.replaceChildren(el("p", { class: "missing" },
-        `No images: ${run.no_images}. Evaluate the scene again with --report to show the frames with their masks here.`));
+      box.replaceChildren(el("p", { class: "missing" }, run.no_images));
       return;
     }
     fillPanel();

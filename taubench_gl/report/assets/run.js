@@ -147,7 +147,7 @@ function makeCurves(box, state) {
       area.append(el("p", { class: "missing" }, "This run recorded no threshold curve: it has no frame pair or measured no feature."));
       return;
     }
-    const left = 50, right = 14, top = 14, height = width < 560 ? 300 : 400, foot = 58;
+    const left = 64, right = 14, top = 14, height = width < 560 ? 300 : 400, foot = 58;
     x = logScale(low, high, left, width - right);
     const other = state.runs.filter((r) => r !== run).flatMap(prepare);
     const end = Math.max(1, ...[...lines, ...other].map((l) => Math.max(0, ...l.percents.filter((_, i) => l.edges[i] >= low)))) * 1.05;
@@ -156,7 +156,7 @@ function makeCurves(box, state) {
     const decades = [];
     for (let p = Math.ceil(Math.log10(low)); p <= Math.log10(high); p++) decades.push(Math.pow(10, p));
     drawAxes(root, { left, right: width - right, top, bottom: height - foot }, {
-      x: { scale: x, ticks: decades, format: decade }, y: { scale: y, ticks: y.ticks(5), format: (value) => short(value) + " %" } });
+      x: { scale: x, ticks: decades, format: decade }, y: { scale: y, ticks: y.ticks(5), format: (value) => short(value) + " %", label: "discarded, % of all pixels" } });
     for (const [list, dim] of [[other, true], [lines, false]]) {
       for (const line of list) {
         const keep = line.edges.map((t) => t >= low && t <= high);
