@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
+from taubench_gl.effects.decide import MANY_LIGHTS
 from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, own_light
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.frame.environment import image_of
@@ -24,6 +25,9 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, MAX_EXPOSURE, Settings
 
 Array = np.ndarray
+
+SMALLER = 8
+"""Factor by which the image is smaller that is metered without culling."""
 
 LIGHT_COLUMNS = frozenset({"direct", "indirect", "color"})
 
@@ -96,12 +100,28 @@ def _exposure(
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings) if frames is None else frames
     metered = metered_frames(frames)
-    factor = metered_exposure(direct_luminance(scene, settings, camera, metered, poser))
+    exposed = _culled(scene, settings, camera, metered[0], poser)
+    factor = metered_exposure(direct_luminance(scene, exposed, camera, metered, poser))
     numbers = " and ".join([", ".join(map(str, metered[:-1])), str(metered[-1])]) if len(metered) > 1 else metered[0]
     if factor is None:
         return 1.0, f"no surface reflects light in frame{'s' * (len(metered) > 1)} {numbers}"
     factor = min(max(rounded(factor), 1.0 / MAX_EXPOSURE), MAX_EXPOSURE)
     return factor, f"metered in frame{'s' * (len(metered) > 1)} {numbers}"
+
+
+def _culled(scene: Scene, settings: Settings, camera: CameraTrack, frame: int, poser: Poser | None) -> Settings:
+    """``settings`` with which to meter: many lights are culled at the exposure of a small image without culling.
+
+    The culling is thus the same whatever the scale of the lights.
+    """
+    exact = settings.replace(exposure=1.0, light_error=0.0)
+    if len(scene.light_nodes) <= MANY_LIGHTS:
+        return exact
+    width, height = (max(side // SMALLER, 1) for side in (settings.sequence.width, settings.sequence.height))
+    first = metered_exposure(
+        direct_luminance(scene, exact.replace(width=width, height=height), camera, (frame,), poser)
+    )
+    return exact if first is None else settings.replace(exposure=min(max(first, 1.0 / MAX_EXPOSURE), MAX_EXPOSURE))
 
 
 def metered_frames(frames: range) -> tuple[int, ...]:
@@ -114,12 +134,10 @@ def direct_luminance(
 ) -> list[Array]:
     """Luminance of direct light, without exposure, of the surface pixels of each frame: (n,) float64.
 
-    By the raster method, at the size of ``settings``, whose light unit and environment are resolved.  Empty where the
-    scene has no direct light.
+    By the raster method, at the size of ``settings``, which are resolved; exposure and light error cull lights.  Empty
+    where the scene has no direct light.
     """
-    metering = settings.replace(
-        columns=("direct",), samples_per_pixel=1, storage="float", exposure=1.0, light_error=0.0, pairs="all"
-    )
+    metering = settings.replace(columns=("direct",), samples_per_pixel=1, storage="float", pairs="all")
     with open_gpu(settings.device.backend, settings.device.device) as gpu:
         source = RasterSource(gpu, scene, camera, metering, poser=poser)
         try:
