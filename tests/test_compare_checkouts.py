@@ -51,6 +51,21 @@ def test_exit_codes_are_compared(tool):
     assert found(tool, result(1), result(1)) == ["exit"], "an internal error is never expected"
 
 
+def test_another_orbit_is_expected_and_the_same_one_is_not(tool):
+    case, path = tool.Case("scene", ()), "summary/pairs"
+    sources = ("camera 'Main'", "framing orbit (no camera)", "framing orbit (no camera): moves 1 m per frame at 24 fps")
+    file, earlier, present = (result(summary__camera__source=source) for source in sources)
+    assert tool.expected_reason(case, path, earlier, present) and tool.expected_reason(case, path, file, present)
+    assert tool.expected_reason(case, path, present, present) is None
+    assert tool.expected_reason(case, path, file, file) is None
+
+
+def test_refusing_a_run_without_a_pair_is_expected(tool):
+    case = tool.Case("scene", ())
+    assert tool.expected_reason(case, "exit", result(summary__pairs=0), result(2))
+    assert tool.expected_reason(case, "exit", result(summary__pairs=3), result(2)) is None
+
+
 def test_lengths_may_change_from_scene_units_to_meters(tool):
     path, scale = "summary/settings/thresholds/position", {"summary/settings/unit_scale": 4.0}
     old, new, wrong = ({"exit": 0, "error": "", "values": scale | {path: value}} for value in (2.0, 0.5, 0.25))
