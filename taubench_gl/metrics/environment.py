@@ -131,10 +131,9 @@ def ggx_lobe(roughness: float) -> Callable[[Array], Array]:
 
 def environment_maps(radiance: Array) -> EnvironmentMaps:
     """Maps of an image (h, 2 h, 3)."""
-    radiance = np.asarray(radiance, dtype=np.float64)
-    seen = resized(radiance, SEEN_HEIGHT) if len(radiance) > SEEN_HEIGHT else radiance
+    seen = resized(radiance, SEEN_HEIGHT) if len(radiance) > SEEN_HEIGHT else np.asarray(radiance, dtype=np.float64)
     # The narrowest lobe is about two pixels of its map wide, so it is taken from a finer image.
-    fine, coarse = resized(radiance, 2 * LOBE_HEIGHT), resized(radiance, LOBE_HEIGHT)
+    fine, coarse = resized(seen, 2 * LOBE_HEIGHT), resized(seen, LOBE_HEIGHT)
     lobes = [zonal_filter(coarse, cosine_lobe, LOBE_HEIGHT)]
     for k in range(1, LOBE_LEVELS + 1):
         lobes.append(zonal_filter(fine if k == 1 else coarse, ggx_lobe(k / LOBE_LEVELS), LOBE_HEIGHT))

@@ -16,8 +16,11 @@ from taubench_gl.errors import SettingsError
 
 Array = np.ndarray
 
-MAX_SIZE = (16384, 8192)
+MAX_SIZE = (8192, 4096)
 """Largest accepted width and height, pixels."""
+
+MAX_CHANNELS = 8
+"""Most channels that are decoded, those between the first and the last of R, G and B."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ def read_environment(path: str | Path) -> EnvironmentImage:
     try:
         about = path.stat()
     except (OSError, ValueError) as error:
-        raise _fault(path, getattr(error, "strerror", None) or "cannot be opened") from None
+        raise _fault(path, f"cannot be opened: {getattr(error, 'strerror', None) or error}") from None
     if not path.is_file():
         raise _fault(path, "is not a file")
     return _read(path, about.st_mtime_ns, about.st_size)
@@ -63,7 +66,7 @@ def _read(path: Path, modified: int, size: int) -> EnvironmentImage:
     try:
         sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
-        raise _fault(path, error.strerror or "cannot be read") from None
+        raise _fault(path, f"cannot be read: {error.strerror}") from None
     source = oiio.ImageInput.open(str(path))
     if source is None:
         raise _fault(path, f"cannot be read: {_first_line(oiio.geterror())}")
@@ -79,13 +82,17 @@ def _read(path: Path, modified: int, size: int) -> EnvironmentImage:
         names = list(spec.channelnames)
         if not {"R", "G", "B"} <= set(names):
             raise _fault(path, f"has the channels {', '.join(names[:8])}", "R, G and B are needed")
-        pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
+        order = [names.index(channel) for channel in "RGB"]
+        first, end = min(order), max(order) + 1
+        if end - first > MAX_CHANNELS:
+            raise _fault(path, f"has {end - first} channels from the first to the last of R, G and B")
+        pixels = source.read_image(0, 0, first, end, "float")
         if pixels is None:
             raise _fault(path, f"is damaged: {_first_line(source.geterror())}")
     finally:
         source.close()
-    pixels = np.asarray(pixels, dtype=np.float32).reshape(height, width, spec.nchannels)
-    radiance = np.ascontiguousarray(pixels[..., [names.index(c) for c in "RGB"]])
+    pixels = np.asarray(pixels, dtype=np.float32).reshape(height, width, end - first)
+    radiance = np.ascontiguousarray(pixels[..., [i - first for i in order]])
     if bad := int(np.count_nonzero(~np.isfinite(radiance))):
         raise _fault(path, f"has {bad} value{'s' * (bad > 1)} that are not finite")
     negative = int(np.count_nonzero(radiance < 0))

@@ -50,7 +50,14 @@ def test_over_all_real_scenes_nothing_changes(data: Path):
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"environment": (0.2, 0.3, 0.4)}, {"reprojection": "motion"}, {"indirect": "rsm"}]
+    "settings",
+    [
+        {},
+        {"environment": (0.2, 0.3, 0.4)},
+        {"environment": "default"},
+        {"reprojection": "motion"},
+        {"indirect": "rsm"},
+    ],
 )
 def test_in_a_lit_room_nothing_changes(settings):
     assert not differences(busy_room(lamps=3), **settings)

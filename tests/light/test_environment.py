@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from light_tools import facing, floor, lambert, look, look_down, opened, picture, shoot, worst
 
+from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import sky_directions
 from taubench_gl.effects.census import census
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import DEFAULT_RADIANCE, DEFAULT_SUN
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.plan import FramePlan
+from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.math3d import normalize
 from taubench_gl.metrics.environment import directions, environment_maps, glossy_radiance, lookup, resized, solid_angles
 from taubench_gl.metrics.lighting import albedo_table
@@ -122,7 +125,6 @@ def test_without_an_environment_nothing_of_it_is_simulated():
 def test_stochastic_light_of_the_default_environment_is_exact_without_indirect_light(gpu):
     """One light, unoccluded: each of its samples is the light itself."""
     from taubench_gl.animation import choose_camera
-    from taubench_gl.frame.shading import Shading
     from taubench_gl.frame.sources import RasterSource, SourceOptions
 
     scene = table()
@@ -288,6 +290,29 @@ def test_sky_pixels_show_the_image_exposed(gpu, tmp_path):
     assert np.abs(shot["color"][..., :3] - expected)[sky].max() < 1e-3
 
 
+def test_the_maps_are_predicted_and_allocated_once(gpu, tmp_path):
+    path = image_file(tmp_path, np.full((8, 16, 3), 0.5))
+    settings = Settings(width=64, height=48, environment=path)
+    predicted = FramePlan(ball_scene(), settings).resources().memory["environment"]
+    assert predicted == 16 * (16 * 8 + 256 * 128 * 9)
+    with opened(gpu, ball_scene(), environment=path, columns=("direct", "color")) as source:
+        assert source.light.memory["environment"] == predicted
+
+
+def test_sky_pixels_show_the_image_while_direct_light_is_switched_off(gpu, tmp_path):
+    path = image_file(tmp_path, np.full((8, 16, 3), 0.5))
+    settings = Settings(width=64, height=48, columns=("direct", "color"), environment=path, exposure=1.0)
+    scene = ball_scene()
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(without=("direct",)))
+    try:
+        shot = shoot(source)
+    finally:
+        source.release()
+    assert not source.effects["sky"].enabled
+    assert np.allclose(shot["color"][~shot.surface][:, :3], 1.055 * 0.5 ** (1 / 2.4) - 0.055, atol=1e-3)
+    assert np.all(shot["color"][shot.surface][:, :3] == 0.0)
+
+
 def test_a_parallel_camera_sees_one_direction(gpu, tmp_path):
     b = SceneBuilder()
     floor(b, 0.5, material=lambert(b))
@@ -332,6 +357,26 @@ def test_files_that_are_no_environment_answer_in_one_line(tmp_path, mode, suffix
         read_environment(path)
     assert error.value.setting == "environment" and error.value.where == str(path)
     assert "\n" not in str(error.value)
+
+
+def test_files_that_are_too_large_are_refused(tmp_path, monkeypatch):
+    claims = tmp_path / "large.hdr"
+    claims.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 20000 +X 40000\n")
+    with pytest.raises(SettingsError):
+        read_environment(claims)
+    path = image_file(tmp_path, np.ones((32, 64, 3)))
+    monkeypatch.setattr("taubench_gl.scene.environment.MAX_SIZE", (32, 16))
+    with pytest.raises(SettingsError):
+        read_environment(path)
+
+
+def test_large_images_are_filtered_to_the_size_at_which_they_are_seen():
+    radiance = np.random.default_rng(2).uniform(0.0, 1.0, (2048, 4096, 3)).astype(np.float32)
+    maps = environment_maps(radiance)
+    assert maps.seen.shape == (1024, 2048, 3)
+    solid = solid_angles(1024)[:, None, None]
+    given = (radiance.astype(np.float64) * solid_angles(2048)[:, None, None]).sum(axis=(0, 1))
+    np.testing.assert_allclose((maps.seen * solid).sum(axis=(0, 1)), given, rtol=1e-9)
 
 
 def test_negative_radiance_counts_as_black_and_is_noted(gpu, tmp_path):
