@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack
+from taubench_gl.animation import CameraTrack, choose_camera
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import Observers, Pair, evaluate_scene
 from taubench_gl.gpu.context import Gpu
@@ -81,7 +81,9 @@ class Stage:
             now, before = ({n: pair.source.read(n, previous=old) for n in names} for old in (False, True))
             pairs.append(LitPair(pair.mask, pair.motion, now, before, dict(pair.row)))
 
-        run = evaluate_scene(scene, chosen, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
+        run = evaluate_scene(
+            scene, chosen, Observers(on_pair=keep, channels=tuple(extra)), camera=camera or choose_camera(scene)
+        )
         return run, pairs
 
     def pair(self, scene: Scene, **settings: Any) -> LitPair:

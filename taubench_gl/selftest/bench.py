@@ -130,7 +130,7 @@ class Bench:
 
     def evaluate(self, scene: Scene, **settings: Any) -> Run:
         """The whole evaluation of a scene.  ``settings``: fields of Settings."""
-        return evaluate_scene(scene, self._settings(settings))
+        return evaluate_scene(scene, self._settings(settings), camera=choose_camera(scene))
 
     def _settings(self, given: Mapping[str, Any]) -> Settings:
         # Indirect light takes seconds per frame on a CPU driver, and no case tests it.

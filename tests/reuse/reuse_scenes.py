@@ -17,6 +17,7 @@ SIZE = (64, 48)
 def settings(**more) -> Settings:
     """64x48 at 24 fps, motion reprojection, no indirect light by default."""
     given = {"width": SIZE[0], "height": SIZE[1], "reprojection": "motion", "indirect": "none", "shadow_size": 128}
+    given |= {"camera": 0}  # also of still scenes
     return Settings(**(given | more))
 
 
