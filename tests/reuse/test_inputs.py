@@ -325,3 +325,29 @@ def test_a_reuse_evaluation_meters_whatever_the_columns(columns):
     settings = done.summary["settings"]
     assert settings["exposure"] not in (1.0, "auto") and settings["light_unit"] == "candela"
     assert settings["columns"] == list(columns) and "metered" in done.summary["lighting"]["exposure"]
+
+
+@pytest.mark.parametrize("kind", ["full", "noisy", "half+jittered"])
+def test_sky_pixels_of_radiance_show_the_environment_image(gpu, tmp_path, kind):
+    import OpenImageIO as oiio
+
+    from taubench_gl.animation.pairs import sky_directions
+    from taubench_gl.math3d import normalize
+    from taubench_gl.metrics.environment import directions, lookup
+
+    image = 0.5 + 0.5 * directions(64)
+    path = str(tmp_path / "sky.exr")
+    file = oiio.ImageOutput.create(path)
+    file.open(path, oiio.ImageSpec(128, 64, 3, "float"))
+    file.write_image(np.ascontiguousarray(image, dtype=np.float32))
+    file.close()
+    with inputs_of(gpu, still(), kind, settings={"exposure": 2.0, "environment": path}) as inputs:
+        got = arrays(inputs.advance(0))["radiance"]
+        view, position = inputs.source.renderer.frame.view, inputs.source.read("position")
+    h, w = position.shape[:2]
+    origin, dx, dy = sky_directions(view, w, h)
+    x, y = np.meshgrid(np.arange(w), np.arange(h)[::-1])
+    expected = 2.0 * lookup(image, normalize(origin + x[..., None] * dx + y[..., None] * dy))
+    sky = (position[..., 3] == 0) & (got[..., 3] == 1.0)
+    assert sky.any()
+    np.testing.assert_allclose(got[sky][:, :3], expected[sky], atol=2e-3)
