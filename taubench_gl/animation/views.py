@@ -146,10 +146,12 @@ class OrbitCamera:
         """Seconds per revolution."""
         return 2.0 * math.pi / self.rate
 
-    def describe(self, unit_scale: float = 1.0) -> str:
-        """``unit_scale``: scene units per meter."""
+    def describe(self, unit_scale: float | None = None) -> str:
+        """Short description; with ``unit_scale``, scene units per meter, also the motion in meters."""
+        if unit_scale is None:
+            return f"{self.name} ({self.reason})"
         step = f"{self.step / unit_scale:.4g} m per frame at {ORBIT_FPS:g} fps"
-        return f"framing orbit ({self.reason}): moves {step}, {100 * ORBIT_STEP:g} % of the subject's size"
+        return f"{self.name} ({self.reason}): moves {step}, {100 * ORBIT_STEP:g} % of the subject's size"
 
     def view_at(self, state: FrameState) -> View:
         axes = _orbit_axes(self.rate * math.fmod(state.time, self.period))

@@ -53,7 +53,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
 
     Statistics compare at most MAX_INSPECTED frames, evenly spaced (``frames_inspected``).
     """
-    from taubench_gl.animation import Poser, bounding_sphere, camera_of_run
+    from taubench_gl.animation import OrbitCamera, Poser, bounding_sphere, camera_of_run
     from taubench_gl.effects.census import census
     from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
     from taubench_gl.frame.plan import FramePlan
@@ -65,6 +65,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     counts = census(scene, (i / settings.sequence.fps for i in chosen), poser)
     center, radius = bounding_sphere(poser, [0.0])
     nodes, unit = scene.nodes, settings.metrics.unit_scale
+    camera = camera_of_run(scene, settings.sequence)
     return {
         "name": scene.name,
         "path": None if scene.path is None else str(scene.path),
@@ -77,7 +78,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "frames_inspected": inspected,
         "bounds": {"center": (center / unit).tolist(), "radius_m": radius / unit},
         "census": counts,
-        "camera": camera_of_run(scene, settings.sequence).describe(),
+        "camera": camera.describe(unit) if isinstance(camera, OrbitCamera) else camera.describe(),
         "cameras": [_camera(scene, int(node), unit) for node in scene.camera_nodes],
         "animations": [
             {

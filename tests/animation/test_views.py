@@ -159,6 +159,11 @@ def test_orbit_moves_by_a_share_of_the_subject_per_frame(scale):
     assert np.allclose(np.linalg.norm(np.diff(path, axis=0), axis=1), orbit.step, rtol=1e-9)
 
 
+def test_motion_is_described_in_meters():
+    orbit = OrbitCamera(orbit_scene(size=100.0))
+    assert f"{orbit.step / 100.0:.4g} m" in orbit.describe(100.0) and "fps" not in orbit.describe()
+
+
 def test_rotation_per_frame_depends_on_the_shape_and_not_on_the_scale():
     def rate(*scale):
         return OrbitCamera(make_scene([-1], meshes=[triangle_mesh()], mesh=[0], scale=[scale])).rate
