@@ -52,8 +52,8 @@ def gpu(session_gpu: Gpu) -> Iterator[Gpu]:
 def _fix_lighting_defaults() -> None:
     """Settings made in tests have the lighting of ``FIXED_LIGHTING`` unless they name another.
 
-    Numbers of most tests are for intensities as written, exposure 1 and no environment.  Tests of ``auto`` give
-    ``**AUTO_LIGHTING`` (``tests/lighting_tools.py``); those that start a process get the defaults of users.
+    Numbers of most tests are for intensities as written, exposure 1 and no environment.  Tests of ``auto`` name
+    it; those that start a process get the defaults of users.
     """
     from taubench_gl.settings import FIXED_LIGHTING, LightingSettings
 

@@ -19,6 +19,10 @@ MIDDLE_GRAY = 0.18
 LEAST_SHARE = 1e-3
 """Pixels take part whose luminance is above this share of the largest one of all frames."""
 
+LEAST_METERED = 0.1
+"""If a smaller share of the lit pixels takes part, these are highlights, such as the sun in a mirror: the others are
+metered without them."""
+
 EXPOSURE_DIGITS = 4
 """Significant decimal digits of a metered exposure."""
 
@@ -33,11 +37,14 @@ def surface_luminance(radiance: Array, position: Array) -> Array:
 def metered_exposure(frames: Sequence[Array]) -> float | None:
     """The exposure of frames whose surfaces have these luminances, arrays (n,) float64; None if all is black."""
     luminance = np.concatenate([np.zeros(0), *frames])
-    largest = luminance.max(initial=0.0)
-    if largest <= 0.0:
+    lit = luminance[luminance > 0.0]
+    if not len(lit):
         return None
-    used = luminance[luminance > LEAST_SHARE * largest]
-    return float(MIDDLE_GRAY / np.exp(np.mean(np.log(used))))
+    used = lit > LEAST_SHARE * lit.max()
+    while np.mean(used) < LEAST_METERED:  # ends: pixels within a factor of 1000 all take part
+        lit = lit[~used]
+        used = lit > LEAST_SHARE * lit.max()
+    return float(MIDDLE_GRAY / np.exp(np.mean(np.log(lit[used]))))
 
 
 def rounded(exposure: float) -> float:

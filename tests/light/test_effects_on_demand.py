@@ -40,8 +40,11 @@ def test_over_all_real_scenes_nothing_changes(data: Path):
     for number, path in enumerate(files):
         try:
             scene = load_scene(path)
-            # Half of them each: motion reprojection is what asks for previous poses.
-            faults += [f"{path.name}: {d}" for d in differences(scene, reprojection=("camera", "motion")[number % 2])]
+            # Half of them each: motion reprojection is what asks for previous poses.  A third of them each: no
+            # environment, the default environment, and that of ``auto``, which is the default one without own light.
+            settings = {"reprojection": ("camera", "motion")[number % 2]}
+            settings["environment"] = ("none", "default", "auto")[number % 3]
+            faults += [f"{path.name}: {d}" for d in differences(scene, **settings)]
         except TaubenchError:
             continue  # files without triangles, or whose images are missing: refused elsewhere
         evaluated += 1
@@ -52,16 +55,21 @@ def test_over_all_real_scenes_nothing_changes(data: Path):
 @pytest.mark.parametrize(
     "settings",
     [
-        {},
-        {"environment": (0.2, 0.3, 0.4)},
-        {"environment": "default"},
-        {"reprojection": "motion"},
-        {"indirect": "rsm"},
+        {}, {"environment": (0.2, 0.3, 0.4)}, {"environment": "default"}, {"reprojection": "motion"},
+        {"indirect": "rsm"}, {"indirect": "rsm", "environment": "default", "reprojection": "motion"},
     ],
-)
+)  # fmt: skip
 def test_in_a_lit_room_nothing_changes(settings):
     assert not differences(busy_room(lamps=3), **settings)
     assert not differences(busy_room(lamps=20), light_error=0.0, **settings)
+
+
+@pytest.mark.parametrize("shadow_lights", [0, 1])
+def test_under_the_default_environment_alone_nothing_changes(shadow_lights):
+    scene = everything()
+    dark = dataclasses.replace(scene, nodes=dataclasses.replace(scene.nodes, light=np.full(len(scene.nodes), -1)))
+    assert not differences(dark, environment="default", shadow_lights=shadow_lights, exposure=0.2)
+    assert not differences(dark, environment="auto", exposure="auto", shadow_lights=shadow_lights)
 
 
 def everything() -> Scene:
@@ -158,6 +166,15 @@ def test_a_dark_scene_has_no_color_either(gpu):
     b.camera(translation=(0, 0, 3))
     c = Census(gpu, b.build(), columns=("direct", "indirect", "color"))
     assert c.channels == ("position", "normal") and c.shaders == [GBUFFER]
+
+
+def test_the_default_environment_adds_its_sky_and_sun_and_no_other_light(gpu):
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(material=lambert(b))))
+    b.camera(translation=(0, 0, 3))
+    with opened(gpu, b.build(), columns=("direct",), environment="default") as source:
+        on = {name: effect.reason for name, effect in source.effects.items() if effect.enabled}
+    assert set(on) == {"sky", "sun", "direct", "shadows"} and all(on.values())
 
 
 @pytest.mark.parametrize("kind", ["point", "spot", "directional"])

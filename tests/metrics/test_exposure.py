@@ -24,6 +24,14 @@ def test_pixels_below_a_thousandth_of_the_largest_take_no_part():
     assert metered_exposure([np.array([1000.0]), np.array([0.9, 0.8])]) == pytest.approx(0.18 / 1000.0)
 
 
+def test_highlights_of_few_pixels_take_no_part():
+    """The sun in a mirror is 100000 times as bright as everything else."""
+    frame = np.concatenate([np.full(5, 1e6), np.full(3, 1e-9), np.full(92, 4.0)])
+    assert metered_exposure([frame]) == pytest.approx(0.18 / 4.0, rel=1e-12)
+    mostly = np.concatenate([np.full(10, 1e6), np.full(90, 4.0)])
+    assert metered_exposure([mostly]) == pytest.approx(0.18 / 1e6, rel=1e-12)
+
+
 @pytest.mark.parametrize("frames", [[], [np.zeros(0)], [np.zeros(5), np.zeros(3)]])
 def test_black_frames_give_no_exposure(frames):
     assert metered_exposure(frames) is None
