@@ -15,6 +15,7 @@ from shadow_tools import Case, on_plane, visibility
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
+from taubench_gl.frame.shadow_faces import faces_of, halved_shadows
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Image, Scene, Texture
@@ -61,8 +62,17 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
     assert np.all(lit[sure_dark] < 0.001), f"{np.sum(lit[sure_dark] >= 0.001)} dark pixels are lit"
 
 
-def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu):
+def test_maps_after_the_most_significant_lights_have_half_the_texels():
+    scene, rows = Case("point", 40.0, 0.0).scene(parts=10), list(range(10))
+    halved = halved_shadows(rows[::-1])
+    assert halved == {0, 1}
+    faces = faces_of(scene, None, rows, (np.zeros(3), 1.0), 256, None, halved)
+    assert {face.light: face.resolution for face in faces} == {row: 128 if row in halved else 256 for row in rows}
+
+
+def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
     """A light that is compiled into the shader, more than are, and lights drawn at random."""
+    monkeypatch.setattr("taubench_gl.frame.shadow_faces.FULL_SIZE_SHADOWS", MAX_UNROLLED + 1)
     case, found = Case("wide spot", 20.0, 115.0), []
     for parts, shading in ((1, None), (MAX_UNROLLED + 1, None), (1, Shading(light_samples=1, indirect_samples=1))):
         scene = case.scene(parts=parts)
