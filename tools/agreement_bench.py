@@ -24,7 +24,7 @@ from taubench_gl.pathtraced.compare import compare_runs, noise_floor_percent, se
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import Run
 from taubench_gl.scene import load_scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 SAMPLES = (1, 16, 64)
 SIZE = (192, 108)
@@ -62,7 +62,7 @@ def measure(
     shared = {"width": size[0], "height": size[1], "frames": FRAMES, "backend": backend}
     runs: list[tuple[str, Run]] = []
     for name, changes in RASTERIZED.items():
-        settings = Settings(**shared, textures="finest", shadow_size=2048, **changes)
+        settings = Settings(**shared, textures="finest", shadow_size=2048, **changes, **FIXED_LIGHTING)
         runs.append((name, evaluate_scene(scene, settings)))
     for samples in SAMPLES:
         run = _path_traced(scene, out, scene_name, size, samples, 0)
@@ -98,7 +98,7 @@ def _path_traced(
         folders.append(folder)
     other = f"exr:{folders[1]}" if len(folders) > 1 else None
     options = PathTracedOptions(camera_file=folders[0] / CAMERA_FILE, second_seed=other)
-    return evaluate_path_traced(f"exr:{folders[0]}", Settings(frames=FRAMES), options)
+    return evaluate_path_traced(f"exr:{folders[0]}", Settings(frames=FRAMES, **FIXED_LIGHTING), options)
 
 
 def show(console: Console, costs: Costs) -> None:

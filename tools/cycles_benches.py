@@ -21,7 +21,7 @@ from taubench_gl.pathtraced.blender.process import HOW_TO_GET_BPY, blender_versi
 from taubench_gl.pathtraced.blender.render import read_render, render_reference
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 GEOMETRY = ("frustum", "position", "normal")
 RASTERIZED = {
@@ -95,7 +95,7 @@ def _frames(scene: Scene, camera: CameraTrack, fps: float, options: Options, col
     times: list[float] = []
     count = 2 + FRAMES * min(options.repeats, 2)
     width, height = options.size
-    settings = Settings(width=width, height=height, fps=fps, frames=(0, count), **RASTERIZED[columns])
+    settings = Settings(width=width, height=height, fps=fps, frames=(0, count), **RASTERIZED[columns], **FIXED_LIGHTING)
     start = time.perf_counter()
     observers = Observers(progress=lambda step: times.append(step.frame_seconds * 1e3))
     run = evaluate_scene(scene, settings, observers, camera=camera)

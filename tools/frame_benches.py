@@ -38,7 +38,7 @@ from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 BYTES = {"f4": 4, "f2": 2, "u4": 4, "f1": 1}
 GEOMETRY = ("frustum", "position", "normal")
@@ -55,7 +55,9 @@ def shares(gpu: Gpu, options: Options) -> Result:
             timer = PassTimer(gpu)
             given = {} if columns is None else {"columns": columns}
             count = 2 + (2 if options.quick else 4) * options.repeats
-            settings = Settings(width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given)
+            settings = Settings(
+                width=options.size[0], height=options.size[1], fps=fps, frames=(0, count), **given, **FIXED_LIGHTING
+            )
             source = RasterSource(gpu, scene, camera, settings, timer=timer)
             context = GpuContext(gpu, timer=timer)
             schedule = [(frame, frame > 0) for frame in range(count)]
@@ -104,6 +106,7 @@ def overlap(gpu: Gpu, options: Options) -> Result:
         frames=(0, count),
         columns=GEOMETRY,
         reprojection="motion",
+        **FIXED_LIGHTING,
     )
     timers = {name: PassTimer(gpu, enabled=name == WAITS) for name in (WAITS, AT_ONCE, LATE)}
     camera = choose_camera(scene)
@@ -145,7 +148,7 @@ def readback(gpu: Gpu, options: Options) -> Result:
     path = real_scene("sponza/Sponza.gltf")
     scene = load_scene(path)
     camera = Walk() if path.stem == "Sponza" else choose_camera(scene)
-    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY)
+    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=GEOMETRY, **FIXED_LIGHTING)
     source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=READS))
     watch, ways = Stopwatch(gpu), {"at once": False, "pixel buffers, one frame late": True}
     readers = {name: ChannelReader(gpu, buffered=buffered) for name, buffered in ways.items()}

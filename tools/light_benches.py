@@ -19,7 +19,7 @@ from taubench_gl.paths import ASSETS
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import lamp_field
-from taubench_gl.settings import Settings
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 LIGHT_FRAMES = 2
 """Frames per round; few, because a frame with 690 lights without ranges takes seconds on llvmpipe."""
@@ -53,7 +53,12 @@ class Subject:
 def lights(gpu: Gpu, options: Options) -> Result:
     """Direct light of 690 point lights with culling, compared with 16 lights, interleaved."""
     settings = Settings(
-        width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0
+        width=options.size[0],
+        height=options.size[1],
+        fps=FPS,
+        columns=("frustum", "direct"),
+        shadow_lights=0,
+        **FIXED_LIGHTING,
     )
     scenes = {
         "16 lights": lamp_field(4, 12),
@@ -104,6 +109,7 @@ def valley(gpu: Gpu, options: Options) -> Result:
                 fps=60,
                 columns=("frustum", "direct"),
                 shadow_lights=shadows,
+                **FIXED_LIGHTING,
             )
             subjects = {name: Subject(gpu, scene, settings) for name, scene in (("16", few), ("690", every))}
             for _ in range(1 + LIGHT_FRAMES * options.repeats):
@@ -125,7 +131,11 @@ def indirect(gpu: Gpu, options: Options) -> Result:
     """Frame time of each indirect-light method on the demo scene, in which lights and surfaces always move."""
     scene = load_scene(ASSETS / "demo.glb")
     subjects = {
-        method: Subject(gpu, scene, Settings(width=options.size[0], height=options.size[1], fps=FPS, indirect=method))
+        method: Subject(
+            gpu,
+            scene,
+            Settings(width=options.size[0], height=options.size[1], fps=FPS, indirect=method, **FIXED_LIGHTING),
+        )
         for method in ("none", "rsm", "probes")
     }
     for _ in range(1 + LIGHT_FRAMES * options.repeats):
@@ -146,8 +156,10 @@ def indirect(gpu: Gpu, options: Options) -> Result:
 @bench
 def effects(gpu: Gpu, options: Options) -> Result:
     """Per scene and skipped effect: frame time with this effect forced, minus frame time on demand."""
-    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS)
-    geometry = Settings(width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"))
+    settings = Settings(width=options.size[0], height=options.size[1], fps=FPS, **FIXED_LIGHTING)
+    geometry = Settings(
+        width=options.size[0], height=options.size[1], fps=FPS, columns=("frustum", "position"), **FIXED_LIGHTING
+    )
     cases = [
         (real_scene(), settings, "all columns"),
         (real_scene("sponza/Sponza.gltf"), geometry, "frustum and position"),

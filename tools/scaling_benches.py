@@ -130,7 +130,9 @@ def triangles(gpu: Gpu, options: Options) -> Result:
 def lights_growth(gpu: Gpu, options: Options) -> Result:
     """Direct light against the number of lights of a fixed range, without shadows."""
     counts = [16, 64, 256, 1024]
-    settings = Settings(width=SMALL[0], height=SMALL[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0)
+    settings = Settings(
+        width=SMALL[0], height=SMALL[1], fps=FPS, columns=("frustum", "direct"), shadow_lights=0, **FIXED_LIGHTING
+    )
     timers = [PassTimer(gpu) for _ in counts]
     scenes = [lamp_field(count // 4, count - count // 4, reach=4.0) for count in counts]
     sources = [
@@ -185,7 +187,13 @@ def frames(gpu: Gpu, options: Options) -> Result:
     times: list[list[float]] = [[] for _ in counts]
     for turn in range(options.repeats + 1):
         for count, into in zip(counts, times, strict=True):
-            settings = Settings(width=192, height=108, frames=(0, count + 1), columns=("frustum", "position", "normal"))
+            settings = Settings(
+                width=192,
+                height=108,
+                frames=(0, count + 1),
+                columns=("frustum", "position", "normal"),
+                **FIXED_LIGHTING,
+            )
             start = time.perf_counter()
             evaluate_scene(scene, settings)
             if turn:

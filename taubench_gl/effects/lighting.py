@@ -34,12 +34,12 @@ class Sun:
     irradiance: tuple[float, float, float]
 
 
-DEFAULT_RADIANCE = (1.0, 1.0, 1.0)
+DEFAULT_RADIANCE = (0.4, 0.4, 0.4)
 """Radiance of the default environment's uniform sky, linear RGB; the exposure of a file that gets it is metered."""
 
 DEFAULT_SUN = Sun((-0.4, -0.8, -math.sqrt(0.2)), (2.0 * math.pi,) * 3)
 """53 degrees above the horizon, 42 degrees from +Z (where glTF models face) to +X.  A white diffuse surface that
-faces it reflects twice the radiance of the sky."""
+faces it reflects five times the radiance of the sky, about the ratio of a clear day."""
 
 
 @dataclass(frozen=True, slots=True)
