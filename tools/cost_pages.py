@@ -12,7 +12,7 @@ from typing import Any
 from taubench_gl.cost.result import ALL
 from taubench_gl.report.cost_tables import Table, markdown_table, three
 
-FIGURE = "pictures/cost-fronts.png"
+FIGURE = "images/cost-fronts.png"
 
 
 @dataclass(frozen=True, slots=True)

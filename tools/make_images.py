@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Render the images of the README into docs/pictures: tools/make_pictures.py [NAME ...]
+"""Render the images of the README into docs/images: tools/make_images.py [NAME ...]
 
 Each image comes from a command of the package.  The report is captured in Chromium, the viewer under Xvfb.
 """
@@ -16,7 +16,7 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDER = ROOT / "docs" / "pictures"
+FOLDER = ROOT / "docs" / "images"
 DEMO = ROOT / "assets" / "demo.glb"
 
 
@@ -24,9 +24,9 @@ def taubench(*arguments: object, before: tuple[str, ...] = ()) -> None:
     subprocess.run([*before, sys.executable, "-m", "taubench_gl", *map(str, arguments)], check=True)
 
 
-def keep(picture: Path, name: str) -> None:
-    """Save to docs/pictures without a palette, so that mask colors match their legends."""
-    image = Image.open(picture).convert("RGB")
+def keep(image_file: Path, name: str) -> None:
+    """Save to docs/images without a palette, so that mask colors match their legends."""
+    image = Image.open(image_file).convert("RGB")
     if name.endswith(".jpg"):  # noise compresses badly as PNG
         image.save(FOLDER / name, quality=88, subsampling=0)
     else:
@@ -51,12 +51,12 @@ def report(scratch: Path) -> None:
 
 def viewer(scratch: Path) -> None:
     steps = scratch / "steps.txt"
-    picture = scratch / "viewer.png"
-    steps.write_text(f"frame 22\nkey 1\nkey 3\nkey 4\nmouse 330 260\nscreenshot {picture} window\nquit\n")
+    image_file = scratch / "viewer.png"
+    steps.write_text(f"frame 22\nkey 1\nkey 3\nkey 4\nmouse 330 260\nscreenshot {image_file} window\nquit\n")
     screen = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
     options = ("--size", "640x360", "--light", "--indirect", "none", "--window", "1180x664")
     taubench("view", DEMO, *options, "--script", steps, before=screen)
-    keep(picture, "viewer.png")
+    keep(image_file, "viewer.png")
 
 
 def reuse(scratch: Path) -> None:
@@ -66,16 +66,16 @@ def reuse(scratch: Path) -> None:
     keep(scratch / "reuse" / "side_by_side.png", "reuse.jpg")
 
 
-PICTURES = {"report": report, "viewer": viewer, "reuse": reuse}
+IMAGES = {"report": report, "viewer": viewer, "reuse": reuse}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", choices=[[], *PICTURES], help=f"of {', '.join(PICTURES)}; default: all")
+    parser.add_argument("names", nargs="*", choices=[[], *IMAGES], help=f"of {', '.join(IMAGES)}; default: all")
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for name in parser.parse_args().names or PICTURES:
+    for name in parser.parse_args().names or IMAGES:
         with tempfile.TemporaryDirectory() as scratch:
-            PICTURES[name](Path(scratch))
+            IMAGES[name](Path(scratch))
 
 
 if __name__ == "__main__":
