@@ -27,6 +27,8 @@ from taubench_gl.evaluation import (
 from taubench_gl.frame.sources import RasterSource, Source, SourceOptions
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.outputs import write_arrays
+from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 from taubench_gl.pathtraced.evaluation import (
     PathTracedInput,
     PathTracedOptions,
@@ -66,8 +68,11 @@ def evaluate(
 ) -> Run:
     """Evaluate the frame pairs of ``scene`` (a Scene, the path of a scene file, or ``exr:DIR``) and return the Run.
 
+    A file that only Blender reads (.blend, .fbx, .usd, .abc ...) is converted once and kept in the cache.
+
     ``options``: fields of ``Settings`` as ``Settings(...)`` takes them, and for path-traced files the fields of
     ``PathTracedOptions`` (``camera_file``, ``scene_file``, ``mapping``, ``layer``, ``lobes``, ``second_seed``).
+    ``lobes`` (``diffuse``, ``glossy``) measures direct and indirect of these lobes apart, of any scene.
     ``out``: the folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save``
     adds, per pair, ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``report`` adds
     report.html, one self-contained page, and the folder ``images`` with the images on it.  ``progress`` and
@@ -87,17 +92,23 @@ def evaluate(
     if folder is None and (saved or report):
         raise SettingsError("save and report need an output folder", hint="give out")
     saver = None if folder is None else _Saver(folder, saved, FrameRecorder(folder) if report else None, on_pair)
-    observers = Observers(progress, saver or on_pair, SAVED_CHANNELS if "channels" in saved else ())
+    observers = Observers(
+        progress,
+        saver or on_pair,
+        SAVED_CHANNELS if "channels" in saved else (),
+        on_finish=None if saver is None else lambda run: _write_views(run, saver, report),
+    )
     if is_sequence(scene):
-        run = evaluate_path_traced(scene, settings, path_traced, observers, out=folder)
-    else:
-        run = evaluate_scene(scene, settings, observers, out=folder)
-    if folder is not None:
-        saver.finish(run)
-        write_report(run.summary, run.frames, folder)
-        if report:
-            write_html_report([ReportRun(run.summary, run.frames, run.out)], folder / REPORT_FILE)
-    return run
+        return evaluate_path_traced(scene, settings, path_traced, observers, out=folder)
+    return evaluate_scene(_readable(scene), settings, observers, out=folder, lobes=path_traced.lobes)
+
+
+def _write_views(run: Run, saver: _Saver, report: bool) -> None:
+    """Write the images, tables, plots and the page of a run, before its summary.json."""
+    saver.finish(run)
+    write_report(run.summary, run.frames, run.out)
+    if report:
+        write_html_report([ReportRun(run.summary, run.frames, run.out)], run.out / REPORT_FILE)
 
 
 def pairs(
@@ -117,8 +128,13 @@ def pairs(
         require_supported(scene, settings)
         given = open_input(scene, settings, path_traced)
     else:
-        given = open_scene(scene, settings)
+        given = open_scene(_readable(scene), settings)
     return _pairs(given, _channels(channels))
+
+
+def _readable(scene: Scene | str | Path) -> Scene | str | Path:
+    """``scene``, or the converted file in the cache of a file that only Blender reads."""
+    return scene if isinstance(scene, Scene) or not is_convertible(scene) else converted(scene)
 
 
 def _pairs(given: SceneInput | PathTracedInput, channels: tuple[str, ...]) -> Iterator[Pair]:
@@ -185,7 +201,7 @@ def _require_used(scene: Any, path_traced: Mapping[str, Any], options: Mapping[s
     where = scene.name if isinstance(scene, Scene) else str(scene)
     if not is_sequence(scene):
         for name, value in path_traced.items():
-            if value not in (None, (), ""):
+            if value not in (None, (), "") and name != "lobes":
                 raise SettingsError(f"{name} is for path-traced files", where=where, hint="give them as exr:DIR")
         return
     for name in _OWN_SIZE:
@@ -272,7 +288,7 @@ class _Saver:
         folder = self._out / "masks"
         folder.mkdir(exist_ok=True)
         mask = pair.mask
-        np.savez_compressed(folder / f"mask_{pair.frame:05d}.npz", mask=mask.astype(np.uint16))
+        write_arrays(folder / f"mask_{pair.frame:05d}.npz", {"mask": mask.astype(np.uint16)})
         title = f"frame {pair.frame}"
         save_mask_image(folder / f"mask_{pair.frame:05d}.png", mask, shaded(pair), self._reasons(), title)
 
@@ -282,7 +298,7 @@ class _Saver:
         arrays = {name: pair.source.read(name) for name in pair.source.channels}
         arrays |= {"motion": pair.motion, "mask": pair.mask, "camera_position": pair.view.position}
         arrays["world_from_view"] = pair.view.world_from_view
-        np.savez_compressed(folder / f"channels_{pair.frame:05d}.npz", **arrays)
+        write_arrays(folder / f"channels_{pair.frame:05d}.npz", arrays)
 
     def _reasons(self) -> tuple[Reason, ...]:
         features = tuple(FEATURE_BIT[n] for n in FEATURE_BIT if n in self._measured and n not in ("position",))

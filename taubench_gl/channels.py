@@ -75,11 +75,19 @@ CHANNELS: dict[str, ChannelInfo] = {
                 name, 4, "f4", RADIANCE_UNIT, doc, (f"{exr}.R", f"{exr}.G", f"{exr}.B", None), attachment=False
             )
             for name, doc, exr in (
-                ("direct", "radiance of lights and sky after one bounce, all lobes, linear", "Direct"),
+                ("direct", "radiance of lights, emitters and sky after one bounce, all lobes, linear", "Direct"),
                 ("direct_diffuse", "diffuse lobe of direct", "DirectDiffuse"),
                 ("direct_glossy", "glossy lobe of direct", "DirectGlossy"),
                 ("indirect", "radiance after two or more bounces, linear", "Indirect"),
+                ("indirect_diffuse", "diffuse lobe of indirect, at the visible surface", "IndirectDiffuse"),
+                ("indirect_glossy", "glossy lobe of indirect, at the visible surface", "IndirectGlossy"),
             )
+        ),
+        ChannelInfo(
+            "path_info", 4, "f4", "m, 1, radiance2",
+            "x: hit distance of the first bounce, mean over the samples that hit, 0 if none; y: sample count; z: "
+            "variance of the mean of direct luminance; w: of indirect luminance",
+            ("HitDistance", "SampleCount", "DirectVariance", "IndirectVariance"), attachment=False,
         ),
         ChannelInfo(
             "color", 4, "f4", "1", "tone-mapped, sRGB-encoded, 0..1", ("R", "G", "B", None), attachment=False

@@ -31,6 +31,9 @@ FEATURES = ("color", "position", "normal", "direct", "indirect")
 COLUMNS = ("frustum", *FEATURES)
 """Table 4's columns."""
 
+LOBES = ("diffuse", "glossy", "transmission", "volume")
+"""Lobes of direct and indirect that can be measured apart."""
+
 
 class Reason(enum.IntFlag):
     """Reason bits of the mask word, one unsigned 32-bit integer per pixel (docs/conventions.md).

@@ -54,12 +54,16 @@ class OutputError(TaubenchError):
 
 
 def _one_line(text: str) -> str:
-    """``text`` without line breaks and control characters, which names inside files may contain.
+    """``text`` without line breaks and control characters, which names inside files may contain."""
+    return " ".join(printable(text).split())
 
-    Bytes of a path that are not UTF-8 are shown as escapes, as ``outputs.text_bytes`` writes them.
+
+def printable(text: str) -> str:
+    """``text`` with a space for each control character but line breaks and tabs: names in files may hold commands of
+    terminals.  Lone surrogates, bytes of a path that are not UTF-8, are shown as escapes.
     """
     text = text.encode("utf-8", "backslashreplace").decode("utf-8")
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return "".join(c if c.isprintable() or c in "\n\t" else " " for c in text)
 
 
 def note_renamed(old: str, new: str) -> None:

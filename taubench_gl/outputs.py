@@ -8,16 +8,18 @@ holds the process number of its writer, so that files left by killed writers can
 from __future__ import annotations
 
 import contextlib
+import csv
 import io
 import itertools
 import os
 import re
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +29,7 @@ DAY = 86400.0
 """Seconds without a change after which a partial file counts as abandoned, regardless of its process number."""
 
 _PARTIAL = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+(-(?P<space>[0-9a-f]{8}))?\.partial(\.\w+)?", re.DOTALL)
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _writes = itertools.count()  # distinguishes the partial files of the threads of one process
 
 
@@ -64,15 +67,20 @@ def replacing(path: Path, *, parents: bool = False, suffix: str = "") -> Iterato
         if parents:
             path.parent.mkdir(parents=True, exist_ok=True)
         yield partial
-        with open(partial, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(partial, path)
+        put_in_place(partial, path)
     except BaseException as error:
         with contextlib.suppress(OSError):  # also where the parent is not a folder
             partial.unlink()
         if isinstance(error, OSError):
             raise cannot_write(path, error) from None
         raise
+
+
+def put_in_place(partial: Path, path: Path) -> None:
+    """Rename a complete partial file once its contents are on the disk.  Raises OSError."""
+    with open(partial, "rb+") as file:
+        os.fsync(file.fileno())
+    os.replace(partial, path)
 
 
 def write_atomically(path: Path, data: str | bytes, *, parents: bool = False) -> None:
@@ -88,6 +96,32 @@ def write_png(path: Path, image: np.ndarray) -> None:
     data = io.BytesIO()
     iio.imwrite(data, np.ascontiguousarray(image), extension=".png")
     write_atomically(path, data.getvalue())
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Named arrays as a compressed NumPy archive (.npz), completely or not at all.  Raises OutputError."""
+    with replacing(path, suffix=path.suffix) as partial:
+        np.savez_compressed(partial, **arrays)
+
+
+def csv_text(rows: Iterable[Sequence[Any]]) -> str:
+    """CSV with a line break after each row; None is an empty cell, numbers keep every digit.
+
+    Text that a spreadsheet would take for a formula gets an apostrophe before it: names come from files.
+    """
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if not isinstance(value, str) or not value.startswith(_FORMULA):
+        return "" if value is None else value
+    try:
+        float(value)
+    except ValueError:
+        return "'" + value
+    return value
 
 
 def output_folder(out: str | Path) -> Path:

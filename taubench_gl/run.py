@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
@@ -11,9 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from taubench_gl.conventions import COLUMNS, HISTOGRAM_MIN_EXPONENT, SUMMARY_SCHEMA
+from taubench_gl.data_files import checked, integer, read_csv, read_json, real, schema_fault
 from taubench_gl.errors import OutputError
-from taubench_gl.outputs import cannot_write, make_folders, remove_folders, text_bytes, write_atomically
+from taubench_gl.folder_lock import FolderLock
+from taubench_gl.outputs import cannot_write, csv_text, text_bytes, write_atomically
+from taubench_gl.run_schema import Summary
 
 SUMMARY_FILE = "summary.json"
 FRAMES_FILE = "frames.csv"
@@ -35,24 +39,7 @@ FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut
 ``None`` here and an empty cell in the file.
 """
 
-_QUANTITIES = ("position", "yaw", "pitch", "roll", "angle")
-_BLOCKS = (
-    "scene", "settings", "settings.thresholds", "reusable", "reusable.surface", "reusable.shading", "reusable.reasons",
-    "mask_histogram", "census", "camera", *(f"camera.{name}" for name in _QUANTITIES),
-    "discard", *(f"discard.{name}" for name in COLUMNS),
-)  # fmt: skip
-_NUMBERS = (
-    "pairs", "reusable.surface.mean_percent", "reusable.shading.mean_percent",
-    "settings.width", "settings.height", "settings.fps", "camera.fps", "camera.samples",
-    *(f"camera.{name}.{value}" for name in _QUANTITIES for value in ("mean", "variance", "max", "median", "p95")),
-    *(f"discard.{name}.{value}_percent" for name in COLUMNS for value in ("mean", "comparable_mean", "max")),
-)  # fmt: skip
-_KINDS = (
-    *((keys, dict, "an object") for keys in _BLOCKS),
-    *((keys, (int, float), "a number") for keys in _NUMBERS),
-    ("scene.name", str, "text"),
-)
-"""(key, type, its name) that ``load_run`` checks where the key is present: outer keys first."""
+_INTEGERS = frozenset({"frame", *COUNT_COLUMNS, "camera_cut", "gimbal"})
 
 
 def total_discards(row: Mapping[str, Any]) -> int:
@@ -146,7 +133,7 @@ class Run:
         return f"{name}: {self.summary.get('pairs', 0)} pairs at {rate} fps, {size}"
 
     def __repr__(self) -> str:
-        discard = self.summary.get("discard", {})
+        discard = {name: (self.summary.get("discard") or {}).get(name) for name in COLUMNS}
         reusable = {
             f"reusable {rate}": (self.summary.get("reusable") or {}).get(rate) for rate in ("surface", "shading")
         }
@@ -159,7 +146,7 @@ class Run:
 
 
 class RunWriter:
-    """Writes a run pair by pair.  A context manager; ``with`` creates the folder or raises OutputError.
+    """Writes a run pair by pair.  A context manager; ``with`` creates and locks the folder or raises OutputError.
 
     ``frames.csv`` grows by one whole line per evaluated pair, each written in one unbuffered call: an interrupted run
     keeps its pairs, and a run that fails before the first pair leaves no file.  ``summary.json`` is written last, to
@@ -172,19 +159,16 @@ class RunWriter:
         self.rows = 0
         self._file: io.FileIO | None = None
         self._begun = False
-        self._made: list[Path] = []
+        self._lock = FolderLock(out)
 
     def __enter__(self) -> RunWriter:
+        self._lock.__enter__()
         try:
-            self._made = make_folders(self.out)
             self.path(SUMMARY_FILE).unlink(missing_ok=True)
             # Unbuffered: one write call per row, so no row can be cut in two by an interrupt between flushes.
             self._file = open(self.path(FRAMES_FILE), "wb", buffering=0)
             self._begun = True
             self._write_line(self.columns)
-        except (FileExistsError, NotADirectoryError):
-            self._forget()
-            raise OutputError("is not a folder", where=str(self.out), hint="give --out another name") from None
         except OSError as error:
             self._forget()
             raise cannot_write(self.out, error) from None
@@ -195,6 +179,7 @@ class RunWriter:
         self._close()
         if begun and exc[0] is not None and not self.rows:
             self._forget()
+        self._lock.__exit__(*exc)
 
     def _close(self) -> None:
         if self._file is not None:
@@ -208,7 +193,7 @@ class RunWriter:
         with contextlib.suppress(OSError):
             if begun:
                 (self.out / FRAMES_FILE).unlink(missing_ok=True)
-            remove_folders(self._made)
+        self._lock.__exit__()
 
     def path(self, name: str) -> Path:
         """Path of another output called ``name``, whose folder is created.  Raises OutputError."""
@@ -265,23 +250,21 @@ def load_run(folder: str | Path) -> Run:
     if out.name == SUMMARY_FILE:
         out = out.parent
     path = out / SUMMARY_FILE
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise _no_summary(out) from None
-    except NotADirectoryError:
-        raise OutputError("is not a folder with a run", where=str(out), hint="give the folder evaluate wrote") from None
-    except OSError as error:
-        raise OutputError(f"cannot be read: {error.strerror}", where=str(path)) from None
-    except ValueError as error:
-        raise OutputError(f"is not valid JSON: {error}", where=str(path)) from None
+    if out.exists() and not out.is_dir():
+        raise OutputError("is not a folder with a run", where=str(out), hint="give the folder evaluate wrote")
+    if not path.exists():
+        raise _no_summary(out)
+    summary = read_json(path)
     schema = summary.get("schema") if isinstance(summary, dict) else None
     if schema != SUMMARY_SCHEMA:
         hint = "another version of taubench-gl wrote it, or it is not a run"
         if str(schema).startswith("taubench-gl/batch/"):
             hint = "a batch: give the folders in its jobs/, or use 'taubench-gl batch report'"
         raise OutputError(f"schema is {schema!r}, expected {SUMMARY_SCHEMA!r}", where=str(path), hint=hint)
-    _check_kinds(summary, path)
+    try:
+        checked(summary, Summary)
+    except msgspec.ValidationError as error:
+        raise OutputError(schema_fault(error), where=str(path), hint="is the file damaged?") from None
     _update(summary)
     rows = read_frames(out / FRAMES_FILE)
     for row in rows:  # columns that an earlier release did not write
@@ -310,43 +293,30 @@ def _update(summary: dict[str, Any]) -> None:
             settings["thresholds"]["position"] /= scale
 
 
-def _check_kinds(summary: Mapping[str, Any], path: Path) -> None:
-    """Raises OutputError for a value of the wrong type.  Keys may be missing or null."""
-    for keys, kind, expected in _KINDS:
-        value: Any = summary
-        for key in keys.split("."):
-            value = None if value is None else value.get(key)
-        if value is not None and (not isinstance(value, kind) or isinstance(value, bool)):
-            raise OutputError(
-                f"{keys} is {value!r:.60}, expected {expected}", where=str(path), hint="is the file damaged?"
-            )
-
-
 def read_frames(path: Path) -> list[dict[str, Any]]:
-    """Rows of a frames.csv, also of an interrupted run: numbers as int or float, an empty cell as None."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise OutputError("is missing", where=str(path), hint="the run's folder is not complete") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise OutputError(f"cannot be read: {error}", where=str(path)) from None
-    header, *lines = text.split("\n")[:-1] or [""]
-    columns = next(csv.reader([header]), [])
+    """Rows of a frames.csv, also of an interrupted run: numbers as int or float, an empty cell as None.
+
+    Raises OutputError.
+    """
+    if not path.exists():
+        raise OutputError("is missing", where=str(path), hint="the run's folder is not complete")
+    columns: list[str] = []
     rows = []
-    for number, cells in enumerate(csv.reader(lines), start=2):
+    for number, cells in read_csv(path, whole_lines=True):
+        if number == 1:
+            columns = cells
+            continue
         if len(cells) != len(columns):
             raise OutputError(f"{len(cells)} cells, expected {len(columns)}", where=f"{path}:{number}")
         try:
-            rows.append({name: _number(cell) for name, cell in zip(columns, cells, strict=True)})
+            rows.append({name: _number(name, cell) for name, cell in zip(columns, cells, strict=True)})
         except ValueError as error:
             raise OutputError(str(error), where=f"{path}:{number}") from None
     return rows
 
 
 def _line(cells: Sequence[Any]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(cells)
-    return text.getvalue()
+    return csv_text([cells])
 
 
 def _cell(value: Any) -> Any:
@@ -357,14 +327,19 @@ def _cell(value: Any) -> Any:
     return int(value) if isinstance(value, bool) else value
 
 
-def _number(cell: str) -> int | float | None:
+def _number(column: str, cell: str) -> int | float | None:
+    """Raises ValueError for text, for infinity and NaN, and for a fraction where the column holds integers."""
     if cell == "":
         return None
     try:
-        return int(cell)
+        return integer(cell)
     except ValueError:
-        pass
-    return float(cell)
+        if column in _INTEGERS:
+            raise ValueError(f"{column} is {cell[:40]!r}, expected an integer") from None
+    try:
+        return real(cell)
+    except ValueError:
+        raise ValueError(f"{column} is {cell[:40]!r}, expected a number") from None
 
 
 def _plain(value: Any) -> Any:

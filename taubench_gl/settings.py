@@ -33,10 +33,17 @@ from taubench_gl.errors import SettingsError
 REPROJECTIONS = ("camera", "motion")
 SAMPLINGS = ("nearest", "bilinear")
 CULLINGS = ("gltf", "none")
+BLENDS = ("cutoff", "opaque", "stochastic")
 TEXTURES = ("mipmapped", "finest")
 BACKENDS = ("auto", "egl", "osmesa")
 EFFECTS = ("auto", "all")
 TONE_MAPS = ("linear", "reinhard", "aces")
+LIGHTS = ("auto", "raster", "path-traced")
+PATTERNS = ("fixed", "independent")
+DEFAULT_SPP = {"auto": 16, "path-traced": 256}
+"""Samples per pixel of path-traced light where ``spp`` is None, by ``light``; with ``auto`` until it is resolved."""
+
+MAX_BOUNCES = 12
 INDIRECT = ("auto", "none", "rsm", "probes")
 SHADOW_FILTERS = ("hard", "bilinear")
 LIGHT_UNITS = ("auto", "watt", "candela")
@@ -173,10 +180,23 @@ class SequenceSettings(_Group):
     animation: tuple[str | int, ...] | None = _setting(
         None, "animations to play; None: all that do not collide", selects=True
     )
+    strict: bool = _setting(
+        False, "refuse files that depart from their format, instead of a repair with a note", selects=True
+    )
     culling: str = _setting("gltf", "back-face culling: as the materials say, or none", _one_of(CULLINGS))
+    blend: str = _setting(
+        "cutoff",
+        "blended surfaces: drawn where alpha is at least 0.5, everywhere, or with a probability of alpha",
+        _one_of(BLENDS),
+    )
     textures: str = _setting(
         "mipmapped", "finest: no mipmaps, as a path tracer samples textures at pixel centers", _one_of(TEXTURES)
     )
+
+    @property
+    def reading(self) -> dict[str, Any]:
+        """Arguments of ``scene.load_scene`` besides the path."""
+        return {"scene": self.scene, "animation": self.animation, "strict": self.strict}
 
     def frame_count(self, duration: float) -> int:
         """Frames of an animation of ``duration`` seconds: i = 0 .. floor(duration fps (1 + 2^-23) + 1e-6).
@@ -274,6 +294,30 @@ class LightingSettings(_Group):
         "equirectangular image (.hdr, .exr); auto: default where the file has no light",
         Check("auto, none, default, three radiances of at least 0 or a .hdr or .exr file", _environment_fault),
     )
+    light: str = _setting(
+        AUTO,
+        "method of light: raster, path-traced, or auto: raster, and path tracing for emissive surfaces and the "
+        "environment",
+        _one_of(LIGHTS),
+    )
+    spp: int | None = _setting(
+        None,
+        f"samples per pixel of path-traced light; None: {DEFAULT_SPP['path-traced']}, with light auto as few as the "
+        "measured noise allows",
+        Check("1 to 1048576 samples", lambda name, x: None if x is None or 1 <= x <= 2**20 else _is(name, x)),
+    )
+    bounces: int = _setting(
+        MAX_BOUNCES, "most bounces of a path; 1: direct light alone", _at_least(1, f"1 to {MAX_BOUNCES}", MAX_BOUNCES)
+    )
+    pattern: str = _setting(
+        "fixed",
+        "sample pattern of path-traced light; fixed: the same numbers in every pixel and frame, independent: others in "
+        "each",
+        _one_of(PATTERNS),
+    )
+    seed: int = _setting(
+        0, "seed of the sample pattern of path-traced light", _at_least(0, "an integer from 0 to 2^31 - 1", 2**31 - 1)
+    )
     tone_map: str = _setting("linear", "curve from radiance x exposure to color", _one_of(TONE_MAPS))
     shadow_size: int = _setting(
         1024,
@@ -283,14 +327,25 @@ class LightingSettings(_Group):
     )
     shadow_lights: int = _setting(24, "lights with shadows, the most significant first", _at_least(0, "0 or more"))
     shadow_filter: str = _setting("bilinear", "filter of the shadow-map lookup", _one_of(SHADOW_FILTERS))
-    indirect: str = _setting("auto", "method of indirect light", _one_of(INDIRECT))
+    indirect: str = _setting("auto", "method of the raster method's indirect light", _one_of(INDIRECT))
     indirect_samples: int = _setting(1024, "virtual point lights of all lights together", _at_least(1, "at least 1"))
     probes: int = _setting(768, "approximate number of irradiance probes", _at_least(8, "at least 8"))
     light_error: float = _setting(
         1e-3,
         "radiance times exposure that light culling may leave out of a tile",
-        _at_least(0, "a radiance of at least 0"),
+        _at_least(0, "a radiance from 0 to 1e+30", 1e30),
     )
+
+    def __post_init__(self) -> None:
+        _Group.__post_init__(self)
+        if self.light == "path-traced" and self.indirect != AUTO:
+            what = f"indirect is {self.indirect} and light is path-traced, whose indirect light is path-traced"
+            raise SettingsError(what, hint="leave indirect out, or give light raster", setting="indirect")
+
+    @property
+    def path_samples(self) -> int:
+        """Samples per pixel of path-traced light."""
+        return DEFAULT_SPP.get(self.light, DEFAULT_SPP[AUTO]) if self.spp is None else self.spp
 
     @property
     def resolved(self) -> bool:

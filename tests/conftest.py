@@ -50,17 +50,18 @@ def gpu(session_gpu: Gpu) -> Iterator[Gpu]:
 
 
 def _fix_lighting_defaults() -> None:
-    """Settings made in tests have the lighting of ``FIXED_LIGHTING`` unless they name another.
+    """Settings made in tests have the lighting of ``FIXED_LIGHTING`` and the raster method unless they name another.
 
-    Numbers of most tests are for intensities as written, exposure 1 and no environment.  Tests of ``auto`` name
-    it; those that start a process get the defaults of users.
+    Numbers of most tests are for intensities as written, exposure 1, no environment and no path-traced light.
+    Tests of ``auto`` name it; those that start a process get the defaults of users.
     """
     from taubench_gl.settings import FIXED_LIGHTING, LightingSettings
 
     init = LightingSettings.__init__
     names = init.__code__.co_varnames[1 : init.__code__.co_argcount]
+    fixed = FIXED_LIGHTING | {"light": "raster"}
     given = zip(names, init.__defaults__, strict=True)
-    init.__defaults__ = tuple(FIXED_LIGHTING.get(name, default) for name, default in given)
+    init.__defaults__ = tuple(fixed.get(name, default) for name, default in given)
 
 
 _fix_lighting_defaults()

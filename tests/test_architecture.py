@@ -15,7 +15,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taubench_gl"
 
-LEAF = {"conventions", "channels", "errors", "glossary", "outputs", "paths", "math3d", "settings"}
+LEAF = {
+    "conventions", "channels", "data_files", "errors", "folder_lock", "glossary", "outputs", "paths", "math3d",
+    "run_schema", "settings", "srgb",
+}  # fmt: skip
 
 LAYERS: tuple[set[str], ...] = (
     LEAF,

@@ -4,111 +4,60 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.cost.result import ALL
-from taubench_gl.report.cost_tables import Table, markdown_table, three
+from taubench_gl.cost.preset import LEVELS
+from taubench_gl.report.cost_plots import plot_study
+from taubench_gl.report.cost_tables import answer, three
 
-FIGURE = "images/cost-fronts.png"
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """One study.  ``front``: (time over the baseline's, error in pp), fastest first."""
-
-    name: str
-    subject: str  # size, pairs, columns
-    configurations: int
-    chosen: str
-    error: str
-    ms: str
-    ratio: str
-    validation: str
-    front: Sequence[tuple[float, float]]
+Study = Mapping[str, Any]
 
 
 def main() -> int:
     out, docs = Path(sys.argv[1]), Path(sys.argv[2])
-    files = sorted(out.glob("*/study.json"))
-    studies = {f.parent.name: json.loads(f.read_text(encoding="utf-8")) for f in files}
-    found = [measured(name, study) for name, study in studies.items()]
-    about = sorted({about_line(study) for study in studies.values()})
-    write_page(found, about, docs)
+    studies = {f.parent.name: json.loads(f.read_text(encoding="utf-8")) for f in sorted(out.glob("*/study.json"))}
+    (docs / "cost-measured.md").write_text(page(studies), encoding="utf-8")
+    for name, study in studies.items():
+        for path in plot_study(study, docs / "images"):
+            path.rename(path.with_name(f"cost-{name}{path.suffix}")) if path.suffix == ".png" else path.unlink()
     return 0
 
 
-def measured(name: str, study: Mapping[str, Any]) -> Measured:
-    width, height = study["size"]
-    points = {p["name"]: p for p in study["points"]}
-    front = ALL if ALL in study["fronts"] else study["columns"][0]
-    columns = study["front_columns"][front]
-    steps = [points[n] for n in study["fronts"][front] if points[n]["role"] != "path_traced"]
-    errors = {p["name"]: max(p["columns"][c]["error"] for c in columns) for p in steps}
-    chosen = points.get((study["chosen"] or {}).get("configuration"))
-    cells = ("–", "–", "–", "–", "–")
-    if chosen is not None:
-        error = max(chosen["columns"][c]["error"] for c in study["chosen"]["columns"])
-        found = study["validation"] or {}
-        passed = found.get("errors_pass") and found.get("time_pass") is not False
-        ratio = f"{chosen['against_baseline']['ratio']:.3g}"
-        cells = (chosen["label"], three(error), three(chosen["ms"]["median"]), ratio, "PASS" if passed else "FAIL")
-    return Measured(
-        name,
-        f"{width}x{height}, {study['pairs']} pairs, {', '.join(columns)}",
-        sum(p["role"] != "definition" and p["ms"] is not None for p in points.values()),
-        *cells,
-        front=[(p["against_baseline"]["ratio"], errors[p["name"]]) for p in steps],
-    )
+def page(studies: Mapping[str, Study]) -> str:
+    lines = ["# Cost studies: measurements", "", "Words: [cost.md](cost.md).", "", "## Levels", "", *level_table(), ""]
+    for name, study in studies.items():
+        width, height = study["size"]
+        about = f"{width}x{height}, {study['pairs']} pairs, {', '.join(study['columns'])}; {study['date']}"
+        lines += [f"## {name}", "", about, "", *(f"- {line}" for line in answer(study)), ""]
+        lines += [f"![Mask error against time, {name}](images/cost-{name}.png)", ""]
+    return "\n".join(lines)
 
 
-def about_line(study: Mapping[str, Any]) -> str:
-    machine, commit = study["machine"], study["provenance"]["git"] or "unknown"
-    load = "unknown" if study["load"] is None else f"{study['load']:.1f}"
-    return f"{machine['renderer']}, {machine['processor']}, {machine['cores']} cores; load {load}; commit {commit}"
-
-
-def write_page(found: Sequence[Measured], about: Iterable[str], docs: Path) -> None:
-    """docs/cost-measured.md and its figure."""
-    heads = ("scene", "measured", "configurations", "chosen", "error, pp", "ms/frame", "x baseline", "validation")
-    rows = [(m.name, m.subject, str(m.configurations), m.chosen, m.error, m.ms, m.ratio, m.validation) for m in found]
-    lines = [
-        "# Cost studies: measurements",
+def level_table() -> Sequence[str]:
+    """Markdown rows: what each level costs and loses, as its preset says."""
+    found = {name: tomllib.loads(path.read_text(encoding="utf-8")) for name, path in LEVELS.items()}
+    first = found["balanced"]["measured"]
+    columns = list(first["wrong_percent"])
+    rows = [
+        f"Percent of wrong masks by column; ms/frame of {first['scene']}, {first['size']}, {first['renderer']}, "
+        f"{first['driver']}, {first['date']}; reference: {first['reference_samples']} samples per pixel; noise floor "
+        f"overall {three(first['noise_floor_percent'])} %; {first['rounds']} rounds of timing"
+        + (", on a busy machine: times are rough." if first["machine_busy"] else "."),
         "",
-        "Words: [cost.md](cost.md). `DOCS=1 tools/cost_study` measures the studies and writes this page.",
-        "",
-        markdown_table(Table("chosen", heads, tuple(rows))),
-        "",
-        f"![Error against time of the Pareto fronts]({FIGURE})",
-        "",
-        "Pareto fronts of the worst error over the columns. Time is relative to the baseline of each scene.",
-        "",
-        *(f"- {line}" for line in about),
+        f"| level | ms/frame | of balanced | {' | '.join(columns)} | differs from the defaults |",
+        f"| --- | ---: | ---: |{' ---: |' * len(columns)} --- |",
     ]
-    (docs / "cost-measured.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    plot_fronts(found, docs / FIGURE)
-
-
-def plot_fronts(found: Sequence[Measured], path: Path) -> None:
-    """Fronts of all studies in one figure: time over the baseline's, error in pp."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.6, 5.0), dpi=110, layout="constrained")
-    axes = figure.subplots()
-    for m, marker in zip(found, "osD^vP*X"):
-        axes.step(*zip(*m.front), where="post", marker=marker, markersize=5, linewidth=1.3, label=m.name)
-    axes.axvline(1.0, color="#888888", linewidth=0.9, linestyle="--")
-    axes.set(xscale="log", xlabel="time of a frame / baseline (log)", ylabel="error, pp (linear near 0)")
-    axes.set_yscale("symlog", linthresh=1e-2)
-    axes.set_ylim(bottom=0.0)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.grid(True, alpha=0.25)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize=9)
-    figure.savefig(path, metadata={"Software": None})
+    defaults = found["balanced"]["settings"]
+    for name, preset in found.items():
+        measured, settings = preset["measured"], preset["settings"]
+        changed = ", ".join(f"{k} {v}" for k, v in settings.items() if defaults.get(k) != v) or "–"
+        wrong = " | ".join(three(measured["wrong_percent"][c]) for c in columns)
+        ratio = f"{measured['times_balanced']:.3g}x"
+        rows.append(f"| {name} | {three(measured['ms_per_frame'])} | {ratio} | {wrong} | {changed} |")
+    return rows
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-from make_assets import LICENCE, add_tentacle, turn
+from make_assets import LICENSE, add_tentacle, turn
 
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.datasets.shapes import Shape, box, join, moved, quad, sphere
@@ -129,7 +129,7 @@ def make(folder: Path) -> dict[str, Path]:
     """Write every scene as ``folder/NAME.glb``."""
     out = {}
     for name, build in SCENES.items():
-        writer = Writer(LICENCE, "taubench-gl tools/light_scenes.py")
+        writer = Writer(LICENSE, "taubench-gl tools/light_scenes.py")
         writer.animation("all", *build(writer))
         out[name] = folder / f"{name}.glb"
         writer.save(out[name])

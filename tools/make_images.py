@@ -54,7 +54,7 @@ def viewer(scratch: Path) -> None:
     image_file = scratch / "viewer.png"
     steps.write_text(f"frame 22\nkey 1\nkey 3\nkey 4\nmouse 330 260\nscreenshot {image_file} window\nquit\n")
     screen = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
-    options = ("--size", "640x360", "--light", "--indirect", "none", "--window", "1180x664")
+    options = ("--size", "640x360", "--lighting", "--indirect", "none", "--window", "1180x664")
     taubench("view", DEMO, *options, "--script", steps, before=screen)
     keep(image_file, "viewer.png")
 

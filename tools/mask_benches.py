@@ -41,7 +41,7 @@ from taubench_gl.scene.model import Camera
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 HAS_NUMBA = importlib.util.find_spec("numba") is not None
-NO_NUMBA = "numba is not installed (pip install 'taubench-gl[bench]')"
+NO_NUMBA = "numba is not installed"
 
 
 class MaskBench:

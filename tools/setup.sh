@@ -113,6 +113,23 @@ ensure_test_programs() {
   fi
 }
 
+# ensure_driver NAME: install the OpenGL driver NAME (tools/drivers.py) if it is missing.  Where it cannot be had: exit 2,
+# or one line and exit 0 if TAUBENCH_SKIP_MISSING_DRIVER is set.
+ensure_driver() {
+  local reason package
+  if "$py" "$root/tools/drivers.py" "$1" >/dev/null 2>&1; then return 0; fi
+  package=$("$py" -c "import sys; sys.path.insert(0, sys.argv[1]); import drivers; print(drivers.PACKAGES[sys.argv[2]])" \
+    "$root/tools" "$1" 2>/dev/null) || stop "no driver is named $1"
+  say "installing the driver $1: $package"
+  apt_install "$package" 2>/dev/null
+  reason=$("$py" "$root/tools/drivers.py" "$1" 2>&1 >/dev/null) && return 0
+  if [ -n "${TAUBENCH_SKIP_MISSING_DRIVER:-}" ]; then
+    say "note: the tests on the driver $1 are skipped: $reason (apt-get install $package)"
+    exit 0
+  fi
+  stop "$reason. Install it and run this again: sudo apt-get install -y --no-install-recommends $package"
+}
+
 # ensure_validator: the Khronos glTF validator, if npm can install it.  Otherwise its tests are skipped.
 ensure_validator() {
   local folder=${GLTF_VALIDATOR:-$venv/gltf-validator}

@@ -7,6 +7,9 @@
 #ifndef GLOSSY
 #define GLOSSY 1
 #endif
+#ifndef PRECISE_GGX
+#define PRECISE_GGX 0 // 1: narrow lobes keep their digits, which costs a cross product
+#endif
 
 const float PI = 3.14159265358979;
 
@@ -24,6 +27,17 @@ struct Lobes {
     vec3 glossy;
 };
 
+// GGX distribution of normals at the unit half vector h, 1/sr.
+float ggx_d(vec3 n, vec3 h, float n_h, float a2) {
+#if PRECISE_GGX
+    vec3 sine = cross(n, h);
+    float f = n_h * n_h * a2 + dot(sine, sine);
+#else
+    float f = n_h * n_h * (a2 - 1.0) + 1.0;
+#endif
+    return a2 / (PI * f * f);
+}
+
 Lobes evaluate_brdf(Surface s, vec3 l) {
     Lobes r = Lobes(vec3(0.0), vec3(0.0));
     float n_l = dot(s.n, l);
@@ -39,8 +53,7 @@ Lobes evaluate_brdf(Surface s, vec3 l) {
     float away = 1.0 - v_h, away2 = away * away;
     float schlick = away2 * away2 * away;
     float a2 = s.alpha * s.alpha;
-    float f = n_h * n_h * (a2 - 1.0) + 1.0;
-    float d = a2 / (PI * f * f);
+    float d = ggx_d(s.n, h * h_length, n_h, a2);
     float vis = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - a2) + a2) + n_v * sqrt(n_l * n_l * (1.0 - a2) + a2));
     float lobe = d * vis;
     float dielectric_f = s.specular * (0.04 + 0.96 * schlick);

@@ -1,5 +1,5 @@
 // Punctual lights (KHR_lights_punctual): candela and lux with spot falloff x^2, or these over 683 with the cone of Cycles;
-// 1/d^2 with range window.
+// 1/d^2 with range window, or constant with distance.
 // Reference: metrics.lighting.incident
 const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE_SPOT = 3.0;
 
@@ -14,12 +14,14 @@ const float KIND_POINT = 0.0, KIND_SPOT = 1.0, KIND_DIRECTIONAL = 2.0, KIND_WIDE
 #define UNROLLED_LIGHTS 0
 #endif
 
+#ifdef light_table_at
 // Records of a float texture, a field a texel, LIGHT_ROW records in a row.
 LightRecord light_record(int i) {
     ivec2 at = ivec2(4u * (uint(i) % uint(LIGHT_ROW)), uint(i) / uint(LIGHT_ROW));
     return LightRecord(light_table_at(at), light_table_at(at + ivec2(1, 0)), light_table_at(at + ivec2(2, 0)),
                        light_table_at(at + ivec2(3, 0)));
 }
+#endif
 
 #if UNROLLED_LIGHTS
 // i must be a constant: then kind and shadow map are known to the compiler (frame/lights.py).
@@ -51,7 +53,7 @@ Incident incident(LightRecord light, vec3 p) {
     // A light on the surface itself must not divide by 0: nearer than MIN_LIGHT_DISTANCE counts as that far.
     float d2 = max(dot(to_light, to_light), MIN_LIGHT_DISTANCE * MIN_LIGHT_DISTANCE);
     r.l = safe_normalize(to_light);
-    r.radiance /= d2;
+    if (light.spot.w == 0.0) r.radiance /= d2; // 1: constant with distance
     float range = light.position.w;
     if (range > 0.0) { // 0: unlimited
         float x = d2 / (range * range);

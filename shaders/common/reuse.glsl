@@ -1,11 +1,9 @@
 // Functions for all reuse methods: color spaces, boxes, taps, kernels.
 // Reference  metrics.reuse_methods
+#include "common/luminance.glsl"
 #include "common/numbers.glsl"
 
 const int NEAREST = 0, BILINEAR = 1, CATMULL_ROM = 2; // second argument of sample_<name>(at, filtering)
-
-// Rec. 709 luminance.
-float luminance(vec3 c) { return dot(c, vec3(0.2126, 0.7152, 0.0722)); }
 
 // Malvar and Sullivan 2003, "YCoCg-R", the real-valued transform: Y in x, Co in y, Cg in z.
 vec3 ycocg_from_rgb(vec3 c) {

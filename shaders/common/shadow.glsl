@@ -16,14 +16,16 @@ vec2 shadow_random; // in [0, 1), set before every lookup
 #if UNROLLED_LIGHTS
 ShadowFace shadow_face(int i) { return unrolled_faces[i]; }
 vec2 face_corner(int i) { return vec2(unrolled_faces[i].right.w, unrolled_faces[i].up.w); }
-#else // a field a texel, a face a row
+#else // a field a texel, FACE_ROW faces in a row
+ivec2 face_texel(int i) { return ivec2(5u * (uint(i) % uint(FACE_ROW)), uint(i) / uint(FACE_ROW)); }
 ShadowFace shadow_face(int i) {
-    return ShadowFace(shadow_faces_at(ivec2(0, i)), shadow_faces_at(ivec2(1, i)),
-                      shadow_faces_at(ivec2(2, i)), shadow_faces_at(ivec2(3, i)),
-                      shadow_faces_at(ivec2(4, i)));
+    ivec2 at = face_texel(i);
+    return ShadowFace(shadow_faces_at(at), shadow_faces_at(at + ivec2(1, 0)), shadow_faces_at(at + ivec2(2, 0)),
+                      shadow_faces_at(at + ivec2(3, 0)), shadow_faces_at(at + ivec2(4, 0)));
 }
 vec2 face_corner(int i) {
-    return vec2(shadow_faces_at(ivec2(1, i)).w, shadow_faces_at(ivec2(2, i)).w);
+    ivec2 at = face_texel(i);
+    return vec2(shadow_faces_at(at + ivec2(1, 0)).w, shadow_faces_at(at + ivec2(2, 0)).w);
 }
 #endif
 

@@ -5,6 +5,7 @@
 //            normal does: turning smooth normals at a silhouette would make them jump by 180 degrees.
 #include "common/affine.glsl"
 #include "common/material.glsl"
+#include "common/stochastic_alpha.glsl"
 
 in vec3 pos_rel;
 in vec3 normal_ws;
@@ -43,7 +44,11 @@ void main() {
 #endif
 #endif
 #if ALPHA_TEST
+#if STOCHASTIC_ALPHA
+    if (base.a < alpha_threshold(ids.x)) discard;
+#else
     if (base.a < m.alpha_cutoff.x) discard;
+#endif
 #endif
 #if OUTPUT_POSITION
     out_position = vec4(pos_rel, dot(F.forward.xyz, pos_rel));

@@ -47,6 +47,9 @@ out vec4 texcoord;
 #if COLORS
 out vec4 vertex_color;
 #endif
+#if STOCHASTIC_ALPHA && !POSED
+out vec3 pos_object;
+#endif
 
 invariant gl_Position; // the depth pre-pass covers exactly the pixels of the channels
 
@@ -78,6 +81,9 @@ void main() {
 #endif
 #if COLORS
     vertex_color = in_color;
+#endif
+#if STOCHASTIC_ALPHA && !POSED
+    pos_object = in_position;
 #endif
     gl_Position = F.clip_from_relative * vec4(pos_rel, 1.0);
 }

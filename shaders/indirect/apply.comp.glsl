@@ -4,7 +4,7 @@
 //
 // Paper      section 3.2, f_ind.
 // Reads      position normal base_color material, and probes, or irradiance and VPLs.
-// Writes     indirect, only of the pixels shaded in this frame.
+// Writes     indirect and, where requested, each lobe; only of the pixels shaded in this frame.
 // Departs    The glossy lobe sees the irradiance of its mirror direction, not an image; only diffuse light bounces on.
 #include "common/affine.glsl"
 #include "common/vpl.glsl"
@@ -49,7 +49,7 @@ void main() {
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
     vec4 p = position_at(pixel);
     vec4 m = material_at(pixel);
-    vec3 radiance = vec3(0.0);
+    vec3 radiance = vec3(0.0), diffuse_lobe = vec3(0.0), glossy_lobe = vec3(0.0);
     if (p.w > 0.0 && m.w >= 0.0) {
         vec3 n = normal_at(pixel).xyz, base = base_color_at(pixel).rgb;
         vec3 v = safe_normalize(-p.xyz);
@@ -64,7 +64,13 @@ void main() {
         vec3 e = upsampled(pixel, p.xyz, n, p.w), mirrored = e;
 #endif
         vec3 glossy = mix(vec3(fresnel), base, m.x);
-        radiance = ((1.0 - m.x) * (1.0 - fresnel) * base * e + glossy * mirrored) / IRRADIANCE_PI;
+        diffuse_lobe = (1.0 - m.x) * (1.0 - fresnel) * base * e;
+        glossy_lobe = glossy * mirrored;
+        radiance = (diffuse_lobe + glossy_lobe) / IRRADIANCE_PI;
     }
     imageStore(indirect_out, pixel, vec4(radiance, 1.0));
+#if SPLIT_LOBES
+    imageStore(indirect_diffuse_out, pixel, vec4(diffuse_lobe / IRRADIANCE_PI, 1.0));
+    imageStore(indirect_glossy_out, pixel, vec4(glossy_lobe / IRRADIANCE_PI, 1.0));
+#endif
 }

@@ -9,32 +9,12 @@
 
 #if PROBES
 #include "common/voxels.glsl"
-
-// Number of lights with maps that see the patch at p (relative to the camera), including light ``row``.  aim: a point just
-// above it, scene space; slack: as in the probes' rays.
-int lights_that_see(vec3 p, vec3 n, vec3 aim, float slack, uint row) {
-    int count = 1;
-    for (int k = 0; k < P.counts.z; ++k) {
-        ShadowFace face = faces[k];
-        if (face.extent.z == 0.0 || uint(face.extent.w) == row) continue; // off, or counted
-        vec3 q = p - face.origin.xyz;
-        bool parallel = face.origin.w > 0.5;
-        float z = dot(face.forward.xyz, q);
-        vec2 at = vec2(dot(face.right.xyz, q), dot(face.up.xyz, q));
-        if (!parallel && z <= face.forward.w) continue;
-        if (!parallel) at /= z;
-        if (any(greaterThan(at, vec2(1.0))) || any(lessThanEqual(at, vec2(-1.0)))) continue; // in one face of a cube
-        vec3 to_light = parallel ? -face.forward.xyz * face.forward.w : -q;
-        if (dot(n, to_light) <= 0.0) continue;
-        if (sees(aim, p + P.scene_from_relative.xyz + to_light, vec2(slack, 0.5))) ++count;
-    }
-    return count;
-}
+#include "common/light_share.glsl"
 #endif
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
-    if (i >= uint(P.counts.x)) return;
+    if (i >= uint(P.counts.w)) return;
     uvec4 t = texels[i];
     ivec2 at = ivec2(t.xy);
     VirtualPointLight v;
@@ -69,7 +49,7 @@ void main() {
 #if PROBES
         float slack = v.normal.w > P.grid_origin.w ? 0.5 : 0.0;
         vec3 aim = v.position.xyz + v.normal.w * n;
-        v.albedo.w = 1.0 / float(lights_that_see(p.xyz, n, aim, slack, t.w));
+        v.albedo.w = 1.0 / float(1 + lights_that_see(p.xyz, n, aim, slack, int(t.w)));
 #endif
     }
     ivec2 record = vpl_texel(int(i));

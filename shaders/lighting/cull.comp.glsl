@@ -27,7 +27,7 @@ float bound(LightRecord light, vec3 low, vec3 high, float brdf) {
         float x = d2 / (range * range);
         peak *= clamp(1.0 - x * x, 0.0, 1.0);
     }
-    return peak / d2;
+    return light.spot.w == 0.0 ? peak / d2 : peak;
 }
 
 // Largest brdf * cos(theta_l), any channel, over all directions of light.  GGX: D <= 1 / (pi a^2), and the visibility term

@@ -8,6 +8,7 @@
 // Departs    As lighting.comp: occlusion of the sky is not simulated, so its light has no noise.
 #include "common/affine.glsl"
 #include "common/brdf.glsl"
+#include "common/light_choice.glsl"
 #include "common/lights.glsl"
 #include "common/random.glsl"
 #include "common/shading_rate.glsl"
@@ -21,19 +22,8 @@
 
 const uint INDIRECT_SAMPLE = 0x8000u; // samples of VPLs are numbered from here
 
-// The first light whose cumulative probability is above u.
-int choose_light(float u) {
-    int low = 0, high = S.counts.x - 1;
-    while (low < high) {
-        int middle = (low + high) >> 1;
-        if (u < light_choice[middle].x) high = middle;
-        else low = middle + 1;
-    }
-    return low;
-}
-
 vec3 direct_sample(Surface s, vec3 p, vec3 g, vec4 u) {
-    int i = choose_light(u.x);
+    int i = choose_light(u.x, S.counts.x);
     LightRecord light = light_record(i);
     Incident in_light = incident(light, p);
     if (dot(g, in_light.l) <= 0.0) return vec3(0.0);

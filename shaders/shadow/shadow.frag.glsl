@@ -1,5 +1,6 @@
 // Shadow pass, fragments: depth, without what an alpha mask cuts out.
 #include "common/material.glsl"
+#include "common/stochastic_alpha.glsl"
 
 in vec3 pos_rel;
 flat in uvec4 ids;
@@ -17,6 +18,10 @@ void main() {
 #if COLORS
     alpha *= vertex_color.a;
 #endif
+#if STOCHASTIC_ALPHA
+    if (alpha < alpha_threshold(ids.x)) discard;
+#else
     if (alpha < m.alpha_cutoff.x) discard;
+#endif
 #endif
 }

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 from taubench_gl import math3d
 from taubench_gl.animation.pose import Poser, is_skinned, pose_vertices
 from taubench_gl.animation.state import FrameState, View
-from taubench_gl.errors import SettingsError
+from taubench_gl.errors import SettingsError, printable
 from taubench_gl.scene.model import Camera, Channel, Primitive, Scene
 from taubench_gl.settings import SequenceSettings
 
@@ -69,7 +69,7 @@ class FileCamera:
         self.name = scene.cameras[self.index].name or self.node_name or f"camera {self.index}"
 
     def describe(self) -> str:
-        return f"camera '{self.name}' (node '{self.node_name or self.node}')"
+        return printable(f"camera '{self.name}' (node '{self.node_name or self.node}')")
 
     def view_at(self, state: FrameState) -> View:
         world_from_node = state.world[self.node]

@@ -8,7 +8,11 @@ from typing import Any
 import click
 
 from taubench_gl.apps.options import given_options, of_settings, with_options
+from taubench_gl.errors import SettingsError
 from taubench_gl.settings import STORAGES, Settings
+
+QUALITIES = ("draft", "fast", "balanced", "accurate", "highest")
+"""Of ``cost.preset.LEVELS``, which takes long to import."""
 
 
 def accuracy_options(command: Any) -> Any:
@@ -42,21 +46,30 @@ def removed_option(name: str, why: str) -> Any:
 
 
 def preset_option(command: Any) -> Any:
-    """``--preset``."""
-    return click.option(
+    """``--preset`` and ``--quality``, a preset of the package."""
+    command = click.option(
         "--preset",
         type=click.Path(path_type=Path, dir_okay=False),
         metavar="FILE",
-        help="Settings recommended by 'taubench-gl cost --within'; options given beside it take precedence.",
+        help="Settings recommended by 'taubench-gl cost'; options given beside it take precedence.",
+    )(command)
+    return click.option(
+        "--quality",
+        type=click.Choice(QUALITIES),
+        help="A preset of the package, see docs/cost.md; balanced is the defaults.",
     )(command)
 
 
-def with_preset(options: dict[str, Any], preset: Path | None) -> dict[str, Any]:
-    """``options`` of the running command, those that the user did not give from ``preset``.  Raises SettingsError."""
-    if preset is None:
+def with_preset(options: dict[str, Any], preset: Path | None, quality: str | None) -> dict[str, Any]:
+    """``options`` of the running command, those that the user did not give from ``preset`` or the preset of
+    ``quality``.  Raises SettingsError."""
+    if preset is not None and quality is not None:
+        raise SettingsError("--preset and --quality are both given", hint="give one of them")
+    if preset is None and quality is None:
         return options
-    from taubench_gl.cost.preset import load_preset
+    from taubench_gl.cost.preset import LEVELS, load_preset
 
+    preset = preset or LEVELS[quality]
     values = load_preset(preset)
     given = given_options(("size", *values))
     default = Settings().sequence

@@ -1,4 +1,4 @@
-"""``taubench-gl convert``: FBX and .blend files -> glTF."""
+"""``taubench-gl convert``: files that Blender reads -> glTF."""
 
 from __future__ import annotations
 
@@ -12,35 +12,49 @@ from taubench_gl.errors import note_renamed
 @click.command(
     epilog="""\b
 Examples:
-  taubench-gl convert scene.fbx scene.glb
   taubench-gl convert scene.blend scene.glb
+  taubench-gl convert scene.fbx scene.glb --take Run
+  taubench-gl convert scene.usdc scene.glb
 \b
-Needs Blender as a Python module (bpy), best in an environment of its own; TAUBENCH_BLENDER_PYTHON names the
-interpreter that has it.  Scripts inside .blend files are not run."""
+Reads .blend .fbx .usd .usda .usdc .usdz .abc .ply .stl .dae.  The other commands convert such files on the fly and
+keep the result in the cache.  Needs Blender as a Python module (bpy), best in an environment of its own;
+TAUBENCH_BLENDER_PYTHON names the interpreter that has it.  Scripts inside .blend files are not run."""
 )
 @click.argument("source", metavar="SCENE")
 @click.argument("target", type=click.Path(path_type=Path), metavar="OUT.glb")
+@click.option(
+    "--take",
+    metavar="NAME",
+    help="Take of an FBX file, or action of a .blend file, to play.  [default: the first take; the scene as it is]",
+)
 @click.option(
     "--lights",
     type=click.Choice(["spec", "watts"]),
     hidden=True,
 )
-def convert(source: str, target: Path, lights: str | None) -> None:
-    """Write an FBX or .blend file as glTF, with its animations, cameras and lights.
+def convert(source: str, target: Path, take: str | None, lights: str | None) -> None:
+    """Write a file that Blender reads as glTF: meshes as they are evaluated, motion, cameras and lights.
 
-    Lights are in candela and lux, 683 lm for each watt; the other commands divide them by 683 (--light-unit auto).
+    Lists what glTF has no form for.  Lights are in candela and lux, 683 lm for each watt; the other commands divide
+    them by 683 (--light-unit auto).  The world is written as an environment image beside OUT.glb and used by default.
     """
     from taubench_gl.pathtraced.blender.convert import convert as convert_file
     from taubench_gl.scene import load_scene
 
     if lights is not None:
         note_renamed(f"--lights {lights}", "candela, always; see --light-unit of evaluate")
-    made = convert_file(source, target)
-    listed = ", ".join(f"{made[name]} {name}" for name in ("meshes", "cameras", "lights", "armatures", "actions"))
-    click.echo(f"Blender {made['blender']} read {listed}")
+    made = convert_file(source, target, take=take)
+    listed = ", ".join(f"{number} {name}" for name, number in made.counts.items())
+    click.echo(f"Blender {made.blender} read {listed}")
+    for line in made.lost:
+        click.echo(f"lost: {line}")
+    if not made.lost:
+        click.echo("nothing that Blender draws was found to be lost")
     scene = load_scene(target)
-    for note in scene.notes[:10]:
+    for note in [note for note in scene.notes if "lost in the conversion" not in note.message][:10]:
         click.echo(f"note: {note}")
     animated = f"{len(scene.animations)} animations, {scene.duration:g} s"
     lights_and_cameras = f"{len(scene.cameras)} cameras, {len(scene.lights)} lights"
     click.echo(f"{target}: {len(scene.mesh_nodes)} meshes, {lights_and_cameras}, {animated}")
+    if isinstance(made.environment, Path):
+        click.echo(f"{made.environment}: the world, an environment image")

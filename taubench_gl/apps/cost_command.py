@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,6 @@ from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.options import (
     OutPath,
-    Words,
     frame_options,
     gpu_options,
     light_options,
@@ -22,7 +22,7 @@ from taubench_gl.apps.options import (
     settings_from,
 )
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.errors import TaubenchError
+from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -36,8 +36,9 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
 
     for parameter in PARAMETERS.values():
         values = ", ".join(map(str, parameter.values))
-        note = "" if parameter.kind == "accuracy" else "  (changes the definition of the metric, not comparable)"
+        note = {"grid": "  (other pixels or pairs)", "definition": "  (another metric)"}.get(parameter.kind, "")
         click.echo(f"{parameter.name}: {values}{note}\n    {parameter.doc}")
+    click.echo("levels\n    the named levels of 'evaluate --quality'\neffects\n    each effect left out")
     click.echo(
         "method:NAME@setting=VALUES\n    a reuse method, evaluated by its images: 'taubench-gl reuse list' lists the "
         "methods, 'reuse show NAME' their settings"
@@ -49,15 +50,15 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
     epilog="""\b
 Examples:
   taubench-gl cost scene.glb --out study --size 480x270
-  taubench-gl cost scene.glb --out study --within 0.5 --for direct,position
-  taubench-gl cost scene.glb --out study --budget-ms 20
-  taubench-gl cost scene.glb --out study --parameters shadow_size,shadow_filter,pairs
+  taubench-gl cost scene.glb --out study --size 480x270 --time-limit 20m
+  taubench-gl cost scene.glb --out study --within 0.5
+  taubench-gl cost scene.glb --out study --budget-ms 20 --for direct
   taubench-gl cost scene.glb --out study --parameters method:taa_variance@gamma=0.5:2:4,method:svgf
   taubench-gl cost scene.glb --out study --reference exr:renders     # renders/spp_1, renders/spp_16, ...
   taubench-gl evaluate scene.glb --preset study/preset.toml
 \b
-DIR receives study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.html (interactive), with --within or
---budget-ms preset.toml, and records.jsonl: run again after an interruption, the study resumes."""
+DIR receives study.txt, study.html (interactive), study.json, study.csv, the figure (PNG, SVG), preset.toml with the
+recommended settings, and records.jsonl: run again after an interruption or for more time, the study goes on."""
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the study.")
@@ -78,19 +79,27 @@ DIR receives study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.h
 )
 @click.option(
     "--reference",
-    metavar="highest-quality|exr:DIR",
-    default="highest-quality",
-    show_default=True,
-    help="Reference of the errors: every parameter at its best value, or path-traced renders, whose sample counts are "
-    "then part of the plots.",
+    metavar="path-traced[@M]|highest-quality|exr:DIR",
+    help="Reference of the masks: all light path-traced at the sampled pixels, for a third of the time or with M "
+    "samples per pixel; exr:DIR: path-traced renders; highest-quality: the raster method at its best.  "
+    "[default: path-traced where anything is lit, else highest-quality]",
 )
-@click.option("--within", type=float, metavar="PP", help="Choose the fastest configuration with errors up to PP.")
+@click.option(
+    "--time-limit",
+    default="5m",
+    show_default=True,
+    metavar="T",
+    help="Start no measurement after this time, such as 90s, 5m, 1h or none.  A later run goes on.",
+)
+@click.option("--within", type=float, metavar="PERCENT", help="Choose the fastest with at most PERCENT wrong masks.")
 @click.option("--budget-ms", type=float, metavar="T", help="Choose the most exact configuration up to T ms per frame.")
 @click.option(
     "--for",
     "choose_for",
-    type=Words(*COLUMNS, verb="choose for"),
-    help="Columns that the choice is for.  [default: all]",
+    type=click.Choice(["overall", *COLUMNS]),
+    default="overall",
+    show_default=True,
+    help="Column that the choice is for; overall: wrong in any column.",
 )
 @click.option("--repeats", type=int, default=5, show_default=True, help="Interleaved rounds of timing.")
 @removed_option("--front", "only declared configurations are measured")
@@ -104,14 +113,16 @@ DIR receives study.json, tables (text, Markdown, CSV), plots (PNG, SVG), study.h
 @accuracy_options
 @gpu_options
 def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: Any) -> int:
-    """Measure error and time of configurations that trade accuracy for time, and recommend one.
+    """Measure mask errors and times of configurations, and recommend one.
 
-    The options below are the baseline.  Each parameter is changed one at a time and in declared combinations.  Errors
-    are in percentage points (pp) of w x h against the reference.  Times are measured in interleaved rounds, A B C
-    A B C, after a warm-up.  With several scenes, each gets a folder inside DIR.
+    The options below are the baseline.  It is compared with the named levels, with each parameter changed one at a time
+    and in declared combinations, and without each effect.  Errors are shares of random pixels whose masks differ from
+    the reference's.  Times are measured in interleaved rounds, A B C A B C.  With several scenes, each gets a folder
+    inside DIR and its own time.
     """
     names = ("reference", "within", "budget_ms", "repeats", "fresh", "choose_for")
     request = {name: options.pop(name) for name in names}
+    request["time_limit"] = seconds_of(options.pop("time_limit"))
     request["parameters"] = None if parameters is None else _split(parameters)
     request["method_inputs"] = _split(options.pop("method_inputs"))
     settings = settings_from(options)
@@ -127,6 +138,16 @@ def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: 
     return 2 if failed else 0
 
 
+def seconds_of(text: str) -> float | None:
+    """``90s``, ``5m``, ``1h``; ``none``: None.  Raises SettingsError."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)([smh]?)", text.strip())
+    if text == "none":
+        return None
+    if found is None:
+        raise SettingsError(f"time limit is {text!r}", hint="give a time such as 90s, 5m, 1h, or none")
+    return float(found[1]) * {"s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}[found[2]]
+
+
 def _split(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
 
@@ -135,14 +156,13 @@ def _run(scene: str, settings: Settings, folder: Path, request: dict[str, Any]) 
     from taubench_gl.cost.study import cost as run_study
     from taubench_gl.report.cost_tables import cost_text
 
-    try:
-        study = run_study(scene, settings, out=folder, progress=_Progress(Path(scene).name), **request)
-    except KeyboardInterrupt:
-        click.echo(f"taubench-gl: interrupted; the records are in {folder}, the same command resumes", err=True)
-        raise click.exceptions.Exit(130) from None
+    study = run_study(scene, settings, out=folder, progress=_Progress(Path(scene).name), **request)
     study.save()
     click.echo(cost_text(study.as_json()), nl=False)
     click.echo(f"written to {folder}{os.sep}")
+    if study.about["interrupted"]:
+        click.echo("taubench-gl: interrupted; the same command goes on", err=True)
+        raise click.exceptions.Exit(130)
 
 
 class _Progress:

@@ -106,7 +106,7 @@ def _scene(chosen: list[Demo], path: Path | None, size: tuple[int, int] | None) 
         file = Path(folder) / f"{one.stem}.glb"
         write_scene(one.scene(), file)
         size_option = [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
-        view.main(args=[str(file), "--light", *size_option], standalone_mode=False)
+        view.main(args=[str(file), "--lighting", *size_option], standalone_mode=False)
 
 
 def _notebooks(chosen: list[Demo], out: Path, size: tuple[int, int] | None) -> None:

@@ -1,4 +1,4 @@
-"""Write docs/commands/, docs/api.md and docs/glossary.md: ``python -m taubench_gl.apps.doc``."""
+"""Write docs/commands/, docs/api.md, docs/glossary.md and docs/repairs.md: ``python -m taubench_gl.apps.doc``."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import click
 from taubench_gl import glossary
 from taubench_gl.apps.cli import cli
 from taubench_gl.paths import PACKAGE
+from taubench_gl.scene import notes
 from taubench_gl.settings import GROUPS
 
 DOCS = PACKAGE.parent / "docs"
@@ -229,7 +230,8 @@ def _parameters(signature: inspect.Signature) -> Iterator[str]:
 def pages() -> dict[Path, str]:
     """Path -> text of every page that this module writes."""
     out = {DOCS / "commands" / name: text for name, text in command_pages().items()}
-    return out | {DOCS / "api.md": api_page(), DOCS / "glossary.md": glossary.page()}
+    out |= {DOCS / "api.md": api_page(), DOCS / "glossary.md": glossary.page()}
+    return out | {DOCS / "repairs.md": notes.page()}
 
 
 def write() -> None:

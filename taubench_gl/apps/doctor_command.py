@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import click
@@ -14,22 +15,47 @@ from taubench_gl.apps.options import gpu_options
     epilog="""\b
 Examples:
   taubench-gl doctor
-  taubench-gl doctor --backend osmesa --json"""
+  taubench-gl doctor --backend osmesa --json
+  taubench-gl doctor --report driver.json"""
 )
 @gpu_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of a table.")
-def doctor(backend: str, device: int | None, as_json: bool) -> None:
+@click.option(
+    "--report",
+    "file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Also run the hard cases and ten frames, and write all of it to FILE: for an issue about a driver.",
+)
+def doctor(backend: str, device: int | None, as_json: bool, file: Path | None) -> int:
     """Print the OpenGL of this machine, its limits, and the versions of installed libraries.
 
     If OpenGL 4.5 cannot be opened, exits with code 2 and prints a command that may help.
     """
     from taubench_gl.gpu.capabilities import capability_report
 
+    if file is not None:
+        return _write_report(file, backend, device)
     report = capability_report(backend, device)
     if as_json:
         click.echo(json.dumps(report, indent=2))
     else:
         show_report(report)
+    return 0
+
+
+def _write_report(file: Path, backend: str, device: int | None) -> int:
+    """The exit code is 1 if a hard case fails: the file is written all the same."""
+    from taubench_gl.outputs import write_atomically
+    from taubench_gl.selftest.driver_report import driver_report
+
+    report = driver_report(backend, device)
+    write_atomically(file, json.dumps(report, indent=1, allow_nan=False) + "\n")
+    show_report(report)
+    failed = len(report["selftest"]["failed"])
+    cases = f"{report['selftest']['passed']} of {report['selftest']['passed'] + failed} hard cases passed"
+    click.echo(f"\n{cases}; written to {file}")
+    return 1 if failed else 0
 
 
 def show_report(report: dict[str, Any]) -> None:

@@ -81,7 +81,7 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
     path_traced = {
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
-    settings = settings_from(with_preset(options, options.pop("preset")))
+    settings = settings_from(with_preset(options, options.pop("preset"), options.pop("quality")))
     _require_used(scenes, scene_file=path_traced["scene_file"])
     folders = out_folders(scenes, out)
     runs: list[Run] = []
@@ -171,9 +171,12 @@ def _evaluate_one(
         from taubench_gl.pathtraced.evaluation import PathTracedOptions
 
         more["path_traced"] = PathTracedOptions(**path_traced)
-    elif any(path_traced.values()):
-        given = next(name for name, value in path_traced.items() if value).replace("_", "-").removesuffix("s")
-        raise SettingsError(f"--{given} is for path-traced files", where=scene, hint="give them as exr:DIR")
+    else:
+        more["lobes"] = path_traced["lobes"]
+        given = next((name for name, value in path_traced.items() if value and name != "lobes"), None)
+        if given is not None:
+            what = f"--{given.replace('_', '-')} is for path-traced files"
+            raise SettingsError(what, where=scene, hint="give them as exr:DIR")
     with ProgressBar(Path(scene).name) as progress:
         run = evaluate_scene(scene, settings, out=folder, save=save, progress=progress, report=report, **more)
     if not run.summary["pairs"]:

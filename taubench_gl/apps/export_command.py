@@ -30,12 +30,13 @@ Examples:
   taubench-gl export scene.glb --out frames
   taubench-gl export scene.glb --out frames --format exr --channels gbuffer,radiance,flow,masks
   taubench-gl export scene.glb --out training --format zarr --channels all --size 640x360 --jitter halton
+  taubench-gl export scene.glb --out pairs --noisy-spp 1 --seeds 4 --reference-spp 1024 --size 320x180
   taubench-gl export scene.glb --out sintel --format sintel --frames 0:50
   taubench-gl evaluate exr:frames --mapping taubench --camera-file frames/camera.json
 \b
 Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance (direct,
-indirect, color), lobes (direct_diffuse, direct_glossy), flow (motion, motion_forward), masks (mask, mask_forward),
-prev_position, all."""
+indirect, color), lobes (direct_diffuse, direct_glossy, indirect_diffuse, indirect_glossy), flow (motion,
+motion_forward), masks (mask, mask_forward), prev_position, path_info, all."""
 )
 @click.argument("scene_path", metavar="SCENE")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the files.")
@@ -63,6 +64,12 @@ prev_position, all."""
     show_default=True,
     help="Sub-pixel offset of the samples of each frame; not part of motion.",
 )
+@click.option("--noisy-spp", type=click.IntRange(min=1), metavar="N", help="Also export path-traced light of N samples "
+              "per pixel, per lobe: noisy0_direct_diffuse, ...")  # fmt: skip
+@click.option("--seeds", type=int, default=1, show_default=True, metavar="S",
+              help="Noisy images of each frame: noisy0_*, noisy1_*, ...")  # fmt: skip
+@click.option("--reference-spp", type=click.IntRange(min=1), metavar="M", help="Also export path-traced light of M "
+              "samples per pixel, per lobe: clean_direct_diffuse, ...; stored, see 'reference list'.")  # fmt: skip
 @click.option("--overwrite", is_flag=True, help="Replace an export in DIR that has other settings.")
 @frame_options()
 @pair_options(
@@ -77,6 +84,9 @@ def export(
     channels: tuple[str, ...],
     precision: str,
     jitter: str,
+    noisy_spp: int | None,
+    seeds: int,
+    reference_spp: int | None,
     overwrite: bool,
     **options: Any,
 ) -> None:
@@ -88,8 +98,10 @@ def export(
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.screen import ProgressBar
     from taubench_gl.export.run import ExportOptions, export_scene
+    from taubench_gl.export.training import TrainingOptions
 
     settings = settings_from(options)
+    training = TrainingOptions(noisy_spp or 0, seeds, reference_spp or 0)
     source, row = resolve(scene_path)
     settings = settings.replace(**row_settings(row))
     with ProgressBar(Path(source).name, "frames") as progress:
@@ -97,8 +109,9 @@ def export(
             source,
             out,
             settings,
-            ExportOptions(format, channels, precision, jitter),
+            ExportOptions(format, channels, precision, jitter, training),
             overwrite=overwrite,
+            announce=lambda line: click.echo(line, err=True),
             progress=progress,
         )
     for name, reason in result.unmeasured.items():

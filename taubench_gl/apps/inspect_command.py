@@ -30,7 +30,9 @@ Examples:
 @click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Frames compared per second.")
 @unit_scale_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: bool, **options: float) -> None:
+def inspect(
+    path: str, scene: str | None, animations: tuple[str, ...], strict: bool, as_json: bool, **options: float
+) -> None:
     """Print what a scene contains: objects, armatures, lights, cameras, animations, size, and notes of the reader.
 
     Needs no OpenGL.
@@ -41,7 +43,7 @@ def inspect(path: str, scene: str | None, animations: tuple[str, ...], as_json: 
 
     path, row = resolve(path)
     settings = Settings(**{name: row_settings(row).get(name, value) for name, value in options.items()})
-    facts = describe(load_scene(path, scene, animations or None), settings)
+    facts = describe(load_scene(path, scene, animations or None, strict), settings)
     if as_json:
         click.echo(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
     else:
@@ -56,6 +58,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
     from taubench_gl.animation import OrbitCamera, Poser, bounding_sphere, camera_of_run
     from taubench_gl.effects.census import census
     from taubench_gl.effects.lighting import environment_for, light_unit_of, without_auto
+    from taubench_gl.evaluation.appearance import transparency_notes
     from taubench_gl.frame.plan import FramePlan
 
     poser = Poser(scene)
@@ -107,7 +110,7 @@ def describe(scene: Scene, settings: Any) -> dict[str, Any]:
         "effects": FramePlan(scene, without_auto(scene, settings), poser=poser).costs(),
         "materials": len(scene.materials),
         "images": [{"name": image.name, "width": image.size[0], "height": image.size[1]} for image in scene.images],
-        "notes": [str(note) for note in scene.notes],
+        "notes": [*map(str, scene.notes), *transparency_notes(scene, settings.sequence.blend)],
     }
 
 

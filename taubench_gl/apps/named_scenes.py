@@ -13,17 +13,13 @@ from taubench_gl.apps.options import given_options
 def resolve(text: str) -> tuple[str, dict[str, Any]]:
     """(what ``load_scene`` takes, settings of the scene's registry row); a path is returned unchanged with none.
 
-    A scene in FBX or .blend is converted on first use.  Raises DatasetError, and what ``convert`` raises.
+    A file that Blender reads is converted on first use.  Raises DatasetError, and what ``convert`` raises.
     """
     from taubench_gl.datasets.scene_cache import find_named, scene_text
 
     store = find_named(text)
-    if store is None:
-        return text, {}
-    source = scene_text(store)
-    if store.entry.format in ("fbx", "blend"):
-        source = str(_converted(store, Path(source)))
-    return source, store.entry.settings()
+    source = text if store is None else scene_text(store)
+    return _readable(source), {} if store is None else store.settings()
 
 
 def row_settings(row: dict[str, Any]) -> dict[str, Any]:
@@ -35,13 +31,14 @@ def row_settings(row: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in row.items() if name not in given}
 
 
-def _converted(store: Any, source: Path) -> Path:
-    """The glTF file of an FBX or .blend scene, stored beside it in the cache and named after its hash."""
-    from taubench_gl.pathtraced.blender.convert import convert
+def _readable(text: str) -> str:
+    """``text``, or the glTF file in the cache of a file that only Blender reads."""
+    from taubench_gl.pathtraced.blender.cache import converted, is_convertible
 
-    record = store.record()
-    target = store.folder / f"converted-{record.sha256[:12]}-{source.stem}.glb"
-    if not target.is_file():
-        click.echo(f"{store.name}: converting {source.name} with Blender (once)", err=True)
-        convert(source, target)
-    return target
+    if not is_convertible(text):
+        return text
+
+    def announce(path: Path) -> None:
+        click.echo(f"converting {path.name} with Blender (once)", err=True)
+
+    return str(converted(text, announce=announce))

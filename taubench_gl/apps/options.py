@@ -18,11 +18,15 @@ from taubench_gl.glossary import OPTIONS
 from taubench_gl.settings import (
     AUTO,
     BACKENDS,
+    BLENDS,
     CULLINGS,
+    DEFAULT_SPP,
     EFFECTS,
     FIELDS,
     INDIRECT,
     LIGHT_UNITS,
+    LIGHTS,
+    PATTERNS,
     REPROJECTIONS,
     SAMPLINGS,
     SHADOW_FILTERS,
@@ -212,8 +216,15 @@ def gpu_options(command: Any) -> Any:
     )
 
 
+strict_option = click.option(
+    "--strict",
+    is_flag=True,
+    help="Refuse scene files that depart from their format.  [default: repair them, with a note for each kind]",
+)
+
+
 def scene_options(command: Any) -> Any:
-    """``--scene`` and ``--animation``: the part of a file."""
+    """``--scene`` and ``--animation``: the part of a file; and ``--strict``."""
     return with_options(
         command,
         click.option("--scene", metavar="NAME|INDEX", help="Scene of the file.  [default: the file's default]"),
@@ -224,11 +235,12 @@ def scene_options(command: Any) -> Any:
             metavar="NAME|INDEX",
             help="Animation to play; may be repeated.  [default: all that do not collide]",
         ),
+        strict_option,
     )
 
 
 def frame_options(size: str = "1920x1080", fps: float = Settings().sequence.fps) -> Decorator:
-    """Frames to render: ``--camera``, ``--scene``, ``--animation``, ``--fps``, ``--frames``, ``--size``."""
+    """Frames to render: ``--camera``, ``scene_options``, ``--fps``, ``--frames``, ``--size``."""
 
     def decorate(command: Any) -> Any:
         return with_options(
@@ -262,6 +274,12 @@ def pair_options(*, reprojection: str = _meanings(*REPROJECTIONS), sampling: str
             threshold_option,
             unit_scale_option,
             culling_option,
+            of_settings(
+                "--blend",
+                "Blended surfaces (alpha mode BLEND).  cutoff: drawn where alpha is at least 0.5.  opaque: drawn "
+                "everywhere.  stochastic: drawn with a probability of alpha, the same in every frame.",
+                type=click.Choice(BLENDS),
+            ),
             of_settings("--textures", type=click.Choice(TEXTURES)),
         )
 
@@ -329,10 +347,42 @@ def light_options(command: Any) -> Any:
     )
 
 
+def path_options(command: Any) -> Any:
+    """``--light``, and the samples of path-traced light: ``--spp``, ``--bounces``, ``--pattern``, ``--seed``."""
+    return with_options(
+        command,
+        of_settings(
+            "--light",
+            "Method of light.  raster: shadow maps, unoccluded environment; emissive surfaces light nothing.  "
+            "path-traced: all light by path tracing.  auto: raster for punctual lights, path tracing for emissive "
+            "surfaces of strength above 1 and for the environment.  [default: auto]",
+            type=click.Choice(LIGHTS),
+            show_default=False,
+        ),
+        of_settings(
+            "--spp",
+            f"Samples per pixel of path-traced light.  [default: {DEFAULT_SPP['path-traced']}, with --light auto 4 to "
+            "256 by the measured noise]",
+            type=int,
+            metavar="N",
+            show_default=False,
+        ),
+        of_settings("--bounces", "Most bounces of a path; 1: direct light alone.", metavar="N"),
+        of_settings(
+            "--pattern",
+            "Sample pattern of path-traced light.  fixed: the same numbers in every pixel and frame, so that noise is "
+            "not counted as change.  independent: other numbers in every pixel and frame, as a renderer.",
+            type=click.Choice(PATTERNS),
+        ),
+        of_settings("--seed", "Seed of the sample pattern.", metavar="N"),
+    )
+
+
 def lighting_options(command: Any) -> Any:
     """How light is simulated: ``light_options`` without the columns."""
     return with_options(
         command,
+        path_options,
         environment_options,
         of_settings("--tone-map", type=click.Choice(TONE_MAPS)),
         of_settings("--shadow-size", metavar="TEXELS"),
@@ -349,16 +399,16 @@ def lighting_options(command: Any) -> Any:
         ),
         of_settings(
             "--indirect",
-            "Method of indirect light.  none: the column is null.  rsm: one bounce by reflective shadow maps, without "
-            "occlusion between surfaces.  probes: up to four bounces, without detail below the probe spacing.  auto: "
-            "probes.",
+            "Indirect light of the raster method; not with --light path-traced.  none: the column is null.  rsm: one "
+            "bounce by reflective shadow maps, without occlusion between surfaces.  probes: up to four bounces, "
+            "without detail below the probe spacing.  auto: probes.",
             type=click.Choice(INDIRECT),
         ),
     )
 
 
 def path_traced_options(command: Any) -> Any:
-    """How to read path-traced files (``exr:DIR``): camera, pass names, lobes."""
+    """How to read path-traced files (``exr:DIR``): camera, pass names; and the lobes to measure."""
     return with_options(
         command,
         *exr_options,
@@ -370,7 +420,8 @@ def path_traced_options(command: Any) -> Any:
             "lobes",
             multiple=True,
             type=click.Choice(["diffuse", "glossy", "transmission", "volume"]),
-            help="exr: also measure this lobe of direct and indirect; may be repeated.",
+            help="Also measure this lobe of direct and indirect apart; may be repeated.  Rendered scenes have diffuse "
+            "and glossy lobes.",
         ),
     )
 

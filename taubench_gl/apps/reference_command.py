@@ -17,7 +17,11 @@ from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
 
 @click.group(cls=Group)
 def reference() -> None:
-    """Path-traced reference images: render them, check their conventions, compare runs with them."""
+    """Path-traced reference images: render them, check their conventions, compare runs with them.
+
+    'reuse evaluate --reference path-traced@M' and 'export --reference-spp M' trace references themselves and store them
+    in the cache folder (TAUBENCH_CACHE); 'list' and 'clear' are for those.
+    """
 
 
 @reference.command(
@@ -60,6 +64,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
         "camera",
         "scene",
         "animations",
+        "strict",
         "fps",
         "frames",
         "size",
@@ -69,7 +74,7 @@ def render(scene_path: str, out: Path, **options: Any) -> None:
         "environment",
     )
     settings = settings_from({name: options[name] for name in names})
-    scene = load_scene(scene_path, scene=settings.sequence.scene, animation=settings.sequence.animation)
+    scene = load_scene(scene_path, **settings.sequence.reading)
     camera = camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     earlier = read_render(out)
@@ -198,3 +203,56 @@ def compare(first: str, second: str, as_json: bool, out: Path | None) -> None:
     if out is not None:
         save_comparison(result, out)
         click.echo(f"written to {out}{os.sep}", err=as_json)
+
+
+@reference.command(
+    "list",
+    epilog="""\b
+Examples:
+  taubench-gl reference list
+  taubench-gl reference list --json""",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def list_references(as_json: bool) -> None:
+    """List the stored path-traced references: scene, size, frames, fewest samples of a frame, bytes."""
+    from taubench_gl.pathtraced.reference_store import listed, references_folder
+
+    found = listed()
+    if as_json:
+        rows = [{"key": one.key, "frames": one.frames, "samples": one.samples, "bytes": one.bytes,
+                 "current": one.current, "about": dict(one.about)} for one in found]  # fmt: skip
+        click.echo(json.dumps(rows, indent=2))
+        return
+    for one in found:
+        size = f"{one.about.get('width', '?')}x{one.about.get('height', '?')}"
+        what = f"{one.about.get('name', '?')}, {size}, {one.frames} frames, {one.samples} samples per pixel"
+        other = "" if one.current else ", of another version of the path tracer"
+        click.echo(f"{one.key}  {what}, {one.bytes / 2**20:.1f} MiB{other}")
+    total = sum(one.bytes for one in found)
+    click.echo(f"{len(found)} references, {total / 2**20:.1f} MiB in {references_folder()}")
+
+
+@reference.command(
+    epilog="""\b
+Examples:
+  taubench-gl reference clear --old
+  taubench-gl reference clear 3fa2b40c1de85f77
+  taubench-gl reference clear --all"""
+)
+@click.argument("keys", nargs=-1, metavar="[KEY...]")
+@click.option("--old", is_flag=True, help="Those that another version of the path tracer made.")
+@click.option("--all", "everything", is_flag=True, help="All.")
+def clear(keys: tuple[str, ...], old: bool, everything: bool) -> None:
+    """Delete stored path-traced references by their KEY in 'reference list'."""
+    from taubench_gl.errors import SettingsError
+    from taubench_gl.pathtraced.reference_store import clear as delete
+    from taubench_gl.pathtraced.reference_store import listed
+
+    found = {one.key: one for one in listed()}
+    if unknown := [key for key in keys if key not in found]:
+        raise SettingsError(f"no reference has the key {unknown[0]}", hint="see 'taubench-gl reference list'")
+    if not (keys or old or everything):
+        raise click.UsageError("give keys, --old or --all")
+    chosen = [key for key, one in found.items() if everything or key in keys or (old and not one.current)]
+    delete(chosen)
+    click.echo(f"{len(chosen)} references deleted")

@@ -61,20 +61,21 @@ def shared_options(command: Any) -> Any:
             default="full",
             show_default=True,
             metavar="KIND",
-            help="Frames to reuse: full, or some of jittered, noisy, half, checkerboard, quarter joined by +; or "
-            "exr:DIR, path-traced frames with the camera of SCENE.",
+            help="Frames to reuse: full, or some of jittered, noisy, half, checkerboard, quarter joined by +; "
+            "path-traced@N: light of N samples per pixel, others in every pixel and frame; or exr:DIR, path-traced "
+            "frames with the camera of SCENE.",
         ),
         click.option("--light-samples", type=int, default=1, show_default=True, help="noisy: light samples per pixel."),
         former_option("--noise-lights", "--light-samples"),
         click.option("--vpl-samples", type=int, default=4, show_default=True, help="noisy: VPL samples per pixel."),
         former_option("--noise-bounces", "--vpl-samples"),
-        click.option("--seed", type=int, default=0, show_default=True, help="noisy: seed of the random numbers."),
         click.option(
             "--reference",
             default="max",
             show_default=True,
-            metavar="max|exr:DIR",
-            help="max: exact light, supersampled.  exr:DIR: path-traced frames with the same numbers.",
+            metavar="max|path-traced@M|exr:DIR",
+            help="max: exact light, supersampled.  path-traced@M: path-traced light of M samples per pixel, stored and "
+            "extended.  exr:DIR: path-traced frames with the same numbers.",
         ),
         click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
         click.option(
@@ -100,6 +101,7 @@ Examples:
   taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,oracle --size 640x360
   taubench-gl reuse evaluate scene.glb --methods accumulate,svgf --input noisy+jittered --out results
   taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05,taa_clamp@alpha=0.2,./my_method
+  taubench-gl reuse evaluate scene.glb --methods svgf --input path-traced@1 --reference path-traced@1024
   taubench-gl reuse evaluate scene.glb --methods svgf --input exr:one-sample --reference exr:many-samples
 
 \b
@@ -161,7 +163,9 @@ def _evaluate_one(
     try:
         with results or nullcontext():
             with ProgressBar(Path(scene).name) as progress:
-                done = evaluate_methods(scene, methods, settings, progress=progress, on_frame=on_frame, **request)
+                done = evaluate_methods(
+                    scene, methods, settings, progress=progress, on_frame=on_frame, announce=_announce, **request
+                )
             if results is not None:
                 results.finish(done)
     except KeyboardInterrupt:
@@ -208,17 +212,23 @@ def fit(
     PSNR, SSIM and tPSNR are maximized.  Reports a best value at the edge of its range.
     """
     from taubench_gl.apps.screen import ProgressBar, show_tables
+    from taubench_gl.folder_lock import FolderLock
     from taubench_gl.report.reuse import fit_table
-    from taubench_gl.reuse.evaluate_output import new_folder, write_fit
+    from taubench_gl.reuse.evaluate_output import write_fit
     from taubench_gl.reuse.fit import fit_setting
 
     settings, request = split_options(options)
-    with new_folder(out), ProgressBar(Path(path).name) as progress:
-        found = fit_setting(path, method, ranges, settings, metric=metric, refine=refine, progress=progress, **request)
+    request["announce"] = _announce
+    with nullcontext() if out is None else FolderLock(out):
+        with ProgressBar(Path(path).name) as progress:
+            found = fit_setting(
+                path, method, ranges, settings, metric=metric, refine=refine, progress=progress, **request
+            )
+        if out is not None:
+            write_fit(out, found.summary)
     show_tables([fit_table(found.summary)])
     click.echo("best: " + ", ".join(f"{name}={value:g}" for name, value in found.best.items()))
     if out is not None:
-        write_fit(out, found.summary)
         click.echo(f"written to {out}{os.sep}")
 
 
@@ -233,7 +243,7 @@ def _input(options: dict[str, Any]) -> InputKind:
     from taubench_gl.reuse.input_kind import parse_input
 
     lights, vpls = options.pop("light_samples"), options.pop("vpl_samples")
-    return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=vpls, seed=options.pop("seed"))
+    return parse_input(options.pop("kind"), light_samples=lights, indirect_samples=vpls, seed=options["seed"])
 
 
 def _interrupted(results: ReuseFolder | None) -> str:
@@ -243,6 +253,10 @@ def _interrupted(results: ReuseFolder | None) -> str:
     count = results.written_frames
     rows = f"the rows of {count} frames are in {results.out / 'frames.csv'}"
     return f"interrupted; {rows if count else 'no frame was evaluated'}"
+
+
+def _announce(line: str) -> None:
+    click.echo(line, err=True)
 
 
 def _print_error(line: str) -> None:

@@ -84,6 +84,8 @@ def show(name: str, registries: tuple[Path, ...], as_json: bool) -> None:
     show_pairs(f"Scene {name}", {key: value if value not in ("", None) else None for key, value in facts.items()})
     if entry.options():
         click.echo(f"  evaluate with      {entry.options()}")
+    if entry.camera_options():
+        click.echo(f"  Tables 2 and 3     {entry.camera_options()}")
 
 
 @click.command(

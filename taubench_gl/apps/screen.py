@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from taubench_gl.errors import printable
+
 if TYPE_CHECKING:
     from taubench_gl.report import Table
     from taubench_gl.run import Progress
@@ -41,18 +43,18 @@ def show_pairs(title: str, pairs: dict[str, Any]) -> None:
     grid.add_column(no_wrap=True)
     grid.add_column(overflow="fold")
     for name, value in pairs.items():
-        grid.add_row(Text(f"  {name}"), Text("–" if value is None else str(value)))
+        grid.add_row(Text(printable(f"  {name}")), Text("–" if value is None else printable(str(value))))
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = 160
-    console.print(Text(title, style="bold"), grid)
+    console.print(Text(printable(title), style="bold"), grid)
 
 
 class ProgressBar:
     """Progress callback of ``evaluate``: a bar on a terminal, PLAIN_STEPS lines in a file or pipe."""
 
     def __init__(self, name: str, unit: str = "pairs"):
-        self.name, self.unit = name, unit
+        self.name, self.unit = printable(name), unit
         self.done = 0
         self.total = 0
         self._bar: Any = None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from taubench_gl.apps.options import OutPath, Size, given_options, gpu_options
+from taubench_gl.apps.options import OutPath, Size, given_options, gpu_options, strict_option
 from taubench_gl.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ of lists time, position, rotation.  The presets have the paper's rows of Tables 
 @click.option("--size", type=Size(), default="480x270", show_default=True, help="--sweep: pixels.")
 @click.option("--columns", default="frustum,position,normal,direct", show_default=True, help="--sweep: columns.")
 @click.option("--out", type=OutPath(), required=True, metavar="OUT.glb|DIR")
+@strict_option
 @gpu_options
 def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, **options: Any) -> None:
     """Write a scene as glTF with a camera of given motion statistics, or with a recorded camera.
@@ -127,7 +128,7 @@ def stress(scene: str, out: Path, sweep: tuple[str, float, float, int] | None, *
     else:
         camera = _spec(choice, options, 6.0)
     moves = Moves(options["move_lights"], options["move_objects"], MotionStats(*options["motion"]))
-    done = write(scene, out, camera, moves, options["seed"])
+    done = write(scene, out, camera, moves, options["seed"], strict=options["strict"])
     moved = f", {done.lights} lights and {done.objects} objects moving" if done.lights or done.objects else ""
     click.echo(f"written to {done.file}: {done.seconds:.6g} s at {done.fps:.6g} fps{moved}")
     click.echo(f"Tables 1 to 4: taubench-gl evaluate {done.file} --fps {done.fps:.6g}")
@@ -175,7 +176,12 @@ def _sweep(scene: str, out: Path, sweep: tuple[str, float, float, int], options:
     width, height = options["size"]
     columns = tuple(name.strip() for name in options["columns"].split(",") if name.strip())
     settings = Settings(
-        width=width, height=height, columns=columns, backend=options["backend"], device=options["device"]
+        width=width,
+        height=height,
+        columns=columns,
+        strict=options["strict"],
+        backend=options["backend"],
+        device=options["device"],
     )
     plan = Sweep(*sweep)
     name = Path(scene).name

@@ -30,7 +30,7 @@ LIBRARIES = {"glfw": "glfw", "imgui_bundle": "imgui-bundle"}
     epilog="""\b
 Examples:
   taubench-gl view scene.glb
-  taubench-gl view scene.glb --size 960x540 --reprojection motion --light
+  taubench-gl view scene.glb --size 960x540 --reprojection motion --lighting
   taubench-gl view results
   taubench-gl view exr:renders --camera-file renders/camera.json
   taubench-gl view scene.glb --reference exr:renders --scene-file scene.glb
@@ -42,7 +42,13 @@ Press ? in the window for the keys; docs/viewer.md lists them, and the script co
 @frame_options(size="640x360", fps=24.0)
 @pair_options()
 @light_options
-@click.option("--light/--no-light", default=None, help="Start with light enabled.  [default: only on a GPU]")
+@click.option(
+    "--lighting/--no-lighting",
+    " /--no-light",
+    "lit",
+    default=None,
+    help="Start with light enabled.  [default: only on a GPU]",
+)
 @click.option(
     "--reference", metavar="exr:DIR", help="Path-traced reference frames for comparison (split view, difference)."
 )
@@ -69,7 +75,7 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
     run_session(
         Session(
             request=_open_request(source, options),
-            light=options["light"],
+            light=options["lit"],
             window=options["window"],
             screenshots=options["screenshots"],
             script=script,
@@ -85,8 +91,9 @@ def _open_request(source: str, options: dict[str, Any]) -> Any:
     from taubench_gl.pathtraced.evaluation import PathTracedOptions
     from taubench_gl.viewer.feeds import OpenRequest
 
-    names = ("size", "frames", "camera", "scene", "animations", "fps", "reprojection", "sampling", "thresholds",
-             "unit_scale", "culling", "textures", "columns", "effects", "light_unit", "exposure", "environment",
+    names = ("size", "frames", "camera", "scene", "animations", "strict", "fps", "reprojection", "sampling",
+             "thresholds", "unit_scale", "culling", "blend", "textures", "columns", "effects", "light_unit", "exposure",
+             "environment", "light", "spp", "bounces", "pattern", "seed",
              "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "light_error", "indirect")  # fmt: skip
     settings = settings_from({name: options[name] for name in names})
     path_traced = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}

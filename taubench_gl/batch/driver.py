@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from taubench_gl.batch.merge import finish, job_positions, merge_job, write_job
+from taubench_gl.batch.merge import finish, is_written, job_positions, merge_job, write_job
 from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.store import Store, file_stamp
 from taubench_gl.batch.units import (
@@ -27,7 +27,6 @@ from taubench_gl.batch.units import (
 from taubench_gl.batch.worker import resolved_settings
 from taubench_gl.errors import GraphicsError
 from taubench_gl.evaluation import files_identity
-from taubench_gl.run import SUMMARY_FILE
 
 CHUNK_PAIRS = 32
 """Largest chunk: the pairs per worker that a killed driver loses.  A chunk renders one frame more than its pairs."""
@@ -132,7 +131,7 @@ class Driver:
         job = state.job = replace(state.job, settings=resolved_settings(state.job.settings, head))
         state.head = head
         positions = job_positions(job, head)
-        if (self.store.job(job.id) / SUMMARY_FILE).is_file():
+        if is_written(self.store, job, head):
             self.listener.job_known(job, len(positions), len(positions))
             state.over = True
             self.listener.job_finished(job)

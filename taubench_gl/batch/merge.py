@@ -15,12 +15,13 @@ from taubench_gl.batch.partition import PairRecord, frames_table
 from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.store import Store
 from taubench_gl.conventions import COLUMNS
+from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import Brightness, assemble_summary, describe_brightness, mark_cuts, sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report import run_tables
 from taubench_gl.report.render import write_tables as write_table_files
-from taubench_gl.run import CAMERA_COLUMNS, FRAME_COLUMNS, Run, RunWriter, load_run
+from taubench_gl.run import CAMERA_COLUMNS, FRAME_COLUMNS, SUMMARY_FILE, Run, RunWriter, load_run
 from taubench_gl.scene.model import Camera
 
 SCHEMA = "taubench-gl/batch/2"
@@ -82,6 +83,23 @@ def write_job(store: Store, job: Job, run: Run, reports: Sequence[Mapping[str, A
     with RunWriter(store.job(job.id), FRAME_COLUMNS) as writer:
         writer.rewrite_rows(run.frames)
         writer.write_summary(run.summary)
+
+
+def is_written(store: Store, job: Job, head: Mapping[str, Any]) -> bool:
+    """Whether both files of a job are there and whole; if not, removes its summary.json, and the job is written again.
+
+    Files appear complete; a disk error or another program can damage them afterwards.
+    """
+    frames = range(*head["frames"])
+    try:
+        run = load_run(store.job(job.id))
+    except OutputError:
+        (store.job(job.id) / SUMMARY_FILE).unlink(missing_ok=True)
+        return False
+    if [row.get("frame") for row in run.frames] == [frames[p + 1] for p in job_positions(job, head)]:
+        return True
+    (store.job(job.id) / SUMMARY_FILE).unlink()
+    return False
 
 
 def finish(store: Store, spec: BatchSpec, failed: Mapping[str, str]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS
+from taubench_gl.data_files import parse_json
 from taubench_gl.errors import OutputError
 from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
 from taubench_gl.outputs import plain_text
@@ -70,9 +71,9 @@ def decode(data: bytes) -> tuple[list[PairRecord], dict[str, Any]]:
     pa = require_pyarrow()
     try:
         table = pa.parquet.read_table(io.BytesIO(data))
-        report = json.loads(table.schema.metadata[REPORT_KEY])
+        report = parse_json(table.schema.metadata[REPORT_KEY])
         rows = table.to_pylist()
-    except (pa.ArrowException, OSError, KeyError, TypeError) as error:
+    except (pa.ArrowException, OSError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"not a partition of pairs: {error}") from None
     if set(table.column_names) != set(_fields(pa)):
         raise ValueError("not a partition of pairs: other columns")

@@ -11,9 +11,10 @@ from taubench_gl.batch.driver import Driver, Listener, Outcome
 from taubench_gl.batch.merge import job_positions, labelled, write_tables
 from taubench_gl.batch.partition import require_pyarrow
 from taubench_gl.batch.spec import BatchSpec
-from taubench_gl.batch.store import LOGS, FolderLock, Store, lock_holder
+from taubench_gl.batch.store import LOGS, Store
 from taubench_gl.batch.units import Engine, PairDone
 from taubench_gl.errors import OutputError, SettingsError
+from taubench_gl.folder_lock import FolderLock, lock_holder
 from taubench_gl.run import SUMMARY_FILE, load_run
 
 ENGINES = "dask://HOST:PORT, dask-local"

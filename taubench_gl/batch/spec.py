@@ -8,7 +8,6 @@ import glob
 import hashlib
 import itertools
 import json
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 
 import msgspec
 
+from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.report.labels import differing, flat_settings, labelled, phrase, range_text
 from taubench_gl.settings import FIELD_TYPES, FIELDS, RENAMED, Settings, parse_environment, parse_frames, parse_size
@@ -63,13 +63,7 @@ class BatchSpec:
 def read_spec(path: str | Path, resolve: Resolver = lambda text: (text, {})) -> BatchSpec:
     """Read and check a spec file.  Raises SettingsError that lists every error: key, value and what is allowed."""
     path = Path(path)
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        what = f"cannot be read: {error.strerror}"
-        raise SettingsError(what, where=str(path), hint="give a batch spec (TOML)") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"is not TOML: {error}", where=str(path), hint="see docs/batch.md for an example") from None
+    values = read_toml(path, fault=SettingsError, hint="see docs/batch.md for an example")
     errors: list[str] = []
     choices = read_choices({k: v for k, v in values.items() if k not in ("name", "scenes")}, "", errors)
     scenes = list(_scenes(values.get("scenes"), path.parent, resolve, errors))

@@ -1,4 +1,4 @@
-"""The folder of a batch: its files, and the lock of the process that writes them.
+"""The folder of a batch and its files.
 
     spec.json                     the jobs of the batch spec
     jobs/JOB/head.json            all that needs no rendering; camera poses of all frames
@@ -14,29 +14,53 @@ Only the driver writes here, and every file appears complete or not at all.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
-import platform
 import shutil
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Annotated, Any
+
+import msgspec
 
 from taubench_gl import __version__
 from taubench_gl.batch.partition import PairRecord, decode, require_pyarrow
 from taubench_gl.batch.spec import BatchSpec, Job, with_differences
+from taubench_gl.data_files import checked, read_json
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.outputs import cannot_write, is_partial_of, write_atomically
+from taubench_gl.folder_lock import LOCK_FILE
+from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.settings import Settings
 
 SPEC_SCHEMA = "taubench-gl/batch-spec/1"
 SPEC_FILE = "spec.json"
-LOCK_FILE = ".lock"
 LOGS = "logs"
 WRITTEN_FIRST = (LOCK_FILE, LOGS)
 """Files that exist before the spec does: all that a driver leaves if it is killed while it starts."""
+
+
+MAX_HEAD_BYTES = 1 << 30
+"""Size limit of a head: it holds the camera poses of all frames."""
+
+
+class _Job(msgspec.Struct):
+    id: Annotated[str, msgspec.Meta(pattern=r"^[^/\0]+$", max_length=255)]
+    scene: str
+    settings: dict[str, Any]
+    sweep: dict[str, Any]
+
+
+class _Spec(msgspec.Struct):
+    name: str
+    jobs: list[_Job]
+
+
+class _Head(msgspec.Struct):
+    frames: tuple[int, int]
+    facts: dict[str, Any]
+    lighting: dict[str, Any] = {}
+    positions: list[tuple[float, float, float]] = []
+    rotations: list[Any] = []
 
 
 class Store:
@@ -78,27 +102,19 @@ class Store:
         """The spec that was last stored.  Raises OutputError if there is none."""
         values = self._spec_values()
         try:
+            checked(values, _Spec)
             jobs = [Job(j["id"], j["scene"], Settings.from_dict(j["settings"]), j["sweep"]) for j in values["jobs"]]
             return BatchSpec(values["name"], with_differences(jobs))
-        except (KeyError, TypeError, ValueError, SettingsError) as error:
+        except (msgspec.ValidationError, SettingsError) as error:
             raise OutputError(f"is damaged: {error}", where=str(self.out / SPEC_FILE)) from None
 
     def _spec_values(self) -> dict[str, Any]:
         path = self.out / SPEC_FILE
-        try:
-            values = json.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            what = "holds no batch" if self.out.is_dir() else "does not exist"
-            raise OutputError(what, where=str(self.out), hint="give the folder of 'taubench-gl batch --out'") from None
-        except NotADirectoryError:
-            hint = "give the folder of 'taubench-gl batch --out'"
-            raise OutputError("is not a folder", where=str(self.out), hint=hint) from None
-        except OSError as error:
-            raise OutputError(f"cannot be read: {error.strerror}", where=str(path)) from None
-        except ValueError as error:
-            raise OutputError(f"is damaged: {error}", where=str(path)) from None
-        if not isinstance(values, dict):
-            raise OutputError("is damaged: not a JSON object", where=str(path))
+        if not path.exists():
+            what = "holds no batch" if self.out.is_dir() else "is not a folder"
+            what = what if self.out.exists() else "does not exist"
+            raise OutputError(what, where=str(self.out), hint="give the folder of 'taubench-gl batch --out'")
+        values = read_json(path, dict[str, Any])
         schema, version = values.get("schema"), values.get("version")
         if schema != SPEC_SCHEMA or version != __version__:
             what = f"was started by taubench-gl {version} ({schema}), this is {__version__} ({SPEC_SCHEMA})"
@@ -114,10 +130,9 @@ class Store:
     def known_head(self, job: str) -> dict[str, Any] | None:
         """The stored head, even if the scene has changed since; None if there is none."""
         try:
-            values = json.loads(self.head_file(job).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            return read_json(self.head_file(job), _Head, max_bytes=MAX_HEAD_BYTES)
+        except OutputError:  # missing, or damaged by a disk error: it is computed again
             return None
-        return values if isinstance(values, dict) else None
 
     def save_head(self, job: Job, data: bytes, stamp: list[int] | None) -> dict[str, Any]:
         """Store a head.  Removes the pairs of the job if the scene has changed since they were counted.
@@ -209,66 +224,3 @@ def file_stamp(scene: str) -> list[int] | None:
     except OSError:
         return None
     return [found.st_size, found.st_mtime_ns]
-
-
-LOCK_ATTEMPTS = 8
-"""``lock_holder`` takes a shared lock for a moment; a driver that starts then must not report another driver."""
-
-
-class FolderLock:
-    """A lock held by the running driver.  The system releases it when the process ends, so no lock is ever stale.
-
-    The file names the holder, which is valid only while the lock is held.
-    """
-
-    def __init__(self, out: Path):
-        self.path = out / LOCK_FILE
-        self._file: IO[str] | None = None
-
-    def __enter__(self) -> FolderLock:
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = open(self.path, "a+", encoding="utf-8")
-        except (FileExistsError, NotADirectoryError):
-            raise OutputError("is not a folder", where=str(self.path.parent), hint="give --out another name") from None
-        except OSError as error:
-            raise cannot_write(self.path, error) from None
-        for attempt in range(LOCK_ATTEMPTS):
-            try:
-                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except OSError:
-                who = lock_holder(self.path.parent)
-                if who is None and attempt < LOCK_ATTEMPTS - 1:
-                    continue  # the other process only asked for the holder
-                self._file.close()
-                hint = "wait for it, or give --out another folder"
-                what = f"{who or 'another process'} is running a batch here"
-                raise OutputError(what, where=str(self.path.parent), hint=hint) from None
-        self._file.truncate(0)
-        self._file.write(json.dumps({"pid": os.getpid(), "host": platform.node(), "since": time.time()}))
-        self._file.flush()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        if self._file is not None:
-            self._file.truncate(0)
-            self._file.close()
-            self._file = None
-
-
-def lock_holder(out: Path) -> str | None:
-    """The process that runs the batch in ``out`` now, in words; None if there is none."""
-    try:
-        with open(out / LOCK_FILE, encoding="utf-8") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except OSError:
-                try:
-                    holder = json.loads(file.read())
-                    return f"process {holder['pid']} on {holder['host']}"
-                except (ValueError, KeyError):
-                    return "another process"
-    except OSError:
-        return None
-    return None

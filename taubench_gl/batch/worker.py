@@ -54,7 +54,7 @@ from taubench_gl.settings import AUTO, Settings
 HEAD_SCHEMA = "taubench-gl/batch-head/1"
 
 
-LIGHTING = ("light_unit", "exposure", "environment")
+LIGHTING = ("light_unit", "exposure", "environment", "spp")
 """Settings that are resolved once for all units of a job."""
 
 
@@ -95,11 +95,11 @@ class Worker:
 
     def _load(self, unit: Unit) -> _Loaded:
         settings = unit.settings
-        key = (unit.scene, settings.sequence.scene, settings.sequence.animation, settings.sequence.camera, unit.job)
+        key = (unit.scene, *settings.sequence.reading.values(), settings.sequence.camera, unit.job)
         if self._loaded is not None and self._loaded.key == key and unit.positions is not None:
             return self._loaded
         self.release()
-        scene = load_scene(unit.scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+        scene = load_scene(unit.scene, **settings.sequence.reading)
         self._loaded = _Loaded(key, scene, Poser(scene), camera_of_run(scene, settings.sequence))
         return self._loaded
 

@@ -1,10 +1,11 @@
-"""Accuracy against time: errors and times of declared configurations, their Pareto fronts, and a recommended preset.
+"""Accuracy against time: mask errors and times of declared configurations, their Pareto front, and named levels.
 
 >>> from taubench_gl.cost import cost
 >>> study = cost("scene.glb", width=480, height=270, out="study", within=0.5)  # doctest: +SKIP
->>> study.table()  # doctest: +SKIP
+>>> print(*study.answer(), sep="\n")  # doctest: +SKIP
 
-parameters -> configurations -> errors, timing, methods -> records -> analysis -> result; ``study`` runs them in order.
+parameters -> configurations -> pixels, reference, errors, timing, methods -> records -> analysis -> result; ``study``
+runs them in order.
 """
 
 from taubench_gl.cost.analysis import Point, choose, pareto_front

@@ -1,17 +1,24 @@
-"""Times, Pareto fronts, recommendations and their validation, from measured configurations.  No OpenGL."""
+"""Mask errors, times, the Pareto front and the recommendation, from measured configurations.  No OpenGL."""
 
 from __future__ import annotations
 
 import math
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
-from taubench_gl.conventions import COLUMNS
+import numpy as np
 
-DIGITS = 9
-"""Decimals to which two errors are compared.  Smaller differences are rounding errors of float64 means."""
+Array = np.ndarray
+OVERALL = "overall"
+"""Pixels whose mask is wrong in any column."""
+
+CONFIDENCE = 1.96
+"""Standard deviations beyond which two shares of the same pixels differ (McNemar 1947)."""
+
+PAYS = 0.75
+"""By default the recommendation follows the front while twice the time leaves at most this share of the error."""
 
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
@@ -56,16 +63,6 @@ def compare_times(a: Time, b: Time) -> int:
     return 1 if difference > 0 else -1
 
 
-def no_slower(a: Time, b: Time) -> bool:
-    """Whether ``a`` can replace ``b`` at no cost: not slower by ``RULE``, and its median within the spread of ``b``.
-
-    The second condition keeps a configuration with very noisy times from replacing a faster one.
-    """
-    if compare_times(a, b) > 0:
-        return False
-    return a.spread is None or b.spread is None or a.median <= b.median + b.spread
-
-
 def _half_width(samples: Sequence[float]) -> float:
     """Of the 95 % interval of the mean."""
     n = len(samples)
@@ -84,181 +81,197 @@ def _median_and_spread(samples: Sequence[float]) -> tuple[float, float | None]:
 
 
 @dataclass(frozen=True, slots=True)
-class ColumnError:
-    """One column of one configuration, percent or percentage points of w * h; None where not measured (``reason``)."""
+class MaskError:
+    """Pixels of one column whose mask differs from the reference's.  Discarded is positive."""
 
-    percent: float | None
-    points: float | None = None  # mean minus the mean of the reference
-    half_width: float | None = None  # of the 95 % confidence interval of sampled pairs
-    pair_points: float | None = None  # mean over pairs of |difference|: includes what cancels in the mean
-    reason: str | None = None
+    wrong: Array  # (n,) bool
+    false_positive: float  # percent of the pixels: discarded, and not in the reference
+    false_negative: float
+    points: float  # discarded share less that of the reference, percentage points: what is left after they cancel
 
     @property
-    def error(self) -> float | None:
-        """|points|, and at least the half width of sampled pairs."""
-        return None if self.points is None else max(abs(self.points), self.half_width or 0.0)
+    def percent(self) -> float:
+        return self.false_positive + self.false_negative
+
+
+def mask_errors(found: Mapping[str, Array], reference: Mapping[str, Array]) -> dict[str, MaskError]:
+    """By column, and OVERALL.  Both: column -> (n,) bool, whether each pixel is discarded."""
+    out, n = {}, len(next(iter(reference.values())))
+    for column, there in reference.items():
+        here = found[column]
+        more, less = 100.0 * float((here & ~there).sum()) / n, 100.0 * float((there & ~here).sum()) / n
+        out[column] = MaskError(here != there, more, less, more - less)
+    more, less = (
+        np.logical_or.reduce([a[c] & ~b[c] for c in reference]) for a, b in ((found, reference), (reference, found))
+    )
+    wrong = more | less  # a pixel with both kinds counts as a false positive
+    here, there = (np.logical_or.reduce(list(of.values())) for of in (found, reference))
+    shares = 100.0 * float(more.sum()) / n, 100.0 * float((less & ~more).sum()) / n
+    out[OVERALL] = MaskError(wrong, *shares, 100.0 * (float(here.sum()) - float(there.sum())) / n)
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnDifference:
+    """One column of a configuration whose pixels or pairs are others than the baseline's, percent and points."""
+
+    percent: float | None
+    points: float | None = None  # less the baseline's mean
+    half_width: float | None = None  # of the 95 % interval of ``points``
+    reason: str | None = None  # why it is not measured
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One measured configuration: its errors and the time of a frame."""
+    """One measured configuration."""
 
     name: str
     label: str
-    role: str  # baseline | highest_quality | single | combined | definition | path_traced
+    role: str  # baseline | level | highest_quality | single | combined | path_traced | effect | grid | definition
     values: Mapping[str, Any]
-    columns: Mapping[str, ColumnError]
-    time: Time | None
-    clock: str
+    masks: Mapping[str, MaskError] = field(default_factory=dict)  # by column and OVERALL; {}: not comparable
+    columns: Mapping[str, ColumnDifference] = field(default_factory=dict)
+    time: Time | None = None
+    clock: str = ""
     usable: bool = True  # whether ``evaluate`` can run it from a preset
-    features: Mapping[str, Any] = field(default_factory=dict)
     passes: Mapping[str, float] = field(default_factory=dict)
     bytes: int | None = None
 
-    def error(self, column: str) -> float | None:
-        return self.columns[column].error if column in self.columns else None
+    def error(self, column: str = OVERALL) -> float | None:
+        """Percent of the pixels; None where masks were not compared."""
+        return self.masks[column].percent if column in self.masks else None
 
 
-def worst_error(point: Point, columns: Sequence[str]) -> float | None:
-    """Largest error over ``columns``, percentage points; None if one of them was not measured."""
-    errors = [point.error(column) for column in columns]
-    return None if not errors or any(e is None for e in errors) else max(errors)
+P = TypeVar("P")
 
 
-def measured_columns(points: Sequence[Point]) -> list[str]:
-    """Columns for which the baseline has an error."""
-    baseline = next((p for p in points if p.role == "baseline"), None)
-    return [] if baseline is None else [c for c in COLUMNS if baseline.error(c) is not None]
+def compare_errors(a: Any, b: Any, column: str, floor: float = 0.0) -> int:
+    """1 where ``a`` has the larger error, -1 the smaller, 0 where they are indistinguishable.
 
-
-def pareto_front(points: Sequence[Point], column: str | Sequence[str]) -> list[Point]:
-    """Points that no other point dominates, fastest first.  Several columns: by the worst of their errors.
-
-    Of points with the same error one stays: the first in ``points`` that is no slower than all others.  Of these a
-    point leaves the front if one with a smaller error is no slower, so timing noise alone puts nothing on it.
+    Errors below the noise floor of the reference, percent, are equal.  Of masks of the same pixels those count that are
+    wrong in one only.  Anything else is compared as numbers.
     """
-    columns = (column,) if isinstance(column, str) else tuple(column)
-    groups: dict[float, list[Point]] = {}
-    for p in points:
-        error = worst_error(p, columns)
-        if p.role != "definition" and p.time is not None and error is not None:
-            groups.setdefault(round(error, DIGITS), []).append(p)
-    ordered = [group for _, group in sorted(groups.items())]
-    front = []
-    for i, group in enumerate(ordered):
-        best = _first_no_slower(group)
-        if not any(no_slower(q.time, best.time) for finer in ordered[:i] for q in finer):
-            front.append(best)
-    return sorted(front, key=lambda p: p.time.median)
+    x, y = max(a.error(column), floor), max(b.error(column), floor)
+    if x == y:
+        return 0
+    if isinstance(a, Point) and isinstance(b, Point):
+        one, other = a.masks[column].wrong, b.masks[column].wrong
+        alone, there = int((one & ~other).sum()), int((other & ~one).sum())
+        if abs(alone - there) <= CONFIDENCE * math.sqrt(alone + there):
+            return 0
+    return 1 if x > y else -1
 
 
-def _first_no_slower(group: Sequence[Point]) -> Point:
-    """The first that no other clearly beats; the fastest by median where times are not transitive."""
-    fastest = min(group, key=lambda p: p.time.median)
-    return next((p for p in group if all(no_slower(p.time, q.time) for q in group if q is not p)), fastest)
+def pareto_front(points: Sequence[P], column: str, floor: float = 0.0) -> list[P]:
+    """Points that no other one beats, fastest first.
+
+    No other point is as fast and as exact as one of the front.  Of these a slower one stays only if it is more exact
+    beyond noise, and a less exact one only if it is faster beyond noise.
+    """
+    known = [p for p in points if p.time is not None and p.error(column) is not None]
+    known.sort(key=lambda p: (p.time.median, max(p.error(column), floor)))
+    front: list[P] = []
+    least = math.inf
+    for p in known:
+        error = max(p.error(column), floor)
+        if error >= least:
+            continue
+        least = error
+        if front and compare_errors(front[-1], p, column, floor) <= 0:
+            continue
+        while front and _no_slower(p.time, front[-1].time):
+            front.pop()
+        front.append(p)
+    return front
+
+
+def _no_slower(a: Time, b: Time) -> bool:
+    """Whether ``a`` replaces ``b`` at no cost: not slower by ``RULE``, and its median within the spread of ``b``, so
+    that very noisy times do not count as fast."""
+    return b.spread is not None and compare_times(a, b) <= 0 and a.median <= b.median + b.spread
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
     """A recommendation.  ``point`` None: nothing meets the limits; ``words`` says so."""
 
-    columns: tuple[str, ...]
-    within: float | None  # percentage points
+    column: str
+    within: float | None  # percent of the pixels
     budget_ms: float | None
     point: Point | None
-    next: Point | None  # the next slower point of the front
+    faster: Point | None  # its neighbors on the front
+    finer: Point | None
     words: str
 
 
 def choose(
-    points: Sequence[Point], columns: Sequence[str], *, within: float | None = None, budget_ms: float | None = None
-) -> Choice:
-    """Of the Pareto front of usable points: the fastest with an error of at most ``within`` percentage points in all
-    ``columns``; without ``within`` the most exact one.  Median + spread must be within ``budget_ms``, if given.
+    points: Sequence[Point], column: str = OVERALL, floor: float = 0.0, *, within: float | None = None,
+    budget_ms: float | None = None,
+) -> Choice:  # fmt: skip
+    """Of the Pareto front: the fastest with an error of at most ``within``, or the most exact in ``budget_ms`` (median
+    + spread), or both limits.  Without limits: the last one that pays, see ``PAYS``.
     """
-    columns = tuple(columns)
-    limits = f"for the {columns[0]} column" if len(columns) == 1 else f"for {', '.join(columns)}"
-    limits += "" if within is None else f" within {within:g} pp"
-    limits += "" if budget_ms is None else f" in {budget_ms:g} ms/frame"
-    usable = [p for p in points if p.usable and p.time is not None and worst_error(p, columns) is not None]
-    usable = [p for p in usable if p.role != "definition"]
-
-    def error(p: Point) -> float:
-        return worst_error(p, columns)
-
-    possible = [p for p in usable if (within is None or error(p) <= within) and _affordable(p, budget_ms)]
-    front = pareto_front(possible, columns)
-    if not front:
-        words = _why_none(limits, [(p, error(p)) for p in usable], budget_ms)
-        return Choice(columns, within, budget_ms, None, None, words)
-    best = front[0] if within is not None else min(front, key=error)
-    finer = [p for p in pareto_front(usable, columns) if round(error(best) - error(p), DIGITS) > 0]
-    further = next((p for p in finer if p.time.median > best.time.median), None)
-    words = f"{limits}: {best.label}, {ms_text(best.time)}, error {_pp(error(best))}"
-    if further is None:
-        words += "; no measured configuration is more exact"
+    front = pareto_front([p for p in points if p.usable], column, floor)
+    possible = [p for p in front if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
+    possible = [p for p in possible if within is None or p.error(column) <= max(within, floor)]
+    if not front or not possible:
+        return Choice(column, within, budget_ms, None, None, None, _why_none(front, column))
+    if within is not None:
+        best = possible[0]
     else:
-        ratio = further.time.median / best.time.median
-        same = " (statistically indistinguishable)" if compare_times(further.time, best.time) == 0 else ""
-        words += f"; next: {further.label}, {ratio:.2g}x{same}, error {_pp(error(further))}"
-    return Choice(columns, within, budget_ms, best, further, words)
+        best = possible[-1] if budget_ms is not None else _last_that_pays(front, column, floor)
+    i = front.index(best)
+    faster, finer = front[i - 1] if i else None, front[i + 1] if i + 1 < len(front) else None
+    words = describe(best, faster, finer, column)
+    if best.error(column) <= floor:
+        words += "; below the noise floor of the reference: --time-limit or --reference path-traced@M would tell more"
+    return Choice(column, within, budget_ms, best, faster, finer, words)
 
 
-def _affordable(point: Point, budget_ms: float | None) -> bool:
-    return budget_ms is None or point.time.median + (point.time.spread or 0.0) <= budget_ms
+def _last_that_pays(front: Sequence[Point], column: str, floor: float) -> Point:
+    """From the fastest on: a slower point, if each doubling of the time up to it leaves at most PAYS of the error."""
+    best = front[0]
+    for p in front[1:]:
+        before, after = (max(q.error(column), floor, 1e-9) for q in (best, p))
+        if after <= before * PAYS ** math.log2(p.time.median / best.time.median):
+            best = p
+    return best
 
 
-def _why_none(limits: str, rated: Sequence[tuple[Point, float]], budget_ms: float | None) -> str:
-    if not rated:
-        return f"{limits}: nothing was measured"
-    affordable = [(p, e) for p, e in rated if _affordable(p, budget_ms)]
-    if not affordable:
-        fastest = min((p for p, _ in rated), key=lambda p: p.time.median)
-        return f"{limits}: no configuration is that fast; the fastest is {fastest.label}, {ms_text(fastest.time)}"
-    best, error = min(affordable, key=lambda pe: pe[1])
-    nearest = f"the most exact is {best.label}, error {_pp(error)}, {ms_text(best.time)}"
-    return f"{limits}: no configuration is that exact; {nearest}"
+def describe(best: Point, faster: Point | None, finer: Point | None, column: str) -> str:
+    """``balanced: 1.2 % of the masks are wrong, 41 ms; 2.1x the time (accurate) leaves 1.1 %; ...``."""
+    words = f"{best.label}: {_percent(best, column)} of the masks are wrong"
+    worst = max((c for c in best.masks if c != OVERALL), key=lambda c: best.masks[c].percent)
+    if column == OVERALL and best.masks[worst].percent:
+        words += f" ({worst} {_percent(best, worst)}, its column {best.masks[worst].points:+.2f} points)"
+    words += f", {ms_text(best.time)}"
+    if finer is not None:
+        ratio = finer.time.median / best.time.median
+        words += f"; {ratio:.2g}x the time ({finer.label}) leaves {_percent(finer, column)}"
+    if faster is not None:
+        ratio = faster.time.median / best.time.median
+        words += f"; {ratio:.2g}x the time ({faster.label}) {_percent(faster, column)}"
+    return words if finer is not None else f"{words}; nothing measured is more exact beyond noise"
+
+
+def _why_none(front: Sequence[Point], column: str) -> str:
+    if not front:
+        return "nothing has been measured yet"
+    fastest, finest = front[0], front[-1]
+    return (
+        f"no configuration meets the limits; the fastest is {fastest.label}, {ms_text(fastest.time)}; the most exact "
+        f"is {finest.label}, {_percent(finest, column)}"
+    )
+
+
+def _percent(point: Point, column: str) -> str:
+    return f"{point.error(column):.2g} %"
 
 
 def ms_text(time: Time) -> str:
     """``18.2 ± 0.41 ms/frame``."""
     spread = "" if time.spread is None else f" ± {time.spread:.2g}"
     return f"{f'{time.median:.3g}' if time.median < 1000 else f'{time.median:.0f}'}{spread} ms/frame"
-
-
-def _pp(value: float) -> str:
-    return f"{value:.2f} pp" if value >= 0.1 else f"{value:.2g} pp"
-
-
-def validate(
-    choice: Choice, baseline: Time, reference: Mapping[str, float], repeated: Mapping[str, Any]
-) -> dict[str, Any]:
-    """PASS or FAIL of a chosen configuration that was run again: the block ``validation`` of study.json.
-
-    ``baseline``: its time in the study; ``reference``: percent by column; ``repeated``: ``percent`` by column, and
-    ``frame_ms`` and ``baseline_ms``, milliseconds per interleaved round.  Errors must be within ``choice.within``, or
-    else within the errors that the study measured.  The budget is compared as a ratio to the baseline, round by round,
-    less its spread: milliseconds of another time do not compare.
-    """
-    limit = choice.within
-    if limit is None:
-        limit = max(choice.point.error(c) for c in choice.columns)
-    errors = {c: abs(repeated["percent"][c] - reference[c]) for c in choice.columns}
-    ratio = time_of([t / b for t, b in zip(repeated["frame_ms"], repeated["baseline_ms"], strict=True)])
-    allowed = None if choice.budget_ms is None else choice.budget_ms / baseline.median
-    return {
-        "configuration": choice.point.name,
-        "errors": errors,
-        "limit_points": limit,
-        "errors_pass": all(round(e - limit, DIGITS) <= 0 for e in errors.values()),
-        "ms": asdict(time_of(repeated["frame_ms"])),
-        "baseline_drift": time_of(repeated["baseline_ms"]).median / baseline.median,
-        "budget_ms": choice.budget_ms,
-        "ratio": ratio.median,
-        "ratio_spread": ratio.spread,
-        "allowed_ratio": allowed,
-        "time_pass": None if allowed is None else ratio.median - (ratio.spread or 0.0) <= allowed,
-    }
 
 
 def error_increase(

@@ -1,4 +1,4 @@
-"""The configurations that a study measures: baseline, highest quality, single parameter changes, combinations."""
+"""The configurations that a study measures: baseline, levels, single changes, combinations, effects left out."""
 
 from __future__ import annotations
 
@@ -8,43 +8,58 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from taubench_gl.cost.parameters import CPU_FLOAT64, PARAMETERS, StudyContext
+from taubench_gl.cost.parameters import CPU_FLOAT64, LIGHT, PARAMETERS, TRACED, StudyContext
+from taubench_gl.cost.preset import LEVELS, load_preset
 from taubench_gl.errors import SettingsError
 from taubench_gl.settings import Settings
 
 BASELINE, HIGHEST = "baseline", "highest_quality"
 LABELS = {BASELINE: "baseline", HIGHEST: "highest quality"}
+LEVEL_SET, EFFECT_SET = "levels", "effects"
+"""Names beside those of parameters: the named levels; what each effect costs."""
+
+EFFECTS = ("normal_maps", "glossy", "shadows", "indirect", "emission", "emitter_light", "environment_light")
+"""Effects that can be left out while all columns stay."""
 
 COMBINATIONS: tuple[Mapping[str, Any], ...] = (
-    {"scale": 0.5, "samples_per_pixel": 4},
-    {"scale": 0.5, "storage": "half"},
-    {"scale": 0.5, "pairs": "strata:4"},
-    {"storage": "half", "pairs": "strata:8"},
+    {"storage": "half", "shadow_size": 256, "shadow_filter": "hard", "shadow_lights": 4, "indirect": "none"},
+    {"storage": "half", "shadow_size": 256, "shadow_filter": "hard", "indirect": "rsm", "indirect_samples": 256},
+    {"shadow_size": 512, "indirect_samples": 256, "probes": 96},
     {"shadow_size": 512, "shadow_filter": "hard"},
-    {"shadow_size": 512, "shadow_lights": 4},
-    {"shadow_size": 2048, "shadow_lights": 24},
-    {"shadow_size": 2048, "samples_per_pixel": 4},
     {"indirect_samples": 256, "probes": 96},
     {"indirect": "rsm", "indirect_samples": 256},
-    {"scale": 0.5, "shadow_size": 512, "indirect_samples": 256},
+    {"shadow_size": 2048, "indirect_samples": 4096, "probes": 768},
 )
 """Parameters that are usually changed together.  A combination is measured if all its parameters are in the study."""
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Settings to measure.  ``role``: baseline | highest_quality | single | combined | definition."""
+    """Settings to measure.  ``role``: as of ``analysis.Point``."""
 
     name: str
     role: str
-    values: Mapping[str, Any]  # parameter -> value, where it differs from the baseline
+    values: Mapping[str, Any]  # parameter or setting -> value, where it differs from the baseline
     settings: Settings
     on_cpu: bool = False  # masks by the float64 reference on the CPU; not timed, no preset
+    without: tuple[str, ...] = ()  # effects left out; no preset
+    title: str = ""
 
     @property
     def label(self) -> str:
         """In words: what differs from the baseline."""
-        return LABELS.get(self.name) or ", ".join(PARAMETERS[n].phrase(v) for n, v in self.values.items())
+        named = self.title or LABELS.get(self.name)
+        return named or ", ".join(PARAMETERS[n].phrase(v) for n, v in self.values.items())
+
+    @property
+    def comparable(self) -> bool:
+        """Whether its masks are of the same pixels as the baseline's."""
+        return self.role not in ("grid", "definition")
+
+    @property
+    def traced(self) -> bool:
+        """All its light is path-traced."""
+        return self.settings.lighting.light == TRACED
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,32 +75,61 @@ class Plan:
 
 
 def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *, bare: bool = False) -> Plan:
-    """All configurations for one scene.
+    """All configurations for one scene, in the order in which they are measured.
 
-    ``parameters``: names in ``PARAMETERS``; None: all.  ``bare``: baseline and highest quality alone are enough.
-    Parameters without an effect on this scene are left out, with the reason.  Raises SettingsError for an unknown name,
-    and if nothing is left to vary.
+    ``parameters``: names in ``PARAMETERS``, ``levels``, ``effects``; None: all.  ``bare``: baseline and highest quality
+    alone are enough.  Parameters without an effect on this scene are left out, with the reason.  Raises SettingsError
+    for an unknown name, and if nothing is left to vary.
     """
-    chosen = tuple(PARAMETERS) if parameters is None else tuple(dict.fromkeys(parameters))
+    every = (LEVEL_SET, *PARAMETERS, EFFECT_SET)
+    chosen = tuple(every if parameters is None else dict.fromkeys(parameters))
     for name in chosen:
-        if name not in PARAMETERS:
-            hint = f"choose from {', '.join(PARAMETERS)}, method:NAME"
-            raise SettingsError(f"no parameter is named {name!r}", hint=hint)
-    inapplicable = {name: reason for name in chosen if (reason := PARAMETERS[name].inapplicable(context))}
-    active = tuple(name for name in chosen if name not in inapplicable)
-    found = [Configuration(BASELINE, BASELINE, {}, context.baseline), _highest_quality(active, context)]
+        if name not in every:
+            raise SettingsError(f"no parameter is named {name!r}", hint=f"choose from {', '.join(every)}, method:NAME")
+    named = [name for name in chosen if name in PARAMETERS]
+    inapplicable = {name: reason for name in named if (reason := PARAMETERS[name].inapplicable(context))}
+    active = tuple(name for name in named if name not in inapplicable)
+    found = [Configuration(BASELINE, BASELINE, {}, context.baseline)]
+    if LEVEL_SET in chosen:
+        found = _levels(context)
+    found.append(_highest_quality(active, context))
     for name in active:
         found += _single_changes(name, context, inapplicable)
     found += _combinations(active, context)
+    if EFFECT_SET in chosen:
+        found += [
+            Configuration(f"without {e}", "effect", {}, context.baseline, without=(e,), title=f"without {e}")
+            for e in EFFECTS
+            if e in context.effects and context.effects[e].enabled
+        ]
     if len(found) == 2 and not bare:
         why = "; ".join(f"{name}: {reason}" for name, reason in inapplicable.items())
         raise SettingsError("no parameter changes anything in this scene", hint=why or "choose other parameters")
+    order = ("path_traced", "grid", "definition")  # last: they take long
+    found.sort(key=lambda c: 1 + order.index(c.role) if c.role in order else 0)
     return Plan(tuple(found), active, inapplicable)
+
+
+def _levels(context: StudyContext) -> list[Configuration]:
+    """The baseline and the named levels; the baseline has the name of the level that it is."""
+    title, out = "", []
+    lit = set(LIGHT) & set(context.baseline.metrics.columns)
+    for name, path in LEVELS.items():
+        values = {n: v for n, v in load_preset(path).items() if lit or n == "storage"}
+        settings = context.baseline.replace(**values)
+        if settings == context.baseline:
+            title = title or f"{name} (baseline)" if lit else ""
+            continue
+        if any(c.settings == settings for c in out):
+            continue
+        changed = {n: v for n, v in values.items() if v != context.baseline.get(n)}
+        out.append(Configuration(name, "level", changed, settings, title=name))
+    return [Configuration(BASELINE, BASELINE, {}, context.baseline, title=title), *out]
 
 
 def _highest_quality(active: Sequence[str], context: StudyContext) -> Configuration:
     """Every accuracy parameter at its best; shadow maps, last, as large as the device allows for their number."""
-    names = [n for n in active if PARAMETERS[n].kind == "accuracy"]
+    names = [n for n in active if PARAMETERS[n].kind == "accuracy" and PARAMETERS[n].best is not None]
     settings, values = context.baseline, {}
     for name in sorted(names, key=lambda n: n == "shadow_size"):
         parameter, here = PARAMETERS[name], replace(context, baseline=settings)
@@ -107,7 +151,8 @@ def _single_changes(name: str, context: StudyContext, inapplicable: dict[str, st
         if reason:
             inapplicable[f"{name}={value}"] = reason
             continue
-        role = "definition" if parameter.kind == "definition" else "single"
+        role = {"accuracy": "single"}.get(parameter.kind, parameter.kind)
+        role = "path_traced" if str(value).startswith(TRACED) else role
         out.append(configuration(role, {name: value}, context.baseline))
     return out
 

@@ -73,9 +73,9 @@ def method_configurations(methods: Sequence[str], inputs: Sequence[str] = INPUTS
     if any(kind.files is not None for kind in kinds):
         hint = "choose rendered inputs; see 'reuse evaluate'"
         raise SettingsError("files have no shading time", hint=hint)
-    if len({kind.noisy for kind in kinds}) > 1:
+    if len({(kind.noisy, kind.path_samples > 0) for kind in kinds}) > 1:
         hint = "their references differ: study them separately"
-        raise SettingsError("noisy and exact inputs are not comparable", hint=hint)
+        raise SettingsError("noisy, path-traced and exact inputs are not comparable", hint=hint)
     specs = {NO_REUSE: MethodSpec(NO_REUSE, NO_REUSE)}
     for text in methods:
         specs |= {spec.label: spec for spec in _expand(text)}
@@ -115,6 +115,7 @@ def measure_images(
         scene, specs, _settings(baseline), input=kind, reference=reference, metrics=("flip",), camera=camera
     )
     described, samples = run.summary["methods"], run.summary["reference"]["samples"]
+    light = "exact light" if run.summary["reference"]["kind"] == "max" else "path-traced"
     errors = {}
     for label, method in described.items():
         rows = [r for r in run.rows if r["method"] == label][1:]  # the first frame has no history
@@ -125,7 +126,7 @@ def measure_images(
         "failed": run.failed,
         "bytes": {label: m["memory_bytes"] for label, m in described.items()},
         "settings": {label: m["settings"] for label, m in described.items()},
-        "reference": "path-traced" if samples is None else f"exact light, {samples} samples per pixel",
+        "reference": "path-traced" if samples is None else f"{light}, {samples} samples per pixel",
     }
 
 
@@ -140,7 +141,10 @@ def time_methods(
     start = frames.start + (len(frames) - count) // 2
     settings = _settings(baseline).replace(frames=(start, start + count))
     specs, kind = [c.spec for c in chosen], chosen[0].input
-    run = evaluate_methods(scene, specs, settings, input=kind, reference_samples=1, metrics=(), camera=camera)
+    reference = "path-traced@1" if parse_input(kind).path_samples else "max"
+    run = evaluate_methods(
+        scene, specs, settings, input=kind, reference=reference, reference_samples=1, metrics=(), camera=camera
+    )
     times = {label: m["time_ms"] for label, m in run.summary["methods"].items() if not m["failed"]}
     return {"shading_ms": run.summary["input"]["shading_ms"], "method_ms": times, "clock": run.summary["clock"]}
 

@@ -1,9 +1,9 @@
 """Parameters that trade accuracy for time: their values, the columns they may change, and when they are inapplicable.
 
-A parameter of kind ``accuracy`` approximates the same quantity better or worse.  A parameter of kind ``definition``
-changes the definition of the metric: at twice the frame rate other discards are measured, not the same ones more
-exactly.  Configurations of that kind are timed and listed separately.  They are not comparable with the others, so they
-are on no Pareto front and in no preset.
+A parameter of kind ``accuracy`` approximates the same masks better or worse.  One of kind ``grid`` changes the pixels
+or the pairs, so that masks cannot be compared pixel by pixel: its columns are compared.  One of kind ``definition``
+changes the metric: at twice the frame rate other discards are measured, not the same ones more exactly.  Configurations
+of the last two kinds are timed and have their own table.  They are on no Pareto front and in no preset.
 """
 
 from __future__ import annotations
@@ -17,13 +17,17 @@ import numpy as np
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import Effect
 from taubench_gl.effects.lighting import environment_of
-from taubench_gl.frame.shadow_faces import faces_of, halved_shadows, pack
+from taubench_gl.effects.path_tracing import traced_sources
+from taubench_gl.frame.shadow_faces import faces_of, map_sizes, pack, wanted_sizes
 from taubench_gl.metrics.pair_sample import sample_pairs
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings, scheme_of
 
 LIGHT = ("direct", "indirect", "color")
 INDIRECT = ("indirect", "color")
+TRACED = "path-traced"
+"""Value of ``light`` with its samples per pixel: path-traced@16."""
+
 CPU_FLOAT64 = "double"
 """Value of ``storage``: float32 channels of the GPU, masks by the float64 reference on the CPU."""
 
@@ -49,7 +53,10 @@ class StudyContext:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter.  ``values`` run from the coarsest to the most exact; ``best`` is the highest-quality value."""
+    """One parameter.  ``values`` run from the coarsest to the most exact; ``best`` is the highest-quality value.
+
+    ``best`` None: the highest quality has the baseline's value.
+    """
 
     name: str
     doc: str
@@ -57,12 +64,15 @@ class Parameter:
     best: Any
     columns: tuple[str, ...]  # columns of Table 4 that it may change
     phrase: Callable[[Any], str]  # a value in words
-    kind: str = "accuracy"  # accuracy | definition
+    kind: str = "accuracy"  # accuracy | grid | definition
     inapplicable: Callable[[StudyContext], str | None] = lambda c: None  # why no value changes anything
     inapplicable_value: Callable[[StudyContext, Any], str | None] = lambda c, v: None  # why one value does not
 
     def value_in(self, settings: Settings) -> Any:
         """The value that ``settings`` have.  ``scale`` is relative to them: 1."""
+        if self.name == "light":
+            method = settings.lighting.light
+            return f"{TRACED}@{settings.lighting.path_samples}" if method == TRACED else method
         return 1.0 if self.name == "scale" else settings.get(self.name)
 
     def apply(self, settings: Settings, value: Any) -> Settings:
@@ -73,9 +83,19 @@ class Parameter:
             return settings.replace(width=width, height=height)
         if self.name == "fps":
             return _at_rate(settings, value)
+        if self.name == "light":
+            return with_light(settings, value)
         if self.name == "storage" and value == CPU_FLOAT64:
             return settings
         return settings.replace(**{self.name: value})
+
+
+def with_light(settings: Settings, value: str) -> Settings:
+    """``settings`` with the light method ``raster``, or ``path-traced@N``: N samples per pixel, pattern fixed."""
+    method, _, samples = value.partition("@")
+    if method != TRACED:
+        return settings.replace(light=method)
+    return settings.replace(light=method, spp=int(samples), pattern="fixed", indirect="auto")
 
 
 def _at_rate(settings: Settings, fps: float) -> Settings:
@@ -106,11 +126,11 @@ def _too_large_an_atlas(context: StudyContext, size: int) -> str | None:
     """All shadow maps share one texture, whose size the device limits."""
     ranked = context.ranked_lights[: context.baseline.lighting.shadow_lights]
     sun = environment_of(context.baseline).sun
-    halved = halved_shadows(list(ranked))
-    faces = faces_of(context.scene, None, sorted(ranked), (np.zeros(3), 1.0), size, sun, halved)
-    width, height = pack(faces)[1]
-    if max(width, height) <= context.max_texture:
+    wanted = wanted_sizes(ranked, size)
+    if map_sizes(context.scene, ranked, size, context.max_texture, sun) == wanted:
         return None
+    faces = faces_of(context.scene, None, sorted(ranked), (np.zeros(3), 1.0), wanted, sun)
+    width, height = pack(faces, context.max_texture)[1]
     return f"{len(faces)} shadow maps of that size need {width}x{height} texels; the limit is {context.max_texture}"
 
 
@@ -118,9 +138,31 @@ def _without(effect: str) -> Callable[[StudyContext], str | None]:
     return lambda context: context.disabled(effect)
 
 
+def _without_raster_indirect(context: StudyContext) -> str | None:
+    return "light is path-traced" if context.effects["path_traced"].enabled else context.disabled("indirect")
+
+
+def _without_light(context: StudyContext) -> str | None:
+    lit = traced_sources(context.scene, with_light(context.baseline, f"{TRACED}@1"))
+    return None if lit and set(LIGHT) & set(context.baseline.metrics.columns) else "nothing is lit"
+
+
+def _same_light(context: StudyContext, value: str) -> str | None:
+    if value == "raster" and not traced_sources(context.scene, context.baseline):
+        return "the baseline's light is of the raster method"
+    return None
+
+
 def _without_probes(context: StudyContext) -> str | None:
+    if reason := _without_raster_indirect(context):
+        return reason
     method = {"auto": "probes"}.get(context.baseline.lighting.indirect, context.baseline.lighting.indirect)
-    return context.disabled("indirect") or (None if method == "probes" else f"the indirect-light method is {method}")
+    return None if method == "probes" else f"the indirect-light method is {method}"
+
+
+def _phrase_light(value: str) -> str:
+    method, _, samples = value.partition("@")
+    return f"{method}, {samples} spp" if samples else f"{method} light"
 
 
 def _phrase_pairs(value: str) -> str:
@@ -137,16 +179,17 @@ PARAMETERS: dict[str, Parameter] = {
     for parameter in (
         Parameter(
             "scale", "image size relative to --size; larger pixels also discard a wider strip at the image edge",
-            (0.25, 0.5, 0.75, 1.0), 1.0, COLUMNS, lambda v: f"{100 * v:g} % resolution",
+            (0.25, 0.5, 0.75, 1.0), None, COLUMNS, lambda v: f"{100 * v:g} % resolution", kind="grid",
         ),
         Parameter(
-            "pairs", "pairs to evaluate: every k-th, or two from each of H strata; the error is at least the half "
-            "width of the confidence interval", ("every:8", "strata:2", "every:4", "strata:4", "strata:8", "every:2",
-            "all"), "all", COLUMNS, _phrase_pairs, inapplicable_value=_bad_pair_sample,
+            "pairs", "pairs to evaluate: every k-th, or two from each of H strata",
+            ("every:8", "strata:2", "every:4", "strata:4", "strata:8", "every:2", "all"), None, COLUMNS, _phrase_pairs,
+            kind="grid", inapplicable_value=_bad_pair_sample,
         ),
         Parameter(
             "samples_per_pixel", "sub-pixel positions at which both frames of a pair are rendered and classified",
-            (1, 4), 16, COLUMNS, lambda v: f"{v} samples per pixel" if v > 1 else "1 sample per pixel",
+            (1, 4, 16), None, COLUMNS, lambda v: f"{v} samples per pixel" if v > 1 else "1 sample per pixel",
+            kind="grid",
         ),
         Parameter(
             "storage", "component type of channels between passes; double: float channels, masks by the float64 "
@@ -173,11 +216,16 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter(
             "indirect", "method of indirect light", ("none", "rsm", "probes"), "probes", INDIRECT,
             lambda v: "no indirect light" if v == "none" else f"indirect light by {v}",
-            inapplicable=_without("indirect"),
+            inapplicable=_without_raster_indirect,
         ),
         Parameter(
             "indirect_samples", "virtual point lights", (256, 1024, 4096), 4096, INDIRECT, lambda v: f"{v} VPLs",
-            inapplicable=_without("indirect"),
+            inapplicable=_without_raster_indirect,
+        ),
+        Parameter(
+            "light", "method of light, path-traced with its samples per pixel",
+            ("raster", *(f"{TRACED}@{n}" for n in (1, 4, 16, 64))), None, LIGHT, _phrase_light,
+            inapplicable=_without_light, inapplicable_value=_same_light,
         ),
         Parameter(
             "probes", "irradiance probes", (96, 768, 3072), 3072, INDIRECT, lambda v: f"{v} probes",

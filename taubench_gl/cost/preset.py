@@ -3,17 +3,38 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.data_files import read_toml
 from taubench_gl.errors import SettingsError
 from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.settings import FIELDS, REMOVED, SELECTING, Settings
 
 PRESET_SCHEMA = "taubench-gl/preset/1"
-_HINT = "'taubench-gl cost --within' writes presets"
+LEVEL_NAMES = ("draft", "fast", "balanced", "accurate", "highest")
+LEVELS = {name: Path(__file__).parent / "levels" / f"{name}.toml" for name in LEVEL_NAMES}
+"""Presets of the package by name, from the fastest to the most exact; ``balanced`` is the defaults."""
+
+LEVEL_FIELDS = ("storage", "light", "spp", "indirect", "indirect_samples", "probes", "shadow_size", "shadow_filter",
+                "shadow_lights", "light_error")  # fmt: skip
+"""What a level sets: everything that trades accuracy for time on the same pixels and pairs."""
+
+_HINT = "'taubench-gl cost' writes presets"
+
+
+def level_settings(name: str) -> dict[str, Any]:
+    """Fields of ``Settings`` of a built-in level."""
+    return load_preset(LEVELS[name])
+
+
+def save_level(path: Path, values: Mapping[str, Any], measured: Mapping[str, Any]) -> None:
+    """Write ``values`` of LEVEL_FIELDS, None left out, as a preset.  Raises OutputError."""
+    lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]"]
+    lines += [f"{name} = {_toml(values[name])}" for name in LEVEL_FIELDS if values[name] is not None]
+    lines += ["", "[measured]  # for the reader, not read back", *(f"{k} = {_toml(v)}" for k, v in measured.items())]
+    write_atomically(path, "\n".join(lines) + "\n")
 
 
 def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> None:
@@ -32,12 +53,7 @@ def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> 
 def load_preset(path: str | Path) -> dict[str, Any]:
     """Fields of ``Settings`` by name, checked.  Raises SettingsError for any other file and for invalid values."""
     path = Path(path)
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(f"cannot be read: {error.strerror}", where=str(path)) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"is not TOML: {error}", where=str(path)) from None
+    values = read_toml(path, fault=SettingsError)
     if values.get("schema") != PRESET_SCHEMA:
         what = f"schema is {values.get('schema')!r}, expected {PRESET_SCHEMA!r}"
         raise SettingsError(what, where=str(path), hint=_HINT)

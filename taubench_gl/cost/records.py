@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.data_files import parse_json
 from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write
 
@@ -72,10 +73,10 @@ class Records:
 
 def _parse(line: bytes, path: Path, number: int) -> dict[str, Any]:
     try:
-        record = json.loads(line)
-    except ValueError:
+        record = parse_json(line)
+    except (ValueError, RecursionError):
         record = None
-    if not isinstance(record, dict) or "kind" not in record:
+    if not isinstance(record, dict) or not isinstance(record.get("kind"), str):
         hint = "delete the file to start from scratch"
         raise OutputError("is not a record of a study", where=f"{path}:{number}", hint=hint)
     return record

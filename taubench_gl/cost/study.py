@@ -1,4 +1,4 @@
-"""``cost``: error and time of every declared configuration of one scene, and which one to use."""
+"""``cost``: mask error and time of every declared configuration of one scene, and which one to use."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from datetime import date
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,45 +16,55 @@ from typing import Any
 from taubench_gl.animation import CameraTrack, camera_of_run
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import methods
-from taubench_gl.cost.analysis import validate
-from taubench_gl.cost.configurations import BASELINE, HIGHEST, Plan, fingerprint, identity, make_plan
-from taubench_gl.cost.errors import (
-    COMPARED_CHANNELS,
-    center_settings,
-    compare_features,
-    feature_frames,
-    from_run,
-    measure_errors,
-    render_channels,
-)
+from taubench_gl.cost.analysis import OVERALL
+from taubench_gl.cost.configurations import BASELINE, HIGHEST, Configuration, Plan, fingerprint, identity, make_plan
+from taubench_gl.cost.errors import measure_columns
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext
+from taubench_gl.cost.pixels import PairChannels, PixelSample, draw_pixels, pack, rendered_masks
+from taubench_gl.cost.pixels import Subject as PixelSubject
 from taubench_gl.cost.records import RECORDS_FILE, Records
+from taubench_gl.cost.reference import (
+    FIRST,
+    MOST,
+    SUMS_FILE,
+    TracedPixels,
+    reference_light,
+    render_light,
+    traced_masks,
+)
 from taubench_gl.cost.result import CostStudy, assemble
-from taubench_gl.cost.timing import SWEEPS, Clock, OpenConfiguration, Pool, StudyTimer, due_visits, round_medians
+from taubench_gl.cost.timing import Clock, OpenConfiguration, Pool, StudyTimer, due_visits
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError, note_renamed
 from taubench_gl.evaluation import file_hashes, files_identity, frame_range, resolve_lighting
+from taubench_gl.folder_lock import FolderLock
+from taubench_gl.frame.plan import FramePlan
 from taubench_gl.frame.spec import SceneFacts, ranked_with_sun
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK, TimerVerdict, probe_timer
-from taubench_gl.pathtraced.compare import noise_floor_percent
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
 from taubench_gl.pathtraced.series import Render, SampleCountSeries, find_series
 from taubench_gl.provenance import provenance
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.path_traced import reference_samples
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
-REFERENCE = "highest-quality"
+HIGHEST_QUALITY, PATH_TRACED = "highest-quality", "path-traced"
 FORMER_REFERENCE = "best"
 REPEATS = 5
-MIN_VALIDATION_ROUNDS = 3
+SAMPLES = 256
+"""Samples per pixel of the path-traced reference where neither they nor the time are limited."""
+
+REFERENCE_SHARE, MASK_SHARE = 1 / 3, 0.65
+"""Of the time limit: when the reference ends, and when the masks of further configurations do."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Reported before each measurement."""
+    """Reported before each measurement.  ``total``: an upper bound where time is limited."""
 
     done: int
     total: int
@@ -64,25 +75,29 @@ Progress = Callable[[Step], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """What the recommended configuration must meet."""
+class Request:
+    """What a study is asked for, besides scene and settings."""
 
-    within: float | None  # percentage points
+    reference: str | None  # None: path-traced where anything is lit, else highest quality
+    within: float | None  # percent of the pixels
     budget_ms: float | None
-    columns: Sequence[str] | None  # None: all
+    choose_for: str
+    repeats: int
+    time_limit: float | None  # seconds
 
     def check(self, measured: Sequence[str]) -> None:
         """Raises SettingsError.  ``measured``: the columns of the study."""
         if self.within is not None and not self.within >= 0:
-            raise SettingsError(f"within is {self.within}", hint="give percentage points of at least 0")
+            raise SettingsError(f"within is {self.within}", hint="give percent of the pixels, at least 0")
         if self.budget_ms is not None and not self.budget_ms > 0:
             raise SettingsError(f"budget is {self.budget_ms} ms", hint="give milliseconds above 0")
-        for column in self.columns or ():
-            if column not in COLUMNS:
-                raise SettingsError(f"no column is named {column!r}", hint=f"choose from {', '.join(COLUMNS)}")
-            if column not in measured:
-                hint = "it is not among the columns to measure"
-                raise SettingsError(f"nothing can be chosen for {column}", hint=hint)
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise SettingsError(f"time limit is {self.time_limit} s", hint="give a time above 0")
+        if self.repeats < 1:
+            raise SettingsError(f"repeats is {self.repeats}", hint="give 1 or more; 3 for a spread")
+        if self.choose_for not in (OVERALL, *measured):
+            hint = f"choose from {', '.join((OVERALL, *measured))}"
+            raise SettingsError(f"nothing can be chosen for {self.choose_for!r}", hint=hint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,16 +110,19 @@ class Subject:
     camera: CameraTrack
     frames: range
     plan: Plan
+    sample: PixelSample
     methods: tuple[methods.MethodConfiguration, ...]
-    series: SampleCountSeries | None  # path-traced reference; None: highest quality
+    series: SampleCountSeries | None  # path-traced renders as reference
+    reference: str  # highest-quality | path-traced | exr
+    samples: int | None  # asked for, of the path-traced reference
 
     @property
     def baseline(self) -> Settings:
         return self.plan.named(BASELINE).settings
 
     @property
-    def renders(self) -> tuple[Render, ...]:
-        return () if self.series is None else self.series.renders
+    def pixels(self) -> PixelSubject:
+        return PixelSubject(self.gpu, self.scene, self.camera, self.baseline, self.sample)
 
 
 def cost(
@@ -114,73 +132,64 @@ def cost(
     out: str | Path,
     parameters: Sequence[str] | None = None,
     method_inputs: Sequence[str] = methods.INPUTS,
-    reference: str = REFERENCE,
+    reference: str | None = None,
     within: float | None = None,
     budget_ms: float | None = None,
-    choose_for: Sequence[str] | None = None,
+    choose_for: str = OVERALL,
     repeats: int = REPEATS,
+    time_limit: float | None = None,
     fresh: bool = False,
-    check: bool = True,
     progress: Progress | None = None,
     now: Clock = time.perf_counter,
     **overrides: Any,
 ) -> CostStudy:
-    """Measure error and time of every configuration, and recommend one.
+    """Measure mask error and time of every configuration, and recommend one.
 
-    ``settings`` and ``overrides`` (fields of Settings) are the baseline.  ``parameters``: names in ``PARAMETERS``
-    (None: all) and ``method:NAME@setting=VALUES``, reuse methods, evaluated by their images on ``method_inputs``.
-    ``reference``: "highest-quality", or ``exr:DIR``, path-traced renders.  ``within`` percentage points and
-    ``budget_ms`` select the preset, for the columns ``choose_for`` (None: all).  ``repeats``: interleaved rounds of
-    timing.  ``out`` holds the records: called again, the study resumes; ``fresh`` starts from scratch.  ``check``: run
-    the chosen configuration again and validate it.  ``now``: the clock of frames.  Raises TaubenchError.
+    ``settings`` and ``overrides`` (fields of Settings) are the baseline.  ``parameters``: names in ``PARAMETERS``,
+    ``levels``, ``effects`` (None: all these) and ``method:NAME@setting=VALUES``, reuse methods, evaluated by their
+    images on ``method_inputs``.  ``reference``: "path-traced", "path-traced@M" with M samples per pixel,
+    "highest-quality", or ``exr:DIR``, path-traced renders; None: path-traced where anything is lit.  ``within`` percent
+    of the pixels and ``budget_ms`` limit the recommendation, for one column or the overall error (``choose_for``).
+    ``repeats``: interleaved rounds of timing.  ``time_limit``: seconds, after which no measurement is started.  ``out``
+    holds the records: called again, the study resumes; ``fresh`` starts from scratch.  Interrupted by the keyboard, it
+    returns what is measured so far.
+    ``now``: the clock of frames.  Raises TaubenchError.
     """
     baseline = (settings or Settings()).replace(**overrides)
-    limits = Limits(within, budget_ms, choose_for)
-    limits.check(baseline.metrics.columns)
-    if repeats < 1:
-        raise SettingsError(f"repeats is {repeats}", hint="give 1 or more; 3 for a spread")
+    request = Request(reference, within, budget_ms, choose_for, repeats, time_limit)
+    request.check(baseline.metrics.columns)
     if parameters is not None and not parameters:
         raise SettingsError("no parameter is given", hint=f"choose from {', '.join(PARAMETERS)}, method:NAME")
     names, method_names = methods.split_parameters(parameters)
     chosen_methods = methods.method_configurations(method_names, method_inputs)
     if not isinstance(scene, Scene):
-        scene = load_scene(scene, scene=baseline.sequence.scene, animation=baseline.sequence.animation)
-    series = _open_reference(reference)
+        scene = load_scene(scene, **baseline.sequence.reading)
+    series = find_series(reference) if reference is not None and is_sequence(reference) else None
     if series is not None:
         baseline = series.settings(baseline)
     requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
     baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
-    subject = _subject(scene, baseline, names, chosen_methods, series)
+    subject = _subject(scene, baseline, names, chosen_methods, series, reference)
     out = Path(out)
-    if fresh:
-        (out / RECORDS_FILE).unlink(missing_ok=True)
     about = _about(subject, reference)
-    records = Records(out, {"identity": _identity(subject, about), "machine": about["machine"], "about": about})
-    with closing(records):
-        measurements = Measurements(subject, records, repeats, progress, now)
-        measurements.measure_errors()
-        measurements.measure_times()
-        measurements.measure_methods()
-        study = assemble(about, subject.plan, series, records.lines, repeats)
-        study.requested_lighting = requested
-        study.methods = methods.method_points(chosen_methods, records.lines, repeats)
-        study.choose(within, budget_ms, choose_for)
-        if check and study.chosen is not None and study.chosen.point is not None:
-            repeated = measurements.repeat(study.chosen.point.name)
-            percent = study.about["reference"]["percent"]
-            study.validation = validate(study.chosen, study.point(BASELINE).time, percent, repeated)
+    header = {"identity": _identity(subject, about), "machine": about["machine"], "about": about}
+    with FolderLock(out):
+        if fresh:
+            for name in (RECORDS_FILE, SUMS_FILE):
+                (out / name).unlink(missing_ok=True)
+        with closing(Records(out, header)) as records:
+            measurements = Measurements(subject, records, request, out, progress, now)
+            interrupted = False
+            try:
+                measurements.run()
+            except KeyboardInterrupt:
+                interrupted = True
+            study = assemble(about, subject.plan, records.lines, repeats)
+            study.about["interrupted"], study.requested_lighting = interrupted, requested
+            study.methods = methods.method_points(chosen_methods, records.lines, repeats)
+            study.choose(within, budget_ms, choose_for)
     study.out = out
     return study
-
-
-def _open_reference(reference: str) -> SampleCountSeries | None:
-    if is_sequence(reference):
-        return find_series(reference)
-    if reference == FORMER_REFERENCE:
-        note_renamed(f"reference {FORMER_REFERENCE}", f"reference {REFERENCE}")
-    elif reference != REFERENCE:
-        raise SettingsError(f"no reference is named {reference!r}", hint=f"choose {REFERENCE}, or exr:DIR")
-    return None
 
 
 def _subject(
@@ -189,6 +198,7 @@ def _subject(
     names: Sequence[str] | None,
     chosen_methods: tuple[methods.MethodConfiguration, ...],
     series: SampleCountSeries | None,
+    reference: str | None,
 ) -> Subject:
     camera = camera_of_run(scene, baseline.sequence)
     frames = frame_range(scene, camera, baseline)
@@ -198,21 +208,43 @@ def _subject(
     ranked = tuple(ranked_with_sun(SceneFacts(scene, camera).ranked_lights, environment_of(baseline).sun))
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
+    kind, samples = ("exr", None) if series is not None else _reference_kind(reference, context)
     plan = make_plan(context, names, bare=bool(chosen_methods))
     with gpu:
         verdict = probe_timer(gpu)
-    return Subject(gpu, verdict, scene, camera, frames, plan, chosen_methods, series)
+    sample = draw_pixels(frames, (baseline.sequence.width, baseline.sequence.height))
+    return Subject(gpu, verdict, scene, camera, frames, plan, sample, chosen_methods, series, kind, samples)
 
 
-def _about(subject: Subject, reference: str) -> dict[str, Any]:
+def _reference_kind(reference: str | None, context: StudyContext) -> tuple[str, int | None]:
+    """``path-traced`` with the samples that were asked for, or ``highest-quality``.  Raises SettingsError."""
+    lit = PARAMETERS["light"].inapplicable(context) is None
+    if reference is None:
+        return (PATH_TRACED if lit else HIGHEST_QUALITY), None
+    if reference == FORMER_REFERENCE:
+        note_renamed(f"reference {FORMER_REFERENCE}", f"reference {HIGHEST_QUALITY}")
+    if reference in (HIGHEST_QUALITY, FORMER_REFERENCE):
+        return HIGHEST_QUALITY, None
+    samples = None if reference == PATH_TRACED else reference_samples(reference)
+    if reference != PATH_TRACED and samples is None:
+        hint = f"choose {PATH_TRACED}, {PATH_TRACED}@M, {HIGHEST_QUALITY}, or exr:DIR"
+        raise SettingsError(f"no reference is named {reference!r}", hint=hint)
+    if not lit:
+        hint = f"give --reference {HIGHEST_QUALITY}"
+        raise SettingsError("nothing is lit: there is no path-traced reference", hint=hint)
+    return PATH_TRACED, samples
+
+
+def _about(subject: Subject, reference: str | None) -> dict[str, Any]:
     """The blocks of study.json that say what was measured, where and with which clock."""
     gpu, scene, series, sequence = subject.gpu, subject.scene, subject.series, subject.baseline.sequence
-    if series is None:
-        described = {"kind": HIGHEST, "name": HIGHEST, "identity": HIGHEST}
-    else:
+    described: dict[str, Any] = {"kind": subject.reference, "identity": subject.reference, "path": None}
+    if series is not None:
         hashes = [r.sequence.sha256()[:16] for r in (*series.renders, *filter(None, (series.second,)))]
-        described = {"kind": "path_traced", "name": series.reference.name, "identity": " ".join(hashes)}
-        described["path"] = reference
+        described |= {"identity": " ".join(hashes), "path": reference, "samples": series.reference.samples}
+    elif subject.samples is not None:
+        described["identity"] = f"{PATH_TRACED}@{subject.samples}"
+    plan = FramePlan(scene, subject.baseline, subject.camera)
     return {
         "scene": {"name": scene.name, "sha256": scene.sha256, "stand_in": scene.stand_in},
         "camera": subject.camera.describe(),
@@ -220,8 +252,11 @@ def _about(subject: Subject, reference: str) -> dict[str, Any]:
         "fps": sequence.fps,
         "frames": [subject.frames.start, subject.frames.stop],
         "pairs": len(subject.frames) - 1,
+        "columns": [c for c in COLUMNS if c in subject.baseline.metrics.columns],
+        "pixels": {"count": len(subject.sample), "pairs": len(subject.sample.frames)},
         "reference": described,
         "lighting": {name: subject.baseline.to_dict()[name] for name in FIXED_LIGHTING},
+        "effects": {name: {k: row[k] for k in ("on", "gpu_bytes")} for name, row in plan.costs().items()},
         "machine": {
             "renderer": gpu.renderer,
             "driver": gpu.version,
@@ -229,6 +264,7 @@ def _about(subject: Subject, reference: str) -> dict[str, Any]:
             "cores": os.cpu_count(),
         },
         "provenance": provenance(gpu, WALL_CLOCK),
+        "date": date.today().isoformat(),
         "clock": WALL_CLOCK,  # of frames: their time includes work of the CPU
         "pass_clock": StudyTimer(gpu, subject.verdict).clock,
         "parameters": list(subject.plan.parameters),
@@ -262,110 +298,186 @@ def _processor() -> str:
 class Measurements:
     """The measurements that are not in the records yet.  Each is recorded as soon as it is finished."""
 
-    def __init__(self, subject: Subject, records: Records, repeats: int, progress: Progress | None, now: Clock):
-        self._subject, self._records, self._repeats, self._now = subject, records, repeats, now
+    def __init__(
+        self, subject: Subject, records: Records, request: Request, out: Path, progress: Progress | None, now: Clock
+    ):
+        self._subject, self._records, self._request, self._out, self._now = subject, records, request, out, now
         self._progress = progress or (lambda step: None)
-        self._window = feature_frames(subject.frames)
-        self._reference: Mapping[int, Any] | None = None
-        self._features: dict[str, Any] = {}
-        configurations = subject.plan.configurations
-        measured = {r["configuration"] for r in records.of("error")}
-        self._errors_due = [n.name for n in (*subject.renders, *configurations) if n.name not in measured]
+        self._started = time.monotonic()
+        plan = subject.plan.configurations
+        renders = () if subject.series is None else subject.series.renders
+        masks = {r["configuration"] for r in records.of("masks")}
+        self._masks_due = [c for c in plan if c.comparable and c.name not in masks]
+        self._renders_due = [r for r in renders if r.name not in masks]
+        grid = any(not c.comparable for c in plan)
+        columns = {r["configuration"] for r in records.of("columns")}
+        self._columns_due = [
+            c for c in plan if c.name not in columns and (not c.comparable or (grid and c.name == BASELINE))
+        ]
         self._inputs = {c.input: [o for o in subject.methods if o.input == c.input] for c in subject.methods}
-        methods_due = len(self._inputs) * (1 + repeats) - len(records.of("images")) - len(records.of("image_time"))
-        visits = len(due_visits(configurations, repeats, records.of("time")))
-        self._done, self._total = 0, len(self._errors_due) + visits + max(methods_due, 0)
+        methods_due = len(self._inputs) * (1 + request.repeats)
+        methods_due -= len(records.of("images")) + len(records.of("image_time"))
+        visits = len(due_visits(plan, request.repeats, records.of("time")))
+        due = len(self._masks_due) + len(self._renders_due) + len(self._columns_due)
+        self._done, self._total = 0, due + visits + max(methods_due, 0) + (not records.of("reference"))
+        self._channels: PairChannels | None = None
 
-    def measure_errors(self) -> None:
-        """One full run of every render and configuration."""
-        for render in self._subject.renders:
-            if render.name in self._errors_due:
-                self._report(f"errors: {render.name}")
-                self._add("error", {"configuration": render.name} | self._render_errors(render))
-        for configuration in self._subject.plan.configurations:
-            if configuration.name not in self._errors_due:
-                continue
-            self._report(f"errors: {configuration.name}")
-            found = measure_errors(self._subject.scene, self._subject.camera, configuration)
-            if configuration.role != "definition":
-                found["features"] = self._feature_errors(configuration.settings)
-            self._add("error", {"configuration": configuration.name} | found)
+    def run(self) -> None:
+        """The reference, masks in the order of the plan, times in rounds, reuse methods, columns."""
+        self._measure_reference()
+        self._measure_masks()
+        self._measure_times()
+        self._measure_methods()
+        for configuration in self._columns_due:
+            if self._over(1.0):
+                return
+            self._report(f"columns: {configuration.name}")
+            found = measure_columns(self._subject.scene, self._subject.camera, configuration.settings)
+            self._add("columns", {"configuration": configuration.name} | found)
 
-    def _render_errors(self, render: Render) -> dict[str, Any]:
-        series, baseline = self._subject.series, self._subject.baseline
-        if render is series.reference:
-            run = render.evaluate(baseline, series.second)
-            return from_run(run) | {"floor": dict(noise_floor_percent(run.summary))}
-        channels = render.channels(baseline, self._window, COMPARED_CHANNELS)
-        features = compare_features(channels, self._reference_channels(), baseline)
-        return from_run(render.evaluate(baseline)) | {"features": features}
+    def _over(self, share: float) -> bool:
+        """Whether this share of the time limit has passed."""
+        limit = self._request.time_limit
+        return limit is not None and time.monotonic() - self._started > share * limit
 
-    def _feature_errors(self, settings: Settings) -> Any:
-        """Per-pixel errors, once for all settings that give the same pixel centers."""
-        key = repr(center_settings(settings))  # settings have no hash
-        if key not in self._features:
-            found = render_channels(self._subject.scene, self._subject.camera, settings, self._window)
-            self._features[key] = compare_features(found, self._reference_channels(), self._subject.baseline)
-        return self._features[key]
+    @property
+    def _pairs(self) -> PairChannels:
+        if self._channels is None:
+            self._channels = PairChannels(self._subject.pixels, self._subject.baseline)
+        return self._channels
 
-    def _reference_channels(self) -> Mapping[int, Any]:
-        if self._reference is None:
-            subject = self._subject
-            if subject.series is not None:
-                render = subject.series.reference
-                self._reference = render.channels(subject.baseline, self._window, COMPARED_CHANNELS)
-            else:
-                settings = subject.plan.named(HIGHEST).settings
-                self._reference = render_channels(subject.scene, subject.camera, settings, self._window)
-        return self._reference
+    def _measure_reference(self) -> None:
+        subject, known = self._subject, self._records.of("reference")
+        if subject.reference == PATH_TRACED:
+            self._trace_reference(known[-1] if known else {"samples": 0, "seconds": 0.0})
+        elif not known and subject.series is not None:
+            self._report(f"reference: {subject.series.reference.name}")
+            series = subject.series
+            light = render_light(series.reference, subject.baseline, subject.sample.frames)
+            found = {"samples": series.reference.samples, "words": pack(self._pairs.masks(light)), "halves": None}
+            if series.second is not None:
+                second = render_light(series.second, subject.baseline, subject.sample.frames)
+                found["halves"] = [found["words"], pack(self._pairs.masks(second))]
+            self._add("reference", found)
+        elif not known:
+            self._report("reference: highest quality")
+            settings = subject.plan.named(HIGHEST).settings
+            words = PairChannels(subject.pixels, settings, light=True).masks()
+            self._add("reference", {"samples": None, "words": pack(words), "halves": None})
 
-    def measure_times(self) -> None:
-        """The visits that are due, round by round, all configurations in turn."""
-        due = due_visits(self._subject.plan.configurations, self._repeats, self._records.of("time"))
+    def _trace_reference(self, known: Mapping[str, Any]) -> None:
+        """Trace until the samples that were asked for, or the reference's share of the time, are reached."""
+        subject, limit = self._subject, self._request.time_limit
+        wanted = subject.samples or (SAMPLES if limit is None else None)
+        seconds = known["seconds"]
+
+        def complete(samples: int) -> bool:
+            if wanted is not None and samples >= wanted:
+                return True
+            timed_out = limit is not None and seconds >= REFERENCE_SHARE * limit
+            return samples > 0 and timed_out
+
+        if complete(known["samples"]):
+            return
+        started = time.monotonic() - seconds
+        self._report("reference: channels of the sampled pairs")
+        traced = TracedPixels(subject.pixels, self._pairs, reference_light(subject.baseline))
+        try:
+            traced.load(self._out)
+            part = FIRST
+            while not complete(traced.samples):
+                self._report(f"reference: {traced.samples} samples per pixel", count=False)
+                part = part if wanted is None else min(part, max((wanted - traced.samples) // 2, 1))
+                for half in (0, 1):
+                    traced.trace(half, part)
+                traced.save(self._out)
+                part = min(2 * part, MOST)
+                seconds = time.monotonic() - started
+            halves = [pack(self._pairs.masks(traced.light((half,)))) for half in (0, 1)]
+            words = pack(self._pairs.masks(traced.light()))
+            self._add("reference", {"samples": traced.samples, "seconds": seconds, "words": words, "halves": halves})
+        finally:
+            traced.release()
+
+    def _measure_masks(self) -> None:
+        for render in self._renders_due:
+            self._report(f"masks: {render.name}")
+            self._add("masks", self._masks_of_render(render))
+        for configuration in self._masks_due:
+            if configuration.name != BASELINE and self._over(MASK_SHARE):
+                return
+            self._report(f"masks: {configuration.name}")
+            words = pack(self._masks(configuration))
+            self._add("masks", {"configuration": configuration.name, "words": words})
+
+    def _masks(self, configuration: Configuration) -> Any:
+        subject = self._subject.pixels
+        if configuration.on_cpu:
+            return PairChannels(subject, configuration.settings, light=True).masks()
+        if configuration.traced and self._subject.reference != HIGHEST_QUALITY:
+            return traced_masks(subject, self._pairs, configuration.settings)
+        return rendered_masks(subject, configuration.settings, configuration.without)
+
+    def _masks_of_render(self, render: Render) -> dict[str, Any]:
+        light = render_light(render, self._subject.baseline, self._subject.sample.frames)
+        found = {"configuration": render.name, "words": pack(self._pairs.masks(light))}
+        return found | {"samples": render.samples, "frame_ms": list(render.frame_ms), "clock": render.clock}
+
+    def _measure_times(self) -> None:
+        """The visits that are due, round by round, all configurations in turn, of those whose masks are known."""
+        masks = {r["configuration"] for r in self._records.of("masks")}
+        plan = [c for c in self._subject.plan.configurations if c.name in masks or not c.comparable]
+        due = due_visits(plan, self._request.repeats, self._records.of("time"))
         if not due:
             return
         with self._subject.gpu, self._pool() as pool:
-            for number, sweep, configuration in due:
-                self._report(f"round {number + 1} of {self._repeats}: {configuration.name}")
-                visit = pool.visit(configuration, passes=sweep == 0)
-                tag = {"configuration": configuration.name, "round": number, "sweep": sweep}
-                self._add("time", tag | {"load": _load_average()} | visit)
+            for number, configuration in due:
+                if self._over(1.0):
+                    return
+                if self._too_long(configuration) or (not configuration.comparable and self._over(0.85)):
+                    continue
+                self._report(f"round {number + 1} of {self._request.repeats}: {configuration.name}")
+                visit = pool.visit(configuration, passes=number == 0)
+                tag = {"configuration": configuration.name, "round": number, "load": _load_average()}
+                bytes_ = pool.bytes_of(configuration)
+                self._add("time", tag | visit | {"bytes": bytes_})
 
-    def measure_methods(self) -> None:
+    def _too_long(self, configuration: Configuration) -> bool:
+        """Whether a visit of path-traced light would end after the time limit, as far as other visits tell."""
+        limit = self._request.time_limit
+        if limit is None or not configuration.traced:
+            return False
+        known = {r["configuration"]: r["frame_ms"] for r in self._records.of("time")}
+        spp = configuration.settings.lighting.path_samples
+        counts = {c.name: c.settings.lighting.path_samples for c in self._subject.plan.configurations if c.traced}
+        per_sample = [known[name] / n for name, n in counts.items() if name in known]
+        ms = known.get(configuration.name, spp * max(per_sample) if per_sample else 0.0)
+        frames = 2 if configuration.name in known else 4  # a first visit also compiles
+        return 1e-3 * frames * ms > limit - (time.monotonic() - self._started)
+
+    def _measure_methods(self) -> None:
         """Reuse methods: image errors once per input, then times, all inputs in turn."""
         subject, baseline = self._subject, self._subject.baseline
-        reference = "max" if subject.series is None else f"{PREFIX}{subject.series.reference.folder}"
         measured = {r["input"] for r in self._records.of("images")}
         for kind, chosen in self._inputs.items():
             if kind not in measured:
                 self._report(f"images of {len(chosen)} methods: {kind}")
+                reference = self._image_reference(kind)
                 found = methods.measure_images(subject.scene, subject.camera, baseline, chosen, reference)
                 self._add("images", {"input": kind} | found)
         timed = [r["input"] for r in self._records.of("image_time")]
-        for number, (kind, chosen) in product(range(self._repeats), self._inputs.items()):
+        for number, (kind, chosen) in product(range(self._request.repeats), self._inputs.items()):
             if timed.count(kind) <= number:
-                self._report(f"round {number + 1} of {self._repeats}: {len(chosen)} methods, {kind}")
+                self._report(f"round {number + 1} of {self._request.repeats}: {len(chosen)} methods, {kind}")
                 found = methods.time_methods(subject.scene, subject.camera, baseline, subject.frames, chosen)
                 self._add("image_time", {"input": kind, "round": number, "load": _load_average()} | found)
 
-    def repeat(self, name: str) -> dict[str, Any]:
-        """Measure one configuration again: ``percent`` by column, and ``frame_ms`` and ``baseline_ms`` by round."""
-        configuration, baseline = self._subject.plan.named(name), self._subject.plan.named(BASELINE)
-        self._report(f"validation: errors of {name}", count=False)
-        found = measure_errors(self._subject.scene, self._subject.camera, configuration)
-        rounds = max(MIN_VALIDATION_ROUNDS, self._repeats)
-        visits = []
-        with self._subject.gpu, self._pool() as pool:
-            for number, _ in product(range(rounds), range(SWEEPS)):
-                for each in {name: configuration, BASELINE: baseline}.values():
-                    self._report(f"validation, round {number + 1} of {rounds}: {each.name}", count=False)
-                    visits.append({"configuration": each.name, "round": number} | pool.visit(each))
-        medians = round_medians(visits)
-        return {
-            "percent": {c: e["percent"] for c, e in found["columns"].items()},
-            "frame_ms": [r["frame_ms"] for r in medians[name]],
-            "baseline_ms": [r["frame_ms"] for r in medians[BASELINE]],
-        }
+    def _image_reference(self, kind: str) -> str:
+        """The reference of reuse methods on inputs of ``kind``."""
+        subject = self._subject
+        if subject.series is not None:
+            return f"{PREFIX}{subject.series.reference.folder}"
+        return f"path-traced@{subject.samples or SAMPLES}" if parse_input(kind).path_samples else "max"
 
     def _pool(self) -> Pool:
         s = self._subject

@@ -1,6 +1,6 @@
 """Interleaved timing: configurations are kept open and visited in turn, so that drift of the machine affects all alike.
 
-A round visits all configurations ``SWEEPS`` times, A B C A B C A B C, and records the median of the visits.  A visit
+A round visits all configurations once, A B C A B C.  A visit
 runs the evaluation loop (``evaluation.PairEvaluator``, counts read one pair late) over the same few frames.
 """
 
@@ -16,7 +16,7 @@ from typing import Any
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.cost.configurations import Configuration
 from taubench_gl.evaluation import PairEvaluator, frame_range, frame_schedule
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import available_bytes
 from taubench_gl.gpu.passes import GpuContext
@@ -24,9 +24,6 @@ from taubench_gl.gpu.timing import PassTimer, TimerVerdict
 from taubench_gl.scene.model import Scene
 
 GPU_CLOCK = "GPU timer query, checked against the wall clock"
-
-SWEEPS = 3
-"""Visits per configuration and round.  Interference that lasts seconds affects one of them; the median drops it."""
 
 TIMED, WARM = 4, 2
 """Frames timed in a visit, and frames drawn before them that are not timed."""
@@ -88,11 +85,14 @@ class OpenConfiguration:
         window = schedule[start : start + TIMED + WARM]
         if not any(evaluated for _, evaluated in window[WARM:]):
             window = schedule[-(TIMED + WARM) :]
-        warm = min(WARM, len(window) - 1)
+        if configuration.traced:  # a frame takes long, and always the same
+            window = window[WARM - 1 : WARM + 1]
+        warm = min(WARM, len(window) - 1, len(window) // 2)
         self._warm, self._timed = window[:warm], window[warm:]
         self._drawn_share = len(schedule) / len(frames)
         self._context = GpuContext(gpu, timer=timer)
-        self._source = RasterSource(gpu, scene, camera, settings, timer=timer, poser=Poser(scene))
+        options = SourceOptions(without=configuration.without)
+        self._source = RasterSource(gpu, scene, camera, settings, options, timer=timer, poser=Poser(scene))
         self._evaluator = PairEvaluator(self._context, self._source, settings)
         self._compiled = False
 
@@ -171,33 +171,27 @@ class Pool:
         self._open[name] = opened
         return opened.visit(passes)
 
+    def bytes_of(self, configuration: Configuration) -> int:
+        """Allocated by the configuration visited last."""
+        return self._open[configuration.name].bytes
+
 
 def due_visits(
     configurations: Iterable[Configuration], rounds: int, done: Iterable[Mapping[str, Any]]
-) -> list[tuple[int, int, Configuration]]:
-    """(round, sweep, configuration) still to be timed, interleaved.  ``done``: records of visits."""
+) -> list[tuple[int, Configuration]]:
+    """(round, configuration) still to be timed, interleaved.  ``done``: records of visits."""
     counted = Counter(record["configuration"] for record in done)
     timed = [c for c in configurations if not c.on_cpu]
-    order = ((r, k) for r in range(rounds) for k in range(SWEEPS))
-    return [(r, k, c) for r, k in order for c in timed if counted[c.name] <= r * SWEEPS + k]
+    return [(r, c) for r in range(rounds) for c in timed if counted[c.name] <= r]
 
 
-def round_medians(visits: Iterable[Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Configuration -> one record for every complete round, in order: ``frame_ms``, the median of its visits, and
-    ``passes`` of its first visit."""
-    groups: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
-    for visit in visits:
-        groups.setdefault((visit["configuration"], visit["round"]), []).append(visit)
-    out: dict[str, list[dict[str, Any]]] = {}
-    for (name, _), group in groups.items():
-        if len(group) == SWEEPS:
-            passes = next((v["passes"] for v in group if v.get("passes")), {})
-            median = statistics.median(v["frame_ms"] for v in group)
-            out.setdefault(name, []).append({"frame_ms": median, "passes": passes})
-    return out
+def rounds_of(visits: Iterable[Mapping[str, Any]], name: str) -> list[Mapping[str, Any]]:
+    """Visits of one configuration in the order of their rounds: ``frame_ms``, and ``passes`` of the first."""
+    return sorted((v for v in visits if v["configuration"] == name), key=lambda v: v["round"])
 
 
 def median_passes(rounds: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Milliseconds of a drawn frame by pass, medians over rounds; 0 where a round lacks the pass."""
-    names = sorted({name for r in rounds for name in r["passes"]})
-    return {n: statistics.median(r["passes"].get(n, 0.0) for r in rounds) for n in names}
+    timed = [r["passes"] for r in rounds if r.get("passes")]
+    names = sorted({name for passes in timed for name in passes})
+    return {n: statistics.median(passes.get(n, 0.0) for passes in timed) for n in names}

@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from taubench_gl.errors import DatasetError
+from taubench_gl.data_files import read_json
+from taubench_gl.errors import DatasetError, OutputError
 
 CHUNK = 1 << 20
 TRIES = 4
@@ -135,8 +136,8 @@ def _begun(part: Path, url: str) -> Version | None:
     if not part.exists():
         return None
     try:
-        begun = Version(**json.loads(_record(part).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
+        begun = Version(**read_json(_record(part), Version))
+    except (DatasetError, OutputError, TypeError):
         return None
     return begun if begun.url == url else None
 

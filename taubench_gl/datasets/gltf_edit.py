@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.errors import SettingsError
+from taubench_gl.data_files import parse_json
+from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.outputs import text_bytes, write_atomically
 from taubench_gl.scene.gltf.document import BIN_CHUNK, GLB_MAGIC, JSON_CHUNK, MESHOPT, open_document, read_uri
 from taubench_gl.scene.gltf.materials import IMAGE_MEDIA_TYPES
@@ -22,7 +23,8 @@ from taubench_gl.scene.gltf.materials import IMAGE_MEDIA_TYPES
 Json = dict[str, Any]
 _FLOAT = 5126
 _TYPE = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-_MAGIC = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}
+_MAGIC = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp",
+          b"\xabKTX 20\xbb": "image/ktx2"}  # fmt: skip
 
 
 class GltfEditor:
@@ -31,7 +33,10 @@ class GltfEditor:
     def __init__(self, path: str | Path):
         self.path = Path(path)
         document = open_document(self.path)
-        self.root: Json = json.loads(_json_text(self.path))
+        try:
+            self.root: Json = parse_json(document.repaired or _json_text(self.path))
+        except (ValueError, RecursionError) as error:  # in parts that the scene reader skips
+            raise SceneError(f"is not valid JSON: {error}", where=str(self.path)) from None
         self._blob = bytearray()
         self._embed_images(document)
         self._merge_buffers(document.buffers)
@@ -126,7 +131,10 @@ class GltfEditor:
             uri = image.get("uri")
             if uri is None or uri[:5].lower() == "data:":
                 continue
-            data = read_uri(document, uri, f"/images/{i}/uri", IMAGE_MEDIA_TYPES)
+            try:
+                data = read_uri(document, uri, f"/images/{i}/uri", IMAGE_MEDIA_TYPES)
+            except SceneError:
+                continue
             kind = next((kind for magic, kind in _MAGIC.items() if data.startswith(magic)), None)
             if kind is not None:
                 image["uri"] = f"data:{kind};base64," + base64.b64encode(data).decode()

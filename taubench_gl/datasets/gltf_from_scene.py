@@ -14,6 +14,7 @@ import pygltflib as gl
 
 from taubench_gl.datasets.gltf_writer import Writer
 from taubench_gl.errors import SceneError
+from taubench_gl.scene.gltf.reader import CONSTANT_LIGHTS
 from taubench_gl.scene.model import Camera, Channel, Light, Material, Primitive, Scene, Texture
 
 Array = np.ndarray
@@ -30,6 +31,8 @@ def write_scene(scene: Scene, path: Path) -> None:
     materials = [_material(w, m, textures) for m in scene.materials]
     cameras = [_camera(w, c) for c in scene.cameras]
     lights = [_light(w, light) for light in scene.lights]
+    if any(light.constant for light in scene.lights):  # all or none: AFF's, which have no form in glTF
+        w.gltf.asset.extras = {"taubench_gl": {CONSTANT_LIGHTS: "they are not attenuated with distance"}}
     meshes = [_mesh(w, mesh.name, mesh.primitives, mesh.weights, materials) for mesh in scene.meshes]
     nodes = _nodes(w, scene, meshes, cameras, lights)
     tracks = [_track(channel, nodes) for channel in scene.channels]

@@ -11,14 +11,13 @@ JSON may also be an object of three lists: time (N), position (N, 3), rotation (
 
 from __future__ import annotations
 
-import csv
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from taubench_gl.data_files import read_csv, read_json
 from taubench_gl.errors import SceneError
 
 Array = np.ndarray
@@ -47,15 +46,7 @@ class RecordedPath:
 def read_recorded(path: str | Path) -> RecordedPath:
     """Read a log.  Raises SceneError that names the line or the missing part."""
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise SceneError("no such file", where=str(path), hint="check the path") from None
-    except UnicodeDecodeError:
-        raise SceneError("is not UTF-8 text", where=path.name, hint="save it as CSV or JSON") from None
-    except OSError as error:
-        raise SceneError(f"cannot be read: {error.strerror}", where=str(path)) from None
-    rows, names = _json_rows(text, path) if path.suffix.lower() == ".json" else _csv_rows(text, path)
+    rows, names = _json_rows(path) if path.suffix.lower() == ".json" else _csv_rows(path)
     if len(rows) < 2:
         raise SceneError(f"holds {len(rows)} poses", where=path.name, hint="a camera path needs at least two")
     table = np.array(rows, dtype=np.float64)
@@ -78,34 +69,28 @@ def read_recorded(path: str | Path) -> RecordedPath:
     return RecordedPath(table[:, 0] - table[0, 0], table[:, 1:4], rotation)
 
 
-def _csv_rows(text: str, path: Path) -> tuple[list[list[float]], list[str]]:
-    reader = csv.reader(text.splitlines())
-    try:
-        header = [name.strip().lower() for name in next(reader, [])]
-        missing = [name for name in COLUMNS if name not in header]
-        if missing:
-            raise SceneError(f"no column {', '.join(missing)}", where=f"{path.name}:1",
-                             hint=f"the first line names the columns {','.join(COLUMNS)}")  # fmt: skip
-        places = [header.index(name) for name in COLUMNS]
-        rows, names = [], []
-        for cells in reader:
-            if not any(cell.strip() for cell in cells):
-                continue
-            where = f":{reader.line_num}"
-            if len(cells) < len(header):
-                raise SceneError(f"{len(cells)} of {len(header)} columns", where=f"{path.name}{where}")
-            rows.append([_number(cells[k], path, where) for k in places])
-            names.append(where)
-    except csv.Error as error:
-        raise SceneError(f"is not CSV: {error}", where=f"{path.name}:{reader.line_num}") from None
+def _csv_rows(path: Path) -> tuple[list[list[float]], list[str]]:
+    lines = read_csv(path, SceneError)
+    header = [name.strip().lower() for name in next(lines, (1, []))[1]]
+    missing = [name for name in COLUMNS if name not in header]
+    if missing:
+        raise SceneError(f"no column {', '.join(missing)}", where=f"{path.name}:1",
+                         hint=f"the first line names the columns {','.join(COLUMNS)}")  # fmt: skip
+    places = [header.index(name) for name in COLUMNS]
+    rows, names = [], []
+    for number, cells in lines:
+        if not any(cell.strip() for cell in cells):
+            continue
+        where = f":{number}"
+        if len(cells) < len(header):
+            raise SceneError(f"{len(cells)} of {len(header)} columns", where=f"{path.name}{where}")
+        rows.append([_number(cells[k], path, where) for k in places])
+        names.append(where)
     return rows, names
 
 
-def _json_rows(text: str, path: Path) -> tuple[list[list[float]], list[str]]:
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"is not valid JSON: {error}", where=path.name) from None
+def _json_rows(path: Path) -> tuple[list[list[float]], list[str]]:
+    data = read_json(path, fault=SceneError)
     if isinstance(data, dict):
         parts = [data.get(name) for name in ("time", "position", "rotation")]
         lists = all(isinstance(part, list) for part in parts)
@@ -137,5 +122,5 @@ def _number(value: Any, path: Path, where: str) -> float:
         if isinstance(value, bool):
             raise TypeError
         return float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise SceneError(f"{str(value)[:40]!r} is not a number", where=f"{path.name}{where}") from None

@@ -1,16 +1,18 @@
 """The registry of named scenes: those of the package and the user's.
 
-A registry is a TOML file with one table per scene (``[my-scene]``): ``title`` and ``format`` (gltf, obj, obj sequence,
-aff, fbx, blend), and if known ``authors``, ``license``, ``homepage``, ``url`` (http or https), ``sha256`` of the file
-at the URL, ``scene`` (path or pattern of the scene inside the archive), ``unit_scale`` (units per meter), ``fps``,
-``frames`` ([first, last + 1]), ``camera``, ``paper`` (its row in the paper's tables), ``note``. A name in a later file
-replaces the same name in an earlier one.
+A registry is a TOML file with one table per scene (``[my-scene]``): ``title`` and ``format`` (``FORMATS``), and if
+known ``authors``, ``license``, ``homepage``, ``url`` (http or https), ``sha256`` of the file at the URL, ``scene``
+(path or pattern of the scene inside the archive), ``paper`` (its row in the paper's tables), ``note``.  What a
+reproduction needs: ``unit_scale`` (units per meter), ``fps`` of the images (Table 4) and ``camera_fps`` of camera
+activity (Tables 2 and 3), ``frames`` ([first, last + 1], at ``fps``), ``camera``, ``light_unit``, ``exposure``,
+``environment`` (as ``--environment``; an image inside the archive), ``thresholds`` (a table, by feature).  A name in
+a later file replaces the same name in an earlier one.
 """
 
 from __future__ import annotations
 
 import re
-import tomllib
+import shlex
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -18,9 +20,12 @@ from typing import Any
 
 import msgspec
 
-from taubench_gl.errors import DatasetError
+from taubench_gl.conventions import DEFAULT_FPS
+from taubench_gl.data_files import parse_toml, read_text
+from taubench_gl.errors import DatasetError, SettingsError
+from taubench_gl.settings import Settings
 
-FORMATS = ("gltf", "obj", "obj sequence", "aff", "fbx", "blend")
+FORMATS = ("gltf", "obj", "obj sequence", "aff", "fbx", "blend", "usd", "alembic", "ply", "stl", "collada")
 VARIABLE = "TAUBENCH_SCENES"
 """Environment variable with the user's registries, separated as in PATH."""
 
@@ -40,29 +45,53 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     scene: str | None = None
     unit_scale: float = 1.0
     fps: float | None = None
+    camera_fps: float | None = None
     frames: tuple[int, int] | None = None
     camera: str | None = None
+    light_unit: str | None = None
+    exposure: float | str | None = None
+    environment: str | None = None
+    thresholds: dict[str, float] | None = None
     paper: str | None = None
     note: str = ""
 
     def settings(self) -> dict[str, Any]:
-        """Settings of this scene.  ``frames`` are numbers at its ``fps``."""
-        known = {"fps": self.fps, "frames": self.frames, "camera": self.camera}
-        out = {name: value for name, value in known.items() if value is not None}
+        """Settings of this scene, of its images (Table 4).  ``frames`` are numbers at its ``fps``."""
+        names = ("fps", "frames", "camera", "light_unit", "exposure", "environment", "thresholds")
+        out = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         return out | ({} if self.unit_scale == 1.0 else {"unit_scale": self.unit_scale})
 
-    def options(self) -> str:
-        """The same settings as options of ``taubench-gl evaluate``."""
-        words = []
-        if self.fps is not None:
-            words.append(f"--fps {self.fps:g}")
+    def camera_settings(self) -> dict[str, Any]:
+        """Settings of camera activity (Tables 2 and 3): the same seconds at ``camera_fps``, if it is known."""
+        out = self.settings()
+        if self.camera_fps is None:
+            return out
+        out["fps"] = self.camera_fps
         if self.frames is not None:
-            words.append(f"--frames {self.frames[0]}:{self.frames[1]}")
-        if self.camera is not None:
-            words.append(f"--camera {self.camera}")
-        if self.unit_scale != 1.0:
-            words.append(f"--unit-scale {self.unit_scale:g}")
-        return " ".join(words)
+            first, end = self.frames
+            ratio = self.camera_fps / (self.fps or DEFAULT_FPS)
+            out["frames"] = (round(first * ratio), round((end - 1) * ratio) + 1)
+        return out
+
+    def options(self) -> str:
+        """``settings`` as options of ``taubench-gl evaluate``."""
+        return _options(self.settings())
+
+    def camera_options(self) -> str:
+        """``camera_settings`` as options of ``taubench-gl evaluate``, with the column that is drawn fastest."""
+        return f"{_options(self.camera_settings())} --columns frustum" if self.camera_fps is not None else ""
+
+
+def _options(settings: dict[str, Any]) -> str:
+    words = []
+    for name, value in settings.items():
+        if name == "frames":
+            value = f"{value[0]}:{value[1]}"
+        elif name == "thresholds":
+            words += [f"--threshold {feature}={threshold:g}" for feature, threshold in value.items()]
+            continue
+        words.append(f"--{name.replace('_', '-')} {f'{value:g}' if isinstance(value, float) else shlex.quote(value)}")
+    return " ".join(words)
 
 
 def load_registry(extra: Sequence[Path] = ()) -> dict[str, Entry]:
@@ -70,21 +99,15 @@ def load_registry(extra: Sequence[Path] = ()) -> dict[str, Entry]:
     own = files("taubench_gl.datasets") / "registry.toml"
     out = parse_registry(own.read_text(encoding="utf-8"), "registry.toml")
     for path in extra:
-        try:
-            text = path.read_text(encoding="utf-8")
-        except UnicodeDecodeError:
-            raise DatasetError("is not UTF-8 text", where=str(path)) from None
-        except OSError as e:
-            raise DatasetError(f"cannot be read: {e.strerror}", where=str(path)) from None
-        out |= parse_registry(text, path.name)
+        out |= parse_registry(read_text(path, DatasetError), path.name)
     return out
 
 
 def parse_registry(text: str, where: str) -> dict[str, Entry]:
     """Entries of one TOML text.  Raises DatasetError."""
     try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as e:
+        tables = parse_toml(text)
+    except (ValueError, RecursionError) as e:
         raise DatasetError(f"is not valid TOML: {e}", where=where) from None
     out = {}
     for name, table in tables.items():
@@ -123,13 +146,18 @@ def _check(entry: Entry, at: str) -> None:
         raise DatasetError("url must be http:// or https:// and name a file", where=at)
     if entry.sha256 is not None and not re.fullmatch(r"[0-9a-f]{64}", entry.sha256):
         raise DatasetError("sha256 must be 64 hexadecimal digits", where=at)
-    if not entry.unit_scale > 0 or not (entry.fps is None or entry.fps > 0):
-        raise DatasetError("unit_scale and fps must be positive", where=at)
+    rates = (rate for rate in (entry.fps, entry.camera_fps) if rate is not None)
+    if not entry.unit_scale > 0 or not all(rate > 0 for rate in rates):
+        raise DatasetError("unit_scale, fps and camera_fps must be positive", where=at)
     if entry.frames is not None and not 0 <= entry.frames[0] < entry.frames[1]:
         raise DatasetError("frames must be [first, last + 1]", where=at)
     inside = entry.scene is None or not (Path(entry.scene).is_absolute() or ".." in Path(entry.scene).parts)
     if not inside:
         raise DatasetError("scene must lie inside the archive", where=at)
+    try:
+        Settings(**{name: value for name, value in entry.settings().items() if name not in ("frames", "camera")})
+    except SettingsError as error:
+        raise DatasetError(error.what, where=at, hint=error.hint) from None
 
 
 def _letters(name: str) -> str:

@@ -9,32 +9,52 @@ from __future__ import annotations
 
 import hashlib
 import json
+import lzma
 import os
 import shutil
+import struct
 import tarfile
 import zipfile
-from collections.abc import Sequence
+import zlib
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from taubench_gl.data_files import read_json
 from taubench_gl.datasets.download import Progress, fetch, forget
 from taubench_gl.datasets.registry import VARIABLE, Entry, known_name, load_registry
 from taubench_gl.errors import DatasetError
 from taubench_gl.outputs import make_folders, remove_folders, write_atomically
+from taubench_gl.paths import cache_folder
+from taubench_gl.settings import ENVIRONMENT_FILES
 
 PREFIX = "scene:"
 """Marks a name of the registry where a path is expected."""
 
-CACHE_VARIABLE = "TAUBENCH_CACHE"
 MAX_UNPACKED = 200 * 2**30
 MAX_MEMBERS = 1_000_000
+MAX_RATIO = 200
+"""Limit on the bytes of an archive's files per byte of the archive: text reaches about 20, made archives over 1000."""
+RATIO_FROM = 256 << 20
+"""Bytes below which the ratio does not matter."""
+_ARCHIVE_FAULTS = (
+    zipfile.BadZipFile, zlib.error, lzma.LZMAError, tarfile.TarError, struct.error, EOFError, OSError, ValueError,
+    RuntimeError, NotImplementedError,
+)  # fmt: skip
+"""What the archive modules raise for damaged files, such as one flipped byte."""
 SUFFIXES = {
     "gltf": (".glb", ".gltf"),
     "obj": (".obj",),
     "aff": (".aff", ".nff"),
     "fbx": (".fbx",),
     "blend": (".blend",),
+    "usd": (".usd", ".usda", ".usdc", ".usdz"),
+    "alembic": (".abc",),
+    "ply": (".ply",),
+    "stl": (".stl",),
+    "collada": (".dae",),
 }
 
 
@@ -49,15 +69,6 @@ class Record:
     scene: str | None = None  # the file of the archive that the user selected
 
 
-def cache_folder() -> Path:
-    """The cache: TAUBENCH_CACHE, else the user's cache folder."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    if chosen:
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path("~").expanduser() / ".cache")
-    return Path(base) / "taubench-gl"
-
-
 class CachedScene:
     """A named scene in the cache."""
 
@@ -68,18 +79,23 @@ class CachedScene:
     def record(self) -> Record | None:
         """The record of the first download; None if there is none.  Raises DatasetError if it is damaged."""
         path = self.folder / "record.json"
-        try:
-            return Record(**json.loads(path.read_text(encoding="utf-8")))
-        except FileNotFoundError:
+        if not path.exists():
             return None
-        except (OSError, ValueError, TypeError):
-            raise DatasetError("is damaged", where=str(path), hint="delete it and get the scene again") from None
+        hint = "delete it and get the scene again"
+        try:
+            record = Record(**read_json(path, Record, DatasetError, hint=hint))
+        except TypeError:
+            raise DatasetError("is damaged", where=str(path), hint=hint) from None
+        _require_inside(record.file, str(path))
+        return record
 
     def get(self, url: str | None = None, progress: Progress | None = None, scene: str | None = None) -> Path:
         """Download and unpack, unless the cached file is complete.  -> the scene.  Raises DatasetError.
 
         ``scene``: the file of the archive, if it holds several.
         """
+        if scene is not None:
+            _require_inside(scene, self.name)
         url = url or self.entry.url
         if url is None:
             raise DatasetError(
@@ -95,6 +111,8 @@ class CachedScene:
 
     def take(self, source: Path, scene: str | None = None) -> Path:
         """Copy and unpack a file of the user.  -> the scene, as ``get``.  Raises DatasetError."""
+        if scene is not None:
+            _require_inside(scene, self.name)
         if not source.is_file():
             raise DatasetError("is not a file", where=str(source), hint="name the archive or the scene file itself")
         found = sha256_of(source)
@@ -131,6 +149,7 @@ class CachedScene:
         folder, record = self.folder / "scene", self.record()
         chosen = (record.scene if record is not None else None) or self.entry.scene
         if chosen is not None:
+            _require_inside(chosen, self.name)
             direct = folder / chosen
             if direct.exists() or "*" in chosen or "%" in chosen:
                 return direct
@@ -150,6 +169,19 @@ class CachedScene:
         what = f"no {chosen}" if chosen else f"{len(files)} files of the format {self.entry.format}, expected one"
         hint = f"choose with --scene from {names}" if files else "check that it is the right file"
         raise DatasetError(f"holds {what}", where=str(folder), hint=hint)
+
+    def settings(self) -> dict[str, Any]:
+        """``Entry.settings``, with the path of an environment image of the archive.  Raises DatasetError."""
+        out = self.entry.settings()
+        name = str(out.get("environment", ""))
+        if name.lower().endswith(ENVIRONMENT_FILES):
+            direct = self.folder / "scene" / name
+            found = [direct] if direct.is_file() else sorted((self.folder / "scene").rglob(Path(name).name))
+            if len(found) != 1:
+                what = f"holds {len(found)} files named {Path(name).name}, the environment of {self.name}"
+                raise DatasetError(what, where=str(self.folder / "scene"))
+            out["environment"] = str(found[0])
+        return out
 
     # ------------------------------------------------------------------------------------------------------- fetching
     def _download(self, url: str, target: Path, expected: str | None, progress: Progress | None) -> None:
@@ -265,27 +297,45 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+ARCHIVES = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
+"""Endings of names that archives have."""
+
+
 def unpack(archive: Path, folder: Path) -> None:
     """Unpack a zip or tar archive, or copy a single scene file, to a new folder.  Raises DatasetError."""
     folder.mkdir(parents=True)
     try:
         if zipfile.is_zipfile(archive):
             with zipfile.ZipFile(archive) as z:
-                _bounded(archive, [(m.filename, m.file_size) for m in z.infolist()])
+                _require_bounded(archive, ((m.filename, m.file_size) for m in z.infolist()))
                 z.extractall(folder)
         elif tarfile.is_tarfile(archive):
             with tarfile.open(archive) as t:
-                _bounded(archive, [(m.name, m.size) for m in t])
+                _require_bounded(archive, ((m.name, m.size) for m in t))
                 t.extractall(folder, filter="data")
+        elif archive.name.lower().endswith(ARCHIVES):  # a damaged one is recognized by nothing else
+            raise DatasetError("is a damaged archive", where=str(archive), hint="is the file complete?")
         else:
             shutil.copyfile(archive, folder / archive.name)
-    except (zipfile.BadZipFile, tarfile.TarError, EOFError, OSError, RuntimeError, NotImplementedError) as e:
+    except _ARCHIVE_FAULTS as e:
         raise DatasetError(f"cannot be unpacked: {e}", where=str(archive), hint="is the file complete?") from None
 
 
-def _bounded(archive: Path, members: list[tuple[str, int]]) -> None:
-    if len(members) > MAX_MEMBERS or sum(size for _, size in members) > MAX_UNPACKED:
-        raise DatasetError("unpacks to more files or bytes than allowed", where=str(archive))
-    for name, _ in members:
+def _require_bounded(archive: Path, members: Iterable[tuple[str, int]]) -> None:
+    """Raises DatasetError at the first of ``members``, name and bytes, that breaks a limit; tars are read lazily."""
+    count = total = 0
+    most = max(RATIO_FROM, MAX_RATIO * archive.stat().st_size)
+    for name, size in members:
+        count, total = count + 1, total + size
+        if count > MAX_MEMBERS or total > min(MAX_UNPACKED, most):
+            hint = f"the limits are {MAX_MEMBERS} files, and {MAX_RATIO} times the size of the archive"
+            raise DatasetError("unpacks to more files or bytes than allowed", where=str(archive), hint=hint)
         if name.startswith(("/", "\\")) or ".." in PurePosixPath(name.replace("\\", "/")).parts:
             raise DatasetError(f"holds {name!r}, a path outside its folder", where=str(archive))
+
+
+def _require_inside(name: str, where: str) -> None:
+    """Raises DatasetError for a name, of a file in a scene's folder, that leads out of the folder."""
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    if not parts or name.startswith(("/", "\\")) or ".." in parts or "\0" in name:
+        raise DatasetError(f"{name!r:.80} is no file in the scene's folder", where=where, hint="give a relative name")

@@ -61,9 +61,17 @@ class StressResult:
 
 
 def stress(
-    source: str | Path, out: str | Path, camera: CameraSpec | RecordedPath, moves: Moves | None = None, seed: int = 0
+    source: str | Path,
+    out: str | Path,
+    camera: CameraSpec | RecordedPath,
+    moves: Moves | None = None,
+    seed: int = 0,
+    *,
+    strict: bool = False,
 ) -> StressResult:
     """Write ``source``, any argument of ``load_scene``, with ``camera`` and ``moves`` to ``out`` (.glb, .gltf).
+
+    ``strict``: as for ``load_scene``.
 
     Raises SceneError, SettingsError, OutputError.
     """
@@ -72,7 +80,7 @@ def stress(
     if Path(out).exists() and Path(source).exists() and Path(out).samefile(source):
         raise SettingsError(f"{out} is the scene itself", hint="give --out another name")
     moves = moves or Moves()
-    scene, editor, lost = _opened(str(source))
+    scene, editor, lost = _opened(str(source), strict)
     chosen = _scene_index(editor)
     lens = editor.camera(CAMERA_NAME, *_lens(scene))
     path = None
@@ -99,11 +107,11 @@ def stress(
     return StressResult(Path(out), path, fps, (frames - 1) / fps, lights, objects)
 
 
-def _opened(source: str) -> tuple[Scene, GltfEditor, str]:
+def _opened(source: str, strict: bool) -> tuple[Scene, GltfEditor, str]:
     """The scene as read from its glTF file, an editor of that file, and losses of the conversion in words."""
     if source.startswith("exr:"):
         raise SettingsError(f"{source} holds images, which cannot be rendered with another camera", hint="give a scene")
-    scene = load_scene(source)
+    scene = load_scene(source, strict=strict)
     if Path(source).suffix.lower() in (".glb", ".gltf"):
         return scene, GltfEditor(source), ""
     with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:

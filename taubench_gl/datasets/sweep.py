@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
 import tempfile
 from collections.abc import Callable
@@ -21,7 +19,7 @@ from taubench_gl.datasets.motion_stats import MotionStats
 from taubench_gl.datasets.stress import CAMERA_NAME, stress, with_stats
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene, resolve_lighting
-from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.outputs import csv_text, output_folder, write_atomically
 from taubench_gl.report.plots import plot_sweep
 from taubench_gl.report.tables import paper_numbers
 from taubench_gl.scene import load_scene
@@ -77,11 +75,11 @@ def run_sweep(
     with tempfile.TemporaryDirectory(prefix="taubench-gl-") as folder:
         file = Path(folder) / "still.glb"
         still = CameraSpec(frames=base.frames, fps=base.fps, seed=base.seed)
-        stress(source, file, still)
+        stress(source, file, still, strict=settings.sequence.strict)
         scene = load_scene(
             file, settings.sequence.scene, settings.sequence.animation and (*settings.sequence.animation, CAMERA_NAME)
         )
-        space = VoxelSpace(load_scene(source))
+        space = VoxelSpace(load_scene(source, strict=settings.sequence.strict))
         rows = []
         specs = [with_stats(base, **{sweep.axis: MotionStats(value)}) for value in sweep.values]
         _posed(scene, specs[-1], space)  # an impossible speed is an error before anything is rendered or written
@@ -127,11 +125,7 @@ def _row(sweep: Sweep, value: float, summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def _csv(rows: list[dict[str, Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return csv_text([list(rows[0]), *(list(row.values()) for row in rows)])
 
 
 def _paper_points(axis: str) -> list[tuple[str, float, float]]:

@@ -15,6 +15,7 @@ import numpy as np
 from taubench_gl.animation.pose import is_skinned
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.lighting import environment_of
+from taubench_gl.effects.path_tracing import REPLACED, cost_text, emissive_surfaces, method_of, traced_sources
 from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import Settings
 
@@ -36,9 +37,13 @@ def decide(scene: Scene, settings: Settings) -> dict[str, Effect]:
 
 
 def force(effects: dict[str, Effect], names: Iterable[str], why: str = "forced on") -> dict[str, Effect]:
-    """``effects`` with ``names`` enabled; the reason is ``why`` and the reason against it."""
+    """``effects`` with ``names`` enabled; the reason is ``why`` and the reason against it.
+
+    What path tracing replaces stays disabled.
+    """
     out = dict(effects)
-    for name in effects.keys() & set(names):
+    replaced = {name for by, some in REPLACED.items() if by in effects and effects[by].enabled for name in some}
+    for name in effects.keys() & set(names) - replaced:
         if not effects[name].enabled:
             out[name] = Effect(True, f"{why} ({effects[name].reason})")
     return out
@@ -111,7 +116,8 @@ def _geometry(scene: Scene, settings: Settings) -> dict[str, Effect]:
     mapped = sum(m.normal_texture is not None and m.normal_scale != 0 for m in drawn)
     alpha = _count(masked, "masked primitive", "masked primitives")
     if blended:
-        alpha += f", {blended} blended (drawn where alpha >= 0.5)"
+        stochastic = settings.sequence.blend == "stochastic"
+        alpha += f", {blended} blended (drawn {'with a probability of alpha' if stochastic else 'where alpha >= 0.5'})"
     seen = bool({"normal", "direct", "indirect", "color"} & set(settings.metrics.columns))
     maps = _count(mapped, "primitive has one", "primitives have one")
     return {
@@ -143,7 +149,8 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     environment = environment_of(settings)
     sky = environment.shines
     emitters = sum(any(m.emissive) or m.unlit for m in drawn_materials(scene))
-    lit, emissive = bool(kinds) or sky, bool(emitters)
+    traced = traced_sources(scene, settings)
+    lit, emissive = bool(kinds) or sky or bool(traced), bool(emitters)
     lights = len(kinds) + (environment.sun is not None)
     # Indirect light starts from what the lights give directly.
     wants_direct = bool(columns & {"direct", "color"}) or (
@@ -155,17 +162,23 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
         )
         for kind in ("point", "spot", "directional")
     }
-    effects["sky"] = Effect(sky and wants_direct, environment.reason)
+    effects |= _path_traced(scene, settings, traced, wants_direct)
+    replaced = {name for by, some in REPLACED.items() if effects[by].enabled for name in some}
+    in_place = f"path tracing replaces it ({environment.reason})"
+    has_sky = Effect(sky and wants_direct, environment.reason)
+    effects["sky"] = Effect(False, in_place) if "sky" in replaced and sky else has_sky
     has_sun = "the default environment has a sun" if environment.sun is not None else "the environment has no sun"
     effects["sun"] = Effect(environment.sun is not None and wants_direct, has_sun)
-    source = "lights or sky to scatter" if lit else "no light and no sky in the scene"
+    source = "lights, emitters or sky to scatter" if lit else "no light and no sky in the scene"
     effects["direct"] = Effect(lit and wants_direct, source if wants_direct else "no column needs it")
     shiny = sum(m.specular > 0 or m.metallic > 0 for m in drawn_materials(scene)) + _default_materials(scene)
     effects["glossy"] = Effect(
         effects["direct"].enabled and shiny > 0,
         _count(shiny, "primitive has a glossy lobe", "primitives have a glossy lobe") if lit else source,
     )
-    if not effects["direct"].enabled or not lights:
+    if "shadows" in replaced:
+        shadows = Effect(False, "path-traced light needs no shadow maps")
+    elif not effects["direct"].enabled or not lights:
         shadows = Effect(False, "no punctual light to cast them")
     elif settings.lighting.shadow_lights == 0:
         shadows = Effect(False, "no light has shadows (--shadow-lights 0)")
@@ -176,9 +189,12 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     effects["shadows"] = shadows
     many = lights > MANY_LIGHTS
     effects["light_culling"] = Effect(
-        many and effects["direct"].enabled, f"{lights} lights, tile lists save time above {MANY_LIGHTS}"
+        many and effects["direct"].enabled and "light_culling" not in replaced,
+        "path-traced light needs no tile lists"
+        if "light_culling" in replaced
+        else f"{lights} lights, tile lists save time above {MANY_LIGHTS}",
     )
-    effects["indirect"] = _indirect(effects["shadows"], settings)
+    effects["indirect"] = _indirect(effects, traced, effects["direct"].enabled and lights > 0, settings)
     effects["emission"] = Effect(
         emissive and "color" in columns,
         _count(emitters, "primitive is emissive or unlit", "primitives are emissive or unlit"),
@@ -193,16 +209,48 @@ def _light(scene: Scene, settings: Settings) -> dict[str, Effect]:
     return effects
 
 
-def _indirect(shadows: Effect, settings: Settings) -> Effect:
+def _path_traced(scene: Scene, settings: Settings, traced: frozenset[str], wanted: bool) -> dict[str, Effect]:
+    """The effects that trace paths: all light, or with ``auto`` that of emissive surfaces and of the environment."""
+    method, cost = method_of(settings), cost_text(settings.lighting)
+    surfaces = _count(emissive_surfaces(scene, settings), "emissive surface", "emissive surfaces")
+    whole = Effect(False, f"the light method is {method}")
+    by_source = {"emitter_light": ("emitters", surfaces), "environment_light": ("environment", "the environment")}
+    if method == "path-traced":
+        whole = Effect(wanted and bool(traced), f"all light by path tracing: {cost}" if traced else "no light")
+        parts = dict.fromkeys(by_source, Effect(False, "part of path_traced"))
+    else:
+        parts = {
+            name: Effect(
+                wanted and source in traced,
+                f"{what} by path tracing: {cost}"
+                if source in traced
+                else f"{what}, the light method is raster"
+                if method == "raster"
+                else f"no {'emissive surface of strength above 1' if source == 'emitters' else 'environment'}",
+            )
+            for name, (source, what) in by_source.items()
+        }
+    return {"path_traced": whole, **parts}
+
+
+def _indirect(effects: Mapping[str, Effect], traced: frozenset[str], lit: bool, settings: Settings) -> Effect:
+    """``lit``: punctual lights shine."""
     if not {"indirect", "color"} & set(settings.metrics.columns):
         return Effect(False, "no column needs it")
     if settings.lighting.indirect == "none":
         return Effect(False, "indirect light is switched off (--indirect none)")
-    if not shadows.enabled:
-        return Effect(False, "no light has a shadow map to start from")
+    if traced and settings.lighting.bounces == 1 and not lit:
+        return Effect(False, "paths have one bounce (--bounces 1)")
+    if effects["path_traced"].enabled:
+        return Effect(True, f"indirect light by path tracing, up to {settings.lighting.bounces} bounces")
+    if traced and not lit:
+        return Effect(True, f"indirect light of {' and '.join(sorted(traced))} by path tracing")
+    if not lit:
+        return Effect(False, "no punctual light to start from")
     method = indirect_method(settings)
     ignores = "no occlusion between surfaces, one bounce" if method == "rsm" else "coarse occlusion, four bounces"
-    return Effect(True, f"indirect light by {method} ({ignores})")
+    more = f", of {' and '.join(sorted(traced))} by path tracing" if traced and settings.lighting.bounces > 1 else ""
+    return Effect(True, f"indirect light by {method} ({ignores}){more}")
 
 
 def indirect_method(settings: Settings) -> str:

@@ -10,8 +10,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import Any
 
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Material, Scene
 from taubench_gl.settings import AUTO, FIXED_LIGHTING, Settings
 
 LUMENS_PER_WATT = 683.0
@@ -61,7 +62,7 @@ class Environment:
 class Choice:
     """A resolved value of a setting, and why it was chosen, as a phrase."""
 
-    value: str
+    value: Any
     reason: str
 
 
@@ -106,26 +107,40 @@ def _named(scene: Scene) -> str:
     return " ".join(scene.generator.split())[:60]
 
 
+def emits(material: Material) -> bool:
+    """Unlit surfaces show their base color and light nothing."""
+    return any(c > 0.0 for c in material.emissive) and not material.unlit
+
+
+def counts_as_light(material: Material) -> bool:
+    """KHR_materials_emissive_strength is above 1, so the surface is a light, not only bright in the image."""
+    return emits(material) and material.emissive_strength > 1
+
+
 def own_light(scene: Scene) -> str | None:
     """What light the file has, as a phrase; None if it has none.
 
-    A file has light if it has a punctual or image-based light, or a drawn material with
+    A file has light if it has a punctual or image-based light, an environment, or a drawn material with
     KHR_materials_emissive_strength above 1.
     """
     lights = len(scene.light_nodes)
     if lights:
         return f"the file has {lights} light{'s' if lights > 1 else ''}"
+    if scene.environment is not None:
+        return "the file has an environment"
     if scene.image_based_light:
         return "the file has an image-based light, which is not simulated"
     primitives = (p for n in scene.mesh_nodes.tolist() for p in scene.meshes[scene.nodes.mesh[n]].primitives)
     drawn = {p.material for p in primitives if len(p.triangles) and p.material >= 0}
-    if any(scene.materials[m].emissive_strength > 1 and any(scene.materials[m].emissive) for m in drawn):
+    if any(counts_as_light(scene.materials[m]) for m in drawn):
         return "the file has emissive materials of strength above 1"
     return None
 
 
 def environment_for(scene: Scene) -> Choice:
     """The environment that ``auto`` stands for."""
+    if scene.environment is not None:
+        return Choice(scene.environment, "of the file")
     light = own_light(scene)
     return Choice("default", "the file has no light") if light is None else Choice("none", light)
 

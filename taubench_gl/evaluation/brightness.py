@@ -1,4 +1,4 @@
-"""Pixels that clip and pixels that are black, counted in the first, middle and last evaluated frame of a run."""
+"""Pixels that clip, are black or are noisy, counted in the first, middle and last evaluated frame of a run."""
 
 from __future__ import annotations
 
@@ -22,19 +22,24 @@ BLACK_RADIANCE = BLACK / 12.92
 WHITE = 1.0 - 1e-4
 """Display color, or radiance times exposure, from which a channel clips: 1 less rounding."""
 
-MOST_CLIPPED, MOST_BLACK = 0.2, 0.9
-"""Shares above which a run has a note: of lit pixels, of all pixels."""
+MOST_CLIPPED, MOST_BLACK, MOST_NOISY = 0.2, 0.9, 0.01
+"""Shares above which a run has a note: of lit pixels, of all pixels, of all pixels."""
 
 
 @dataclass(slots=True)
 class Brightness:
-    """Counts of pixels.  Lit: of a surface, not black.  Clipped: lit, a channel is at white."""
+    """Counts of pixels.  Lit: of a surface, not black.  Clipped: lit, a channel is at white.
+
+    Noisy: the standard error of path-traced direct or indirect luminance, times exposure and sqrt(2) for the difference
+    of two frames, is above the threshold.
+    """
 
     frames: int = 0
     pixels: int = 0
     black: int = 0
     lit: int = 0
     clipped: int = 0
+    noisy: int = 0
 
     def add(self, other: Mapping[str, int]) -> None:
         """Add the counts of ``as_dict``."""
@@ -57,7 +62,11 @@ class Brightness:
         dark = top < black
         lit = surface & ~dark & np.isfinite(top)
         clipped = lit & (top >= WHITE)
+        noisy = np.zeros(0)
+        if "path_info" in textures:
+            noisy = noise_of_a_sample(textures, settings) > np.sqrt(settings.lighting.path_samples)
         counts = {"pixels": top.size, "black": dark.sum(), "lit": lit.sum(), "clipped": clipped.sum()}
+        counts["noisy"] = noisy.sum()
         self.add({"frames": 1} | {name: int(count) for name, count in counts.items()})
 
     def as_dict(self) -> dict[str, int]:
@@ -65,7 +74,7 @@ class Brightness:
         return asdict(self)
 
     def notes(self, settings: Settings, unit_reason: str = "") -> list[str]:
-        """At most one line each on clipped and black pixels.  ``unit_reason``: why the light unit was chosen."""
+        """At most one line each on clipped, black and noisy pixels.  ``unit_reason``: why the light unit was chosen."""
         exposure = f"exposure {settings.lighting.exposure_factor:.4g}"
         where = f"in {self.frames} frame{'s' if self.frames != 1 else ''}"
         notes = []
@@ -80,7 +89,25 @@ class Brightness:
                 notes.append(f"{what} and light unit watt{unit}: intensities in candela need --light-unit candela")
             else:
                 notes.append(f"{what}: a higher --exposure or an --environment may be needed")
+        if self.noisy > MOST_NOISY * self.pixels:
+            share = 100.0 * self.noisy / self.pixels
+            spp = settings.lighting.path_samples
+            what = f"noise of path-traced light exceeds a threshold in {share:.0f} % of pixels {where} at {spp} samples"
+            notes.append(f"{what}: where something moves, columns of light are too high; give a higher --spp")
         return notes
+
+
+def noise_of_a_sample(textures: Mapping[str, Any], settings: Settings) -> np.ndarray:
+    """Standard deviation of the difference of two path-traced samples over its threshold, the larger of direct's and
+    indirect's.  (h, w) float64; 0 where one sample was taken, which has no variance, and where nothing is drawn.
+
+    Of n samples it is sqrt(n) smaller.
+    """
+    info = read_channel(textures["path_info"], "path_info").astype(np.float64)
+    deviation = np.sqrt(2.0 * np.maximum(info[..., 2:4], 0.0) * info[..., 1:2]) * settings.lighting.exposure_factor
+    limits = [settings.metrics.threshold(feature) for feature in ("direct", "indirect")]
+    surface = read_channel(textures["position"], "position")[..., 3] > 0.0
+    return np.where(surface, (deviation / limits).max(axis=-1), 0.0)
 
 
 def checked_frames(schedule: Schedule) -> frozenset[int]:

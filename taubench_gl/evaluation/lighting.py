@@ -13,10 +13,13 @@ import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.effects.decide import MANY_LIGHTS
-from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, own_light
+from taubench_gl.effects.lighting import environment_for, environment_of, light_unit_of, own_light, unit_divisor
+from taubench_gl.effects.path_tracing import traced_sources
+from taubench_gl.errors import SceneError, SettingsError
+from taubench_gl.evaluation.brightness import MOST_NOISY, noise_of_a_sample
 from taubench_gl.evaluation.schedule import frame_range
 from taubench_gl.frame.environment import image_of
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.metrics.exposure import metered_exposure, rounded, surface_luminance
 from taubench_gl.report.labels import GIVEN
@@ -26,8 +29,26 @@ from taubench_gl.settings import AUTO, MAX_EXPOSURE, Settings
 
 Array = np.ndarray
 
+METERING_SPP = 16
+"""Samples per pixel with which path-traced light is metered."""
+
+SAMPLE_COUNTS = (4, 8, 16, 32, 64, 128, 256)
+"""Numbers of samples per pixel that ``auto`` chooses from."""
+
+MARGIN = 1.5
+"""Factor on the noise, so that the columns of the test scenes are within 1.5 points of converged Cycles."""
+
+SAMPLE_BUDGET = 1 << 24
+"""Most samples of a frame that ``auto`` chooses: half a minute of one CPU core.  8 per pixel at 1920x1080."""
+
+SMALLEST = 96
+"""Pixels along a side of the image in which noise is measured, at least, where the run has as many."""
+
 SMALLER = 8
 """Factor by which the image is smaller that is metered without culling."""
+
+MAX_LIGHT = 1e30
+"""Most radiance or intensity times exposure: sums over lights and the inverse square of a distance stay in float32."""
 
 LIGHT_COLUMNS = frozenset({"direct", "indirect", "color"})
 
@@ -64,10 +85,45 @@ def resolve_lighting(
     settings = settings.replace(**chosen)
     if (image := environment_image(settings)) is not None:
         reasons["environment"] += f", an image of {image.size[0]}x{image.size[1]} pixels"
+    require_float32(scene, settings)  # also before an exposure is metered
     if lighting.exposure == AUTO:
         exposure, reasons["exposure"] = _exposure(scene, settings, camera, frames, poser)
         settings = settings.replace(exposure=exposure)
+        require_float32(scene, settings)
+    if lighting.spp is None and lighting.light != "raster":
+        settings = settings.replace(spp=_samples(scene, settings, camera, frames, poser))
     return ResolvedLighting(settings, reasons)
+
+
+def require_float32(scene: Scene, settings: Settings) -> None:
+    """Raises SceneError or SettingsError where light times exposure may leave float32, the numbers of the renderer.
+
+    Also for a light that no key animates to such a value, and for one that is hidden.  Checks nothing where no column
+    depends on light.  ``settings``: light unit and environment are resolved; without an exposure, it is 1.
+    """
+    if not LIGHT_COLUMNS & set(settings.metrics.columns):
+        return
+    exposure = settings.lighting.exposure
+    factor = 1.0 if isinstance(exposure, str) else max(exposure, 1.0)
+    hint = f"light times exposure goes up to {MAX_LIGHT:g}"
+    if not max(environment_of(settings).radiance) * factor <= MAX_LIGHT:
+        what = f"the environment {settings.lighting.environment} is too bright at exposure {exposure}"
+        raise SettingsError(what, hint=hint, setting="environment")
+    where, at = str(scene.path or scene.name), f" at exposure {exposure}"
+    divisor = unit_divisor(settings.lighting.light_unit)
+    keyed: dict[int, dict[str, float]] = {}
+    for channel in scene.channels:
+        if channel.target == "light" and channel.path in ("intensity", "color"):
+            keyed.setdefault(channel.index, {})[channel.path] = float(np.max(np.abs(channel.values), initial=0.0))
+    for index, light in enumerate(scene.lights):
+        most = {"intensity": light.intensity, "color": max(light.color)}
+        brightest = np.prod([max(most[name], keyed.get(index, {}).get(name, 0.0)) for name in most])
+        if not brightest / divisor * factor <= MAX_LIGHT:
+            raise SceneError(f"light {light.name or index!r} is too bright{at}: {brightest:g}", where=where, hint=hint)
+    for index, material in enumerate(scene.materials):
+        if not max(material.emissive) * factor <= MAX_LIGHT:
+            what = f"the emission of material {material.name or index!r} is too bright{at}: {max(material.emissive):g}"
+            raise SceneError(what, where=where, hint=hint)
 
 
 def environment_image(settings: Settings) -> EnvironmentImage | None:
@@ -93,7 +149,7 @@ def _exposure(
     """The exposure that ``auto`` stands for, and why."""
     if not LIGHT_COLUMNS & set(settings.metrics.columns):
         return 1.0, "no column depends on light"
-    if settings.lighting.light_unit == "watt" and len(scene.light_nodes):
+    if settings.lighting.light_unit == "watt" and own_light(scene) is not None:
         return 1.0, "the light unit is watt"
     if own_light(scene) is None and settings.lighting.environment == "none":
         return 1.0, "the scene has no light"
@@ -102,18 +158,63 @@ def _exposure(
     metered = metered_frames(frames)
     exposed = _culled(scene, settings, camera, metered[0], poser)
     factor = metered_exposure(direct_luminance(scene, exposed, camera, metered, poser))
+    traced = ""
+    # One number for all light methods and seeds, also for the raster method, which then shows emission alone.
+    sampled = exposed.replace(
+        light="path-traced", indirect=AUTO, spp=METERING_SPP, pattern="fixed", seed=0, bounces=1
+    )  # fmt: skip
+    if factor is None and traced_sources(scene, sampled):
+        factor = metered_exposure(direct_luminance(scene, sampled, camera, metered, poser))
+        traced = f", path-traced at {METERING_SPP} samples"
     numbers = " and ".join([", ".join(map(str, metered[:-1])), str(metered[-1])]) if len(metered) > 1 else metered[0]
     if factor is None:
         return 1.0, f"no surface reflects light in frame{'s' * (len(metered) > 1)} {numbers}"
     factor = min(max(rounded(factor), 1.0 / MAX_EXPOSURE), MAX_EXPOSURE)
-    return factor, f"metered in frame{'s' * (len(metered) > 1)} {numbers}"
+    return factor, f"metered in frame{'s' * (len(metered) > 1)} {numbers}{traced}"
+
+
+def _samples(
+    scene: Scene, settings: Settings, camera: CameraTrack | None, frames: range | None, poser: Poser | None
+) -> int:
+    """Samples per pixel of path-traced light: with ``auto`` as few as its noise allows, within SAMPLE_BUDGET.
+
+    Noise allows a number at which MARGIN times its standard deviation exceeds a threshold in at most MOST_NOISY of all
+    pixels of the metered frames, drawn smaller and with METERING_SPP samples.
+    """
+    default = settings.lighting.path_samples
+    wanted = LIGHT_COLUMNS & set(settings.metrics.columns)
+    if settings.lighting.light != AUTO or not wanted or not traced_sources(scene, settings):
+        return default
+    camera = camera or camera_of_run(scene, settings.sequence)
+    frames = frame_range(scene, camera, settings) if frames is None else frames
+    sides = (settings.sequence.width, settings.sequence.height)
+    width, height = (min(side, max(side // SMALLER, SMALLEST)) for side in sides)
+    metering = settings.replace(
+        width=width, height=height, spp=METERING_SPP, pattern="fixed", columns=("direct", "indirect"),
+        samples_per_pixel=1, storage="float", pairs="all",
+    )  # fmt: skip
+    with open_gpu(settings.device.backend, settings.device.device) as gpu:
+        source = RasterSource(gpu, scene, camera, metering, SourceOptions(extra=("path_info",)), poser=poser)
+        try:
+            worst = []
+            for frame in metered_frames(frames):
+                source.advance(frame)
+                worst.append(noise_of_a_sample(source.current, metering))
+            gpu.check("metering")
+        finally:
+            source.release()
+    ratios = np.concatenate([w.ravel() for w in worst])
+    most = max(SAMPLE_BUDGET // (sides[0] * sides[1]), SAMPLE_COUNTS[0])
+    counts = [n for n in SAMPLE_COUNTS if n <= most]
+    return next((n for n in counts if np.mean(MARGIN * ratios > np.sqrt(n)) <= MOST_NOISY), counts[-1])
 
 
 def _culled(scene: Scene, settings: Settings, camera: CameraTrack, frame: int, poser: Poser | None) -> Settings:
     """``settings`` with which to meter: many lights are culled at the exposure of a small image without culling.
 
-    The culling is thus the same whatever the scale of the lights.
+    The culling is thus the same whatever the scale of the lights.  The light method is raster.
     """
+    settings = settings.replace(light="raster")
     exact = settings.replace(exposure=1.0, light_error=0.0)
     if len(scene.light_nodes) <= MANY_LIGHTS:
         return exact
@@ -134,8 +235,8 @@ def direct_luminance(
 ) -> list[Array]:
     """Luminance of direct light, without exposure, of the surface pixels of each frame: (n,) float64.
 
-    By the raster method, at the size of ``settings``, which are resolved; exposure and light error cull lights.  Empty
-    where the scene has no direct light.
+    At the size of ``settings``, which are resolved; exposure and light error cull lights.  Empty where the scene has no
+    direct light by their method.
     """
     metering = settings.replace(columns=("direct",), samples_per_pixel=1, storage="float", pairs="all")
     with open_gpu(settings.device.backend, settings.device.device) as gpu:

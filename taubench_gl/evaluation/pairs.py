@@ -28,7 +28,7 @@ from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.activity import camera_activity
 from taubench_gl.metrics.reprojection import Reprojection
-from taubench_gl.run import Progress, RunWriter
+from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.settings import Settings
 
 Textures = Mapping[str, Any]
@@ -321,6 +321,7 @@ class Observers:
     on_counts: Callable[[Counts], None] | None = None  # gets the exact counts
     scene: str = ""  # its name, for ``progress``; set by the evaluation
     writer: RunWriter | None = None  # gets the row; set by the evaluation
+    on_finish: Callable[[Run], None] | None = None  # gets the run, with all rows written, before its summary.json is
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
-from taubench_gl.errors import SceneError
+from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import describe_brightness
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
+from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
@@ -43,7 +45,7 @@ class SceneInput:
 def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrack | None = None) -> SceneInput:
     """Load a scene if it is a path, choose camera, frames and lighting.  Raises TaubenchError."""
     if not isinstance(scene, Scene):
-        scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+        scene = load_scene(scene, **settings.sequence.reading)
     camera = camera or camera_of_run(scene, settings.sequence)
     frames = frame_range(scene, camera, settings)
     require_triangles(scene)
@@ -57,29 +59,37 @@ def evaluate_scene(
     *,
     out: str | Path | None = None,
     camera: CameraTrack | None = None,
+    lobes: Collection[str] = (),
 ) -> Run:
     """Evaluate every frame pair of one scene.
 
-    ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``.
+    ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``;
+    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary.
     Raises TaubenchError.
     """
+    require_lobes(lobes)
+    if lobes and (settings or Settings()).metrics.samples_per_pixel > 1:
+        raise SettingsError("lobes are measured at one sample per pixel", hint="leave samples per pixel at 1")
     given = open_scene(scene, settings or Settings(), camera)
     observers = replace(observers or Observers(), scene=given.scene.name)
     if out is None:
-        return _run(given, observers)
+        return _run(given, observers, tuple(lobes))
     with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(given, replace(observers, writer=writer))
+        return _run(given, replace(observers, writer=writer), tuple(lobes))
 
 
-def _run(given: SceneInput, observers: Observers) -> Run:
+def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run:
     scene, camera, frames, settings = given.scene, given.camera, given.frames, given.settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
         context = GpuContext(gpu, timer=timer)
-        source = RasterSource(
-            gpu, scene, camera, settings, SourceOptions(extra=observers.channels), timer=timer, poser=poser
-        )
+        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes))))
+        source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=extra), timer=timer, poser=poser)
+        untimed, missing = GpuContext(gpu, context.shaders), missing_of_scene(lobes, source.unmeasured)
+        apart = LobeColumns(untimed, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
+        if lobes:
+            observers = replace(observers, on_pair=apart.observer(observers.on_pair))
         try:
             schedule = frame_schedule(frames, settings)
             results = evaluate_pairs(context, source, settings, schedule, observers)
@@ -93,13 +103,16 @@ def _run(given: SceneInput, observers: Observers) -> Run:
             summary["notes"] += described.pop("notes")
             summary |= described
             describe_brightness(summary, results.brightness, settings)
+            if lobes:
+                summary["lobes"] = apart.summary()
         finally:
+            apart.release()
             source.release()
             context.release()
             gpu.collect()
         summary["timing"] = timer.summary()
         summary["provenance"] = provenance(gpu, timer.clock)
-    return finish_run(summary, results.rows, observers.writer)
+    return finish_run(summary, results.rows, observers)
 
 
 def require_triangles(scene: Scene) -> None:

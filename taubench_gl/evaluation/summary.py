@@ -9,13 +9,15 @@ import numpy as np
 from taubench_gl.animation import CameraTrack, OrbitCamera, Poser, View
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.effects.census import census
+from taubench_gl.evaluation.appearance import appearance_notes
 from taubench_gl.evaluation.lighting import ResolvedLighting, file_hashes
+from taubench_gl.evaluation.pairs import Observers
 from taubench_gl.evaluation.schedule import sampled_pairs
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.metrics.pair_sample import PairSample, estimate
 from taubench_gl.metrics.reuse_rate import RATES
-from taubench_gl.run import Run, RunWriter
+from taubench_gl.run import Run
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -28,7 +30,7 @@ def scene_facts(
     JSON values.
     """
     settings = resolved.settings
-    notes = [str(note) for note in scene.notes]
+    notes = appearance_notes(scene, settings, camera, frames, poser)
     source = camera.describe()
     if isinstance(camera, OrbitCamera):
         source = camera.describe(settings.metrics.unit_scale)
@@ -98,13 +100,21 @@ def _curves_in_meters(curves: dict[str, Any], unit_scale: float) -> dict[str, An
     return curves | {"position": position | {"edges": [edge / unit_scale for edge in position["edges"]]}}
 
 
-def finish_run(summary: dict[str, Any], rows: list[dict[str, Any]], writer: RunWriter | None) -> Run:
-    """Mark the camera cuts in ``rows``, write both files if there is a ``writer``, and return the Run."""
+def finish_run(summary: dict[str, Any], rows: list[dict[str, Any]], observers: Observers) -> Run:
+    """Mark the camera cuts in ``rows``, write both files if there is a ``writer``, and return the Run.
+
+    summary.json is the last file to be written: a folder that holds one is complete.
+    """
     mark_cuts(rows, summary)
+    writer = observers.writer
+    run = Run(summary, rows, None if writer is None else writer.out)
     if writer is not None:
         writer.rewrite_rows(rows)
+    if observers.on_finish is not None:
+        observers.on_finish(run)
+    if writer is not None:
         writer.write_summary(summary)
-    return Run(summary, rows, None if writer is None else writer.out)
+    return run
 
 
 def mark_cuts(rows: list[dict[str, Any]], summary: dict[str, Any]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,15 +66,44 @@ EXPORTS: dict[str, ExportChannel] = {
     )
 }  # fmt: skip
 
+PATH_INFO = "path_info"
+
+
+def clean_name(lobe: str) -> str:
+    """Channel of the converged radiance of a lobe."""
+    return f"clean_{lobe}"
+
+
+def noisy_name(seed: int, name: str) -> str:
+    """Channel of the radiance of a lobe, or of ``path_info``, at few samples: the image number ``seed``."""
+    return f"noisy{seed}_{name}"
+
+
+_TRAINING = re.compile(r"(clean|noisy\d+)_(\w+)")
+
+
+def channel_named(name: str) -> ExportChannel:
+    """An entry of EXPORTS, or a channel of a training pair.  Raises KeyError."""
+    if name in EXPORTS:
+        return EXPORTS[name]
+    found = _TRAINING.fullmatch(name)
+    if found is None or found[2] not in EXPORTS:
+        raise KeyError(name)
+    of = EXPORTS[found[2]]
+    kind = "converged" if found[1] == "clean" else "at few samples"
+    exr = tuple(f"{found[1].capitalize()}.{part}" for part in of.exr)
+    return dataclasses.replace(of, name=name, doc=f"{of.doc}, {kind}", exr=exr)
+
+
 GROUPS = {
     "gbuffer": ("position", "depth", "normal", "geometric_normal", "base_color", "material", "emission", "ids"),
     "radiance": ("direct", "indirect", "color"),
-    "lobes": ("direct_diffuse", "direct_glossy"),
+    "lobes": ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy"),
     "flow": ("motion", "motion_forward"),
     "masks": ("mask", "mask_forward"),
 }
 DEFAULT = ("gbuffer", "flow", "masks")
-RADIANCE = (*GROUPS["radiance"], *GROUPS["lobes"])
+RADIANCE = (*GROUPS["radiance"], *GROUPS["lobes"], "path_info")
 PRECISIONS = ("native", "float", "half")
 
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from taubench_gl.errors import SettingsError
-from taubench_gl.export.channels import EXPORTS, stored_as
+from taubench_gl.export.channels import channel_named, stored_as
 from taubench_gl.export.frames import ExportFrame
 from taubench_gl.outputs import cannot_write, plain_text, replacing, write_atomically
 
@@ -85,7 +85,7 @@ class _PerFrame:
 
     def stored(self, frame: ExportFrame) -> dict[str, Array]:
         """Channels in the precision of the export."""
-        types = {name: stored_as(EXPORTS[name], self.spec.precision) for name in self.spec.names}
+        types = {name: stored_as(channel_named(name), self.spec.precision) for name in self.spec.names}
         with np.errstate(over="ignore"):  # values above 65504 become infinite in half precision
             return {name: frame.channels[name].astype(types[name], copy=False) for name in self.spec.names}
 
@@ -100,7 +100,7 @@ class ExrWriter(_PerFrame):
 
         planes = {}
         for name, values in self.stored(frame).items():
-            for i, exr in enumerate(EXPORTS[name].exr):
+            for i, exr in enumerate(channel_named(name).exr):
                 planes[exr] = np.ascontiguousarray(values[..., i])
         header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         header |= exr_attributes(self.spec, frame)
@@ -167,7 +167,8 @@ class ZarrWriter:
         spec, count = self.spec, len(self.spec.frames)
         self._group = group = zarr.open_group(self.path, mode="w", zarr_format=3)
         for name in spec.names:
-            info, dtype = EXPORTS[name], stored_as(EXPORTS[name], spec.precision)
+            info = channel_named(name)
+            dtype = stored_as(info, spec.precision)
             shape = (spec.size[1], spec.size[0], info.components)
             group.create_array(
                 name, shape=(count, *shape), chunks=(1, *shape), dtype=dtype,

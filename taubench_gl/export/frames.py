@@ -19,6 +19,7 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import PairEvaluator, frame_total
 from taubench_gl.export.channels import RADIANCE
+from taubench_gl.export.training import NO_TRAINING, TrainingLight, TrainingOptions
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.targets import History
@@ -36,7 +37,7 @@ CV_FROM_VIEW = np.diag([1.0, -1.0, -1.0])
 """glTF view axes (+Y up, camera looks along -Z) -> computer vision axes (+Y down, camera looks along +Z)."""
 
 FORWARD = ("motion_forward", "mask_forward")
-_ALL_COMPONENTS = ("base_color", "material", "ids", "mask", "mask_forward")
+_ALL_COMPONENTS = ("base_color", "material", "ids", "path_info", "mask", "mask_forward")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +77,7 @@ class FrameSource:
         *,
         jitter: str = "none",
         buffered: bool | None = None,
+        training: TrainingOptions = NO_TRAINING,
     ):
         """``jitter``: one of JITTERS; ``buffered``: as in ``ChannelReader``."""
         self._gpu, self._camera = gpu, camera
@@ -85,8 +87,10 @@ class FrameSource:
         self._jitter = halton_jitter if jitter == "halton" else None
         columns = settings.metrics.columns if "mask" in names else ("frustum",)
         columns += tuple(c for c in ("direct", "indirect", "color") if c in names and c not in columns)
-        if set(names) & {"direct_diffuse", "direct_glossy"} and "direct" not in columns:
-            columns += ("direct",)
+        for column in ("direct", "indirect"):
+            lobes = {f"{column}_diffuse", f"{column}_glossy", *(("path_info",) * (column == "direct"))}
+            if lobes & set(names) and column not in columns:
+                columns += (column,)
         self._settings = settings = settings.replace(columns=columns)
         table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
         table |= {"mask_forward": "prev_position", "mask": "position"}
@@ -97,6 +101,9 @@ class FrameSource:
         )
         self.unmeasured = {n: self._why_not(n) for n in names if n in RADIANCE and n not in self.source.channels}
         self.names = tuple(n for n in names if n not in self.unmeasured)
+        self.training: TrainingLight | None = None
+        if training.wanted:
+            self.training = TrainingLight(gpu, scene, camera, settings, training, self._poser)
         self._context = GpuContext(gpu)
         self._masks = PairEvaluator(self._context, self.source, settings, images=True)
         self._motion: PairEvaluator | None = None
@@ -112,8 +119,10 @@ class FrameSource:
         self._views: list[View] = []
 
     def _why_not(self, name: str) -> str:
-        column = name.partition("_")[0]
-        return self.source.unmeasured.get(column, "the scene does not have it")
+        column = "direct" if name == "path_info" else name.partition("_")[0]
+        if column in self.source.unmeasured or name == column:
+            return self.source.unmeasured.get(column, "the scene does not have it")
+        return "no light is path-traced"
 
     def view(self, frame: int) -> View:
         """The view of any frame, without rendering."""
@@ -147,6 +156,8 @@ class FrameSource:
         arrays = {name: image.get() for name, image in submitted.images.items()}
         arrays = _arrays(arrays) | {name: _motion(*images) for name, images in submitted.moved.items()}
         out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
+        if self.training is not None:
+            out |= self.training.channels(submitted.number)
         number, view = submitted.number, submitted.view
         camera = camera_matrices(view, *self.source.size)
         return ExportFrame(number, number / self._settings.sequence.fps, out, camera, view)
@@ -197,7 +208,7 @@ class FrameSource:
         submitted.images["mask_forward"] = self._reader.start(self._motion.mask_texture, "mask")
 
     def release(self) -> None:
-        for part in (self._reader, self._masks, self._motion, self._context, self._ahead, self.source):
+        for part in (self.training, self._reader, self._masks, self._motion, self._context, self._ahead, self.source):
             if part is not None:
                 part.release()
         self._gpu.collect()

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import msgspec
 
 from taubench_gl import __version__
 from taubench_gl.animation import View, camera_of_run
+from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
-from taubench_gl.export.channels import PRECISIONS, choose_channels
+from taubench_gl.export.channels import PRECISIONS, RADIANCE, choose_channels
 from taubench_gl.export.formats import ExportSpec, ExrWriter, NpzWriter, Writer, ZarrWriter
 from taubench_gl.export.frames import JITTERS, FrameSource
 from taubench_gl.export.sintel import NAMES as SINTEL_NAMES
 from taubench_gl.export.sintel import SintelWriter
+from taubench_gl.export.training import NO_TRAINING, TrainingOptions
+from taubench_gl.folder_lock import LOCK_FILE, FolderLock
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import is_partial_of, write_atomically
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text
@@ -38,8 +44,12 @@ class ExportOptions:
     channels: tuple[str, ...] = ()  # names and groups of ``export.channels``; empty: the default ones
     precision: str = "native"
     jitter: str = "none"
+    training: TrainingOptions = NO_TRAINING
 
     def __post_init__(self) -> None:
+        if self.training.wanted and (self.jitter != "none" or self.format == "sintel"):
+            what = "path-traced light of training pairs is at pixel centers, and no part of the Sintel layout"
+            raise SettingsError(what, hint="leave --jitter and --format sintel out")
         for what, value, allowed in (
             ("format", self.format, FORMATS),
             ("precision", self.precision, PRECISIONS),
@@ -56,8 +66,27 @@ class ExportOptions:
         return (*SINTEL_NAMES, *(("color",) if "color" in self.channels else ()))
 
 
-_EXPOSED = frozenset({"color", "direct", "indirect", "direct_diffuse", "direct_glossy", "mask", "mask_forward"})
+_EXPOSED = frozenset({*RADIANCE, "mask", "mask_forward"})
 """Channels that depend on light, and masks, which depend on the exposure."""
+
+
+class _Size(msgspec.Struct):
+    width: int
+    height: int
+    fps: float
+    exposure: float | str
+
+
+class _Manifest(msgspec.Struct):
+    """What a later export into the same folder relies on."""
+
+    schema: str
+    scene: str
+    sha256: str | None
+    format: Literal["exr", "npz", "zarr", "sintel"]
+    channels: list[str]
+    settings: _Size
+    frames: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +108,31 @@ def export_scene(
     *,
     overwrite: bool = False,
     progress: Callable[[Progress], None] | None = None,
+    announce: Callable[[str], None] | None = None,
 ) -> ExportResult:
     """Write the frames of ``settings.sequence.frames`` that ``out`` does not hold yet.
 
-    Raises TaubenchError.  A folder that holds another export is refused, or replaced if ``overwrite``.
+    A folder that holds another export is refused, or replaced if ``overwrite``; one into which another process exports
+    is always refused.  ``announce``: gets the time that references take, and their noise.  Raises TaubenchError.
     """
     settings, options, out = settings or Settings(), options or ExportOptions(), Path(out)
     if settings.metrics.samples_per_pixel != 1 or settings.metrics.pairs != "all":
         what = "an export contains every frame, with one sample per pixel"
         raise SettingsError(what, hint="leave samples_per_pixel and pairs out")
-    names = options.names()
-    loaded = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+    with FolderLock(out):
+        return _export(scene, out, settings, options, (overwrite, progress, announce or (lambda line: None)))
+
+
+def _export(
+    scene: str | Path,
+    out: Path,
+    settings: Settings,
+    options: ExportOptions,
+    control: tuple[bool, Callable[[Progress], None] | None, Callable[[str], None]],
+) -> ExportResult:
+    """``export_scene`` while no other process writes into ``out``.  ``control``: overwrite, progress, announce."""
+    names, (overwrite, progress, announce) = options.names(), control
+    loaded = load_scene(scene, **settings.sequence.reading)
     require_triangles(loaded)
     camera = camera_of_run(loaded, settings.sequence)
     frames = frame_range(loaded, camera, settings)
@@ -97,19 +140,21 @@ def export_scene(
     if settings.lighting.exposure == AUTO and not overwrite and earlier and earlier["sha256"] == loaded.sha256:
         settings = settings.replace(exposure=earlier["settings"]["exposure"])  # all parts of an export have one
     # Geometry does not depend on the exposure.
-    columns = settings.metrics.columns if _EXPOSED & set(names) else ("frustum",)
+    lit = _EXPOSED & set(names) or options.training.wanted
+    columns = settings.metrics.columns if lit else ("frustum",)
     lighting = resolve_lighting(loaded, settings.replace(columns=columns), camera, frames=frames).settings
     settings = lighting.replace(columns=settings.metrics.columns)
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
-        source = FrameSource(gpu, loaded, camera, settings, names, jitter=options.jitter)
+        source = FrameSource(gpu, loaded, camera, settings, names, jitter=options.jitter, training=options.training)
         try:
-            if not source.names:
+            exported = (*source.names, *options.training.names)
+            if not exported:
                 why = "; ".join(f"{name}: {reason}" for name, reason in source.unmeasured.items())
                 raise SettingsError(f"the scene has none of these channels: {why}")
             sequence = settings.sequence
             size = (sequence.width, sequence.height)
-            spec = ExportSpec(loaded.name, size, sequence.fps, frames, source.names, options.precision)
+            spec = ExportSpec(loaded.name, size, sequence.fps, frames, exported, options.precision)
             writer = FORMATS[options.format](out, spec)
             description = manifest(spec, settings, options, loaded.sha256, source.unmeasured)
             whole = _write_manifest(out, description, overwrite)
@@ -117,11 +162,15 @@ def export_scene(
             held = [frame for frame in whole if frame in frames or writer.done(frame)]
             _write_cameras(out, {frame: source.view(frame) for frame in held}, spec)
             missing = [frame for frame in frames if not writer.done(frame)]
+            if source.training is not None and missing:
+                source.training.announce(missing, announce)
             done = _write_all(source, writer, missing, loaded.name, progress)
             gpu.check("an export")
+            if source.training is not None and (note := source.training.noise_note()):
+                announce(note)
         finally:
             source.release()
-    return ExportResult(out, done, len(frames) - len(missing), source.names, source.unmeasured)
+    return ExportResult(out, done, len(frames) - len(missing), exported, source.unmeasured)
 
 
 def _write_all(
@@ -160,6 +209,7 @@ def manifest(
                 "unmeasured": unmeasured,
                 "precision": spec.precision,
                 "jitter": options.jitter,
+                **({"training": dataclasses.asdict(options.training)} if options.training.wanted else {}),
                 "settings": plain,
                 "frames": [spec.frames.start, spec.frames.stop],
             }
@@ -173,10 +223,8 @@ def _write_manifest(out: Path, new: dict[str, Any], overwrite: bool) -> range:
     Raises OutputError if the folder holds other files or, without ``overwrite``, another export.
     """
     path = out / MANIFEST
-    if out.exists() and not out.is_dir():
-        raise OutputError("is not a folder", where=str(out), hint="give --out another name")
     before = _read_manifest(path)
-    if before is None and out.is_dir() and not all(is_partial_of(path, p) for p in out.iterdir()):
+    if before is None and any(_foreign(p, path) for p in out.iterdir()):
         raise OutputError("holds other files and no export", where=str(out), hint="give --out a new folder")
     different = [] if before is None else _different(before, new)
     # Another range of frames extends the export, except where the range determines the files (the arrays of Zarr, the
@@ -196,12 +244,17 @@ def _write_manifest(out: Path, new: dict[str, Any], overwrite: bool) -> range:
     return range(*new["frames"])
 
 
+def _foreign(file: Path, manifest: Path) -> bool:
+    """Whether ``file`` is none that an export writes before its manifest."""
+    return file.name != LOCK_FILE and not is_partial_of(manifest, file)
+
+
 def _read_manifest(path: Path) -> dict[str, Any] | None:
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-        return values if values["schema"] == SCHEMA else None
-    except (OSError, ValueError, KeyError, TypeError):
+        values = read_json(path, _Manifest)
+    except OutputError:
         return None
+    return values if values["schema"] == SCHEMA else None
 
 
 def _different(before: dict[str, Any], new: dict[str, Any]) -> list[str]:

@@ -29,6 +29,7 @@ class FrameContext:
     buffers: SceneBuffers
     materials: MaterialTable
     history: History
+    before: tuple[FrameState, View, Placement] | None = None  # of the frame before, where a channel needs it
     number: int = 0  # of the frame, for shading that differs from frame to frame
     light_rows: np.ndarray | None = None  # LIGHT records of this frame
     casters: Casters | None = None

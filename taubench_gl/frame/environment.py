@@ -9,7 +9,14 @@ import numpy as np
 
 from taubench_gl.effects.lighting import Environment
 from taubench_gl.gpu.declare import ComputePass, Resource
-from taubench_gl.metrics.environment import LOBE_HEIGHT, LOBE_LEVELS, SEEN_HEIGHT, EnvironmentMaps, environment_maps
+from taubench_gl.metrics.environment import (
+    LOBE_HEIGHT,
+    LOBE_LEVELS,
+    SEEN_HEIGHT,
+    EnvironmentMaps,
+    environment_maps,
+    seen_map,
+)
 from taubench_gl.scene.environment import EnvironmentImage, read_environment
 
 Array = np.ndarray
@@ -27,6 +34,17 @@ def maps_of(environment: Environment) -> EnvironmentMaps:
     """Its maps, computed once while the file does not change."""
     image = image_of(environment)
     return _maps(image.path, image.sha256)
+
+
+def seen_of(environment: Environment) -> Array:
+    """The map of an environment of kind ``image`` as it is seen, (h, 2 h, 3) float64."""
+    image = image_of(environment)
+    return _seen(image.path, image.sha256)
+
+
+@lru_cache(maxsize=2)
+def _seen(path: Path, sha256: str) -> Array:
+    return seen_map(read_environment(path).radiance)
 
 
 @lru_cache(maxsize=2)
@@ -55,10 +73,11 @@ def declare_environment(p: ComputePass, environment: Environment, *, lobes: bool
     return p
 
 
-def texels(environment: Environment) -> dict[str, Array]:
-    """Contents of the textures: (h, w, 4) float32."""
-    maps = maps_of(environment)
-    return {MAP: _rgba(maps.seen), LOBES: _rgba(maps.lobes.reshape(-1, 2 * LOBE_HEIGHT, 3))}
+def texels(environment: Environment, name: str) -> Array:
+    """Contents of a texture, MAP or LOBES: (h, w, 4) float32."""
+    if name == MAP:
+        return _rgba(seen_of(environment))
+    return _rgba(maps_of(environment).lobes.reshape(-1, 2 * LOBE_HEIGHT, 3))
 
 
 def _rgba(rgb: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,15 @@ from taubench_gl.effects.lighting import light_unit_in
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.casters import Casters
 from taubench_gl.frame.draw_bounds import DrawBounds
-from taubench_gl.frame.environment import MAP, image_of, texels
+from taubench_gl.frame.environment import LOBES, MAP, image_of, texels
 from taubench_gl.frame.lights import LightTable, LightTexture
-from taubench_gl.frame.passes.indirect import IndirectPass
+from taubench_gl.frame.passes.indirect import IndirectPass, indirect_light
 from taubench_gl.frame.passes.lighting import TILE, color, direct_light, light_lists, stochastic_light
+from taubench_gl.frame.passes.pathtracing import PathTracing, path_traced_light
 from taubench_gl.frame.passes.shadows import ShadowPass, shadow_maps
 from taubench_gl.frame.plan import LIGHT
 from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.shadow_faces import wanted_sizes
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import MAX_LIGHTS
 from taubench_gl.gpu.declare import Stage
@@ -43,19 +46,22 @@ class LightStage:
         self._light_texture = LightTexture(context.gpu, len(self.table))
         self._owned: dict[str, Any] = {}
         self._shadow = ShadowPass(context, spec, renderer.draws) if shadow_maps(spec) else None
-        if self._shadow is not None:
+        self._casters: Casters | None = None
+        if self._shadow is not None or spec.raster_indirect:
             self._casters = Casters(len(renderer.draws))
             self._bounds = DrawBounds(scene, renderer.draws)
         self._direct = self._compile(light_lists) + self._compile(direct_light)
-        self.indirect = IndirectPass(context, spec, renderer.draws) if "indirect" in spec.enabled else None
+        self.indirect = IndirectPass(context, spec, renderer.draws) if indirect_light(spec) else None
         self._stochastic = self._compile(stochastic_light)
+        self.paths = PathTracing(renderer, spec) if path_traced_light(spec) else None
+        if self.paths is not None:
+            self._owned |= self.paths.tables
+            self.memory |= self.paths.memory
         self._color = self._compile(color)
         if "albedo_table" in self._owned:
             self._owned["albedo_table"].write(albedo_table().tobytes())
-        if MAP in self._owned:
-            for name, values in texels(spec.environment).items():
-                if name in self._owned:
-                    self._owned[name].write(values.tobytes())
+        for name in {MAP, LOBES} & self._owned.keys():
+            self._owned[name].write(texels(spec.environment, name).tobytes())
         if self._stochastic:
             self._owned["light_choice"] = context.gpu.ctx.buffer(reserve=8 * max(len(self.table), 1), dynamic=True)
 
@@ -71,13 +77,14 @@ class LightStage:
         frame.light_rows = self.table.update(frame.state, frame.view)
         frame.tables |= self._owned
         frame.tables["light_table"] = self._light_texture.texture
-        if self._shadow is not None:
+        if self._casters is not None:
             with timer.measure("shadows"):
                 world = frame.placement.world
                 bounds, poses = self._bounds.at(frame.state, world), self._bounds.poses(frame.state, world)
                 self._casters.update(bounds, poses, frame.placement.visible)
                 frame.casters = self._casters
-                self._shadow.run(frame)
+                if self._shadow is not None:
+                    self._shadow.run(frame)
         self._light_texture.write(frame.light_rows)
         if self._direct:
             with timer.measure("direct"):
@@ -89,10 +96,17 @@ class LightStage:
         if self._stochastic:
             choice = light_choice(frame.light_rows["color"][: len(self.table), :3].max(axis=-1))
             self._owned["light_choice"].write(choice.tobytes() or bytes(8))
-        for compiled in (*self._stochastic, *self._color):
-            with timer.measure(compiled.declaration.name):
-                compiled.run(frame, frame.resources)
+        self._run(self._stochastic)
+        if self.paths is not None:
+            with timer.measure("path tracing"):
+                self.paths.run(frame)
+        self._run(self._color)
         self._context.gpu.hazards.publish()
+
+    def _run(self, passes: list[CompiledCompute]) -> None:
+        for compiled in passes:
+            with self._context.timer.measure(compiled.declaration.name):
+                compiled.run(self._renderer.frame, self._renderer.frame.resources)
 
     @property
     def bytes(self) -> int:
@@ -134,15 +148,33 @@ class LightStage:
         left_out = len(self.table) - len(self._spec.shadowed) if self._shadow is not None else 0
         if left_out:
             out.append(f"{left_out} lights shine without shadows: only the most significant get shadow maps")
+        if self._shadow is not None:
+            out += _smaller_maps(self._spec)
+        if self.indirect is not None:
+            out += self.indirect.notes()
         if {"sky", "direct"} <= self._spec.enabled:
             out.append("light of the sky is not occluded by the scene and gives no indirect light")
+        if self.paths is not None:
+            out += self.paths.notes()
         negative = image_of(self._spec.environment).negative if MAP in self._owned else 0
         if negative:
             out.append(f"{negative} values of the environment image are below 0 and count as 0")
         return out
 
     def release(self) -> None:
-        passes = (*self._direct, *self._stochastic, *self._color, self._shadow, self.indirect)
+        passes = (*self._direct, *self._stochastic, *self._color, self._shadow, self.indirect, self.paths)
         for item in (*passes, self._light_texture, *self._owned.values()):
             if item is not None:
                 item.release()
+
+
+def _smaller_maps(spec: FrameSpec) -> list[str]:
+    """A note where shadow maps are smaller than asked for, because all have to fit one texture."""
+    sizes = spec.map_sizes
+    if sizes == wanted_sizes(spec.ranked_shadows, spec.settings.lighting.shadow_size):
+        return []
+    faces = {face.light: face.resolution for face in spec.light_faces(sizes)}
+    lights = Counter(faces.values())
+    listed = ", ".join(f"{lights[n]} lights {n}x{n}" for n in sorted(lights, reverse=True))
+    limit = spec.tuning.texture_limit
+    return [f"the shadow maps that were asked for do not fit {limit}x{limit} texels; their sizes are: {listed}"]

@@ -31,7 +31,11 @@ LIGHT = Struct(
         "vec4",
         "xyz: linear color x intensity (cd or lux; W/sr or W/m2); w: first shadow face, -1 = none",
     ),
-    Field("spot", "vec4", "x, y, z: scale, offset and smooth of the cone falloff (metrics/lighting.py)"),
+    Field(
+        "spot",
+        "vec4",
+        "xyz: scale, offset and smooth of the cone (metrics/lighting.py); w: 1 = constant with distance, else 0",
+    ),
 )
 LIGHT_ROW = 64
 """Lights in a row of the texture that holds the table, a texel for each of their fields."""
@@ -63,7 +67,7 @@ def significant_lights(scene: Scene, poser: Poser, camera: CameraTrack, times: A
             if not state.visible[node]:
                 continue
             strength = max(light.color) * light.intensity
-            if light.kind != "directional":
+            if light.kind != "directional" and not light.constant:
                 d2 = float(np.sum((state.world[node, :3, 3] - view.position) ** 2))
                 strength /= max(d2, 1.0)
             best[row] = max(best[row], strength)
@@ -140,6 +144,7 @@ class LightTable:
             row["position"][3] = light.range if np.isfinite(light.range) else 0.0
             row["direction"][3] = kind
             row["color"][:3] = np.multiply(light.color, light.intensity / self._divisor) if lit else 0.0
+            row["spot"][3] = light.constant
             if light.kind == "spot":
                 row["spot"][:3] = spot_terms(light, self._cycles_cone)
         return self.rows

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ SLOTS = ("base_color", "normal", "metallic_roughness", "emissive", "occlusion")
 
 SRGB_SLOTS = ("base_color", "emissive")
 """Slots whose texels are sRGB-encoded."""
+
+REPEAT = 10497
+"""Wrap mode that repeats."""
 
 MIRRORED_REPEAT = 33648
 """Wrap mode that samplers do not use: the shaders fold the coordinates instead."""
@@ -55,6 +58,7 @@ class MaterialKey:
     alpha_test: bool
     double_sided: bool
     plain_uv: bool = False  # ``has_plain_uv`` of those slots
+    stochastic: bool = False  # the alpha test has a random threshold
 
 
 def texture_of(material: Material, slot: str) -> Texture | None:
@@ -85,14 +89,50 @@ def has_plain_uv(material: Material, slots: Iterable[str]) -> bool:
     )
 
 
+def transformed_uv(texture: Texture, uv: np.ndarray) -> np.ndarray:
+    """Texture coordinates (..., 2) after the transform of ``texture``, float64."""
+    return uv @ texture.uv_transform[:, :2].T + texture.uv_transform[:, 2]
+
+
+def texels_at(texture: Texture, uv: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows (...) int64 of the texels that transformed coordinates ``uv`` (..., 2) lie in, wrapped.
+
+    ``size``: width and height.  Coordinates that are not finite are taken as 0.
+    """
+    out = []
+    for axis, wrap in enumerate((texture.sampler.wrap_s, texture.sampler.wrap_t)):
+        x = np.where(np.isfinite(uv[..., axis]), uv[..., axis], 0.0)
+        if wrap == REPEAT:
+            x = x - np.floor(x)
+        elif wrap == MIRRORED_REPEAT:
+            x = 1.0 - np.abs(np.mod(x, 2.0) - 1.0)
+        out.append(np.floor(np.clip(x, 0.0, 1.0) * size[axis]).astype(np.int64).clip(0, size[axis] - 1))
+    return out[0], out[1]
+
+
 def tests_alpha(material: Material) -> bool:
     return material.alpha_mode in ("MASK", "BLEND")
+
+
+def material_cutoff(material: Material) -> float:
+    """The smallest alpha that is drawn, where alpha is tested."""
+    return material.alpha_cutoff if material.alpha_mode == "MASK" else BLEND_CUTOFF
 
 
 def material_key(material: Material, channels: Iterable[str], *, normal_maps: bool = True) -> MaterialKey:
     """Key of the shader variant of ``material`` that writes ``channels``."""
     slots = wanted_slots(channels, material, normal_maps=normal_maps)
-    return MaterialKey(slots, tests_alpha(material), material.double_sided, has_plain_uv(material, slots))
+    plain, stochastic = has_plain_uv(material, slots), material.stochastic and material.alpha_mode == "BLEND"
+    return MaterialKey(slots, tests_alpha(material), material.double_sided, plain, stochastic)
+
+
+def with_blend(scene: Scene, blend: str) -> Scene:
+    """``scene`` with its blended materials drawn as the setting ``blend`` says."""
+    if blend == "cutoff" or not any(m.alpha_mode == "BLEND" for m in scene.materials):
+        return scene
+    changes: dict[str, Any] = {"alpha_mode": "OPAQUE"} if blend == "opaque" else {"stochastic": True}
+    materials = (replace(m, **changes) if m.alpha_mode == "BLEND" else m for m in scene.materials)
+    return replace(scene, materials=tuple(materials))
 
 
 def images_of(used: Iterable[tuple[Material, tuple[str, ...]]]) -> set[tuple[int, bool]]:
@@ -178,12 +218,20 @@ class MaterialTable:
         s = texture.sampler
         # Without mipmaps, minified texels are read as magnified ones are.
         minify = s.min_filter if self._mipmaps else s.mag_filter
-        key = (s.mag_filter, minify, s.wrap_s == 10497, s.wrap_t == 10497)
+        key = (s.mag_filter, minify, s.wrap_s == REPEAT, s.wrap_t == REPEAT)
         if key not in self._samplers:
             sampler = self._gpu.ctx.sampler(repeat_x=key[2], repeat_y=key[3])
             sampler.filter = (minify, s.mag_filter)
             self._samplers[key] = sampler
         return self._samplers[key]
+
+    def pixels(self, image: int) -> np.ndarray | None:
+        """Texels of an image as in its file, (h, w, 4) uint8, where a texture of it is on the GPU."""
+        for srgb in (True, False):
+            if (image, srgb) in self._textures:
+                texture = self._textures[image, srgb]
+                return np.frombuffer(texture.read(), np.uint8).reshape(*texture.size[::-1], 4)
+        return None
 
     @property
     def texture_bytes(self) -> int:
@@ -201,7 +249,7 @@ def _fill(row: np.ndarray, m: Material) -> None:
     row["emissive"] = (*m.emissive, float(m.unlit))
     row["factors"] = (m.metallic, m.roughness, m.normal_scale, m.occlusion_strength)
     row["alpha_cutoff"][1] = m.specular
-    row["alpha_cutoff"][0] = m.alpha_cutoff if m.alpha_mode == "MASK" else BLEND_CUTOFF
+    row["alpha_cutoff"][0] = material_cutoff(m)
     for i, slot in enumerate(SLOTS):
         texture = texture_of(m, slot)
         if texture is None:

@@ -12,15 +12,17 @@ from typing import Any
 from taubench_gl.animation import CameraTrack, Poser
 from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.decide import Effect, decide
+from taubench_gl.effects.path_tracing import traced_effects
 from taubench_gl.frame.materials import image_bytes, images_of
 from taubench_gl.frame.passes.deform import deform
 from taubench_gl.frame.passes.gbuffer import attachments, channel_pass
 from taubench_gl.frame.passes.indirect import indirect_light
 from taubench_gl.frame.passes.lighting import color, direct_light, light_lists, stochastic_light
 from taubench_gl.frame.passes.masks import masks
+from taubench_gl.frame.passes.pathtracing import path_traced_light
 from taubench_gl.frame.passes.shadows import shadow_maps
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.spec import FrameSpec, SceneFacts
+from taubench_gl.frame.spec import ON_GPU, FrameSpec, SceneFacts
 from taubench_gl.frame.targets import history_bytes
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import Pass, RasterPass, dependencies, order_faults, stage, without_dependents
@@ -38,7 +40,7 @@ def geometry(spec: FrameSpec) -> Sequence[Pass]:
     return (channel_pass("gbuffer", attachments(channels), spec),)
 
 
-LIGHT = (shadow_maps, light_lists, direct_light, indirect_light, stochastic_light, color)
+LIGHT = (shadow_maps, light_lists, direct_light, indirect_light, stochastic_light, path_traced_light, color)
 """Stages that light a frame."""
 
 AFTER_GEOMETRY = (*LIGHT, masks)
@@ -59,14 +61,16 @@ def frame_spec(
     *,
     shading: Shading | None = None,
     extra: tuple[str, ...] = (),
-    software: bool = False,
+    tuning: Tuning = ON_GPU,
+    pixel_list: bool = False,
 ) -> FrameSpec:
     """What the passes of a frame with these ``effects`` are declared from; an effect that cannot work is left out."""
     enabled = {name for name, effect in effects.items() if effect.enabled}
+    traced = traced_effects(enabled)
     if not len(facts.scene.light_nodes) and "sun" not in enabled:
-        enabled -= LIGHT_BOUND
+        enabled -= LIGHT_BOUND - {"indirect"} if traced else LIGHT_BOUND
     enabled = without_dependents(enabled, DEPENDS)
-    return FrameSpec(facts, settings, enabled, shading or Shading(), extra, Tuning(software))
+    return FrameSpec(facts, settings, enabled, shading or Shading(), extra, tuning, pixel_list)
 
 
 def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:
@@ -80,7 +84,8 @@ def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:
 
 def frame_channels(spec: FrameSpec) -> tuple[str, ...]:
     """Every channel of a frame, in the order of the channel table."""
-    named = {name for p in frame_passes(spec) for name in (*p.reads, *p.writes, *p.history)} | set(spec.extra)
+    named = {name for p in frame_passes(spec) for name in (*p.reads, *p.writes, *p.history)}
+    named |= {name for name in spec.extra if CHANNELS[name].attachment}
     return tuple(name for name in CHANNELS if name in named and name not in ("mask", "motion"))
 
 

@@ -126,7 +126,8 @@ class Renderer:
             self.buffers.arrange(now, self.materials, culling=self.options.culling == "gltf")
             self.buffers.show(self._seen(view, now))
             self.buffers.write_records(self._table.update(now, then))
-        self.frame = FrameContext(state, view, now, self.buffers, self.materials, history)
+        earlier = (before, before_view, then) if self._previous else None
+        self.frame = FrameContext(state, view, now, self.buffers, self.materials, history, earlier)
         with timer.measure("gbuffer"):
             self._gbuffer.run(self.frame)
         return history.current

@@ -6,7 +6,7 @@ casters stand still keeps its texels, so shadow edges do not shimmer under a mov
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,9 @@ FACE = Struct(
     Field("forward", "vec4", "xyz: unit world axis; w: near (perspective) or depth range (parallel), meters"),
     Field("extent", "vec4", "x: resolution, texels; y: world size of a texel at distance 1 (or anywhere, parallel)"),
 )
+FACE_ROW = 64
+"""Faces in a row of the texture that holds the table, a texel for each of their fields."""
+
 _CUBE = (  # forward, up of the faces +x -x +y -y +z -z
     ((1, 0, 0), (0, 1, 0)),
     ((-1, 0, 0), (0, 1, 0)),
@@ -49,6 +52,9 @@ DIRECTIONAL_TEXELS = 4
 
 FULL_SIZE_SHADOWS = 8
 """Lights, the most significant first, whose maps have ``shadow_size`` texels along a side; those after have half."""
+
+SMALLEST_MAP = 16
+"""Texels along a side below which no map is shrunk to fit the atlas."""
 
 WIDEST_MAP = np.radians(80.0)
 """Half angle of the widest cone that has one map; at 90 degrees the map would be infinite."""
@@ -115,9 +121,33 @@ class Face:
         return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
 
 
-def halved_shadows(ranked: list[int]) -> frozenset[int]:
-    """``ranked``: rows of the lights with shadows, the most significant first -> rows whose maps are half as large."""
-    return frozenset(ranked[FULL_SIZE_SHADOWS:])
+def map_sizes(scene: Scene, ranked: list[int], texels: int, limit: int, sun: Sun | None = None) -> dict[int, int]:
+    """Row of the light table -> texels along its maps, before DIRECTIONAL_TEXELS: all maps fit one atlas.
+
+    ``ranked``: rows of the lights with shadows, the most significant first.  The first FULL_SIZE_SHADOWS have
+    ``texels``, the others half.  While the atlas would be larger than ``limit`` texels along a side, as few as possible
+    of the lights with the largest maps, the least significant ones, get half of that, down to SMALLEST_MAP.
+    """
+    sizes = wanted_sizes(ranked, texels)
+    faces = [(f.light, f.resolution) for f in faces_of(scene, None, sorted(ranked), (np.zeros(3), 1.0), 1, sun)]
+
+    def fits(tried: dict[int, int]) -> bool:
+        return max(_pack([factor * tried[row] for row, factor in faces], limit)[1]) <= limit
+
+    while not fits(sizes) and max(sizes.values()) > SMALLEST_MAP:  # else the atlas is refused where it is allocated
+        largest = [row for row in ranked if sizes[row] == max(sizes.values())]
+        low, high = 0, len(largest)  # lights that keep their size: ``high`` are too many
+        while high - low > 1:
+            middle = (low + high) // 2
+            tried = sizes | {row: sizes[row] // 2 for row in largest[middle:]}
+            low, high = (middle, high) if fits(tried) else (low, middle)
+        sizes = sizes | {row: sizes[row] // 2 for row in largest[low:]}
+    return sizes
+
+
+def wanted_sizes(ranked: list[int], texels: int) -> dict[int, int]:
+    """``map_sizes`` of an atlas without limit."""
+    return {row: texels if i < FULL_SIZE_SHADOWS else texels // 2 for i, row in enumerate(ranked)}
 
 
 def is_wide(light: Light) -> bool:
@@ -165,20 +195,20 @@ def faces_of(
     state: FrameState | None,
     rows: list[int],
     bounds: tuple[Array, float],
-    resolution: int,
+    resolution: int | Mapping[int, int],
     sun: Sun | None = None,
-    halved: Collection[int] = (),
 ) -> list[Face]:
     """Faces of the lights in ``rows`` of the light table; ``state`` None: their number and sizes only.
 
-    ``sun``: the light of the row after those of the scene's lights.  ``halved``: rows with half as many texels.
+    ``resolution``: texels along a face, of all lights or by row.  ``sun``: the light of the row after those of the
+    scene's lights.
 
     A directional map covers the whole scene, so it gets DIRECTIONAL_TEXELS times the texels along each side.
     """
     nodes = scene.light_nodes
     out = []
     for row in rows:
-        texels = resolution // 2 if row in halved else resolution
+        texels = resolution if isinstance(resolution, int) else resolution[row]
         if sun is not None and row == len(nodes):
             light, direction = Light(kind="directional"), np.array(sun.direction)
             out += light_faces(row, light, np.zeros(3), direction, bounds, DIRECTIONAL_TEXELS * texels)
@@ -205,15 +235,30 @@ def _frame(forward: Array) -> tuple[Array, Array]:
     return right, np.cross(right, forward)
 
 
-def pack(faces: list[Face]) -> tuple[list[tuple[int, int]], tuple[int, int]]:
-    """Shelf packing, largest first: atlas offsets of each face, and the atlas's size in texels."""
-    if not faces:
+def pack(faces: list[Face], limit: int = 16384) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """Shelf packing, largest first: atlas offsets of each face, and the atlas's size in texels.
+
+    The atlas is as narrow as keeps its height within ``limit``; where no width does, higher.
+    """
+    return _pack([face.resolution for face in faces], limit)
+
+
+def _pack(sides: list[int], limit: int) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """``pack`` of squares with these sides."""
+    if not sides:
         return [], (1, 1)
-    width = max(max(f.resolution for f in faces), 8192 if len(faces) > 16 else 4096)
-    offsets: list[tuple[int, int]] = [(0, 0)] * len(faces)
+    width = max(max(sides), min(8192 if len(sides) > 16 else 4096, limit))
+    while (packed := _shelves(sides, width))[1][1] > limit and width < limit:
+        width = min(2 * width, limit)
+    return packed
+
+
+def _shelves(sides: list[int], width: int) -> tuple[list[tuple[int, int]], tuple[int, int]]:
+    """``pack`` into shelves of ``width`` texels."""
+    offsets: list[tuple[int, int]] = [(0, 0)] * len(sides)
     x = y = shelf = 0
-    for i in sorted(range(len(faces)), key=lambda i: -faces[i].resolution):
-        size = faces[i].resolution
+    for i in sorted(range(len(sides)), key=lambda i: -sides[i]):
+        size = sides[i]
         if x + size > width:
             x, y, shelf = 0, y + shelf, 0
         offsets[i] = (x, y)

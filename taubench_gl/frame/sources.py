@@ -16,12 +16,15 @@ from taubench_gl.animation.jitter import grid_offsets
 from taubench_gl.animation.surface import previous_point
 from taubench_gl.effects.decide import Effect, as_summary, decide, disable, unmeasured
 from taubench_gl.effects.decide import force as force_on
+from taubench_gl.effects.path_tracing import notes as light_notes
 from taubench_gl.frame.light_stage import LightStage
+from taubench_gl.frame.materials import with_blend
 from taubench_gl.frame.plan import DEPENDS, LIGHT, frame_channels, frame_spec
 from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.spec import SceneFacts
 from taubench_gl.frame.targets import read_channel
+from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -67,6 +70,7 @@ class SourceOptions:
     force: tuple[str, ...] = ()  # effects to simulate although no column needs them
     without: tuple[str, ...] = ()  # effects not to simulate, with those that depend on them
     jitter: Callable[[int], np.ndarray] | None = None  # frame -> sub-pixel offset (2,) of its samples, pixels
+    pixel_list: bool = False  # path-traced light for the pixels that ``trace`` is given
     shading: Shading | None = None  # fewer pixels or random samples instead of exact light
 
 
@@ -85,10 +89,12 @@ class RasterSource:
         poser: Poser | None = None,
     ):
         self._jitter, shading = options.jitter, options.shading
+        scene = with_blend(scene, settings.sequence.blend)
         self.samples = settings.metrics.samples_per_pixel
         self._offsets = grid_offsets(self.samples)
-        self._fps = settings.sequence.fps
-        self.effects = disable(force_on(decide(scene, settings), options.force), options.without, DEPENDS)
+        self._settings, self._fps = settings, settings.sequence.fps
+        self.effects = force_on(decide(scene, settings), options.force)
+        self.effects = disable(self.effects, options.without, DEPENDS)
         if shading is not None and not shading.exact:
             # Emission stays: it is part of the radiance of such frames (reuse.inputs).
             self.effects = {**self.effects, "color": Effect(False, "not every pixel has its exact light")}
@@ -97,9 +103,10 @@ class RasterSource:
         self.unmeasured = unmeasured(self.effects, settings)
         self.cuts = self.effects["cuts"].enabled
         self.radiance = tuple(c for c in ("direct", "indirect", "color") if c not in self.unmeasured)
-        poser, software = poser or Poser(scene), gpu.software
+        poser, tuning = poser or Poser(scene), Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
         facts = SceneFacts(scene, camera, poser)
-        spec = frame_spec(facts, settings, self.effects, shading=shading, extra=options.extra, software=software)
+        more = {"extra": options.extra, "tuning": tuning, "pixel_list": options.pixel_list}
+        spec = frame_spec(facts, settings, self.effects, shading=shading, **more)
         self.size = spec.size
         self.context = GpuContext(gpu, timer=timer)
         raster = RasterOptions(
@@ -114,6 +121,8 @@ class RasterSource:
         self._more = [self.renderer.new_history() for _ in range(self.samples - 1)]
         self._history = self.renderer.history
         self._previous_time = 0.0  # seconds
+        self.current_view: View | None = None
+        self.previous_view: View | None = None
         self.light = LightStage(self.renderer, spec) if any(declare(spec) for declare in LIGHT) else None
 
     def advance(self, frame: int) -> View:
@@ -136,11 +145,32 @@ class RasterSource:
             self.light.run(frame)
         return view
 
+    def draw(self, frame: int) -> View:
+        """``advance`` without light; ``trace`` lights it."""
+        return self._rasterize(frame, None if self._jitter is None else self._jitter(frame))
+
+    def trace(self, number: int, first: int, count: int, pixels: np.ndarray | None = None) -> None:
+        """Light the current frame by samples ``first`` .. ``first + count - 1`` of path-traced light.
+
+        ``number``: frame number of the sample pattern.  ``pixels``: with ``SourceOptions.pixel_list``, the pixels to
+        light, (n, 2) integers, column and row from the top.
+        """
+        paths = self.light.paths
+        if pixels is not None:
+            paths.pixels = np.stack([pixels[:, 0], self.size[1] - 1 - pixels[:, 1]], axis=-1)
+        paths.first_sample, paths.sample_count = first, count
+        self.light.run(number)
+
     def _draw(self, frame: int, offset: np.ndarray | None) -> View:
-        self._previous_time = (frame - 1) / self._fps
-        self.renderer.draw(frame / self._fps, self._previous_time, offset, history=self._history)
+        view = self._rasterize(frame, offset)
+        self.previous_view, self.current_view = self.current_view or view, view
         if self.light is not None:
             self.light.run(frame)
+        return view
+
+    def _rasterize(self, frame: int, offset: np.ndarray | None) -> View:
+        self._previous_time = (frame - 1) / self._fps
+        self.renderer.draw(frame / self._fps, self._previous_time, offset, history=self._history)
         return self.renderer.frame.view
 
     @property
@@ -172,7 +202,9 @@ class RasterSource:
     def describe(self) -> dict[str, Any]:
         size = self.renderer.bytes + (0 if self.light is None else self.light.bytes)
         size += sum(history.bytes for history in self._more)
-        notes = [] if self.light is None else self.light.notes()
+        enabled = frozenset(name for name, effect in self.effects.items() if effect.enabled)
+        notes = light_notes(self.renderer.scene, self._settings, enabled)
+        notes += [] if self.light is None else self.light.notes()
         return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": size}, "notes": notes}
 
     def release(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,10 +14,11 @@ from taubench_gl.animation.pose import is_skinned
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.effects.decide import indirect_method
 from taubench_gl.effects.lighting import Environment, Sun, environment_of
+from taubench_gl.effects.path_tracing import emitters, method_of, traced_effects, traced_sources
 from taubench_gl.frame.lights import light_kinds, significant_lights
 from taubench_gl.frame.materials import MaterialKey, material_key
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.shadow_faces import Face, faces_of, halved_shadows
+from taubench_gl.frame.shadow_faces import Face, faces_of, map_sizes
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, WRITE, Use
 from taubench_gl.scene.model import Material, Primitive, Scene
@@ -52,25 +53,26 @@ class SceneFacts:
         self.poser = poser or Poser(scene)
 
     @cached_property
-    def _times(self) -> Array:
+    def times(self) -> Array:
+        """(T,) seconds at which facts of the whole animation are taken."""
         return bound_times(self.scene)
 
     @cached_property
     def ranked_lights(self) -> list[int]:
         """Rows of the scene's lights in the light table, the most significant first."""
         camera = self._camera or choose_camera(self.scene)
-        return significant_lights(self.scene, self.poser, camera, self._times)
+        return significant_lights(self.scene, self.poser, camera, self.times)
 
     @cached_property
     def bounds(self) -> tuple[Array, float]:
         """Center (3,) and radius of everything that casts or receives light, world."""
-        center, radius = bounding_sphere(self.poser, self._times)
+        center, radius = bounding_sphere(self.poser, self.times)
         return center, radius * BOUND_MARGIN
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Low and high corner (3,) of all geometry, world."""
-        return bounding_box(self.poser, self._times)
+        return bounding_box(self.poser, self.times)
 
     @cached_property
     def drawn(self) -> list[tuple[int, Primitive]]:
@@ -94,6 +96,7 @@ class FrameSpec:
     shading: Shading = EXACT
     extra: tuple[str, ...] = ()  # channels besides those that passes read
     tuning: Tuning = ON_GPU
+    pixel_list: bool = False  # path-traced light for listed pixels only
 
     @property
     def scene(self) -> Scene:
@@ -107,6 +110,59 @@ class FrameSpec:
     @property
     def indirect_method(self) -> str:
         return indirect_method(self.settings)
+
+    # --- path-traced light
+    @cached_property
+    def path_traced_sources(self) -> frozenset[str]:
+        """Those of effects.path_tracing.SOURCES whose light the path tracer simulates; empty: it has nothing to do."""
+        effects = traced_effects(self.enabled)
+        if self.shading.stochastic or "direct" not in self.enabled or not effects:
+            return frozenset()
+        found = traced_sources(self.scene, self.settings)
+        if method_of(self.settings) == "path-traced":
+            return found if self.light_kinds else found - {"punctual"}
+        wanted = {"emitters": "emitter_light", "environment": "environment_light"}
+        return frozenset(source for source, effect in wanted.items() if effect in effects and source in found)
+
+    @property
+    def raster_direct(self) -> bool:
+        """Whether a raster pass writes ``direct``; path-traced light is added to it, or written where none does."""
+        lit = bool(self.light_kinds) or "sky" in self.enabled
+        return "direct" in self.enabled and not self._replaces_raster and (lit or not self.path_traced_sources)
+
+    @property
+    def raster_indirect(self) -> bool:
+        """Whether a raster pass writes ``indirect``; as ``raster_direct``."""
+        needed = {"indirect", "direct"} <= self.enabled
+        return needed and bool(self.light_kinds) and not self._replaces_raster
+
+    @property
+    def _replaces_raster(self) -> bool:
+        return method_of(self.settings) == "path-traced" and bool(self.path_traced_sources)
+
+    @cached_property
+    def emitters(self) -> frozenset[int]:
+        """Materials whose surfaces are path-traced lights."""
+        return emitters(self.scene, self.settings) if "emitters" in self.path_traced_sources else frozenset()
+
+    @property
+    def spp(self) -> int:
+        """Samples per pixel of path-traced light."""
+        return self.settings.lighting.path_samples
+
+    @property
+    def bounces(self) -> int:
+        """Most bounces of a path, at least 1."""
+        return self.settings.lighting.bounces
+
+    @property
+    def pattern(self) -> str:
+        """fixed | independent."""
+        return self.settings.lighting.pattern
+
+    @property
+    def seed(self) -> int:
+        return self.settings.lighting.seed
 
     @cached_property
     def environment(self) -> Environment:
@@ -125,25 +181,28 @@ class FrameSpec:
     @cached_property
     def shadowed(self) -> list[int]:
         """Rows of the light table that get shadow maps, ascending; none without shadows.  The sun comes first."""
+        return sorted(self.ranked_shadows)
+
+    @cached_property
+    def map_sizes(self) -> dict[int, int]:
+        """Row of ``shadowed`` -> texels along its shadow maps (``shadow_faces.map_sizes``)."""
+        texels, limit = self.settings.lighting.shadow_size, self.tuning.texture_limit
+        return map_sizes(self.scene, self.ranked_shadows, texels, limit, self.sun)
+
+    @property
+    def ranked_shadows(self) -> list[int]:
+        """``shadowed``, the most significant first."""
         if "shadows" not in self.enabled:
             return []
-        return sorted(self._ranked_shadows)
-
-    @property
-    def halved(self) -> frozenset[int]:
-        """Rows of ``shadowed`` after the FULL_SIZE_SHADOWS most significant: their maps are half as large."""
-        return halved_shadows(self._ranked_shadows)
-
-    @property
-    def _ranked_shadows(self) -> list[int]:
         return ranked_with_sun(self.facts.ranked_lights, self.sun)[: self.settings.lighting.shadow_lights]
 
-    def light_faces(self, resolution: int, halved: Collection[int] = ()) -> list[Face]:
+    def light_faces(self, resolution: int | Mapping[int, int], rows: list[int] | None = None) -> list[Face]:
         """Faces of the shadowed lights at ``resolution`` texels: their number, owners and sizes, not their places.
 
-        ``halved``: rows of lights with half as many texels.
+        ``resolution``: of all lights or by row.  ``rows``: of the lights, instead of the shadowed ones.
         """
-        return faces_of(self.scene, None, self.shadowed, (np.zeros(3), 1.0), resolution, self.sun, halved)
+        rows = self.shadowed if rows is None else rows
+        return faces_of(self.scene, None, rows, (np.zeros(3), 1.0), resolution, self.sun)
 
     # --- channels
     def channels(self, *names: str, images: bool = False, history: bool = False) -> list[Use]:

@@ -21,6 +21,9 @@ MAX_LIGHTS = 30_000
 VPL_CHUNK = 60_000 // 8 // 32 * 32
 """VPLs per dispatch of the probe pass, a multiple of 32: below LOOP_LIMIT at 8 iterations for each."""
 
+PATCH_LIGHT_CHUNK = 192
+"""Lights per dispatch of the patch pass: below LOOP_LIMIT at 3 voxels of 96 along each axis for each."""
+
 MAX_UNROLLED = 8
 """Lights that are compiled one by one, at constant places of a uniform block, which llvmpipe reads once for all lanes;
 from a texture a light and its shadow face are nine texels, more expensive than all that is computed from them.  More
@@ -32,9 +35,10 @@ WIDE, NARROW = 64, 16
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """The choices for software rendering (``software``) or a GPU."""
+    """The choices for software rendering (``software``) or a GPU, and its limits."""
 
     software: bool = False
+    texture_limit: int = 16384  # texels along a side of the largest texture
 
     @property
     def shading_group(self) -> tuple[int, int]:
@@ -45,6 +49,12 @@ class Tuning:
     def pixel_group(self) -> tuple[int, int]:
         """Passes that read few."""
         return (64, 1) if self.software else (8, 8)
+
+    @property
+    def path_tile(self) -> tuple[int, int]:
+        """Pixels whose paths are traced together.  llvmpipe: their state stays in the cache, and a dispatch is short;
+        GPUs need many."""
+        return (512, 128) if self.software else (1024, 1024)
 
     @property
     def mask_group(self) -> tuple[tuple[int, int], int]:

@@ -1,7 +1,8 @@
 """OpenGL 4.5 contexts without a screen: EGL through glcontext, OSMesa through a loader.
 
-``auto`` tries EGL first (hardware drivers and Mesa), then OSMesa.  A process has one context per backend and device:
-contexts are expensive, and all GPU work is single-threaded.
+``auto`` tries EGL first (hardware drivers and Mesa), then OSMesa.  A context belongs to the process and the thread that
+opened it: each thread has one per backend and device.  Drivers do not survive a fork, so a child of a process that has
+opened a context gets a GraphicsError instead of a call that never returns.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -53,12 +55,14 @@ class Gpu:
     _entered: int = field(default=0, repr=False)  # how many ``with`` blocks are open
     _nothing: moderngl.Framebuffer | None = field(default=None, repr=False)  # framebuffer 0
     hazards: Hazards | None = field(default=None, repr=False)  # barriers; one for all copies of this record
+    _owner: tuple[int, int] = field(default_factory=lambda: _this_thread(), repr=False)  # process, thread
 
     def __post_init__(self) -> None:
         if self.hazards is None:
             self.hazards = Hazards(self.ctx)
 
     def __enter__(self) -> Gpu:
+        self._require_owner()
         # An evaluation inside a caller's ``with gpu`` must leave the context current.
         if self._entered == 0:
             self.ctx.__enter__()
@@ -69,6 +73,15 @@ class Gpu:
         self._entered -= 1
         if self._entered == 0:
             self.ctx.__exit__(*exc)
+
+    def _require_owner(self) -> None:
+        """Raises GraphicsError in a forked child and on another thread than the context's."""
+        process, thread = _this_thread()
+        if process != self._owner[0]:
+            raise _after_fork()
+        if thread != self._owner[1]:
+            what = "an OpenGL context was used on another thread than the one that opened it"
+            raise GraphicsError(what, hint="start and finish an evaluation on one thread; each thread opens its own")
 
     def finish(self) -> None:
         """Wait until everything submitted is done."""
@@ -179,14 +192,39 @@ def egl_function(name: str) -> int:
     return get(name.encode()) or 0
 
 
-_open: dict[tuple[str, int | None], Gpu] = {}
+class _Contexts(threading.local):
+    """The contexts of one thread, by backend and device."""
+
+    def __init__(self) -> None:
+        self.by_name: dict[tuple[str, int | None], Gpu] = {}
+
+
+_open = _Contexts()
+_opened_in: set[int] = set()
+"""Processes that have opened a context: this one, and those it was forked from."""
+
+
+def _this_thread() -> tuple[int, int]:
+    return os.getpid(), threading.get_ident()
+
+
+def _after_fork() -> GraphicsError:
+    what = "this process was forked from one that had opened OpenGL, which drivers do not survive"
+    return GraphicsError(what, hint="use the start method 'spawn' or 'forkserver', or fork before the first evaluation")
+
+
+def _require_unforked() -> None:
+    if _opened_in - {os.getpid()}:
+        raise _after_fork()
 
 
 def open_gpu(backend: str = "auto", device: int | None = None) -> Gpu:
-    """The process's context on ``backend`` (auto | egl | osmesa; TAUBENCH_BACKEND replaces auto).
+    """This thread's context on ``backend`` (auto | egl | osmesa; TAUBENCH_BACKEND replaces auto).
 
-    ``device`` selects the EGL device.  Raises GraphicsError listing everything that was tried and how to get it.
+    ``device`` selects the EGL device.  Raises GraphicsError listing everything that was tried and how to get it, and in
+    a process that was forked after its parent opened a context.
     """
+    _require_unforked()
     if backend == "auto":
         backend = os.environ.get(BACKEND_VARIABLE, "auto") or "auto"
     if backend not in ("auto", "egl", "osmesa"):
@@ -195,8 +233,8 @@ def open_gpu(backend: str = "auto", device: int | None = None) -> Gpu:
         raise GraphicsError("OSMesa has no devices to choose from", hint="leave --device out, or use --backend egl")
     faults = []
     for name in ("egl", "osmesa") if backend == "auto" and device is None else (backend.replace("auto", "egl"),):
-        if (name, device) in _open:
-            return _open[name, device]
+        if (name, device) in _open.by_name:
+            return _open.by_name[name, device]
         try:
             gpu = _create(name, device)
         except Exception as error:
@@ -207,7 +245,7 @@ def open_gpu(backend: str = "auto", device: int | None = None) -> Gpu:
                 raise GraphicsError(f"no EGL device has number {device}", hint=hint) from None
             faults.append(f"{name}: {error} ({_INSTALL[name]})")
             continue
-        _open[name, device] = gpu
+        _open.by_name[name, device] = gpu
         return gpu
     raise GraphicsError("no OpenGL 4.5 context: " + "; ".join(faults), hint="see 'taubench-gl doctor'")
 
@@ -231,6 +269,7 @@ def adopt_context(ctx: moderngl.Context, backend: str, function: Callable[[str],
 
     Sets the clip control that reversed Z needs.  Raises OSError where the context is not enough.
     """
+    _opened_in.add(os.getpid())
     if ctx.version_code < REQUIRED_VERSION:
         raise OSError(f"the driver offers GL {ctx.version_code / 100:.1f}, 4.5 is needed")
     address = function("glClipControl")

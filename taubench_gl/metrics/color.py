@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from taubench_gl.srgb import srgb_decode, srgb_encode
+
 Array = np.ndarray
 
 TONE_MAPS = {
@@ -22,12 +24,6 @@ def tone_map(radiance: Array, curve: str = "linear") -> Array:
     return np.clip(TONE_MAPS[curve](np.clip(radiance, 0.0, 1e6)), 0.0, 1.0)
 
 
-def srgb_encode(linear: Array) -> Array:
-    """The sRGB transfer function (IEC 61966-2-1) of values in [0, 1].  (...) -> (...)."""
-    linear = np.asarray(linear)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
-
-
 def display_color(radiance: Array, exposure: float = 1.0, curve: str = "linear") -> Array:
     """The color that the color mask compares: exposure, ``curve``, clamp, sRGB.  (..., 3) -> (..., 3) in [0, 1].
 
@@ -35,3 +31,6 @@ def display_color(radiance: Array, exposure: float = 1.0, curve: str = "linear")
     """
     exposed = np.where(np.isinf(radiance), np.nan, radiance) * exposure
     return srgb_encode(tone_map(exposed, curve))
+
+
+__all__ = ["TONE_MAPS", "display_color", "srgb_decode", "srgb_encode", "tone_map"]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taubench_gl.metrics.lighting import MIN_ALPHA
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 
@@ -129,9 +130,14 @@ def ggx_lobe(roughness: float) -> Callable[[Array], Array]:
     return kernel
 
 
+def seen_map(radiance: Array) -> Array:
+    """An image (h, 2 h, 3) with at most SEEN_HEIGHT rows."""
+    return resized(radiance, SEEN_HEIGHT) if len(radiance) > SEEN_HEIGHT else np.asarray(radiance, dtype=np.float64)
+
+
 def environment_maps(radiance: Array) -> EnvironmentMaps:
     """Maps of an image (h, 2 h, 3)."""
-    seen = resized(radiance, SEEN_HEIGHT) if len(radiance) > SEEN_HEIGHT else np.asarray(radiance, dtype=np.float64)
+    seen = seen_map(radiance)
     # The narrowest lobe is about two pixels of its map wide, so it is taken from a finer image.
     fine, coarse = resized(seen, 2 * LOBE_HEIGHT), resized(seen, LOBE_HEIGHT)
     lobes = [zonal_filter(coarse, cosine_lobe, LOBE_HEIGHT)]
@@ -153,3 +159,48 @@ def glossy_radiance(maps: EnvironmentMaps, mirror: Array, roughness: Array) -> A
         return np.take_along_axis(stack, level[None, ..., None], axis=0)[0]
 
     return take(low) * (1.0 - f) + take(low + 1) * f
+
+
+CELLS = 256
+"""Most rows of the cells from which directions towards an environment image are sampled; twice as many columns."""
+
+
+def direction_choice(radiance: Array) -> Array:
+    """Where to sample the directions of a map (h, 2 h, 3): cells chosen by their power, (n, 2 n + 1, 2) float32.
+
+    Power is that of the bilinear value: a sun of one pixel also lights half of each pixel around it.
+
+    ``[row, column, 0]``: cumulative probability of the columns of a row; ``[row, 2 n, 0]``: of the rows; ``[..., 1]``:
+    pdf of the directions of a cell, 1/sr.  Cells have equal steps of latitude and longitude, n = min(h, CELLS).
+    Probabilities are differences of the rounded cumulative ones.
+    """
+    n = min(len(radiance), CELLS)
+    means = _bilinear_means(np.asarray(radiance, dtype=np.float64))
+    cells = resized(means, n) if n < len(means) else means
+    area = solid_angles(n)[:, None]
+    power = np.maximum(cells, 0.0) @ LUMINANCE * area
+    if not power.sum() > 0:
+        power = np.broadcast_to(area, power.shape)
+    row_power = power.sum(axis=1)
+    out = np.zeros((n, 2 * n + 1, 2), dtype=np.float32)
+    out[:, 2 * n, 0] = _cumulative(row_power)
+    shares = np.where(row_power[:, None] > 0, power, 1.0)
+    out[:, : 2 * n, 0] = [_cumulative(row) for row in shares]
+    rows = np.diff(out[:, 2 * n, 0].astype(np.float64), prepend=0.0)
+    columns = np.diff(out[:, : 2 * n, 0].astype(np.float64), axis=1, prepend=0.0)
+    out[:, : 2 * n, 1] = rows[:, None] * columns / area
+    return out
+
+
+def _bilinear_means(radiance: Array) -> Array:
+    """Mean over each pixel of the bilinear value of a map (h, 2 h, 3): weights 1/8, 3/4, 1/8 along each axis."""
+    above, below = np.concatenate([radiance[:1], radiance[:-1]]), np.concatenate([radiance[1:], radiance[-1:]])
+    rows = 0.75 * radiance + 0.125 * (above + below)
+    return 0.75 * rows + 0.125 * (np.roll(rows, 1, axis=1) + np.roll(rows, -1, axis=1))
+
+
+def _cumulative(weights: Array) -> Array:
+    """Cumulative shares of ``weights`` (n,), 1 from the last positive one on."""
+    total = np.cumsum(weights) / np.sum(weights)
+    total[np.flatnonzero(weights)[-1] :] = 1.0
+    return total

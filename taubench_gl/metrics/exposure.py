@@ -10,10 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-Array = np.ndarray
+from taubench_gl.srgb import LUMINANCE
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Weights of linear RGB with the primaries of Rec. 709."""
+Array = np.ndarray
 
 MIDDLE_GRAY = 0.18
 LEAST_SHARE = 1e-3

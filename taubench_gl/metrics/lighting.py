@@ -26,6 +26,7 @@ class PunctualLight(Protocol):
     range: float
     inner_cone: float
     outer_cone: float
+    constant: bool
 
 
 MIN_LIGHT_DISTANCE = 1e-3
@@ -48,7 +49,7 @@ def incident(
     d2 = np.maximum(np.sum(offset**2, axis=-1, keepdims=True), MIN_LIGHT_DISTANCE**2)
     length = np.linalg.norm(offset, axis=-1, keepdims=True)
     to_light = np.where(length > 0, offset / np.where(length > 0, length, 1.0), 0.0)
-    out = color / d2
+    out = color * np.ones_like(d2) if light.constant else color / d2
     if np.isfinite(light.range) and light.range > 0:
         out = out * np.clip(1.0 - (d2 / light.range**2) ** 2, 0.0, 1.0)
     if light.kind == "spot":
@@ -95,7 +96,7 @@ class SurfaceMaterial:
     base_color: Array
     metallic: Array
     roughness: Array
-    specular: float = 1.0
+    specular: Array | float = 1.0
 
 
 def evaluate_brdf(material: SurfaceMaterial, n: Array, v: Array, to_light: Array) -> tuple[Array, Array]:
@@ -121,7 +122,7 @@ def evaluate_brdf(material: SurfaceMaterial, n: Array, v: Array, to_light: Array
     a2 = alpha**2
     d = a2 / (np.pi * (n_h**2 * (a2 - 1) + 1) ** 2)
     visibility = 0.5 / (n_l * np.sqrt(n_v**2 * (1 - a2) + a2) + n_v * np.sqrt(n_l**2 * (1 - a2) + a2))
-    dielectric = material.specular * (0.04 + 0.96 * schlick)
+    dielectric = np.asarray(material.specular)[..., None] * (0.04 + 0.96 * schlick)
     metal = base_color + (1 - base_color) * schlick
     diffuse = (1 - metallic) * (1 - dielectric) * base_color / np.pi * n_l
     glossy = ((1 - metallic) * dielectric + metallic * metal) * d * visibility * n_l
@@ -213,16 +214,19 @@ def tile_boxes(position: Array, brdf: Array, tile: int) -> tuple[Array, Array, A
     return np.array(low), np.array(high), np.array(largest)
 
 
-def light_bounds(low: Array, high: Array, brdf: Array, place: Array, peak: Array, reach: Array) -> Array:
+def light_bounds(
+    low: Array, high: Array, brdf: Array, place: Array, peak: Array, reach: Array, constant: Array | None = None
+) -> Array:
     """Upper bound of the radiance that each point light adds to a pixel of each tile.  (T, L).
 
     ``place`` (L, 3) in the space of the boxes, meters; ``peak`` (L,) largest channel of color x intensity; ``reach``
-    (L,) range in meters, Inf where unlimited.
+    (L,) range in meters, Inf where unlimited; ``constant`` (L,) bool, without attenuation (None: none of them).
     """
     low, high = low[:, None], high[:, None]
     nearest = np.clip(place, low, high) - place
     d2 = np.maximum(np.sum(nearest**2, axis=-1), MIN_LIGHT_DISTANCE**2)
     window = np.clip(1.0 - (d2 / reach**2) ** 2, 0.0, 1.0)
+    d2 = d2 if constant is None else np.where(constant, 1.0, d2)
     return np.where(np.isfinite(low[..., 0]), peak * brdf[:, None] * window / d2, 0.0)
 
 

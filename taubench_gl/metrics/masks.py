@@ -10,10 +10,9 @@ import numpy as np
 from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
 from taubench_gl.metrics.counts import bin_of
 from taubench_gl.metrics.reprojection import Reprojection, reproject
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Rec. 709."""
 RADIANCE_FEATURES = ("direct", "indirect", "color")
 
 

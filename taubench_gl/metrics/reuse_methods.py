@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from taubench_gl.conventions import GUARD_PX
-from taubench_gl.metrics.masks import LUMINANCE
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 

@@ -25,6 +25,7 @@ import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import CameraTrack, Poser, View
+from taubench_gl.data_files import read_json
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.fit import fit_camera
 from taubench_gl.pathtraced.passes import PathTracedFrame
@@ -55,11 +56,7 @@ class CameraFile:
 def read_camera_file(path: str | Path) -> CameraFile:
     """Read a sidecar.  Raises PathTracedError with a JSON pointer to the fault."""
     path = Path(path)
-    try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        what = f"is no camera file: {getattr(error, 'strerror', None) or error}"
-        raise PathTracedError(what, where=str(path), hint="give JSON as 'reference render' writes it") from None
+    values = read_json(path, fault=PathTracedError, hint="give a camera file, as 'reference render' writes it")
     if not isinstance(values, dict) or values.get("schema") != CAMERA_SCHEMA:
         got = values.get("schema") if isinstance(values, dict) else type(values).__name__
         raise PathTracedError(f"schema is {got!r}, expected {CAMERA_SCHEMA!r}", where=str(path))

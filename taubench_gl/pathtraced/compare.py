@@ -6,6 +6,8 @@ Works without OpenGL.  ``compare_runs`` compares, ``save_comparison`` writes tex
 from __future__ import annotations
 
 import json
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -248,7 +250,7 @@ class _Saved:
         try:
             with np.load(self._path) as arrays:
                 return take(arrays)
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error) as error:
             raise OutputError(f"cannot be read: {error}", where=str(self._path)) from None
 
 

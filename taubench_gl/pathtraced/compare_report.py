@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.conventions import FEATURE_BIT, FRUSTUM
-from taubench_gl.outputs import cannot_write
+from taubench_gl.outputs import write_png
 from taubench_gl.report.mask_images import legend, legend_strip, mask_overlay
 from taubench_gl.report.page import data_uri, render_page
 
@@ -66,8 +66,6 @@ def save_worst_image(path: str | Path, result: Result, masks: Sequence[Array], c
     ``masks``: two (h, w) uint32; ``colors``: two (h, w, 3) in [0, 1], or None.  The color difference is scaled so that
     its 99th percentile is white; the caption has the factor.  Raises OutputError.
     """
-    import imageio.v3 as iio
-
     compared = np.uint32(result["worst"]["compared_bits"])
     reasons = tuple(r for r in (FRUSTUM, *FEATURE_BIT.values()) if compared & np.uint32(int(r)))
     differ = (masks[0] ^ masks[1]) & compared
@@ -85,10 +83,7 @@ def save_worst_image(path: str | Path, result: Result, masks: Sequence[Array], c
     factor = max(1, -(-_MIN_WIDTH // image.shape[1]))
     image = np.repeat(np.repeat(image, factor, axis=0), factor, axis=1)
     strip = legend_strip(legend(differ, reasons), image.shape[1], caption)
-    try:
-        iio.imwrite(path, np.concatenate([image, strip]), extension=".png")
-    except OSError as error_:
-        raise cannot_write(path, error_) from None
+    write_png(Path(path), np.concatenate([image, strip]))
     return Path(path)
 
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.animation import View, choose_camera
+from taubench_gl.animation import choose_camera
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.animation.views import ORBIT
 from taubench_gl.effects.lighting import as_rendered
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import (
     Observers,
-    Pair,
     PairEvaluator,
     assemble_summary,
     describe_brightness,
@@ -24,13 +22,14 @@ from taubench_gl.evaluation import (
     finish_run,
     frame_schedule,
 )
+from taubench_gl.evaluation.lobes import LobeColumns, require_lobes
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.blender.render import RenderRecord, read_render
 from taubench_gl.pathtraced.cameras import FittedCamera, PathTracedCamera, SceneCamera, SidecarCamera
-from taubench_gl.pathtraced.passes import BOUNCES, LOBES
+from taubench_gl.pathtraced.passes import BOUNCES
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.provenance import provenance
@@ -57,9 +56,7 @@ class PathTracedOptions:
     def __post_init__(self) -> None:
         if self.camera_file is not None and self.scene_file is not None:
             raise SettingsError("a camera file and a scene file are given", hint="give one")
-        for lobe in self.lobes:
-            if lobe not in LOBES:
-                raise SettingsError(f"no lobe is named {lobe!r:.60}", hint=f"choose from {', '.join(LOBES)}")
+        require_lobes(self.lobes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +90,7 @@ def _choose_camera(
         camera = SidecarCamera(options.camera_file)
         return camera, camera.file.fps or sequence.fps
     if options.scene_file is not None:
-        scene = load_scene(options.scene_file, scene=sequence.scene, animation=sequence.animation)
+        scene = load_scene(options.scene_file, **sequence.reading)
         if not len(scene.camera_nodes) and sequence.camera != ORBIT:
             raise SettingsError("the scene file has no camera", hint="leave it out to have the camera estimated")
         return SceneCamera(scene, choose_camera(scene, sequence.camera, size), sequence.fps), sequence.fps
@@ -142,7 +139,7 @@ def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, obse
         context = GpuContext(gpu, timer=timer)
         untimed = GpuContext(gpu, context.shaders)
         source = PathTracedSource(gpu, sequence, given.camera, settings, lobes=options.lobes)
-        lobes = _LobeColumns(untimed, source, settings)
+        lobes = LobeColumns(untimed, source, settings, _missing_lobes(source), lambda lobe, bounce: f"{lobe}_{bounce}")
         try:
             schedule = frame_schedule(frames, settings)
             on_pair = lobes.observer(observers.on_pair) if options.lobes else observers.on_pair
@@ -167,7 +164,15 @@ def _run(given: PathTracedInput, frames: range, options: PathTracedOptions, obse
             gpu.collect()
         summary["timing"] = timer.summary()
         summary["provenance"] = provenance(gpu, timer.clock)
-    return finish_run(summary, results.rows, observers.writer)
+    return finish_run(summary, results.rows, observers)
+
+
+def _missing_lobes(source: PathTracedSource) -> dict[str, dict[str, str]]:
+    """lobe -> {direct or indirect: why it is null}."""
+    return {
+        lobe: {b: source.missing[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in source.missing}
+        for lobe in source.lobes
+    }
 
 
 def _lighting(record: RenderRecord | None) -> dict[str, Any]:
@@ -232,48 +237,3 @@ def noise_floor(context: GpuContext, given: PathTracedInput, second: PathTracedS
 def _floor_note(floor: dict[str, Any]) -> str:
     shares = [f"{c} {e['mean_percent']:.2f} %" for c, e in floor.items() if e["mean_percent"] is not None]
     return f"noise floor, from a render with another seed: {', '.join(shares) or 'nothing to compare'}"
-
-
-class _LobeColumns:
-    """direct and indirect of single lobes: the same evaluator, with the lobe's textures instead of the sums."""
-
-    def __init__(self, context: GpuContext, source: PathTracedSource, settings: Settings):
-        self._source = source
-        self._lobes: dict[str, tuple[PairEvaluator, SequenceStats]] = {}
-        for lobe in source.lobes:
-            missing = {b: source.missing[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in source.missing}
-            measured = tuple(b for b in BOUNCES if b not in missing)
-            evaluator = PairEvaluator(context, source, settings, radiance=measured)
-            self._lobes[lobe] = evaluator, SequenceStats(measured, missing)
-
-    def observer(self, on_pair: Callable[[Pair], None] | None) -> Callable[[Pair], None]:
-        """A callback that counts each pair for every lobe and then calls ``on_pair``."""
-
-        def observe(pair: Pair) -> None:
-            self._add(pair.view)
-            if on_pair is not None:
-                on_pair(pair)
-
-        return observe
-
-    def _add(self, view: View) -> None:
-        """Count the pair whose frames the source holds; ``view`` is that of the current frame."""
-        pair = reprojection(view, self._source.previous_view, *self._source.size)
-        for lobe, (evaluator, stats) in self._lobes.items():
-            current, previous = (
-                dict(textures) | {b: textures[f"{lobe}_{b}"] for b in BOUNCES if f"{lobe}_{b}" in textures}
-                for textures in (self._source.current, self._source.previous)
-            )
-            stats.add(evaluator.compare(pair, current=current, previous=previous))
-
-    def summary(self) -> dict[str, Any]:
-        """lobe -> {direct, indirect} as in the ``discard`` block."""
-        out = {}
-        for lobe, (_, stats) in self._lobes.items():
-            discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
-            out[lobe] = {bounce: discard[bounce] for bounce in BOUNCES}
-        return out
-
-    def release(self) -> None:
-        for evaluator, _ in self._lobes.values():
-            evaluator.release()

@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import OpenEXR
@@ -34,6 +34,11 @@ MAX_SIDE = 16384
 MAX_PIXEL_BYTES = 8 << 30
 """Largest accepted decoded size of one file, in bytes.  69 float channels of 3840x2160 take 2.3 GB, so only broken
 headers exceed it."""
+
+MAX_CHANNELS = 4096
+"""Most channels of one file, all parts together.  Files of renderers have about a hundred; the time that the library
+takes to open a file grows with the square of their number."""
+_MULTIPART_FLAG = 1 << 12  # version field, bit 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +127,51 @@ def _full_name(channel: str, part: str | None) -> str:
     return f"{part}.{channel}"
 
 
+def _channel_count(path: Path, multipart: bool) -> int:
+    """Channels of all headers, without the library; counts up to the first damage, which the library reports."""
+    count = 0
+    with open(path, "rb") as file:
+        file.seek(8)
+        while count <= MAX_CHANNELS:
+            attributes = 0
+            while name := _text_from(file):
+                kind, size = _text_from(file), int.from_bytes(file.read(4), "little", signed=True)
+                attributes += 1
+                if size < 0 or kind is None:
+                    return count
+                if kind == b"chlist" and name == b"channels":
+                    count += _channels_in(file.read(size)) if size <= MAX_CHANNELS * 512 else MAX_CHANNELS + 1
+                else:
+                    file.seek(size, 1)
+            if not multipart or not attributes or name is None:  # an empty header ends the list
+                break
+    return count
+
+
+def _channels_in(data: bytes) -> int:
+    """Entries of a channel list: a name that ends with 0, then 16 bytes; an empty name ends the list."""
+    count = place = 0
+    while place < len(data) and data[place]:
+        place = data.find(b"\0", place) + 17
+        count += 1
+        if place < 17:
+            break
+    return count
+
+
+def _text_from(file: BinaryIO) -> bytes | None:
+    """A text of at most 255 bytes that ends with 0; None at the end of the file and for a longer one."""
+    text = bytearray()
+    while len(text) < 256:
+        byte = file.read(1)
+        if not byte:
+            return None
+        if byte == b"\0":
+            return bytes(text)
+        text += byte
+    return None
+
+
 def _check_kind(path: Path) -> None:
     """Raise PathTracedError unless the first 8 bytes are those of a flat OpenEXR image."""
     try:
@@ -133,6 +183,8 @@ def _check_kind(path: Path) -> None:
         raise PathTracedError("is not an OpenEXR file", where=str(path), hint="its first bytes are another format's")
     if len(head) < 8:
         raise _damaged(path, "the file ends within its header")
+    if _channel_count(path, bool(int.from_bytes(head[4:8], "little") & _MULTIPART_FLAG)) > MAX_CHANNELS:
+        raise PathTracedError(f"has more than {MAX_CHANNELS} channels", where=str(path), hint="export fewer passes")
     if int.from_bytes(head[4:], "little") & _NON_IMAGE_FLAG:
         raise _deep(path)
 

@@ -6,8 +6,6 @@ program, and that program's conventions.  ``ChannelIndex`` finds the channels; `
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.conventions import LOBES
+from taubench_gl.data_files import read_json, read_toml
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage
 
 Array = np.ndarray
-LOBES = ("diffuse", "glossy", "transmission", "volume")
 BOUNCES = ("direct", "indirect")
 
 COMPONENTS = {
@@ -80,13 +79,11 @@ def load_mapping(source: str | Path | None) -> PassMap:
     """Load a preset by name, or a TOML or JSON file; None: blender.  Raises PathTracedError naming the faulty key."""
     source = "blender" if source is None else source
     path = _PRESETS / f"{source}.toml" if str(source) in presets() else Path(source)
-    try:
-        text = path.read_text(encoding="utf-8")
-        values = json.loads(text) if path.suffix.lower() == ".json" else tomllib.loads(text)
-    except (OSError, ValueError) as error:
-        hint = f"give a TOML or JSON file or one of {', '.join(presets())}"
-        what = f"is no pass mapping: {getattr(error, 'strerror', None) or error}"
-        raise PathTracedError(what, where=str(source), hint=hint) from None
+    hint = f"give a TOML or JSON file or one of {', '.join(presets())}"
+    if not path.exists():
+        raise PathTracedError("is no pass mapping", where=str(source), hint=hint)
+    read = read_json if path.suffix.lower() == ".json" else read_toml
+    values = read(path, fault=PathTracedError, hint=hint)
     return parse_mapping(values, str(source))
 
 
@@ -100,7 +97,7 @@ def parse_mapping(values: Any, where: str) -> PassMap:
     for key, value in flat.items():
         if key not in _CHOICES:
             raise PathTracedError(f"unknown key {key!r}", where=where, hint=f"known: {', '.join(_CHOICES)}")
-        if value not in _CHOICES[key]:
+        if not isinstance(value, str) or value not in _CHOICES[key]:
             raise PathTracedError(f"{key} is {value!r}", where=where, hint=f"choose from {', '.join(_CHOICES[key])}")
     background = values.get("background_depth", 1e9)
     if isinstance(background, bool) or not isinstance(background, int | float) or not background > 0:

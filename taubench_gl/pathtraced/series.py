@@ -51,18 +51,23 @@ class Render:
             options = replace(options, second_seed=f"{PREFIX}{second.folder}")
         return evaluate_path_traced(f"{PREFIX}{self.folder}", _file_settings(settings), options)
 
-    def channels(self, settings: Settings, frames: tuple[int, int], names: tuple[str, ...]) -> dict[int, dict]:
-        """Frame -> name -> array: the available channels of ``names``, ``motion`` (h, w, 2) and ``camera_position``.
-
-        ``frames`` is the range of frames (first, end) to evaluate; the first one has no pair and no entry.
-        """
-        out: dict[int, dict[str, Array]] = {}
+    def light(self, settings: Settings, frame: int) -> dict[int, tuple[Array, Array]]:
+        """Of ``frame`` and the one before: direct and indirect radiance, (h, w, 3) each; black where the files have
+        none."""
+        out: dict[int, tuple[Array, Array]] = {}
 
         def keep(pair: Pair) -> None:
-            arrays = {name: pair.source.read(name) for name in names if name in pair.source.channels}
-            out[pair.frame] = arrays | {"motion": pair.motion, "camera_position": np.asarray(pair.view.position)}
+            width, height = pair.source.size
+            for previous in (False, True):
+                found = (
+                    pair.source.read(name, previous=previous)[..., :3].astype(np.float64)
+                    if name in pair.source.channels
+                    else np.zeros((height, width, 3))
+                    for name in ("direct", "indirect")
+                )
+                out[pair.frame - previous] = tuple(found)
 
-        settings = _file_settings(settings).replace(frames=frames)
+        settings = _file_settings(settings).replace(frames=(frame - 1, frame + 1))
         evaluate_path_traced(f"{PREFIX}{self.folder}", settings, self.options, Observers(on_pair=keep))
         return out
 

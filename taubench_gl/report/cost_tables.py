@@ -1,27 +1,20 @@
-"""A cost study as tables: text, Markdown, CSV and HTML.  Takes the values of study.json."""
+"""A cost study in words and tables: text, CSV and HTML.  Takes the values of study.json."""
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from taubench_gl.outputs import csv_text
 from taubench_gl.report.labels import lighting_text
 
 Study = Mapping[str, Any]
 Point = Mapping[str, Any]
 
 NONE = "–"
-FEATURES = {
-    "position_mm": ("position", "mm"),
-    "normal_deg": ("normal", "°"),
-    "motion_px": ("motion", "px"),
-    "direct_percent": ("direct", "%"),
-    "indirect_percent": ("indirect", "%"),
-    "color_levels": ("color", "levels"),
-}
+OVERALL = "overall"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,138 +27,190 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
+def answer(study: Study) -> list[str]:
+    """Three lines: what to use, against what it was compared, how far the numbers can be trusted."""
+    chosen = study["chosen"]
+    first = "nothing has been measured yet" if chosen is None else chosen["words"]
+    return [f"Use {first}" if chosen and chosen["configuration"] else first, _compared(study), _trust(study)]
+
+
+def _compared(study: Study) -> str:
+    reference, pixels = study["reference"], study["pixels"]
+    names = {"path-traced": "path-traced light", "exr": "renders", "highest-quality": "the raster method at its best"}
+    samples = f", {reference['samples']} samples per pixel" if reference["samples"] else ""
+    where = f"at {pixels['count']} random pixels of {pixels['pairs']} pairs of frames"
+    text = f"Reference: {names[reference['kind']]}{samples}, {where}"
+    floor = reference["floor"].get(OVERALL)
+    if floor is not None:
+        return f"{text}; its noise floor is {three(floor)} %: errors below it are not ranked"
+    return f"{text}; its noise is unknown" if reference["kind"] == "exr" else text
+
+
+def _trust(study: Study) -> str:
+    machine, state = study["machine"], study["machine_state"]
+    text = f"Machine: {machine['renderer']}, {machine['cores']} cores"
+    rounds = max((p["ms"]["samples"] for p in study["points"] if p["ms"]), default=0)
+    text += f"; {rounds} rounds" + ("" if state["load"] is None else f", load {state['load']:.1f}")
+    if state["drift"] is not None:
+        text += f", drift of the baseline {100.0 * state['drift']:.0f} %"
+    if state["busy"]:
+        text += ": the machine was BUSY, times are too long"
+    missing = sum(1 for p in study["points"] if not p["ms"] and p["usable"])
+    return text + (f"; {missing} configurations are not timed yet: run again to go on" if missing else "")
+
+
 def heading(study: Study) -> list[str]:
-    """Title, and what every number depends on: reference, machine, clock."""
+    """What every number depends on: scene, light, machine, clock."""
     width, height = study["size"]
-    machine, reference = study["machine"], study["reference"]
-    subject = f"{study['scene']['name']}: {width}x{height}, {study['fps']:g} fps, {study['pairs']} pairs"
-    lines = [f"Cost study: {subject}, {study['camera']}"]
+    lines = [
+        f"Cost study: {study['scene']['name']}, {width}x{height}, {study['fps']:g} fps, {study['pairs']} pairs, "
+        f"{study['camera']}"
+    ]
     lighting = lighting_text({"settings": study.get("lighting") or {}})
     lines += [f"light: {lighting}"] if lighting else []
-    if "path" in reference:
-        lines.append(f"reference: {reference['name']} ({reference['path']})")
-    else:
-        highest = next(p for p in study["points"] if p["name"] == reference["name"])
-        values = ", ".join(f"{name} {value}" for name, value in highest["values"].items())
-        lines.append(f"reference: highest quality ({values or 'the baseline'})")
-    floors = {c: reference["floor"][c] for c in study["columns"]}
-    known = [f"{c} {f['points']:.3g}" for c, f in floors.items() if f["points"] is not None]
-    unknown = sorted({f["reason"] for f in floors.values() if f["points"] is None})
-    lines.append(f"noise floor of the reference, pp: {'; '.join([', '.join(known) or 'unknown', *unknown])}")
-    load = "" if study["load"] is None else f", load {study['load']:.1f} (median; the study alone is about 1)"
-    processor = f"{machine['processor']}, {machine['cores']} cores"
-    lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {processor}{load}")
+    machine = study["machine"]
+    lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {machine['processor']}")
     lines.append(f"clock: frames by {study['clock']}; passes by {study['pass_clock']}")
     return lines
 
 
 def tables(study: Study) -> list[Table]:
-    """All tables, in reading order."""
-    comparable = [p for p in study["points"] if p["role"] != "definition"]
-    found = [front_table(study, name) for name in study["front_columns"]]
-    found += [_configurations(study, comparable), _features(comparable)]
-    found += _definitions(study)
-    found.append(_passes(comparable))
+    """All tables, in reading order; those without rows are left out."""
+    found = [_front(study), _configurations(study), _effects(study), _columns(study), _numerics(study), _passes(study)]
+    found = [t for t in found if t.rows]
     return found if study["methods"] is None else found + _methods(study["methods"])
 
 
-def front_table(study: Study, name: str) -> Table:
-    """The Pareto front ``name``, fastest first."""
+def _front(study: Study) -> Table:
+    """The Pareto front, fastest first."""
+    column = study["chosen"]["column"] if study["chosen"] else OVERALL
     points = {p["name"]: p for p in study["points"]}
-    front = [points[n] for n in study["fronts"][name]]
-    rows = [(p["label"], _front_error(study, name, p), ms_text(p), ratio_text(p)) for p in front]
-    if name in study["columns"]:
-        title = f"Pareto front of the {name} column (reference: {study['reference']['percent'][name]:.3f} %)"
-    else:
-        title = f"Pareto front of the {worst_of(study, name)}"
-    notes = ("(±): the error of sampled pairs is at least the half width of its 95 % interval",)
-    heads = ("configuration", "error, pp", "ms/frame", "against the baseline")
-    return Table(title, heads, tuple(rows), notes)
+    rows = [_row(points[name], [column]) for name in study["fronts"][column]]
+    heads = ("configuration", f"{column}, % wrong", "ms/frame", "against the baseline", "MB")
+    return Table(f"Pareto front of the {column} error: nothing measured is as fast and as exact", heads, tuple(rows))
 
 
-def worst_of(study: Study, name: str) -> str:
-    """A front of several columns in words."""
-    columns = study["front_columns"][name]
-    return f"worst of {', '.join(columns) if len(columns) < 4 else f'{len(columns)} columns'}"
+def _row(p: Point, columns: Sequence[str]) -> tuple[str, ...]:
+    return (p["label"], *(_error(p, c) for c in columns), ms_text(p), ratio_text(p), _megabytes(p, 1))
 
 
-def _front_error(study: Study, name: str, point: Point) -> str:
-    """The error that places a point on front ``name``; for several columns the worst and its column."""
-    column = name if name in study["columns"] else point["worst"]["column"]
-    entry = point["columns"][column]
-    text = _error_text(entry["error"], entry["half_width"])
-    return text if text == "0" or column == name else f"{text}, {column}"
+def _error(p: Point, column: str) -> str:
+    """``1.2 (+0.9 -0.3)``: percent of wrong pixels, false positives and false negatives."""
+    e = p["masks"].get(column)
+    if e is None:
+        return NONE
+    return f"{three(e['percent'])} (+{three(e['false_positive'])} -{three(e['false_negative'])})"
 
 
-def _configurations(study: Study, points: Sequence[Point]) -> Table:
-    rows = []
-    for p in points:
-        entries = [p["columns"][c] for c in study["columns"]]
-        errors = [NONE if e["points"] is None else _error_text(abs(e["points"]), e["half_width"]) for e in entries]
-        rows.append((p["label"], *errors, ms_text(p), ratio_text(p), _megabytes(p, 1)))
+def _configurations(study: Study) -> Table:
+    columns = (OVERALL, *study["columns"])
+    rows = [_row(p, columns) for p in study["points"] if p["masks"] and p["role"] != "effect"]
     notes = (
-        "error: |mean - mean of the reference|, percentage points of w·h; (±): half width of the 95 % interval",
-        f"indistinguishable: {study['rule']}",
+        "percent of the pixels whose mask differs from the reference's (+ discarded wrongly, - kept wrongly); overall: "
+        "in any column",
+        "noise floor of the reference, %: "
+        + (", ".join(f"{c} {three(v)}" for c, v in study["reference"]["floor"].items() if v is not None) or "none"),
+        f"times: {study['rule']}",
     )
-    heads = ("configuration", *study["columns"], "ms/frame", "against the baseline", "MB")
-    return Table("All configurations: error of each column, pp", heads, tuple(rows), notes)
+    heads = ("configuration", *columns, "ms/frame", "against the baseline", "MB")
+    return Table("All configurations: masks that are wrong", heads, tuple(rows), notes)
 
 
-def _features(points: Sequence[Point]) -> Table:
-    names = [f for f in FEATURES if any(f in p["features"] for p in points)]
-    rows = []
-    for p in points:
-        if p["features"]:
-            found = [p["features"].get(f) for f in names]
-            rows.append(
-                (p["label"], *(NONE if e is None else f"{three(e['median'])} / {three(e['p95'])}" for e in found))
-            )
-    heads = ("configuration", *(", ".join(FEATURES[f]) for f in names))
-    note = "at pixel centers where both show the same surface; sampled pairs and sub-pixel samples do not change them"
-    return Table("Per-pixel errors, median / 95th percentile", heads, tuple(rows), (note,))
-
-
-def _definitions(study: Study) -> list[Table]:
-    points = [p for p in study["points"] if p["role"] == "definition"]
-    if not points:
-        return []
+def _effects(study: Study) -> Table:
+    """What each effect takes, and what its columns lose without it."""
     baseline = next(p for p in study["points"] if p["role"] == "baseline")
     rows = []
-    for p in (baseline, *points):
-        percents = [p["columns"][c]["percent"] for c in study["columns"]]
-        rows.append((p["label"], *(NONE if v is None else f"{v:.3f}" for v in percents), ms_text(p), ratio_text(p)))
-    heads = ("configuration", *(f"{c}, %" for c in study["columns"]), "ms/frame", "against the baseline")
-    note = "these change the definition of the metric (not comparable): percent as measured, not an error"
-    return [Table("Other definitions of the metric", heads, tuple(rows), (note,))]
+    for p in study["points"]:
+        if p["role"] != "effect" or not p["masks"] or not p["ms"] or not baseline["ms"] or not baseline["masks"]:
+            continue
+        name = p["name"].removeprefix("without ")
+        lost = p["masks"][OVERALL]["percent"] - baseline["masks"][OVERALL]["percent"]
+        taken = baseline["ms"]["median"] - p["ms"]["median"]
+        bytes_ = study["effects"][name]["gpu_bytes"]
+        share = f"{100.0 * taken / baseline['ms']['median']:.0f} %"
+        different = p["against_baseline"]["different"]
+        taken_text = f"{three(taken)}, {share}" if different else "indistinguishable from 0"
+        rows.append((name, taken_text, f"{bytes_ / 1e6:.1f}", f"{lost:+.2f}"))
+    off = [name for name, e in study["effects"].items() if not e["on"]]
+    notes = (
+        "points: what the overall error gains if the effect is left out",
+        f"not called for: {', '.join(off)}; they have no pass, no texture and no shader here",
+    )
+    heads = ("effect", "ms/frame", "MB", "points lost without it")
+    return Table("What each effect costs", heads, tuple(rows), notes)
 
 
-def _passes(points: Sequence[Point]) -> Table:
+def _columns(study: Study) -> Table:
+    """Signed column differences: parameters of other pixels, pairs or metrics, which have no mask error."""
+    rows = []
+    for p in study["points"]:
+        if p["role"] in ("grid", "definition") and p["columns"]:
+            cells = [_difference(p["columns"][c]) for c in study["columns"]]
+            rows.append((p["label"], *cells, ms_text(p), ratio_text(p)))
+    heads = ("configuration", *study["columns"], "ms/frame", "against the baseline")
+    notes = (
+        "points: the column's mean less the baseline's, ± half the 95 % interval; wrong and missing discards cancel",
+        "other frame rates, filters and reprojections measure something else: a difference is no error",
+    )
+    return Table("Other pixels, other pairs, other definitions: difference of each column", heads, tuple(rows), notes)
+
+
+def _difference(d: Mapping[str, Any]) -> str:
+    if d["points"] is None:
+        return NONE
+    return f"{d['points']:+.2f}" + ("" if d["half_width"] is None else f" ± {d['half_width']:.2f}")
+
+
+def _numerics(study: Study) -> Table:
+    """Signed differences, which cancel, beside the errors, which do not; storage and float64 masks."""
+    rows = []
+    for p in study["points"]:
+        if p["masks"] and (
+            p["role"] in ("baseline", "level", "highest_quality", "render", "path_traced") or "storage" in p["values"]
+        ):
+            rows.append((p["label"], *(f"{p['masks'][c]['points']:+.2f}" for c in study["columns"])))
+    note = "points: discarded less the reference's; wrong and missing discards cancel"
+    return Table(
+        "Signed difference of each column at the same pixels",
+        ("configuration", *study["columns"]),
+        tuple(rows),
+        (note,),
+    )
+
+
+def _passes(study: Study) -> Table:
+    points = [p for p in study["points"] if p["passes"]]
     names = list(dict.fromkeys(n for p in points for n in p["passes"]))
-    rows = [(p["label"], *(three(p["passes"].get(n, 0.0)) for n in names)) for p in points if p["passes"]]
-    title = "Milliseconds of a drawn frame by pass, median over rounds"
+    rows = [(p["label"], *(three(p["passes"].get(n, 0.0)) for n in names)) for p in points]
     note = "passes are timed separately, which removes their overlap: they may add up to more than a frame"
-    return Table(title, ("configuration", *names), tuple(rows), (note,))
+    return Table("Milliseconds of a drawn frame by pass", ("configuration", *names), tuple(rows), (note,))
 
 
 def _methods(block: Study) -> list[Table]:
-    """Reuse methods: one front per measure, then all of them."""
-    points = {p["name"]: p for p in block["points"]}
-    found = []
-    for measure, doc in block["measures"].items():
-        front = [points[name] for name in block["fronts"][measure]]
-        rows = [(p["label"], three(p["errors"][measure]), ms_text(p), ratio_text(p)) for p in front]
-        heads = ("method", measure, "shading + method, ms/frame", "against no reuse")
-        found.append(Table(f"Pareto front of the methods' {measure}", heads, tuple(rows), (doc,)))
+    """Reuse methods: all of them, and which are on the front of each measure."""
     rows = []
-    for p in points.values():
+    for p in block["points"]:
+        on = [m for m in block["measures"] if p["name"] in block["fronts"][m]]
         parts = [NONE if v is None else three(v) for v in (*p["errors"].values(), p["shading_ms"], p["method_ms"])]
         count = len(p["errors"])
-        rows.append((p["label"], *parts[:count], ms_text(p), ratio_text(p), *parts[count:], _megabytes(p, 2)))
-    first = next((p for p in points.values() if not p["failed"]), None)
-    notes = [] if first is None else [f"image errors against {first['reference']}; clock: {first['clock']}"]
-    notes += [f"{p['label']} failed: {p['failed']}" for p in points.values() if p["failed"]]
-    heads = ("method", *block["measures"], "ms/frame", "against no reuse", "shading, ms", "method, ms", "MB")
-    return [*found, Table("Reuse methods, evaluated by their images", heads, tuple(rows), tuple(notes))]
+        cells = (*parts[:count], ms_text(p), ratio_text(p), *parts[count:], _megabytes(p, 2), ", ".join(on) or NONE)
+        rows.append((p["label"], *cells))
+    first = next((p for p in block["points"] if not p["failed"]), None)
+    notes = [f"{m}: {doc}" for m, doc in block["measures"].items()]
+    notes += [] if first is None else [f"image errors against {first['reference']}; clock: {first['clock']}"]
+    notes += [f"{p['label']} failed: {p['failed']}" for p in block["points"] if p["failed"]]
+    notes += block["recommendations"]
+    heads = (
+        "method",
+        *block["measures"],
+        "ms/frame",
+        "against no reuse",
+        "shading, ms",
+        "method, ms",
+        "MB",
+        "on the front of",
+    )
+    return [Table("Reuse methods, evaluated by their images", heads, tuple(rows), tuple(notes))]
 
 
 def ms_text(point: Point) -> str:
@@ -195,46 +240,12 @@ def three(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
-def _error_text(points: float, half_width: float | None) -> str:
-    text = "0" if points < 5e-10 else "<0.001" if points < 5e-4 else f"{points:.3f}"
-    return text if half_width is None else f"{text} (±{half_width:.2f})"
-
-
 def _megabytes(point: Point, decimals: int) -> str:
     return NONE if point["bytes"] is None else f"{point['bytes'] / 1e6:.{decimals}f}"
 
 
-def summary_lines(study: Study) -> list[str]:
-    """Recommendations, validation, and parameters that are inapplicable."""
-    lines = ["Recommendations:", *(f"  {r['words']}" for r in study["recommendations"])]
-    if study["chosen"] is not None:
-        lines.append(f"chosen: {study['chosen']['words']}")
-    if study["methods"] is not None:
-        lines.append("Reuse methods (errors of images, not of columns):")
-        lines += [f"  {words}" for words in study["methods"]["recommendations"]]
-    if study["validation"] is not None:
-        lines += _validation_lines(study["validation"])
-    if study["inapplicable"]:
-        lines.append("Inapplicable because:")
-        lines += [f"  {name}: {reason}" for name, reason in study["inapplicable"].items()]
-    return lines
-
-
-def _validation_lines(found: Study) -> list[str]:
-    errors = ", ".join(f"{c} {e:.3g}" for c, e in found["errors"].items())
-    verdict = "PASS" if found["errors_pass"] else "FAIL"
-    lines = [f"validation, errors: {verdict} ({errors} pp; limit {found['limit_points']:.3g} pp)"]
-    if found["budget_ms"] is not None:
-        verdict = "PASS" if found["time_pass"] else "FAIL"
-        spread = "" if found["ratio_spread"] is None else f" ± {found['ratio_spread']:.2g}"
-        limit = f"limit {found['allowed_ratio']:.3g}x: {found['budget_ms']:g} ms"
-        drift = f"the baseline takes {found['baseline_drift']:.3g}x its earlier time"
-        lines.append(f"validation, time: {verdict} ({found['ratio']:.3g}{spread} times the baseline; {limit}; {drift})")
-    return lines
-
-
 def cost_text(study: Study, width: int = 150) -> str:
-    """Plain text without color."""
+    """Plain text without color: the answer, then everything else."""
     from rich import box
     from rich.console import Console
     from rich.table import Table as RichTable
@@ -242,8 +253,8 @@ def cost_text(study: Study, width: int = 150) -> str:
 
     sink = io.StringIO()
     console = Console(file=sink, width=width, color_system=None, force_terminal=False, force_jupyter=False)
-    for line in heading(study):
-        console.print(Text(line))
+    for line in (*answer(study), "", *heading(study)):
+        console.print(Text(line), soft_wrap=True)
     for table in tables(study):
         drawn = RichTable(title=Text("\n" + table.title), title_justify="left", box=box.SIMPLE_HEAD)
         for i, head in enumerate(table.heads):
@@ -253,49 +264,35 @@ def cost_text(study: Study, width: int = 150) -> str:
         console.print(drawn)
         for note in table.notes:
             console.print(Text(f"  {note}"))
-    console.print(Text("\n" + "\n".join(summary_lines(study))))
+    if study["inapplicable"]:
+        console.print(Text("\n" + "\n".join(f"not measured, {n}: {why}" for n, why in study["inapplicable"].items())))
     return "\n".join(line.rstrip() for line in sink.getvalue().splitlines()) + "\n"
 
 
-def cost_markdown(study: Study) -> str:
-    """GitHub-flavored Markdown."""
-    parts = ["  \n".join(map(_cell, heading(study)))]
-    parts += [f"**{_cell(table.title)}**\n\n{markdown_table(table)}" for table in tables(study)]
-    parts.append("\n".join(f"- {_cell(line.strip())}" for line in summary_lines(study)))
-    return "\n\n".join(parts) + "\n"
-
-
-def markdown_table(table: Table) -> str:
-    """Rows and notes, without the title."""
-    rows = [tuple(map(_cell, row)) for row in (table.heads, *table.rows)]
-    rows.insert(1, ("---", *["---:"] * (len(table.heads) - 1)))
-    return "\n".join(["| " + " | ".join(row) + " |" for row in rows] + [f"\n{_cell(note)}" for note in table.notes])
-
-
-def _cell(text: str) -> str:
-    return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;")
-
-
 def cost_csv(study: Study) -> str:
-    """One line per configuration and column, and for the worst of several columns; all digits."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    errors = ("percent", "points", "half_width", "pair_points", "error")
-    times = ("median", "spread", "samples")
-    writer.writerow(("configuration", "label", "role", "column", *errors, "on_front", *(f"ms_{t}" for t in times),
-                     "clock", "bytes", "reason"))  # fmt: skip
-    worst = study["fronts"].keys() - set(study["columns"])
+    """One line per configuration and column; all digits."""
+    masks, columns, times = (
+        ("percent", "false_positive", "false_negative", "points"),
+        ("percent", "points", "half_width"),
+        ("median", "spread", "samples"),
+    )
+    head = (
+        "configuration",
+        "label",
+        "role",
+        "column",
+        *(f"wrong_{m}" for m in masks),
+        *(f"column_{c}" for c in columns),
+        "on_front",
+    )
+    out: list[Sequence[Any]] = [(*head, *(f"ms_{t}" for t in times), "clock", "bytes")]
     for p in study["points"]:
-        entries = dict(p["columns"])
-        for name in worst:
-            column = p["worst"]["column"]
-            entries[name] = {"error": p["worst"]["error"], "reason": column and f"worst column: {column}"}
-        for column, entry in entries.items():
-            on_front = int(p["name"] in study["fronts"].get(column, ()))
-            cells = [*(entry.get(e) for e in errors), on_front, *((p["ms"] or {}).get(t) for t in times)]
-            row = [p["name"], p["label"], p["role"], column, *cells, p["clock"], p["bytes"], entry.get("reason")]
-            writer.writerow("" if cell is None else cell for cell in row)
-    return out.getvalue()
+        for column in (OVERALL, *study["columns"]):
+            found, difference = p["masks"].get(column, {}), p["columns"].get(column, {})
+            cells = [*(found.get(m) for m in masks), *(difference.get(c) for c in columns)]
+            cells += [int(p["name"] in study["fronts"][column]), *((p["ms"] or {}).get(t) for t in times)]
+            out.append([p["name"], p["label"], p["role"], column, *cells, p["clock"], p["bytes"]])
+    return csv_text(out)
 
 
 class CostView:
@@ -314,9 +311,9 @@ class CostView:
 
 
 def tables_html(study: Study, scroll: bool = False) -> str:
-    """Heading, tables and text as an HTML fragment without scripts or style sheet.
+    """The answer and the tables as an HTML fragment without scripts or style sheet.
 
-    ``scroll``: each table in a box that scrolls on a narrow screen, without the heading, for a page.
+    ``scroll``: each table in a box that scrolls on a narrow screen, without the answer, for a page.
     """
     from markupsafe import Markup
 
@@ -326,7 +323,5 @@ def tables_html(study: Study, scroll: bool = False) -> str:
         {"title": t.title, "heads": t.heads, "rows": t.rows, "notes": t.notes, "dim": (), "region": scroll and t.title}
         for t in tables(study)
     ]
-    lines = Markup("<p>{}</p>").format
-    about = "" if scroll else lines(Markup("<br>").join(heading(study)))
-    text = lines(Markup("<br>").join(summary_lines(study)))
-    return Markup("{}{}{}").format(about, Markup(render("tables.html", tables=values)), text)
+    about = "" if scroll else Markup("<p>{}</p>").format(Markup("<br>").join([*answer(study), *heading(study)]))
+    return Markup("{}{}").format(about, Markup(render("tables.html", tables=values)))

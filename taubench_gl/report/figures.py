@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MethodType
 from typing import Any
 
-from taubench_gl.outputs import cannot_write, plain_text
+from taubench_gl.outputs import plain_text, write_atomically
 from taubench_gl.report.palette import hex_of
 
 DASHES = {"frustum": "-", "color": "--", "position": "-", "normal": "-.", "direct": "-", "indirect": ":"}
@@ -75,10 +75,9 @@ def save_figure(figure: Any, path: Path) -> list[Path]:
         if (plain := plain_text(text.get_text())) != text.get_text():
             text.set_text(plain)
     files = [path.with_suffix(".png"), path.with_suffix(".svg")]
-    try:
-        with matplotlib.rc_context({"svg.hashsalt": "taubench-gl"}):
-            for file in files:
-                figure.savefig(file, dpi=150, metadata={"Date": None} if file.suffix == ".svg" else None)
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    with matplotlib.rc_context({"svg.hashsalt": "taubench-gl"}):
+        for file in files:
+            data, form = io.BytesIO(), file.suffix.removeprefix(".")
+            figure.savefig(data, format=form, dpi=150, metadata={"Date": None} if form == "svg" else None)
+            write_atomically(file, data.getvalue())
     return files

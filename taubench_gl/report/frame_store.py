@@ -7,15 +7,19 @@ and the reason words (PNG: low byte in red, high byte in green), and ``index.jso
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE
+from taubench_gl.data_files import read_json
+from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write, write_atomically
 from taubench_gl.report.page import data_uri
 
@@ -33,6 +37,16 @@ MAX_KEPT = 120
 QUALITY = 82
 _CHECK = 8  # side of a checkerboard cell, pixels
 _PARTS = {"frame": "webp", "previous": "webp", "mask": "png"}
+
+
+class _Index(msgspec.Struct):
+    schema: str
+    rows_sha256: str
+    width: Annotated[int, msgspec.Meta(ge=1)]
+    height: Annotated[int, msgspec.Meta(ge=1)]
+    step: Annotated[int, msgspec.Meta(ge=1)]
+    frames: list[Annotated[int, msgspec.Meta(ge=0)]]
+    worst: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,16 +122,21 @@ class FrameRecorder:
         write_atomically(self._folder / INDEX, json.dumps(index, indent=1) + "\n")
 
     def _write(self, frame: int, image: Array, previous: Array, mask: Array) -> None:
-        from PIL import Image
-
         self._step = step = -(-mask.shape[1] // MAX_WIDTH)
         words = mask[step // 2 :: step, step // 2 :: step].astype(np.uint16)
         self._size = (words.shape[1], words.shape[0])
         for part, pixels in (("frame", image), ("previous", previous)):
             small = np.round(255.0 * _downscaled(pixels, step, words.shape)).astype(np.uint8)
-            Image.fromarray(small).save(self._folder / file_name(part, frame), quality=QUALITY, method=4)
+            self._save(part, frame, small, quality=QUALITY, method=4)
         packed = np.stack([words & 255, words >> 8, np.zeros_like(words)], axis=-1).astype(np.uint8)
-        Image.fromarray(packed).save(self._folder / file_name("mask", frame), optimize=True)
+        self._save("mask", frame, packed, optimize=True)
+
+    def _save(self, part: str, frame: int, pixels: Array, **options: Any) -> None:
+        from PIL import Image
+
+        data = io.BytesIO()
+        Image.fromarray(pixels).save(data, format=_PARTS[part].upper(), **options)
+        write_atomically(self._folder / file_name(part, frame), data.getvalue())
 
     def _clear(self) -> None:
         """Remove the images of an earlier run; called when the first image is about to be written."""
@@ -165,8 +184,10 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
         if not (out / FOLDER / INDEX).exists() and (out / name / INDEX).exists():
             folder, schema = name, _FORMER[name]
     path = out / folder / INDEX
+    if not path.exists():
+        return None, "the run was made without --report"
     try:
-        index: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        index: Mapping[str, Any] = read_json(path, _Index)
         if index["schema"] != schema:
             return None, f"the schema of the images is {index['schema']!r}, expected {schema!r}"
         if index["rows_sha256"] != _sha256(out / "frames.csv"):
@@ -178,9 +199,7 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
                 if not (path.parent / file_name(part, frame)).is_file():
                     return None, f"{folder}/{file_name(part, frame)} is missing"
         return StoredFrames(path.parent, *size, int(index["step"]), frames, index["worst"]), ""
-    except FileNotFoundError:
-        return None, "the run was made without --report"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OutputError, OSError, KeyError):
         return None, f"{folder}/{INDEX} cannot be read"
 
 

@@ -82,7 +82,20 @@ def lighting_text(summary: Summary) -> str | None:
         value, reason = settings.get(name), reasons.get(name, GIVEN)
         text = f"{name.replace('_', ' ')} {_light_value(value)}"
         parts.append(text if reason == GIVEN or value is None else f"{text} ({reason})")
-    return ", ".join(parts)
+    return ", ".join([*parts, *_light_method(settings, summary.get("effects") or {})])
+
+
+def _light_method(settings: Summary, effects: Summary) -> list[str]:
+    """``light path-traced (64 fixed samples per pixel)`` where light is path-traced, all or part of it."""
+    traced = {name for name in ("path_traced", "emitter_light", "environment_light") if effects.get(name, {}).get("on")}
+    if not traced and ("path_traced" in effects or settings.get("light") != "path-traced"):
+        return []  # no requested column depends on light, or nothing lights the scene
+    parts = {"emitter_light": "emitters", "environment_light": "environment"}
+    of = "".join(f" {'and ' * bool(k)}{parts[name]}" for k, name in enumerate(sorted(traced & parts.keys())))
+    samples = f"{settings['spp']} " if settings.get("spp") else ""
+    plural = "" if settings.get("spp") == 1 else "s"
+    pattern = f"{samples}{settings.get('pattern', 'fixed')} sample{plural} per pixel"
+    return [f"light of{of} path-traced ({pattern})" if of else f"light path-traced ({pattern})"]
 
 
 def _light_value(value: Any) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 
 from taubench_gl.conventions import Reason
 from taubench_gl.glossary import label_of
-from taubench_gl.outputs import cannot_write, plain_text
+from taubench_gl.outputs import plain_text, write_png
 from taubench_gl.report.palette import DEFAULT_REASONS, color_of
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 
@@ -70,17 +71,12 @@ def save_mask_image(
     ``reasons`` should hold measured ones only: the legend lists 0 % for a reason that no pixel has, except for first,
     cut and invalid, which it omits then.  Raises OutputError.
     """
-    import imageio.v3 as iio
-
     image = mask_overlay(mask, base, reasons)
     enlarge = max(1, -(-480 // max(image.shape[1], 1)))
     image = np.repeat(np.repeat(image, enlarge, axis=0), enlarge, axis=1)
     entries = [entry for entry in legend(mask, reasons) if entry[2] > 0 or entry[0] not in _ONLY_WHERE_PRESENT]
     path = Path(path)
-    try:
-        iio.imwrite(path, np.concatenate([image, legend_strip(entries, image.shape[1], title)]), extension=".png")
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    write_png(path, np.concatenate([image, legend_strip(entries, image.shape[1], title)]))
     return path
 
 
@@ -119,5 +115,5 @@ def _gray(base: Array | None, shape: tuple[int, int]) -> Array:
     base = np.asarray(base, dtype=np.float64)
     if base.shape[:2] != shape or base.ndim != 3 or base.shape[2] < 3:
         raise ValueError(f"base has shape {base.shape}, expected {(*shape, 3)}")
-    luma = np.clip(np.nan_to_num(base[..., :3], nan=0.0), 0.0, 1.0) @ np.array([0.2126, 0.7152, 0.0722])
+    luma = np.clip(np.nan_to_num(base[..., :3], nan=0.0), 0.0, 1.0) @ LUMINANCE
     return 0.12 + 0.68 * luma

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.outputs import write_atomically
+from taubench_gl.outputs import csv_text, write_atomically
 from taubench_gl.report.tables import Column, Row, Table
 
 NONE = "–"
@@ -143,18 +142,15 @@ def to_csv(tables: Sequence[Table]) -> str:
 
     A long format, because the tables have different columns.  A missing value is empty; its note is the reason.
     """
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(("table", "row", "source", "column", "unit", "value", "note"))
+    out: list[tuple[Any, ...]] = [("table", "row", "source", "column", "unit", "value", "note")]
     for table in tables:
         for row in table.rows:
             for index, (column, value) in enumerate(zip(table.columns, row.values, strict=True)):
                 source = "paper" if row.paper else "run"
-                value = "" if value is None else value
                 note = row.reasons.get(index, "")
                 unit = row.percent_of if column.unit == "%" else column.unit
-                writer.writerow((table.number, row.label, source, column.name, unit, value, note))
-    return out.getvalue()
+                out.append((table.number, row.label, source, column.name, unit, value, note))
+    return csv_text(out)
 
 
 def to_latex(tables: Sequence[Table]) -> str:

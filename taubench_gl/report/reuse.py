@@ -52,7 +52,9 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     kind = given["kind"]
     if given["light_samples"]:
         kind += f" ({given['light_samples']} lights, {given['indirect_samples']} VPLs, seed {given['seed']})"
-    against = f"{reference['samples']} samples per pixel" if reference["kind"] == "max" else reference["path"]
+    against = reference["path"] if reference["samples"] is None else f"{reference['samples']} samples per pixel"
+    if reference.get("noise"):
+        against += f", standard error {reference['noise']}"
     first = f"{summary['scene']['name']}: {s['width']}x{s['height']}, {s['fps']:g} fps, "
     first += f"means over frames {s['first_frame'] + 1} to {s['last_frame']} (N = {summary['evaluated_frames']}); "
     text = lighting_text(summary)

@@ -249,7 +249,9 @@ def _rows(frames: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
 def _curve(summary: Summary, feature: str) -> dict[str, Any] | None:
     """Bin edges (position: meters) and the exact number of pixels at or above each, all pairs together."""
     curve = (summary.get("curves") or {}).get(feature)
-    if not curve or not curve.get("counts") or (summary["discard"].get(feature) or {}).get("mean_percent") is None:
+    if not curve or not curve.get("counts") or not curve.get("edges"):
+        return None
+    if ((summary.get("discard") or {}).get(feature) or {}).get("mean_percent") is None:
         return None
     above, total = [], 0
     for count in reversed(curve["counts"][1:]):

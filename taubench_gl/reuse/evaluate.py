@@ -31,6 +31,7 @@ from taubench_gl.reuse.frame import FrameInputs, read_result
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.path_traced import PathTracedReference, reference_samples
 from taubench_gl.reuse.quality import CHOICES, MEASURES, display
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.reuse.runner import MethodRunner
@@ -73,8 +74,8 @@ class EvaluationRequest:
     """What to evaluate methods on.
 
     ``input``: an InputKind, or text for ``parse_input``; ``reference``: ``max`` (exact light, ``reference_samples`` per
-    pixel) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``: frames declared to have no history; ``mapping``:
-    names of the passes of EXR files.
+    pixel), ``path-traced@M`` (M samples per pixel, stored) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``:
+    frames declared to have no history; ``mapping``: names of the passes of EXR files.
     """
 
     input: str | InputKind = "full"
@@ -97,10 +98,16 @@ class EvaluationRequest:
             if module and find_spec(module) is None:
                 hint = f"pip install 'taubench-gl[reuse]', or choose metrics other than {name}, such as psnr,relmse"
                 raise SettingsError(f"metric {name} needs {package}", hint=hint)
-        if self.reference != "max" and not is_sequence(self.reference):
-            raise SettingsError(f"reference is {self.reference!r}", hint="give max or exr:DIR")
-        if self.kind.files is not None and self.reference == "max":
-            raise SettingsError("path-traced input has no 'max' reference", hint="give --reference exr:DIR")
+        traced = reference_samples(self.reference) is not None
+        if self.reference != "max" and not traced and not is_sequence(self.reference):
+            hint = "give max, path-traced@M or exr:DIR"
+            raise SettingsError(f"reference is {self.reference!r}", hint=hint)
+        if self.kind.files is not None and not is_sequence(self.reference):
+            what = f"path-traced files have no {self.reference!r} reference"
+            raise SettingsError(what, hint="give --reference exr:DIR")
+        if self.kind.path_samples and not traced:
+            what = f"path-traced input has no {self.reference!r} reference"
+            raise SettingsError(what, hint="give --reference path-traced@M")
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +143,13 @@ def evaluate_methods(
     camera: CameraTrack | None = None,
     progress: Callable[[Progress], None] | None = None,
     on_frame: Callable[[EvaluatedFrame], None] | None = None,
+    announce: Callable[[str], None] | None = None,
     **request: Any,
 ) -> Evaluation:
     """Run ``methods`` over the frames of ``scene`` and score every image.
 
-    ``request``: fields of ``EvaluationRequest``.  A method that fails is listed in ``Evaluation.failed`` and does not
+    ``request``: fields of ``EvaluationRequest``; ``announce``: gets the time that references take, before they are
+    traced.  A method that fails is listed in ``Evaluation.failed`` and does not
     affect the others.  Raises TaubenchError for an invalid request and if every method fails to load or compile.
     """
     settings = settings or Settings(reprojection="motion")
@@ -149,7 +158,7 @@ def evaluate_methods(
     _check_labels([spec.label for spec in specs])
     options.check()
     if not isinstance(scene, Scene):
-        scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+        scene = load_scene(scene, **settings.sequence.reading)
     camera = camera or camera_of_run(scene, settings.sequence)
     if options.kind.files is not None:
         settings, reasons = as_rendered(settings), {}
@@ -159,7 +168,8 @@ def evaluate_methods(
         settings, reasons = resolved.settings.replace(columns=settings.metrics.columns), resolved.reasons
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
-        run = _Evaluator(InputRequest(gpu, scene, camera, settings, options.kind, Poser(scene)), specs, options)
+        inputs = InputRequest(gpu, scene, camera, settings, options.kind, Poser(scene))
+        run = _Evaluator(inputs, specs, options, announce)
         try:
             run.run(progress, on_frame)
             gpu.check("reuse evaluation")
@@ -182,7 +192,13 @@ def _check_labels(labels: Sequence[str]) -> None:
 class _Evaluator:
     """The inputs, the reference and the runners of one evaluation, and the loop over its frames."""
 
-    def __init__(self, inputs: InputRequest, specs: Sequence[MethodSpec], request: EvaluationRequest):
+    def __init__(
+        self,
+        inputs: InputRequest,
+        specs: Sequence[MethodSpec],
+        request: EvaluationRequest,
+        announce: Callable[[str], None] | None = None,
+    ):
         self._gpu, self._scene, self._settings = inputs.gpu, inputs.scene, inputs.settings
         self._reference = self._inputs = None
         self._shading: list[float] = []
@@ -192,14 +208,21 @@ class _Evaluator:
         loaded = self._load(specs, frozenset(request.metrics))
         self._require(len(loaded) > 0)
         reads = {name for _, method in loaded for name in method.reads} | set(_EVALUATION_READS)
+        traced = reference_samples(request.reference)
         try:
+            if traced is not None:
+                self._reference = PathTracedReference(inputs, traced)
             self._open_inputs(inputs, reads, request)
             if unknown := sorted(set(request.cuts) - set(self.frames)):
                 ends = f"{self.frames[0]} to {self.frames[-1]}"
                 raise SettingsError(f"cut {unknown[0]} is not among the frames", hint=f"the frames are {ends}")
             if len(self.frames) < 2:
                 raise SettingsError("one frame has no history to reuse", hint="select at least two --frames")
-            if request.reference == "max":
+            if isinstance(self._reference, PathTracedReference):
+                estimate = self._reference.references.estimate(self.frames)
+                if announce is not None and estimate.seconds is not None:
+                    announce(estimate.text)
+            elif request.reference == "max":
                 self._reference = SupersampledReference(inputs, request.reference_samples)
             else:
                 self._reference = FileReference(
@@ -233,7 +256,8 @@ class _Evaluator:
             self.frames = self._inputs.frames(self._settings.sequence.frames)
         else:
             self.frames = frame_range(inputs.scene, inputs.camera, self._settings)
-            self._inputs = RasterInputs(inputs, reads, cuts=request.cuts, exact=True)
+            exact = self._reference if inputs.kind.path_samples else True
+            self._inputs = RasterInputs(inputs, reads, cuts=request.cuts, exact=exact)
 
     def _open_runners(self, loaded: Sequence[tuple[MethodSpec, Method]]) -> None:
         for spec, method in loaded:

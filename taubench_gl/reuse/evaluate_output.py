@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +12,16 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import OutputError, SettingsError
-from taubench_gl.outputs import cannot_write, new_partial, output_folder, write_atomically, write_png
+from taubench_gl.folder_lock import FolderLock
+from taubench_gl.outputs import (
+    cannot_write,
+    csv_text,
+    new_partial,
+    output_folder,
+    put_in_place,
+    write_atomically,
+    write_png,
+)
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.render import write_tables
 from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
@@ -111,6 +116,7 @@ class Video:
         self.path, self._fps, self._kind = path, fps, kind
         self._partial = new_partial(path, f".{kind}")
         self._writer: Any = None
+        self._added = 0
 
     def add(self, image: Array) -> None:
         """(h, w, 3) uint8; odd sizes are padded with a black row or column, as 4:2:0 needs.  Raises OutputError."""
@@ -127,6 +133,7 @@ class Video:
                 )  # fmt: skip
                 self._writer.send(None)
             self._writer.send(np.ascontiguousarray(image))
+            self._added += 1
         except OSError as error:
             raise OutputError(f"the video cannot be written: {_first_line(error)}", where=str(self.path)) from None
 
@@ -134,10 +141,18 @@ class Video:
         """Finish the file.  -> its path, None without frames.  Raises OutputError."""
         if self._writer is None:
             return None
+        import imageio_ffmpeg
+
         self._writer.close()
         self._writer = None
         try:
-            os.replace(self._partial, self.path)
+            written, _ = imageio_ffmpeg.count_frames_and_secs(str(self._partial))
+        except RuntimeError:
+            written = 0
+        if written < self._added:  # the encoder reports no error when the disk is full
+            raise OutputError(f"only {written} of {self._added} frames could be written", where=str(self.path))
+        try:
+            put_in_place(self._partial, self.path)
         except OSError as error:
             raise cannot_write(self.path, error) from None
         return self.path
@@ -190,8 +205,7 @@ class ReuseFolder:
             hint = "pip install 'taubench-gl[reuse]', or give --video none"
             raise SettingsError("a video needs imageio-ffmpeg", hint=hint)
         self.out = Path(out)
-        self._made = not self.out.exists()
-        output_folder(self.out)
+        self._lock = FolderLock(self.out)
         self._video = None if video == "none" else Video(self.out / f"side_by_side.{video}", fps, video)
         self._worst, self._worst_image = -1.0, None
         self._rows: list[dict[str, Any]] = []
@@ -238,6 +252,7 @@ class ReuseFolder:
         return [*written, out / REPORT_FILE]
 
     def __enter__(self) -> ReuseFolder:
+        self._lock.__enter__()
         return self
 
     def __exit__(self, *error: Any) -> None:
@@ -247,8 +262,7 @@ class ReuseFolder:
             (self.out / "reuse.json").unlink(missing_ok=True)  # of an earlier evaluation
             write_atomically(self.out / "frames.csv", rows_csv(self._rows, ROW_COLUMNS))
             self.written_frames = len({row["frame"] for row in self._rows})
-        if error[0] is not None and self._made and not any(self.out.iterdir()):
-            self.out.rmdir()
+        self._lock.__exit__(*error)
 
 
 def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
@@ -263,30 +277,9 @@ def write_fit(out: str | Path, fit: dict[str, Any]) -> list[Path]:
     return [*written, *write_tables(out, [fit_table(fit)]), *plot_fit(fit, out / "curve.png")]
 
 
-@contextmanager
-def new_folder(out: Path | None) -> Iterator[None]:
-    """Create ``out`` before a long computation and remove it, if empty, when that fails.  None: do nothing.
-
-    Raises OutputError.
-    """
-    made = out is not None and not out.exists()
-    if out is not None:
-        output_folder(out)
-    try:
-        yield
-    except BaseException:
-        if made and not any(out.iterdir()):
-            out.rmdir()
-        raise
-
-
 def rows_csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
     """CSV with full precision; None is an empty cell."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: "" if row[name] is None else row[name] for name in columns} for row in rows)
-    return text.getvalue()
+    return csv_text([columns, *([row[name] for name in columns] for row in rows)])
 
 
 def as_json(value: dict[str, Any]) -> str:

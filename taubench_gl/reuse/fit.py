@@ -154,7 +154,7 @@ def fit_setting(
         raise SettingsError(f"the grid has more than {MAX_POINTS} points", hint="give fewer steps")
     if not isinstance(scene, Scene):
         settings = settings or Settings(reprojection="motion")
-        scene = load_scene(scene, scene=settings.sequence.scene, animation=settings.sequence.animation)
+        scene = load_scene(scene, **settings.sequence.reading)
     search = _Search(scene, loaded, fixed, settings, metric, progress, evaluation)
     default = {r.name: fixed[r.name] for r in chosen}
     search.run([default])

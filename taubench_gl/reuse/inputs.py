@@ -46,7 +46,7 @@ CHANNEL_INPUTS = ("position", "normal", "prev_position", "base_color", "emission
 HISTORY_INPUTS = {"history_position": "position", "history_normal": "normal", "history_ids": "ids"}
 LIGHT_CHANNELS = ("direct", "indirect", "emission")
 
-SHADING_PASSES = ("shadows", "direct", "indirect", "stochastic", "compose")
+SHADING_PASSES = ("shadows", "direct", "indirect", "stochastic", "path tracing", "compose")
 """Passes that become cheaper with a coarser or noisier input."""
 
 
@@ -74,13 +74,14 @@ class RasterInputs:
         reads: Collection[str],
         *,
         cuts: Collection[int] = (),
-        exact: bool = False,
+        exact: bool | Source = False,
         jitter: Callable[[int], Array] = halton_jitter,
     ):
         """Raises SettingsError.
 
         ``reads``: names of INPUTS that frames must contain; ``cuts``: frames declared to have no history; ``exact``:
-        provide ``exact_mask`` and ``exact_motion`` even if no method reads them.
+        provide ``exact_mask`` and ``exact_motion`` even if no method reads them; or the source that they are of, which
+        stays the caller's: path-traced inputs need one.
         """
         gpu, kind, settings = request.gpu, request.kind, request.settings
         if kind.rate != "full" and min(settings.sequence.width, settings.sequence.height) < 2:
@@ -106,9 +107,13 @@ class RasterInputs:
             timer=self.timer,
             **common,
         )
-        needs_exact = exact or "exact_mask" in self.reads
-        self.exact: RasterSource | None = None
-        if needs_exact:
+        needs_exact = bool(exact) or "exact_mask" in self.reads
+        self.exact: Source | None = None if isinstance(exact, bool) else exact
+        self._owns_exact = False
+        if needs_exact and self.exact is None:
+            if kind.path_samples:
+                raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
+            self._owns_exact = not kind.exact
             unshared = Shading(gather_each=kind.noisy)
             self.exact = (
                 self.source
@@ -194,7 +199,8 @@ class RasterInputs:
             "kind": self.kind.text,
             "light_samples": self.kind.light_samples or None,
             "indirect_samples": self.kind.indirect_samples or None,
-            "seed": self.kind.seed if self.kind.noisy else None,
+            "path_samples": self.kind.path_samples or None,
+            "seed": self.kind.seed if self.kind.noisy or self.kind.path_samples else None,
             "gpu_bytes": self.bytes,
             "effects": source["effects"],
             "notes": source["notes"],
@@ -204,7 +210,7 @@ class RasterInputs:
         for part in (self._compose, self._masks, self._exact_masks, self.source):
             if part is not None:
                 part.release()
-        if self.exact not in (None, self.source):
+        if self._owns_exact:
             self.exact.release()
         self._context.release()
 
@@ -327,7 +333,7 @@ class FileInputs:
             missing = sorted(set(self._rasterized.channels) & self.reads - set(self.source.channels))
             notes.append(f"rasterized, because the files lack it: {', '.join(missing)}")
         return {
-            "kind": self.kind.text, "light_samples": None, "indirect_samples": None, "seed": None,
+            "kind": self.kind.text, "light_samples": None, "indirect_samples": None, "path_samples": None, "seed": None,
             "gpu_bytes": self.bytes, "effects": {}, "notes": notes,
         }  # fmt: skip
 
@@ -447,8 +453,21 @@ def radiance_texture(gpu: Gpu, size: tuple[int, int]) -> moderngl.Texture:
 
 
 def light_settings(settings: Settings, kind: InputKind) -> Settings:
-    """``settings`` with every column, and for noisy light with the indirect-light method that it estimates."""
-    method = {"indirect": "rsm"} if kind.noisy and settings.lighting.indirect != "none" else {}
+    """``settings`` with every column; for noisy light with the light and indirect-light method that it estimates, for
+    path-traced light with its samples, other ones in every pixel and frame.
+
+    Raises SettingsError.
+    """
+    method: dict[str, Any] = {}
+    if kind.path_samples:
+        method = {"light": "path-traced", "spp": kind.path_samples, "pattern": "independent", "seed": kind.seed}
+        method["indirect"] = "auto"
+    if kind.noisy:
+        if settings.lighting.light == "path-traced":
+            raise SettingsError("noisy input is of the raster method", hint="give --input path-traced@N")
+        method["light"] = "raster"
+        if settings.lighting.indirect != "none":
+            method["indirect"] = "rsm"
     return settings.replace(columns=COLUMNS, samples_per_pixel=1, **method)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.data_files import read_toml
 from taubench_gl.errors import MethodError
 from taubench_gl.reuse.contract import (
     FORMATS,
@@ -40,24 +40,11 @@ _USE = re.compile(r"\b(fetch|nearest|sample|cubic|write)_([a-z][a-z0-9_]*)\s*\("
 def load_folder(folder: Path) -> Method:
     """The method in ``folder``.  Raises MethodError, which lists all errors with TOML key or file and line."""
     path = folder / FILE
-    raw = _read_toml(path)
+    raw = read_toml(path, fault=MethodError, max_bytes=_MAX_BYTES)
     method, errors = _Parser(folder, raw).run()
     if errors:
         raise MethodError("; ".join(errors), where=str(path))
     return method
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise MethodError("is larger than 1 MiB", where=str(path))
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise MethodError(f"cannot be read: {error.strerror or error}", where=str(path)) from None
-    except UnicodeDecodeError:
-        raise MethodError("is not UTF-8 text", where=str(path)) from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise MethodError(f"is not TOML: {error}", where=str(path)) from None
 
 
 class _Parser:

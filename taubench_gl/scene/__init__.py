@@ -10,26 +10,28 @@ from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Scene
 from taubench_gl.scene.obj.reader import is_sequence
 
+Reader = Callable[[Path, str | int | None, Sequence[str | int] | None, bool], Scene]
 
-def _read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+
+def _read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool) -> Scene:
     from taubench_gl.scene.gltf.reader import read_gltf
 
-    return read_gltf(path, scene, animation)
+    return read_gltf(path, scene, animation, strict)
 
 
-def _read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+def _read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool) -> Scene:
     from taubench_gl.scene.aff.reader import read_aff
 
-    return read_aff(path, scene, animation)
+    return read_aff(path, scene, animation, strict)
 
 
-def _read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+def _read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool) -> Scene:
     from taubench_gl.scene.obj.reader import read_obj
 
-    return read_obj(path, scene, animation)
+    return read_obj(path, scene, animation, strict)
 
 
-READERS: dict[str, Callable[[Path, str | int | None, Sequence[str | int] | None], Scene]] = {
+READERS: dict[str, Reader] = {
     ".gltf": _read_gltf,
     ".glb": _read_gltf,
     ".obj": _read_obj,
@@ -39,15 +41,25 @@ READERS: dict[str, Callable[[Path, str | int | None, Sequence[str | int] | None]
 """File suffix, lower case -> reader.  A reader is imported when the first file of its format is read."""
 
 
-def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequence[str | int] | None = None) -> Scene:
+CONVERTIBLE = (".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz", ".abc", ".ply", ".stl", ".dae")
+"""Suffixes of files that Blender converts to glTF (``pathtraced.blender.convert``); no reader here reads them."""
+
+
+def load_scene(
+    path: str | Path,
+    scene: str | int | None = None,
+    animation: Sequence[str | int] | None = None,
+    strict: bool = False,
+) -> Scene:
     """Read and validate one scene: a file, or a numbered sequence of OBJ files.
 
     A sequence is a folder of name000.obj, name001.obj ... or a pattern (``name%04d.obj``, ``name*.obj``), with an
     optional prefix ``seq:`` and an optional suffix ``@FPS`` (default: 24 frames per second).
 
     ``scene``: name or index of the scene; None: the file's default, else its first.  ``animation``: names or indices of
-    the animations to play; None: all that have no target in common with an earlier one.  ``Scene.notes`` lists the
-    reader's decisions.
+    the animations to play; None: all that have no target in common with an earlier one.  ``strict``: refuse what
+    departs from the format and would otherwise be repaired (docs/formats.md).  ``Scene.notes`` lists the reader's
+    decisions and repairs, one counted note for each kind.
 
     Raises ``SceneError`` for files that are missing, unreadable, invalid or not supported.
     """
@@ -56,19 +68,19 @@ def load_scene(path: str | Path, scene: str | int | None = None, animation: Sequ
     if is_sequence(str(path)):
         from taubench_gl.scene.obj.reader import read_obj_sequence
 
-        return read_obj_sequence(str(path), scene, animation)
+        return read_obj_sequence(str(path), scene, animation, strict)
     path = Path(path)
     if os.path.isdir(path):  # False, not an error, for a name that is too long
         raise _no_scene_in(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         hint = f"known: {', '.join(sorted(READERS))}"
-        if path.suffix.lower() in (".fbx", ".blend"):
+        if path.suffix.lower() in CONVERTIBLE:
             hint += f"; convert it to glTF first: taubench-gl convert {path.name} {path.stem}.glb"
         elif not path.suffix:
             hint += "; names of scenes: taubench-gl scenes list"
         raise SceneError(f"no reader for files ending in {path.suffix!r}", where=path.name, hint=hint)
-    return reader(path, scene, animation)
+    return reader(path, scene, animation, strict)
 
 
 def _no_scene_in(folder: Path) -> SceneError:
@@ -88,4 +100,4 @@ def _no_scene_in(folder: Path) -> SceneError:
     return SceneError(what, where=str(folder), hint=hint)
 
 
-__all__ = ["READERS", "Scene", "load_scene"]
+__all__ = ["CONVERTIBLE", "READERS", "Scene", "load_scene"]

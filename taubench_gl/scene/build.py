@@ -1,4 +1,4 @@
-"""Scenes without a glTF file: nodes as records, and the size of a scene at rest."""
+"""Scenes without a glTF file: nodes as records."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taubench_gl import math3d
-from taubench_gl.scene.model import Mesh, Nodes
+from taubench_gl.scene.model import Nodes
 
 Array = np.ndarray
 
@@ -64,17 +63,3 @@ class NodeList(list[Node]):
             weights={i: node.weights for i, node in enumerate(self) if node.weights is not None},
             instances={i: node.instances for i, node in enumerate(self) if node.instances is not None},
         )
-
-
-def half_diagonal(nodes: Nodes, meshes: tuple[Mesh, ...]) -> float:
-    """Half the diagonal of the bounding box at rest, meters; 1 for an empty scene."""
-    world = math3d.trs(nodes.translation, nodes.rotation, nodes.scale)
-    for level in nodes.levels()[1:]:
-        world[level] = world[nodes.parent[level]] @ world[level]
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    for node in np.flatnonzero(nodes.mesh >= 0).tolist():
-        for primitive in meshes[nodes.mesh[node]].primitives:
-            points = math3d.transform_points(world[node], primitive.positions.astype(np.float64))
-            low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
-    size = 0.5 * float(np.linalg.norm(high - low))
-    return size if np.isfinite(size) and size > 0 else 1.0

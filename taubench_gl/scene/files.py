@@ -19,6 +19,7 @@ import PIL.Image
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.model import Image
+from taubench_gl.scene.notes import Notes
 
 Array = np.ndarray
 ImageSource = Path | bytes | memoryview
@@ -65,8 +66,31 @@ def read_text_file(path: Path, where: str | None = None) -> bytes:
     """``read_file`` for text of at most ``MAX_TEXT_BYTES``; raises SceneError for binary content."""
     data = read_file(path, where, MAX_TEXT_BYTES)
     if b"\0" in data[:4096]:
-        raise SceneError("is not a text file", where=where or str(path), hint="check the file format")
+        raise _no_text(path, where)
     return data
+
+
+def read_any_text(path: Path, notes: Notes, where: str | None = None) -> tuple[bytes, bytes]:
+    """The bytes of a text file, and its text in UTF-8 without byte order mark.
+
+    Strict ``notes``: the two are the same.  Raises SceneError for binary content.
+    """
+    data = read_file(path, where, MAX_TEXT_BYTES)
+    text, place = data, where or path.name
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        notes.repair("text-encoding", lambda: _no_text(path, where), where=place)
+        text = str(data, "utf-16", "replace").encode("utf-8")
+    elif data.startswith(b"\xef\xbb\xbf"):
+        fault = SceneError("begins with a byte order mark", where=place, hint="save as UTF-8 without BOM")
+        notes.repair("byte-order-mark", lambda: fault, where=place)
+        text = data[3:]
+    if b"\0" in text[:4096]:
+        raise _no_text(path, where)
+    return data, text
+
+
+def _no_text(path: Path, where: str | None) -> SceneError:
+    return SceneError("is not a text file", where=where or str(path), hint="check the file format")
 
 
 def find_referenced(folder: Path, name: str, backslashes: bool = True) -> Path | str:
@@ -112,6 +136,22 @@ def open_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) 
     return opened
 
 
+def check_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> None:
+    """Raise ``error`` for an image that is cut off or whose checksums are wrong, without decoding the others.
+
+    Only an image without its format's end mark is decoded, since some programs write more after it.
+    """
+    data = source.read_bytes() if isinstance(source, Path) else bytes(source)
+    whole = {
+        b"\x89PNG": data[-12:-4].endswith(b"IEND"),
+        b"\xff\xd8": data[-2:] == b"\xff\xd9",
+        b"RIFF": len(data) >= 8 + int.from_bytes(data[4:8], "little"),
+    }
+    if any(complete for start, complete in whole.items() if data.startswith(start)):
+        return
+    decode_image(data, formats, error)
+
+
 def decode_image(source: ImageSource, formats: tuple[str, ...], error: MakeError) -> Array:
     """RGBA pixels (h, w, 4) uint8, row 0 = top.  Raises ``error``."""
     try:
@@ -125,14 +165,19 @@ def decode_image(source: ImageSource, formats: tuple[str, ...], error: MakeError
         raise error(f"image cannot be decoded: {e}", "export the texture again") from None
 
 
-def read_image(path: Path) -> Image:
-    """A texture of an OBJ or AFF scene: size from the header, pixels decoded on demand.  Raises SceneError."""
+def read_image(path: Path, check: bool = False) -> Image:
+    """A texture of an OBJ or AFF scene: size from the header, pixels decoded on demand.
+
+    ``check``: also raise for an image that is cut off.  Raises SceneError.
+    """
 
     def error(what: str, hint: str | None) -> SceneError:
         return SceneError(what, where=path.name, hint=hint)
 
     with open_image(path, TEXT_SCENE_IMAGES, error) as opened:
         size = opened.size
+    if check:
+        check_image(path, TEXT_SCENE_IMAGES, error)
     return Image(path.stem, size, partial(decode_image, path, TEXT_SCENE_IMAGES, error))
 
 

@@ -11,18 +11,28 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl.errors import printable
+
 Array = np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A decision of the reader or something it ignores.  ``where``: JSON pointer, file:line, or ''."""
+    """A decision of the reader, something it ignores or repairs.  ``where``: JSON pointer, file:line, or ''.
+
+    ``kind`` and ``count``: for a counted note, a name of ``scene.notes`` and the number of findings; ``where`` is then
+    the first of them.  ``materials``: those that look different because of it.
+    """
 
     message: str
     where: str = ""
+    kind: str = ""
+    count: int = 0
+    materials: frozenset[int] = frozenset()
 
     def __str__(self) -> str:
-        return f"{self.message} [{self.where}]" if self.where else self.message
+        first = "first: " if self.count > 1 else ""
+        return printable(f"{self.message} [{first}{self.where}]" if self.where else self.message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +86,8 @@ class Material:
     double_sided: bool = False
     specular: float = 1.0  # KHR_materials_specular: scales the dielectric lobe, 0 = Lambert
     unlit: bool = False
+    # BLEND: present with a probability of alpha (``--blend stochastic``) instead of where alpha is at least 0.5
+    stochastic: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +154,7 @@ class Light:
     range: float = np.inf
     inner_cone: float = 0.0
     outer_cone: float = np.pi / 4
+    constant: bool = False  # AFF: no attenuation with distance; ``intensity`` is lux on a facing surface
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,6 +243,8 @@ class Scene:
     image_based_light: bool = False  # the file names an image-based light, which is not simulated
     stand_in: str | None = None  # name of the scene that this one is a stand-in for
     default_camera: str | None = None  # name of the default camera of the file
+    # of the file: the path of an image or a uniform radiance, linear RGB
+    environment: str | tuple[float, float, float] | None = None
     # nodes that replace another surface when they become visible: their pixels have no history
     replacements: frozenset[int] = frozenset()
 

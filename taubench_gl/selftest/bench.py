@@ -14,7 +14,7 @@ from taubench_gl.animation import pairs as pairing
 from taubench_gl.evaluation import ChannelPair, PairEvaluator, evaluate_scene
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.frame.renderer import RasterOptions, Renderer
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.shader import ShaderCache
@@ -50,6 +50,32 @@ class PairImages:
     def has(self, bits: int) -> Array:
         """(h, w) bool: pixels with any of ``bits``."""
         return (self.mask & np.uint32(bits)) != 0
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One shaded frame: channels (h, w, n) float64 by name, row 0 at the top."""
+
+    channels: Mapping[str, Array]
+    view: View
+
+    def __getitem__(self, name: str) -> Array:
+        return self.channels[name]
+
+    @property
+    def points(self) -> Array:
+        """(h, w, 3) world; the camera's position where there is no surface."""
+        return self["position"][..., :3] + self.view.position
+
+    @property
+    def surface(self) -> Array:
+        """(h, w) bool."""
+        return self["position"][..., 3] > 0.0
+
+    @property
+    def direct(self) -> Array:
+        """(h, w, 3) radiance."""
+        return self["direct"][..., :3]
 
 
 class Bench:
@@ -118,6 +144,24 @@ class Bench:
         finally:
             renderer.release()
 
+    def shots(
+        self, scene: Scene, frames: Sequence[int] = (0,), *, extra: Sequence[str] = (), **settings: Any
+    ) -> list[Shot]:
+        """``frames`` of one source, shaded by the light stage, one frame per second.
+
+        ``extra``: further channels to render; ``settings``: fields of Settings.
+        """
+        chosen = self._settings({"columns": ("direct",), "fps": 1.0} | settings)
+        source = RasterSource(self.gpu, scene, choose_camera(scene), chosen, SourceOptions(extra=tuple(extra)))
+        try:
+            out = []
+            for frame in frames:
+                view = source.advance(frame)
+                out.append(Shot({n: source.read(n).astype(np.float64) for n in source.channels}, view))
+            return out
+        finally:
+            source.release()
+
     def lit(self, scene: Scene, time: float = 0.0, **settings: Any) -> dict[str, Array]:
         """``direct`` and ``color`` of one frame, shaded by the light stage.  ``settings``: fields of Settings."""
         chosen = self._settings({"columns": ("direct", "color"), "fps": 1.0} | settings)
@@ -128,13 +172,25 @@ class Bench:
         finally:
             source.release()
 
+    def traced(self, scene: Scene, *, extra: Sequence[str] = (), **settings: Any) -> dict[str, Array]:
+        """Path-traced ``direct``, ``indirect`` and ``extra`` of the first frame.  ``settings``: fields of Settings."""
+        own = {"columns": ("direct", "indirect"), "fps": 1.0, "light": "path-traced", "indirect": "auto"}
+        chosen = self._settings(own | settings)
+        source = RasterSource(self.gpu, scene, choose_camera(scene), chosen, SourceOptions(extra=tuple(extra)))
+        try:
+            source.advance(0)
+            return {n: source.read(n) for n in ("direct", "indirect", *extra)}
+        finally:
+            source.release()
+
     def evaluate(self, scene: Scene, **settings: Any) -> Run:
         """The whole evaluation of a scene.  ``settings``: fields of Settings."""
         return evaluate_scene(scene, self._settings(settings), camera=choose_camera(scene))
 
     def _settings(self, given: Mapping[str, Any]) -> Settings:
-        # Indirect light takes seconds per frame on a CPU driver, and no case tests it.
-        own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none", **FIXED_LIGHTING}
+        # Indirect light takes long on a CPU driver: the cases that test it ask for it.
+        own = {"backend": self.gpu.backend, "device": self.device, "indirect": "none", "light": "raster"}
+        own |= FIXED_LIGHTING
         return Settings(**({"width": self.size[0], "height": self.size[1]} | own | dict(given)))
 
     def compare(
@@ -150,7 +206,8 @@ class Bench:
         """Compare arrays (h, w, n) with the mask pass, stored as ``dtype`` (f4 or f2).
 
         ``position`` and ``normal`` default to a still wall 1 m away; radiance is compared if it is given.
-        ``declared``: reason bits of every pixel; ``metrics``: fields of MetricsSettings.
+        ``declared``: reason bits of every pixel; ``metrics``: fields of MetricsSettings or
+        LightingSettings.
         """
         radiance = tuple(n for n in ("direct", "indirect", "color") if n in current)
         given = next(iter(current.values()), None)
@@ -160,7 +217,7 @@ class Bench:
         current, history = {**wall, **current}, {**wall, **history}
         now = {n: self._texture(v, dtype) for n, v in current.items()}
         then = {n: self._texture(v, dtype) for n, v in history.items()}
-        settings = Settings(**metrics, **FIXED_LIGHTING)
+        settings = Settings(**(FIXED_LIGHTING | metrics))
         uploaded = ChannelPair((width, height), now, then, settings.metrics.reprojection, radiance)
         try:
             return PairImages(*self._compare(uploaded, settings, pair, declared), pair, current, history)

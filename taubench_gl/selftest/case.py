@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 Value = float | int | str
 GROUPS = (
     "projection", "depth", "camera", "offsets", "animation", "geometry",
-    "skinning", "lighting", "radiance", "statistics", "storage", "files",
+    "skinning", "materials", "lighting", "direct", "shadows", "indirect", "path_tracing", "radiance", "statistics",
+    "storage", "files",
 )  # fmt: skip
 """Groups in the order in which they run; each is a module of the same name."""
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from taubench_gl.animation import View
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import Reason
 from taubench_gl.scene.model import Camera
 from taubench_gl.selftest.bench import Bench, pixel_grid, to_pixels
 from taubench_gl.selftest.case import Naive, Outcome, case, count, field, worst
@@ -115,3 +118,22 @@ def grazing_own_pixel(bench: Bench) -> Outcome:
     at = to_pixels(position[..., :3], bench.size, Camera(yfov=RIGHT_ANGLE))
     half = Naive("center of pixel i at i + 0.5", "off by 0.5 px", 0.5)
     return field("own pixel center, px", (at - pixel_grid(bench.size))[surface], half)
+
+
+@case(
+    "previous-near-plane",
+    what="a wall at 1 m, near plane 0.1 now and 2 before, then 0.1 before: pixels that were behind the previous camera",
+    elsewhere="the near plane of the current camera decides: history that was clipped is read",
+    here="each camera has its own near plane",
+    source=EXACT,
+)
+def previous_near_plane(bench: Bench) -> Outcome:
+    def behind(previous_near: float) -> int:
+        now, then = (View(np.zeros(3), np.eye(3), Camera(znear=near)) for near in (0.1, previous_near))
+        pair = reprojection(now, then, *bench.size)
+        return int(bench.compare({}, {}, pair).has(Reason.BEHIND).sum())
+
+    pixels = bench.size[0] * bench.size[1]
+    found = behind(2.0), behind(0.1)
+    return Outcome(f"{pixels}, 0", f"{found[0]}, {found[1]}", float(pixels - found[0] + found[1]),
+                   Naive("near plane of now", 0, pixels))  # fmt: skip

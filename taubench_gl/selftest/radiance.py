@@ -186,3 +186,19 @@ def not_compared(bench: Bench) -> Outcome:
     wrong = int((images.mask & np.uint32(features)).astype(bool).sum())
     wrong += int(((images.mask & np.uint32(NOT_COMPARABLE)) != Reason.CUT).sum())
     return count(0, wrong)
+
+
+@case(
+    "each-color-channel",
+    what="red, then green, then blue alone change by 0.25, threshold 0.125: pixels with reason COLOR",
+    elsewhere="luminance is compared, in which blue weighs 7 %",
+    here="a pixel is discarded where any channel differs by more than the threshold",
+    source=COUNT,
+)
+def each_color_channel(bench: Bench) -> Outcome:
+    pixels, found = bench.size[0] * bench.size[1], []
+    for channel in np.eye(3):
+        now, then = {"color": _image(bench, 0.5 + 0.25 * channel)}, {"color": _image(bench, 0.5)}
+        found.append(int(bench.compare(now, then, thresholds={"color": 0.125}).counts["color"]))
+    naive = Naive("change of luminance", "blue is kept", pixels)
+    return Outcome(f"{pixels} each", ", ".join(map(str, found)), float(sum(pixels - n for n in found)), naive)

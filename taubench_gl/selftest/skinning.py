@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 
 from taubench_gl import math3d
 from taubench_gl.animation import Poser, pose_vertices
-from taubench_gl.scene.model import Scene
+from taubench_gl.scene.model import Image, MorphTarget, Scene, Texture
 from taubench_gl.selftest.bench import Bench
 from taubench_gl.selftest.case import Naive, Outcome, case, field, worst
 from taubench_gl.selftest.geometry import one_metre_per_pixel
@@ -160,3 +162,126 @@ def skinned_reference(bench: Bench) -> Outcome:
         outside = np.minimum(outside, past)
     off = np.append(outside, points[:, 2] + 5.0)
     return field("inside the posed triangles", off if len(points) else np.nan)
+
+
+NORMAL_TEXEL = (200, 220, 180)
+"""One texel of a normal map that leans along both tangents."""
+
+
+def _normal_mapped(bench: Bench, primitive, place, *, weights=()) -> Array:
+    """Normals (n, 3) of a wall with a constant normal map.
+
+    ``place(b, mesh)`` adds its node; ``weights``: morph weights of the mesh.
+    """
+    b = SceneBuilder()
+    material = b.material(normal_texture=Texture(0), metallic=0.0, double_sided=True)
+    count = len(primitive.positions)
+    uv = np.float32(primitive.positions[:, :2])
+    wall = dataclasses.replace(
+        primitive, material=material, texcoords=(uv, None), tangents=np.tile(np.float32([1, 0, 0, 1]), (count, 1))
+    )
+    place(b, b.mesh(wall, weights=weights))
+    one_metre_per_pixel(b, bench)
+    texels = np.full((2, 2, 4), 255, np.uint8)
+    texels[..., :3] = NORMAL_TEXEL
+    scene = dataclasses.replace(b.build(), images=(Image("normals", (2, 2), lambda: texels),))
+    frame, _ = bench.frame(scene)
+    return frame["normal"][frame["position"][..., 3] > 0.0].astype(np.float64)[:, :3]
+
+
+def _leaning(tangent: tuple[float, ...], bitangent: tuple[float, ...]) -> Array:
+    """The normal of NORMAL_TEXEL over a plane that faces +Z.  (3,) unit."""
+    x, y, z = np.array(NORMAL_TEXEL) / 255.0 * 2.0 - 1.0
+    return math3d.normalize(x * np.array(tangent) + y * np.array(bitangent) + z * np.array([0.0, 0.0, 1.0]))
+
+
+@case(
+    "morphed-tangents",
+    what="a morph target that turns the tangents of a normal-mapped wall by 90 degrees: its normals",
+    elsewhere="positions and normals are morphed, tangents stay: bumps light from the wrong side",
+    here="tangents are morphed with their own displacements",
+    tolerance=1e-5,
+    source="float32: 80 ulps of 1",
+)
+def morphed_tangents(bench: Bench) -> Outcome:
+    wall = quad(10, 10)
+    turned = MorphTarget(tangents=np.tile(np.float32([-1, 1, 0]), (len(wall.positions), 1)))
+
+    def place(b: SceneBuilder, mesh: int) -> None:
+        b.node(mesh=mesh, translation=(0.0, 0.0, -50.0))
+
+    normals = _normal_mapped(bench, dataclasses.replace(wall, targets=(turned,)), place, weights=[1.0])
+    expected, kept = _leaning((0, 1, 0), (-1, 0, 0)), _leaning((1, 0, 0), (0, 1, 0))
+    naive = Naive("tangents not morphed", "turned by 90 degrees", worst(kept - expected))
+    return field("turned with the tangents", normals - expected if len(normals) else np.nan, naive)
+
+
+def _mirror_case(name: str, what: str, joint: bool) -> None:
+    @case(
+        name,
+        what=f"a normal-mapped wall {what}: its normals",
+        elsewhere="the bitangent keeps its side, so bumps turn into dents along one axis",
+        here="the handedness of tangents is multiplied by the sign of the determinant",
+        tolerance=1e-5,
+        source="float32: 80 ulps of 1",
+    )
+    def mirrored(bench: Bench) -> Outcome:
+        wall = quad(10, 10)
+        count = len(wall.positions)
+        if joint:
+            wall = skinned(wall, np.zeros((count, 1)), np.ones((count, 1)))
+
+        def place(b: SceneBuilder, mesh: int) -> None:
+            node = b.node(translation=(0.0, 0.0, -50.0), scale=(-1.0, 1.0, 1.0), **({} if joint else {"mesh": mesh}))
+            if joint:
+                b.node(mesh=mesh, skin=b.skin([node]))
+
+        normals = _normal_mapped(bench, wall, place)
+        expected, kept = _leaning((-1, 0, 0), (0, 1, 0)), _leaning((-1, 0, 0), (0, -1, 0))
+        naive = Naive("handedness kept", "leans the other way", worst(kept - expected))
+        return field("mirrored with the wall", normals - expected if len(normals) else np.nan, naive)
+
+
+_mirror_case("mirrored-joint", "whose only joint is mirrored", True)
+_mirror_case("mirrored-node", "whose node is mirrored", False)
+
+
+@case(
+    "morphed-normals",
+    what="a morph target that leans the normals of a wall by 45 degrees at weight 1: its normals",
+    elsewhere="normals are those of the bind pose, so the shape moves and its shading stays",
+    here="normals are morphed with their own displacements and have unit length again",
+    tolerance=1e-5,
+    source="float32: 80 ulps of 1",
+)
+def morphed_normals(bench: Bench) -> Outcome:
+    wall = quad(10, 10)
+    leaning = MorphTarget(normals=np.tile(np.float32([1, 0, 0]), (len(wall.positions), 1)))
+    b = SceneBuilder()
+    mesh = b.mesh(dataclasses.replace(wall, targets=(leaning,)), weights=[1.0])
+    b.node(mesh=mesh, translation=(0.0, 0.0, -50.0))
+    one_metre_per_pixel(b, bench)
+    frame, _ = bench.frame(b.build())
+    normals = frame["normal"][frame["position"][..., 3] > 0.0][:, :3]
+    off = normals - np.sqrt(0.5) * np.array([1.0, 0.0, 1.0])
+    return field("45 degrees", off if len(normals) else np.nan, Naive("normals not morphed", "0 degrees", np.sqrt(0.5)))
+
+
+@case(
+    "mirrored-flat-normals",
+    what="a wall without normals whose only joint is mirrored: its normals",
+    elsewhere="the posed triangle is wound the other way, so its computed normal points away from the viewer",
+    here="flat normals of a mirrored pose are turned over",
+    source="exact: an axis",
+)
+def mirrored_flat_normals(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    wall = quad(10, 10, normals=False, material=b.material(double_sided=True))
+    count = len(wall.positions)
+    joint = b.node(translation=(0.0, 0.0, -50.0), scale=(-1.0, 1.0, 1.0))
+    b.node(mesh=b.mesh(skinned(wall, np.zeros((count, 1)), np.ones((count, 1)))), skin=b.skin([joint]))
+    one_metre_per_pixel(b, bench)
+    frame, _ = bench.frame(b.build())
+    normals = frame["normal"][frame["position"][..., 3] > 0.0][:, :3]
+    off = normals - [0.0, 0.0, 1.0] if len(normals) else np.nan
+    return field("towards the viewer", off, Naive("winding of the pose", "away", 2.0))

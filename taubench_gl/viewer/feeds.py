@@ -205,7 +205,8 @@ class PathTracedFeed:
 
 
 _RUN_SETTINGS = (
-    "fps", "reprojection", "sampling", "unit_scale", "culling", "textures", "effects", "light_unit", "exposure",
+    "fps", "reprojection", "sampling", "unit_scale", "culling", "blend", "textures", "effects", "light_unit",
+    "exposure", "light", "spp", "bounces", "pattern", "seed",
     "tone_map", "shadow_size", "shadow_lights", "shadow_filter", "indirect", "indirect_samples", "probes",
     "light_error", "storage",
 )  # fmt: skip
@@ -255,7 +256,7 @@ def open_feed(gpu: Gpu, request: OpenRequest, timer: Any) -> Opened:
 
 
 def _scene_feed(gpu: Gpu, text: str, settings: Settings, timer: Any) -> SceneFeed:
-    scene = load_scene(text, scene=settings.sequence.scene, animation=settings.sequence.animation)
+    scene = load_scene(text, **settings.sequence.reading)
     require_triangles(scene)
     return SceneFeed(gpu, scene, settings, timer)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.outputs import cannot_write, write_atomically
 from taubench_gl.viewer.state import OVERLAYS, SECTIONS, ViewerState, set_variable, variables
@@ -24,8 +25,10 @@ class Prefs:
 def load(folder: Path) -> tuple[Prefs, str]:
     """The stored preferences, and a note if the file is unusable, which is then ignored."""
     path = folder / FILE
+    if not path.exists():
+        return Prefs(), ""
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
         window = data.get("window")
         if window is not None:
             window = (int(window[0]), int(window[1]))
@@ -34,9 +37,7 @@ def load(folder: Path) -> tuple[Prefs, str]:
         values = data.get("values", {})
         if not isinstance(values, dict):
             raise ValueError("values")
-    except FileNotFoundError:
-        return Prefs(), ""
-    except (OSError, ValueError, TypeError, AttributeError, IndexError, KeyError):
+    except (OutputError, ValueError, TypeError, AttributeError, IndexError, KeyError):
         return Prefs(), f"{FILE} cannot be read and is ignored"
     return Prefs(window, values), ""
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.data_files import read_text
 from taubench_gl.errors import OutputError, SettingsError, note_renamed
 from taubench_gl.viewer.actions import ACTIONS, FORMER_ACTIONS, split_chord
 from taubench_gl.viewer.app import Viewer
@@ -64,11 +65,7 @@ class Line:
 
 def parse(path: Path) -> list[Line]:
     """The commands of a script.  Raises SettingsError at ``file:line`` for an invalid command."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        what = getattr(error, "strerror", None) or "is not text"
-        raise SettingsError(f"script cannot be read: {what}", where=str(path)) from None
+    text = read_text(path, SettingsError)
     lines = []
     for number, raw in enumerate(text.splitlines(), start=1):
         where = f"{path}:{number}"

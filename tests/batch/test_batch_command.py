@@ -13,8 +13,8 @@ from batch_tools import DEMO, SMALL, spec_of, write_spec
 
 from taubench_gl.apps import cli
 from taubench_gl.batch.run import batch_status, make_engine, run_batch
-from taubench_gl.batch.store import FolderLock, lock_holder
 from taubench_gl.errors import OutputError, SettingsError, TaubenchError
+from taubench_gl.folder_lock import FolderLock, lock_holder
 from taubench_gl.scene import load_scene
 
 

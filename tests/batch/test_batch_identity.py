@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 from batch_tools import DEMO, SMALL, final_files, spec_of
@@ -106,3 +108,30 @@ def test_results_do_not_depend_on_a_running_cluster(reference, tmp_path):
         address = cluster.scheduler_address.replace("tcp://", "dask://")
         run_batch(read_spec(path), tmp_path / "out", engine=address, chunk=4)
     assert final_files(tmp_path / "out") == expected
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda job: truncate(job / "frames.csv"),
+        lambda job: (job / "frames.csv").unlink(),
+        lambda job: truncate(job / "summary.json"),
+        lambda job: (job / "summary.json").write_bytes(b""),
+        lambda job: (job / "frames.csv").write_text("frame\n" + "1" * 5000 + "\n"),
+        lambda job: [truncate(job / "summary.json"), truncate(next(job.glob("pairs/*.parquet")))],
+        lambda job: [truncate(job / "frames.csv"), truncate(job / "head.json")],
+        lambda job: [truncate(job / "frames.csv"), (job / "head.json").write_text("{}")],
+    ],
+    ids=["rows-cut", "rows-gone", "summary-cut", "summary-empty", "long-number", "pairs-cut", "head-cut", "head-empty"],
+)
+def test_a_half_written_job_is_rebuilt_by_resume(reference, tmp_path, damage):
+    spec, expected = reference
+    out = tmp_path / "out"
+    shutil.copytree(spec.parent / "out", out)
+    damage(sorted((out / "jobs").iterdir())[0])
+    run_batch(None, out)
+    assert final_files(out) == expected

@@ -12,7 +12,7 @@ import psutil
 import pytest
 from batch_tools import DEMO, SMALL, batch_process, final_files, wait_until, write_spec
 
-from taubench_gl.batch.store import lock_holder
+from taubench_gl.folder_lock import lock_holder
 
 PATIENCE = 300
 

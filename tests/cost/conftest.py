@@ -23,6 +23,6 @@ def small_study(tmp_path_factory, demo):
     from taubench_gl.cost import cost
 
     out = tmp_path_factory.mktemp("study")
-    study = cost(demo, out=out, within=1.0, **SMALL)
+    study = cost(demo, out=out, **SMALL)
     study.save()
     return out, study

@@ -5,25 +5,29 @@ from __future__ import annotations
 import random
 from typing import Any
 
-from taubench_gl.cost.analysis import ColumnError, Point, Time
+import numpy as np
+
+from taubench_gl.cost.analysis import OVERALL, MaskError, Point, Time
 
 SMALL: dict[str, Any] = {
     "width": 48,
     "height": 28,
     "frames": (20, 27),
     "columns": ("frustum", "position", "normal"),
-    "choose_for": ("position", "normal"),
     "repeats": 3,
-    "parameters": ("scale", "pairs", "storage", "samples_per_pixel", "fps"),
+    "parameters": ("storage", "scale", "pairs", "fps"),
 }
 """A study of geometry alone, which needs no light."""
 
 
-def point(name: str, error: float, ms: float, spread: float | None = 0.01, **more: Any) -> Point:
-    """A point with one column, ``direct``."""
+def point(name: str, wrong: Any, ms: float, spread: float | None = 0.01, **more: Any) -> Point:
+    """A point with one column, ``direct``, of 1000 pixels.  ``wrong``: how many are, the first ones, or which."""
     role = more.pop("role", "baseline" if name == "baseline" else "single")
-    column = ColumnError(10.0 + error, error, more.pop("half_width", None))
-    return Point(name, name, role, {}, {"direct": column}, Time(ms, spread, 5), "a clock", **more)
+    mask = np.zeros(1000, dtype=bool)
+    mask[slice(wrong) if isinstance(wrong, int) else wrong] = True
+    share = 100.0 * float(mask.mean())
+    error = MaskError(mask, share, 0.0, share)
+    return Point(name, name, role, {}, {"direct": error, OVERALL: error}, time=Time(ms, spread, 5), **more)
 
 
 class ModelClock:
@@ -42,6 +46,7 @@ class ModelClock:
     def listen(self, step: Any) -> None:
         name = step.what.partition(": ")[2]
         values = dict(part.split("=") for part in name.split(", ") if "=" in part)
-        samples = float(values.get("samples_per_pixel", 16 if name == "highest_quality" else 1))
         noise = random.Random(step.what).uniform(0.99, 1.01)
-        self.step = 20e-3 * float(values.get("scale", 1.0)) ** 2 * samples * noise
+        self.step = (
+            20e-3 * float(values.get("scale", 1.0)) ** 2 * (0.5 if values.get("storage") == "half" else 1) * noise
+        )

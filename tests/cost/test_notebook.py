@@ -17,7 +17,7 @@ def test_notebook_runs(tmp_path):
     client = nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(tmp_path)}})
     done = client.execute()
     text = "".join(o.get("text", "") for cell in done.cells for o in cell.get("outputs", []))
-    assert "preset.toml" in text and "errors_pass" in text
+    assert "preset.toml" in text and "Use " in text
     images = [o for cell in done.cells for o in cell.get("outputs", []) if "image/png" in o.get("data", {})]
     tables = [o for cell in done.cells for o in cell.get("outputs", []) if "text/html" in o.get("data", {})]
     assert images and "position" in tables[0]["data"]["text/html"]

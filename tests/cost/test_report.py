@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.report.cost_page import cost_html
-from taubench_gl.report.cost_tables import cost_markdown, tables
+from taubench_gl.report.cost_tables import tables
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
@@ -56,23 +56,18 @@ def test_page_loads_nothing_and_logs_nothing(page):
 
 def test_every_timed_configuration_has_a_mark(page, small_study):
     _, study = small_study
-    page.select_option("#column", "position")
+    page.select_option("#column", "overall")
     shown = {m.get_attribute("data-name") for m in marks(page).all()}
-    assert shown == {p.name for p in study.points if p.role != "definition" and p.time}
+    assert shown == {p.name for p in study.points if p.masks and p.time}
     bright = {m.get_attribute("data-name") for m in page.locator("#plot .mark:not(.dim)").all()}
-    assert bright == {p.name for p in study.front("position")}
+    assert bright == {p.name for p in study.front()}
+    options = [o.get_attribute("value") for o in page.locator("#column option").all()]
+    assert options == ["overall", *study.columns]
 
 
-def test_page_shows_the_front_of_several_columns(page, small_study):
-    _, study = small_study
-    page.select_option("#column", "all")
-    options = page.locator("#column option")
-    assert [o.get_attribute("value") for o in options.all()] == [*study.columns, "all"]
-    assert options.last.inner_text() == "worst of position, normal"
-    bright = {m.get_attribute("data-name") for m in page.locator("#plot .mark:not(.dim)").all()}
-    assert bright == {p.name for p in study.front("all")}
-    page.locator('#plot .mark[data-name="highest_quality"]').hover()
-    assert "worst of position, normal: " in page.inner_text("#status")
+def test_the_page_starts_with_the_answer(page, small_study):
+    assert page.inner_text(".answer").splitlines() == small_study[1].answer()
+    assert page.locator("#plot .chosen").count() == 1
 
 
 def test_time_axis_is_logarithmic(page, values):
@@ -88,9 +83,9 @@ def test_time_axis_is_logarithmic(page, values):
 def test_hovering_describes_a_configuration(page, small_study):
     _, study = small_study
     page.select_option("#column", "normal")
-    page.locator('#plot .mark[data-name="highest_quality"]').hover()
+    page.locator('#plot .mark[data-name="storage=half"]').hover()
     text = page.inner_text("#status")
-    assert all(part in text for part in (study.point("highest_quality").label, "ms per frame", "normal:", "clock"))
+    assert all(part in text for part in (study.point("storage=half").label, "ms per frame", "normal:", "clock"))
 
 
 def test_arrow_keys_select_marks(page):
@@ -123,15 +118,12 @@ def test_names_are_escaped(small_study):
     assert "<script>alert" not in text and "<img src=x" not in text
 
 
-def test_tables_list_the_fronts(small_study):
+def test_tables_list_the_front_first(small_study):
     _, study = small_study
-    values = study.as_json()
-    *fronts, configurations = tables(values)[: len(study.fronts) + 1]
-    for name, table in zip(study.fronts, fronts, strict=True):
-        assert [row[0] for row in table.rows] == [p.label for p in study.front(name)]
-        errors = [float(row[1].split()[0].rstrip(",").lstrip("<")) for row in table.rows]
-        assert errors == sorted(errors, reverse=True), "for sampled pairs the half width counts"
-    assert [row[0] for row in configurations.rows] == [p.label for p in study.points if p.role != "definition"]
+    front, configurations, *others = tables(study.as_json())
+    assert [row[0] for row in front.rows] == [p.label for p in study.front()]
+    assert [row[0] for row in configurations.rows] == [p.label for p in study.points if p.masks]
     baseline = next(row for row in configurations.rows if row[0] == "baseline")
     assert baseline[-2] == "1x"
-    assert "| baseline |" in cost_markdown(values)
+    (grid,) = [t for t in others if t.title.startswith("Other pixels")]
+    assert {row[0] for row in grid.rows} == {p.label for p in study.points if p.role in ("grid", "definition")}

@@ -7,7 +7,6 @@ import pytest
 from taubench_gl.animation import choose_camera
 from taubench_gl.cost.configurations import Configuration, configuration
 from taubench_gl.cost.timing import (
-    SWEEPS,
     TIMED,
     TURNS,
     WARM,
@@ -16,7 +15,7 @@ from taubench_gl.cost.timing import (
     StudyTimer,
     due_visits,
     median_passes,
-    round_medians,
+    rounds_of,
 )
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.frame.passes.masks import MaskPass
@@ -134,35 +133,25 @@ def test_pool_closes_configurations_when_memory_is_short():
 
 def due(done=(), names="abc"):
     configurations = [Configuration(n, "single", {}, SMALL, on_cpu=n == "x") for n in names]
-    return [(r, k, c.name) for r, k, c in due_visits(configurations, 2, done)]
+    return [(r, c.name) for r, c in due_visits(configurations, 2, done)]
 
 
 def test_visits_are_interleaved_and_resume():
     whole = due()
-    assert whole == [(r, k, n) for r in range(2) for k in range(SWEEPS) for n in "abc"]
-    for cut in (2, 7, 11, len(whole)):
-        assert due([{"configuration": n} for _, _, n in whole[:cut]]) == whole[cut:]
+    assert whole == [(r, n) for r in range(2) for n in "abc"]
+    for cut in (1, 4, len(whole)):
+        assert due([{"configuration": n} for _, n in whole[:cut]]) == whole[cut:]
 
 
 def test_masks_on_the_cpu_are_not_timed():
     assert due(names="axbc") == due()
 
 
-def record(name, number, ms, **more):
-    return {"configuration": name, "round": number, "frame_ms": ms} | more
-
-
-def test_median_of_the_visits_of_a_round():
-    assert SWEEPS == 3
-    visits = [record(n, r, ms) for r, k in enumerate([(4.0, 90.0, 5.0), (1.0, 3.0, 2.0)]) for ms in k for n in "ab"]
-    assert round_medians(visits) == {n: [{"frame_ms": ms, "passes": {}} for ms in (5.0, 2.0)] for n in "ab"}
-
-
-def test_incomplete_round_does_not_count():
-    visits = [record("a", 0, 1.0), record("b", 0, 1.0), record("a", 0, 2.0), record("b", 0, 2.0), record("a", 0, 3.0)]
-    assert list(round_medians(visits)) == ["a"]
+def test_rounds_are_in_order():
+    visits = [{"configuration": n, "round": r, "frame_ms": 10.0 * r} for r in (1, 0) for n in "ab"]
+    assert [v["frame_ms"] for v in rounds_of(visits, "a")] == [0.0, 10.0]
 
 
 def test_median_of_passes():
     rounds = [{"passes": p} for p in ({"masks": 1.0}, {"masks": 3.0, "color": 6.0}, {"masks": 2.0})]
-    assert median_passes(rounds) == {"color": 0.0, "masks": 2.0}
+    assert median_passes([*rounds, {"frame_ms": 1.0}]) == {"color": 0.0, "masks": 2.0}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.datasets.registry import find_entry, load_registry, parse_registry
 from taubench_gl.errors import DatasetError
 from taubench_gl.report.tables import paper_numbers
+from taubench_gl.settings import Settings
 
 NAMES = {
     "eternal-valley-fps", "eternal-valley-vr", "bistro-interior", "bistro-exterior", "emerald-square", "zero-day",
@@ -37,6 +39,7 @@ def test_registry_of_the_user(tmp_path):
                     'unit_scale = 100.0\n[toasters]\ntitle = "My toasters"\nformat = "obj sequence"\n')  # fmt: skip
     entries = load_registry([path])
     assert entries["hall"].options() == "--fps 30 --frames 0:90 --camera main --unit-scale 100"
+    assert entries["hall"].camera_options() == ""
     assert entries["toasters"].title == "My toasters" and set(entries) == NAMES | {"hall"}
     with pytest.raises(DatasetError, match=r"'hal' .*hall"):
         find_entry(entries, "hal")
@@ -54,6 +57,11 @@ def test_registry_of_the_user(tmp_path):
         ('[a]\ntitle = "x"\nformat = "gltf"\nurl = "file:///etc/x"', "url"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nsha256 = "12"', "sha256"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nfps = 0.0', "fps"),
+        ('[a]\ntitle = "x"\nformat = "gltf"\ncamera_fps = -1.0', "fps"),
+        ('[a]\ntitle = "x"\nformat = "gltf"\nexposure = 0.0', "exposure"),
+        ('[a]\ntitle = "x"\nformat = "gltf"\nlight_unit = "lumen"', "light unit"),
+        ('[a]\ntitle = "x"\nformat = "gltf"\nenvironment = "sky.png"', "environment"),
+        ('[a]\ntitle = "x"\nformat = "gltf"\nthresholds = {hue = 0.1}', "hue"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nframes = [3, 3]', "frames"),
         ('[a]\ntitle = "x"\nformat = "gltf"\nscene = "../x.glb"', "scene"),
     ],
@@ -75,3 +83,33 @@ def test_a_registry_that_cannot_be_read(tmp_path):
 def test_former_spelling_of_license_is_accepted():
     text = '[a]\ntitle = "x"\nformat = "gltf"\nlicence = "CC0"'
     assert parse_registry(text, "mine.toml")["a"].license == "CC0"
+
+
+def test_rows_carry_what_a_reproduction_needs():
+    """Rates by table, light unit, exposure, environment and thresholds, as settings and as options."""
+    text = (
+        '[a]\ntitle = "x"\nformat = "usd"\nfps = 24.0\ncamera_fps = 60.0\nframes = [24, 49]\nlight_unit = "watt"\n'
+        'exposure = 2.0\nenvironment = "0.1,0.2,0.3"\nthresholds = {color = 0.05, position = 0.2}\n'
+    )
+    entry = parse_registry(text, "mine.toml")["a"]
+    settings = Settings(**entry.settings())
+    assert (settings.sequence.fps, settings.sequence.frames) == (24.0, (24, 49))
+    lighting = settings.lighting
+    assert (lighting.light_unit, lighting.exposure, lighting.environment) == ("watt", 2.0, (0.1, 0.2, 0.3))
+    assert settings.metrics.thresholds["color"] == 0.05 and settings.metrics.thresholds["normal"] == DEFAULT_THRESHOLD
+    camera = Settings(**entry.camera_settings())
+    assert (camera.sequence.fps, camera.sequence.frames) == (60.0, (60, 121)), "the same seconds"
+    assert entry.options() == (
+        "--fps 24 --frames 24:49 --light-unit watt --exposure 2 --environment 0.1,0.2,0.3 "
+        "--threshold color=0.05 --threshold position=0.2"
+    )
+    assert entry.camera_options().startswith("--fps 60 --frames 60:121")
+
+
+def test_rows_of_the_paper():
+    for name, entry in load_registry().items():
+        if entry.paper:
+            assert (entry.fps, entry.camera_fps) == (24.0, 60.0), name
+        if entry.format in ("gltf", "fbx", "aff"):
+            assert entry.exposure == 1.0, name
+        Settings(**entry.settings())

@@ -56,8 +56,7 @@ def test_scene_by_name_gives_tables(name, made, gpu, tmp_path, monkeypatch):
     fps = entry.fps or 24.0
     settings = summary["settings"]
     assert settings["fps"] == fps and settings["unit_scale"] == entry.unit_scale
-    early = 1 if entry.format == "fbx" else 0  # Blender's take starts at frame 0, its animation at frame 1
-    assert summary["pairs"] == round(SECONDS * fps) + early
+    assert summary["pairs"] == round(SECONDS * fps)
     if entry.camera is not None:
         assert entry.camera in summary["camera"]["source"]
     # Table 1: one object or its vertices move.  Tables 2 and 3: the camera moves by 1 m.
@@ -67,7 +66,7 @@ def test_scene_by_name_gives_tables(name, made, gpu, tmp_path, monkeypatch):
     if entry.format != "obj sequence":
         travelled = summary["camera"]["position"]["mean"] * summary["pairs"]
         whole = 1.2 if entry.format == "fbx" else 1.0
-        assert travelled == pytest.approx(whole * (summary["pairs"] - early) / (fps * SECONDS), rel=1e-3)
+        assert travelled == pytest.approx(whole * summary["pairs"] / (fps * SECONDS), rel=1e-3)
     # Table 4: measured if the scene has light, otherwise null with a reason.
     for column, found in summary["discard"].items():
         lit = entry.format != "obj sequence" or column in ("frustum", "position", "normal")

@@ -344,3 +344,73 @@ def test_the_commands(server, tmp_path, monkeypatch):
     assert run("verify", "world").exit_code == 0
     assert isinstance(run("verify", "toasters").exception, DatasetError)
     assert run("get", "world", "--accept-licence").exit_code == 0, "the option's former name"
+
+
+@pytest.mark.parametrize("kind", ["zip", "tar.gz", "tar.xz", "tar.bz2"])
+def test_an_archive_with_one_flipped_byte_is_unpacked_or_refused(tmp_path, kind):
+    """Any byte: the modules raise exceptions of their own, of zlib and of lzma."""
+    files = {f"in/{i}.aff": AFF * (20 + i) for i in range(3)}
+    data = io.BytesIO()
+    if kind == "zip":
+        with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as z:
+            for name, content in files.items():
+                z.writestr(name, content)
+    else:
+        with tarfile.open(fileobj=data, mode=f"w:{kind.removeprefix('tar.')}") as t:
+            for name, content in files.items():
+                member = tarfile.TarInfo(name)
+                member.size = len(content)
+                t.addfile(member, io.BytesIO(content))
+    whole, refused = data.getvalue(), 0
+    for place in range(0, len(whole), max(1, len(whole) // 150)):
+        flipped = bytearray(whole)
+        flipped[place] ^= 0x55
+        (tmp_path / f"a.{kind}").write_bytes(flipped)
+        try:
+            unpack(tmp_path / f"a.{kind}", tmp_path / f"to{place}")
+        except DatasetError as error:
+            refused += 1
+            assert "\n" not in str(error)
+    assert refused > 50
+
+
+def test_archives_that_unpack_to_far_more_than_their_size_are_refused(tmp_path, monkeypatch):
+    """The limit on the ratio applies above RATIO_FROM; a tar is not read to its end."""
+    monkeypatch.setattr("taubench_gl.datasets.scene_cache.RATIO_FROM", 1 << 20)
+    zeros = bytes(1 << 20)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as z:
+        for i in range(8):
+            z.writestr(f"{i}.aff", zeros)
+    with tarfile.open(tmp_path / "a.tar.gz", "w:gz") as t:
+        for i in range(8):
+            member = tarfile.TarInfo(f"{i}.aff")
+            member.size = len(zeros)
+            t.addfile(member, io.BytesIO(zeros))
+    for archive in ("a.zip", "a.tar.gz"):
+        with pytest.raises(DatasetError, match="more files or bytes"):
+            unpack(tmp_path / archive, tmp_path / "to" / archive)
+        assert not list((tmp_path / "to" / archive).iterdir())
+    (tmp_path / "b.zip").write_bytes(zipped({f"{i}.aff": zeros for i in range(8)}))  # not compressed
+    unpack(tmp_path / "b.zip", tmp_path / "to" / "b")
+    assert len(list((tmp_path / "to" / "b").iterdir())) == 8
+
+
+@pytest.mark.parametrize("name", ["../../x.aff", "/etc/hostname", "..", "a/../../../x.aff", "..\\x.aff", "", "nul\0"])
+def test_a_chosen_scene_outside_the_folder_is_refused(tmp_path, name):
+    (tmp_path / "x.aff").write_bytes(AFF)
+    (tmp_path / "a.zip").write_bytes(zipped({"in/a.aff": AFF}))
+    place = CachedScene("x", Entry(title="x", format="aff", url="http://nowhere.invalid/a.zip"), tmp_path / "cache")
+    for work in (lambda: place.take(tmp_path / "a.zip", name), lambda: place.get(scene=name)):
+        with pytest.raises(DatasetError) as caught:
+            work()
+        assert "\n" not in str(caught.value) and not place.folder.exists()
+    place.take(tmp_path / "a.zip")
+    entry = Entry(title="x", format="aff", scene=name)
+    if name:
+        with pytest.raises(DatasetError):
+            CachedScene("x", entry, tmp_path / "cache").scene()
+    record = json.loads((place.folder / "record.json").read_text())
+    for damaged in (record | {"file": "../../x.aff"}, record | {"bytes": "many"}, record | {"file": 3}, [record], {}):
+        (place.folder / "record.json").write_text(json.dumps(damaged))
+        with pytest.raises(DatasetError):
+            place.verify()

@@ -39,6 +39,9 @@ SPEC = CameraSpec(
 )  # fmt: skip
 
 
+STILL = CameraSpec(frames=3, fps=60.0)
+
+
 def walked(path, fps=60.0, frames=121):
     """Camera statistics of the file's default camera, and its positions."""
     scene = load_scene(path)
@@ -59,6 +62,21 @@ def test_the_written_camera_has_the_requested_statistics(tmp_path, name):
         assert found[key]["variance"] == pytest.approx(stats.variance, rel=1e-3)
     assert found["position"]["max"] == pytest.approx(1.0, rel=1e-3)
     assert any("stressed" in str(note) for note in load_scene(tmp_path / name).notes)
+
+
+def test_a_repaired_file_can_be_extended(tmp_path):
+    """Its null and empty members, its byte order mark and its missing image do not reach the written file's reader."""
+    stress(DEMO, tmp_path / "demo.gltf", STILL)
+    document = json.loads((tmp_path / "demo.gltf").read_text(encoding="utf-8"))
+    document["nodes"][0] |= {"children": [], "name": None}
+    document["images"] = [*document.get("images", ()), {"uri": "gone.png"}]
+    path = tmp_path / "departed.gltf"
+    path.write_bytes(b"\xef\xbb\xbf" + json.dumps(document).encode())
+    stress(path, tmp_path / "out.glb", STILL)
+    load_scene(tmp_path / "out.glb", strict=True)
+    with pytest.raises(SceneError):
+        stress(path, tmp_path / "strict.glb", STILL, strict=True)
+    assert not (tmp_path / "strict.glb").exists()
 
 
 def test_the_same_seed_gives_the_same_bytes(tmp_path):
@@ -295,7 +313,9 @@ def test_other_formats_are_written_as_gltf(other, tmp_path):
         np.testing.assert_allclose(b, a, atol=2e-6)
     assert [m.base_color for m in ours.materials] == [pytest.approx(m.base_color) for m in theirs.materials]
     theirs_lit, ours_lit = ([s.lights[i] for i in s.nodes.light[s.light_nodes]] for s in (theirs, ours))
-    assert [(x.kind, x.intensity) for x in ours_lit] == [(x.kind, pytest.approx(x.intensity)) for x in theirs_lit]
+    assert [(x.kind, x.constant, x.intensity) for x in ours_lit] == [
+        (x.kind, x.constant, pytest.approx(x.intensity)) for x in theirs_lit
+    ]
     assert errors_or_none(tmp_path / "out.glb") == []
 
 

@@ -109,4 +109,4 @@ def test_view_opens_the_scene(run, monkeypatch, tmp_path):
 
     monkeypatch.setattr(view_command.view, "main", instead)
     code, _, _ = run("7", "--view", "--size", "320x180")
-    assert code == 0 and seen == [(1.0, ["--light", "--size", "320x180"])]
+    assert code == 0 and seen == [(1.0, ["--lighting", "--size", "320x180"])]

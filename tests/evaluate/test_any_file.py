@@ -14,7 +14,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIXED_LIGHTING, Settings
 
-AUTO_LIGHTING = dict.fromkeys(FIXED_LIGHTING, "auto")
+AUTO_LIGHTING = dict.fromkeys((*FIXED_LIGHTING, "light"), "auto")
 SIZE = {"width": 128, "height": 72, "frames": (0, 3)}
 NO_LIGHT = (
     "BoxAnimated/BoxAnimated.glb",  # animated, no camera

@@ -15,8 +15,10 @@ CHANGED = {
     "width": 320, "height": 200, "fps": 30.0, "frames": (3, None), "camera": "Top", "scene": 1,
     "animation": ("Walk", 2),
     "reprojection": "motion", "sampling": "bilinear", "thresholds": {"color": 0.5}, "unit_scale": 100.0,
-    "culling": "none", "textures": "finest", "columns": ("frustum", "color"), "effects": "all",
+    "culling": "none", "blend": "stochastic", "strict": True, "textures": "finest",
+    "columns": ("frustum", "color"), "effects": "all",
     "light_unit": "watt", "exposure": 2.0, "environment": (0.1, 0.2, 0.3),
+    "light": "auto", "spp": 3, "bounces": 2, "pattern": "independent", "seed": 7,
     "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
     "samples_per_pixel": 4, "pairs": "every:3", "backend": "egl",
@@ -25,8 +27,10 @@ CHANGED = {
 
 WRONG = {
     "width": 0, "height": 16385, "fps": 0.0, "reprojection": "no", "sampling": "no", "thresholds": {"color": -1.0},
-    "unit_scale": float("nan"), "culling": "no", "textures": "no", "columns": ("no",), "effects": "no",
+    "unit_scale": float("nan"), "culling": "no", "blend": "no", "textures": "no",
+    "columns": ("no",), "effects": "no",
     "light_unit": "lux", "environment": (1.0, 2.0), "exposure": float("inf"), "tone_map": "no",
+    "light": "traced", "spp": 0, "bounces": 13, "pattern": "no", "seed": -1,
     "shadow_size": 15, "shadow_lights": -1,
     "shadow_filter": "no", "indirect": "no", "indirect_samples": 0, "probes": 7, "light_error": -1.0, "storage": "no",
     "samples_per_pixel": 65, "pairs": "every:0", "backend": "no",
@@ -52,6 +56,21 @@ def test_value_out_of_range_is_a_settings_error(name):
     with pytest.raises(SettingsError) as caught:
         Settings(**{name: WRONG[name]})
     assert caught.value.setting == name and caught.value.hint
+
+
+@pytest.mark.parametrize("method", ["none", "rsm", "probes"])
+def test_indirect_refines_the_raster_method_only(method):
+    assert Settings(light="auto", indirect=method).lighting.indirect == method
+    assert Settings(light="path-traced", indirect="auto").lighting.light == "path-traced"
+    with pytest.raises(SettingsError) as caught:
+        Settings(light="path-traced").replace(indirect=method)
+    assert caught.value.setting == "indirect" and caught.value.hint
+
+
+def test_samples_of_path_traced_light():
+    assert [Settings(light=light).lighting.path_samples for light in ("auto", "path-traced")] == [16, 256]
+    assert Settings(light="path-traced", spp="3").lighting.path_samples == 3
+    assert Settings.from_dict(Settings(light="auto").to_dict()).lighting.spp is None
 
 
 @pytest.mark.parametrize("exposure", [0, -1.0, float("nan"), float("inf"), 1e300, 1e-300, "bright", None])

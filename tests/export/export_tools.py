@@ -31,7 +31,11 @@ def export(out: Path, format: str, **changes: Any) -> ExportResult:
     return export_scene(DEMO, out, settings(**changes), ExportOptions(format, **chosen), **control)
 
 
-def drawn(numbers, names=tuple(EXPORTS), jitter="none", buffered=None, **changes: Any) -> list[ExportFrame]:
+RASTERIZED = {n: c for n, c in EXPORTS.items() if n not in ("indirect_diffuse", "indirect_glossy", "path_info")}
+"""Channels that frames without path-traced light have."""
+
+
+def drawn(numbers, names=tuple(RASTERIZED), jitter="none", buffered=None, **changes: Any) -> list[ExportFrame]:
     """Rendered frames, before a file format converts them."""
     scene, gpu = load_scene(DEMO), open_gpu()
     camera = choose_camera(scene)

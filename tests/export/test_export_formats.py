@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import OpenEXR
 import pytest
-from export_tools import HEIGHT, WIDTH, export, same, spoiled
+from export_tools import HEIGHT, RASTERIZED, WIDTH, export, same, spoiled
 from PIL import Image
 
 from taubench_gl.conventions import Reason
@@ -19,7 +19,7 @@ from taubench_gl.export.sintel import SintelWriter, dpt_bytes, flo_bytes, masks_
 from taubench_gl.pathtraced.evaluation import PathTracedOptions, evaluate_path_traced
 from taubench_gl.run import COUNT_COLUMNS
 
-NAMES = tuple(EXPORTS)
+NAMES = tuple(RASTERIZED)
 
 
 def spec(frames, names=NAMES, precision="native") -> ExportSpec:
@@ -38,14 +38,14 @@ def test_exr(frames, tmp_path, precision):
     writer.write(frame)
     assert writer.done(9) and not writer.done(8)
     planes, header = read_exr(writer.path(9))
-    assert set(planes) == {exr for info in EXPORTS.values() for exr in info.exr}
-    for name, info in EXPORTS.items():
+    assert set(planes) == {exr for info in RASTERIZED.values() for exr in info.exr}
+    for name, info in RASTERIZED.items():
         with np.errstate(over="ignore"):
             expected = frame.channels[name].astype(stored_as(info, precision))
         for i, exr in enumerate(info.exr):
             same(planes[exr], expected[..., i])
     if precision != "half":  # lossless: channels with 16 bits in the file have 16 bits on the GPU
-        for name, info in EXPORTS.items():
+        for name, info in RASTERIZED.items():
             back = np.stack([planes[exr] for exr in info.exr], axis=-1).astype(frame.channels[name].dtype)
             assert np.array_equal(back, frame.channels[name], equal_nan=frame.channels[name].dtype.kind == "f")
     for key, name in (("worldFromView", "world_from_view"), ("clipFromView", "clip_from_view"),

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from export_tools import drawn, same
+from export_tools import RASTERIZED, drawn, same
 
 from taubench_gl.channels import CHANNELS
-from taubench_gl.export.channels import EXPORTS
 from taubench_gl.frame.read_back import ChannelReader
 from taubench_gl.frame.targets import write_channel
 
@@ -18,7 +17,7 @@ def test_buffered_frames_equal_immediate_ones(jitter: str) -> None:
     buffered_frames, immediate = (drawn(numbers, jitter=jitter, buffered=buffered) for buffered in (True, False))
     assert [frame.number for frame in buffered_frames] == [frame.number for frame in immediate] == list(numbers)
     for one, other in zip(buffered_frames, immediate, strict=True):
-        assert set(one.channels) == set(other.channels) == set(EXPORTS)
+        assert set(one.channels) == set(other.channels) == set(RASTERIZED)
         for name in one.channels:
             same(one.channels[name], other.channels[name])
         for name in one.camera:

@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import moderngl
 import numpy as np
@@ -28,7 +29,7 @@ DEMO = PACKAGE.parent / "assets" / "demo.glb"
 @pytest.fixture
 def no_contexts(monkeypatch):
     """As if this process had opened none yet."""
-    monkeypatch.setattr(context, "_open", {})
+    monkeypatch.setattr(context._open, "by_name", {})
     monkeypatch.delenv(context.BACKEND_VARIABLE, raising=False)
 
 
@@ -70,9 +71,70 @@ def test_unknown_backend(no_contexts, monkeypatch) -> None:
         open_gpu()
 
 
-def test_one_context_per_process(session_gpu) -> None:
+def test_one_context_per_thread(session_gpu) -> None:
     assert open_gpu() is session_gpu
     assert open_gpu(session_gpu.backend) is session_gpu
+    with ThreadPoolExecutor(1) as thread:
+        other = thread.submit(open_gpu).result()
+        assert other is not session_gpu and thread.submit(open_gpu).result() is other
+    with pytest.raises(GraphicsError, match="another thread"), other:
+        pass
+
+
+def test_an_evaluation_on_another_thread_has_the_same_counts(session_gpu) -> None:
+    settings = Settings(width=64, height=36, frames=(0, 3), shadow_size=64, indirect="none")
+    with ThreadPoolExecutor(2) as threads:
+        found = list(threads.map(lambda _: evaluate_scene(DEMO, settings).frames, range(3)))
+    assert found == [evaluate_scene(DEMO, settings).frames] * 3
+
+
+def test_a_loop_over_pairs_stays_on_its_thread(session_gpu) -> None:
+    found = pairs(DEMO, Settings(width=64, height=36, frames=(0, 3), columns=("frustum", "position")))
+    next(found)
+    with ThreadPoolExecutor(1) as thread, pytest.raises(GraphicsError, match="another thread"):
+        thread.submit(next, found).result()
+
+
+FORKED = """
+import multiprocessing, sys
+from taubench_gl import evaluate
+from taubench_gl.errors import GraphicsError
+from taubench_gl.gpu.context import open_gpu
+
+options = {"size": "64x36", "frames": range(3), "columns": "frustum,position"}
+
+def child(scene):
+    faults = []
+    for use in (lambda: evaluate(scene, **options), open_gpu, inherited.__enter__ if inherited else open_gpu):
+        try:
+            use()
+        except GraphicsError as error:
+            faults.append(str(error))
+    return faults
+
+if __name__ == "__main__":
+    method, used, scene = sys.argv[1], sys.argv[2] == "used", sys.argv[3]
+    inherited = open_gpu() if used else None
+    if used:
+        evaluate(scene, **options)
+    with multiprocessing.get_context(method).Pool(1) as pool:
+        faults = pool.map_async(child, [scene]).get(timeout=100)[0]
+    assert len(faults) == (3 if used and method == "fork" else 0), faults
+    assert all("forked" in fault and "spawn" in fault for fault in faults)
+    assert evaluate(scene, **options).summary["pairs"] == 2  # the parent still works
+else:
+    inherited = None
+"""
+
+
+@pytest.mark.parametrize(("method", "used"), [("fork", True), ("fork", False), ("spawn", True)])
+def test_a_forked_child_of_a_process_with_a_context_gets_one_clear_line(tmp_path, method, used) -> None:
+    """Drivers do not survive a fork: without the check, the child waits for ever for the threads of its parent."""
+    script = tmp_path / "program.py"
+    script.write_text(FORKED)
+    command = [sys.executable, script, method, "used" if used else "new", DEMO]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
 
 
 def test_depth_runs_from_zero_to_one(gpu: Gpu) -> None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
 from taubench_gl import math3d
-from taubench_gl.animation import View, choose_camera
+from taubench_gl.animation import choose_camera
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.bench import Shot
 from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
 from taubench_gl.settings import Settings
 
@@ -21,31 +21,6 @@ FLAT = turn_x(-90.0)
 """Turns the plane z = 0 facing +Z into the plane y = 0 facing +Y."""
 
 DIRECT_ONLY = ("frustum", "position", "normal", "direct")
-
-
-@dataclass(frozen=True)
-class Shot:
-    """One frame: channels (h, w, n) float64, row 0 at the top, and where its camera was."""
-
-    channels: dict[str, Array]
-    view: View
-
-    def __getitem__(self, name: str) -> Array:
-        return self.channels[name]
-
-    @property
-    def points(self) -> Array:
-        """(h, w, 3) world."""
-        return self["position"][..., :3] + self.view.position
-
-    @property
-    def surface(self) -> Array:
-        """(h, w) bool: where something was drawn."""
-        return self["position"][..., 3] > 0
-
-    @property
-    def direct(self) -> Array:
-        return self["direct"][..., :3]
 
 
 @contextmanager

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from light_tools import facing, floor, integrate_hemisphere, lambert, look, picture, worst
@@ -21,14 +23,15 @@ LIGHTS = {
     "spot": Light(kind="spot", intensity=50.0, inner_cone=0.2, outer_cone=0.6),
     "spot with a range and a hard rim": Light(kind="spot", intensity=5.0, inner_cone=0.5, outer_cone=0.5, range=3.0),
     "directional": Light(kind="directional", intensity=3.0, color=(0.2, 1.0, 0.7)),
+    "constant point": Light(kind="point", intensity=3.0, color=(0.2, 1.0, 0.7), constant=True),
+    "constant spot": Light(kind="spot", intensity=3.0, inner_cone=0.2, outer_cone=0.6, constant=True),
 }
 
 
 def lit_floor(light: Light, *, place=PLACE, aim=AIM, **material) -> Scene:
     b = SceneBuilder()
     floor(b, material=lambert(b, ALBEDO, **material))
-    fields = {n: getattr(light, n) for n in ("kind", "color", "intensity", "range", "inner_cone", "outer_cone")}
-    b.light(translation=place, rotation=facing(aim), **fields)
+    b.light(translation=place, rotation=facing(aim), **{f.name: getattr(light, f.name) for f in fields(Light)})
     look(b, (0.0, 2.5, 3.0), (0.0, 0.0, 0.0), yfov=0.7)
     return b.build()
 
@@ -44,7 +47,7 @@ def closed_form(light: Light, points: np.ndarray, cone=None) -> np.ndarray:
         offset = PLACE - points
         d = np.sqrt(np.sum(offset**2, axis=-1))
         cosine = offset[..., 1] / d
-        gain = 1.0 / d**2
+        gain = np.ones_like(d) if light.constant else 1.0 / d**2
         if np.isfinite(light.range):
             gain = gain * np.clip(1.0 - (d / light.range) ** 4, 0.0, 1.0)
         if light.kind == "spot":

@@ -19,7 +19,15 @@ from taubench_gl.frame.plan import FramePlan
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.math3d import normalize
-from taubench_gl.metrics.environment import directions, environment_maps, glossy_radiance, lookup, resized, solid_angles
+from taubench_gl.metrics.environment import (
+    direction_choice,
+    directions,
+    environment_maps,
+    glossy_radiance,
+    lookup,
+    resized,
+    solid_angles,
+)
 from taubench_gl.metrics.lighting import albedo_table
 from taubench_gl.scene.environment import read_environment
 from taubench_gl.scene.model import Scene
@@ -103,7 +111,8 @@ def test_the_sun_is_an_effect_and_no_light_of_the_scene(gpu, shadow_lights):
     settings = Settings(width=64, height=48, environment="default", shadow_lights=shadow_lights, shadow_size=256)
     effects = decide(scene, settings)
     assert effects["sky"].enabled and effects["sun"].enabled and effects["direct"].enabled
-    assert effects["shadows"].enabled == bool(shadow_lights) == effects["indirect"].enabled
+    assert effects["shadows"].enabled == bool(shadow_lights)
+    assert effects["indirect"].enabled, "the sun shines on surface patches where it has no map"
     assert not effects["directional_lights"].enabled
     counts = census(scene, [0.0, 1.0])
     assert counts["static_directional_lights"] == counts["dynamic_directional_lights"] == 0
@@ -357,6 +366,26 @@ def test_files_that_are_no_environment_answer_in_one_line(tmp_path, mode, suffix
         read_environment(path)
     assert error.value.setting == "environment" and error.value.where == str(path)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("height", [16, 300, 512])
+def test_directions_beside_a_sun_of_one_pixel_are_likely_enough(height):
+    """Bilinear values spread a sun over its neighbors: radiance over pdf is bounded."""
+    image = np.full((height, 2 * height, 3), 0.5)
+    image[height // 4, height // 3] = 1e7
+    choice = direction_choice(image)
+    cells = len(choice)
+    rng = np.random.default_rng(2)
+    column, row = (rng.uniform(-2.5, 3.5, (2, 4000)) + [[height // 3], [height // 4]]) / height
+    theta, phi = row * np.pi, (0.5 * column - 0.5) * 2.0 * np.pi
+    toward = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=-1)
+    pdf = choice[(row * cells).astype(int), (column * cells).astype(int), 1]
+    power = np.sum(image[..., 0] * solid_angles(height)[:, None])
+    ratio = lookup(image, toward)[:, 0] / pdf / power
+    # In a corner the value is a quarter of the sun's, and the cell's mean 1/64 of that pixel's share of the cell.
+    assert ratio.max() < 16.0 * 1.1 * (height / cells) ** 2
+    area = solid_angles(cells)[:, None]
+    assert np.sum(choice[:, :-1, 1] * area) == pytest.approx(1.0, rel=1e-5)
 
 
 def test_files_that_are_too_large_are_refused(tmp_path, monkeypatch):

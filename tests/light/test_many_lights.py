@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from light_tools import DIRECT_ONLY, lambert, opened, shoot
@@ -41,6 +43,20 @@ def test_what_is_left_out_stays_below_the_given_error(gpu, field, light_error):
     assert left_out.min() >= -rounding and left_out.max() <= light_error + rounding
     assert every.direct.max() > 0.5, "the scene is too dark to tell"
     assert kept.mean() < 0.1 * 690 and kept.sum() < most.sum()
+
+
+def test_constant_lights_are_bounded_too(gpu, field):
+    """Without attenuation the bound does not fall with the distance, except by the range; nothing is underestimated."""
+    lights = tuple(replace(light, constant=True, intensity=0.02) for light in field.lights)
+    images, counts = [], []
+    for light_error in (0.0, 1e-2):
+        with opened(gpu, replace(field, lights=lights), light_error=light_error, **SIZE) as source:
+            images.append(shoot(source, 3).direct)
+            counts.append(source.light.tile_counts())
+            rows = source.light.table.rows
+    assert np.all(rows["spot"][:, 3] == 1.0) and counts[1].sum() < counts[0].sum() < counts[0].size * 690
+    left_out = images[0] - images[1]
+    assert 0 < left_out.max() <= 1e-2 + 1e-5 and left_out.min() >= -1e-5
 
 
 def test_unlimited_lights_are_bounded_too(gpu):

@@ -15,7 +15,7 @@ from shadow_tools import Case, on_plane, visibility
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.frame.shading import Shading
-from taubench_gl.frame.shadow_faces import faces_of, halved_shadows
+from taubench_gl.frame.shadow_faces import SMALLEST_MAP, faces_of, map_sizes, pack, wanted_sizes
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.tuning import MAX_UNROLLED
 from taubench_gl.scene.model import Image, Scene, Texture
@@ -64,10 +64,10 @@ def test_a_box_at_the_rim_of_a_wide_spot(gpu, elevation, azimuth, shadow_filter)
 
 def test_maps_after_the_most_significant_lights_have_half_the_texels():
     scene, rows = Case("point", 40.0, 0.0).scene(parts=10), list(range(10))
-    halved = halved_shadows(rows[::-1])
-    assert halved == {0, 1}
-    faces = faces_of(scene, None, rows, (np.zeros(3), 1.0), 256, None, halved)
-    assert {face.light: face.resolution for face in faces} == {row: 128 if row in halved else 256 for row in rows}
+    sizes = map_sizes(scene, rows[::-1], 256, 16384)
+    assert sizes == {row: 128 if row in (0, 1) else 256 for row in rows}
+    faces = faces_of(scene, None, rows, (np.zeros(3), 1.0), sizes)
+    assert {face.light: face.resolution for face in faces} == sizes
 
 
 def test_every_way_to_ask_finds_the_maps_of_a_wide_spot(gpu, monkeypatch):
@@ -259,3 +259,37 @@ def test_both_sides_of_a_one_sided_triangle_stop_light(gpu, turn):
     plane = on_plane(shot)
     inside = np.maximum(np.abs(shot.points[..., 0]), np.abs(shot.points[..., 2])) < 0.9
     assert (plane & inside).sum() > 100 and np.all(lit[plane & inside] < 0.001)
+
+
+@pytest.mark.parametrize("limit", [16384, 4096, 1024])
+@pytest.mark.parametrize(("kind", "lights"), [("directional", 5), ("directional", 24), ("point", 300), ("spot", 1)])
+def test_maps_shrink_until_the_atlas_fits(kind, lights, limit):
+    """The most significant lights keep the larger maps, and no two maps overlap."""
+    b = SceneBuilder()
+    for _ in range(lights):
+        b.light(kind=kind)
+    scene, ranked = b.build(), list(range(lights))[::-1]
+    sizes = map_sizes(scene, ranked, 1024, limit)
+    faces = faces_of(scene, None, sorted(ranked), (np.zeros(3), 1.0), sizes)
+    offsets, (width, height) = pack(faces, limit)
+    assert max(width, height) <= limit
+    assert [sizes[row] for row in ranked] == sorted(sizes.values(), reverse=True)
+    assert all(size >= SMALLEST_MAP for size in sizes.values())
+    if lights * (16 if kind == "directional" else 6) * 1024**2 <= limit**2 // 2 and lights <= 8:
+        assert sizes == wanted_sizes(ranked, 1024), "there is room for the maps asked for"
+    taken = np.zeros((height // 16, width // 16), dtype=np.int64)
+    for (x, y), face in zip(offsets, faces, strict=True):
+        taken[y // 16 : (y + face.resolution) // 16, x // 16 : (x + face.resolution) // 16] += 1
+    assert taken.max() == 1 and taken.sum() == sum((f.resolution // 16) ** 2 for f in faces)
+
+
+def test_a_run_notes_the_sizes_of_maps_that_do_not_fit(gpu, monkeypatch):
+    """Five directional lights on a device with small textures: shadows stay where they were."""
+    monkeypatch.setitem(gpu.ctx.info, "GL_MAX_TEXTURE_SIZE", 512)
+    case, found = Case("directional", 40.0, 0.0), {}
+    for parts in (1, 5):
+        scene = case.scene(parts=parts)
+        with opened(gpu, scene, width=96, height=96, shadow_size=64, shadow_lights=parts) as source:
+            found[parts] = shoot(source).direct[..., 0], source.describe()["notes"]
+    assert found[1][1] == [] and "3 lights 256x256, 2 lights 128x128" in found[5][1][0]
+    assert np.mean(np.abs(found[1][0] - found[5][0]) > 0.02 * found[1][0].max()) < 0.05

@@ -123,15 +123,16 @@ import numpy as np, OpenEXR
 job = json.load(open(sys.argv[2]))
 assert os.path.isfile(job["scene"])
 print("Blender says hello", flush=True)
-for n, frame in enumerate(job["frames"]):
+renders = [(folder, frame) for folder in job["folders"] for frame in job["frames"]]
+for n, (folder, frame) in enumerate(renders):
     if n == int(os.environ.get("FAKE_STOPS_AFTER", "999")):
         print("Error: out of pixels"); sys.exit(3)
     w, h = job["size"]
     z = np.full((h, w), 1e10, np.float32)
-    path = os.path.join(job["out"], job["name"] % frame)
+    path = os.path.join(folder, job["name"] % frame)
     OpenEXR.File({"type": OpenEXR.scanlineimage}, {"ViewLayer.Depth.Z": z}).write(path)
     print("@tb " + json.dumps({"event": "samples", "done": 1, "total": 2}))
-    print("@tb " + json.dumps({"event": "frame", "frame": frame, "seconds": 0.5}), flush=True)
+    print("@tb " + json.dumps({"event": "frame", "frame": frame, "seconds": 0.5, "cpu_seconds": 1.0 + n}), flush=True)
 """
 
 

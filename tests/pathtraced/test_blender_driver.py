@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from cycles_scenes import DOWN, blinking, fake_blender, plane
 
 from taubench_gl.animation import choose_camera, sample
 from taubench_gl.effects.lighting import DEFAULT_SUN
-from taubench_gl.errors import PathTracedError, SettingsError
+from taubench_gl.errors import OutputError, PathTracedError, SettingsError
 from taubench_gl.pathtraced.blender import process
 from taubench_gl.pathtraced.blender.job import KEY_FPS, Quality, identity, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import HOW_TO_GET_BPY
-from taubench_gl.pathtraced.blender.render import PROVENANCE_FILE, read_render, render_reference
+from taubench_gl.pathtraced.blender.render import PROVENANCE_FILE, read_render, render_reference, render_seeds
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, read_camera_file
 from taubench_gl.pathtraced.sequence import find_frames
 from taubench_gl.scene import load_scene
@@ -129,6 +132,26 @@ def test_a_render_writes_frames_sidecar_and_provenance(scene, tmp_path):
     assert "Blender says hello" in (out / "render.log").read_text()
 
 
+def test_seeds_are_rendered_into_folders_of_their_own(scene, tmp_path):
+    python, out, quality = fake_blender(tmp_path), tmp_path / "out", Quality(samples=1)
+    values = {"fps": 24.0, "size": (16, 9), "quality": quality, "python": python}
+    seconds = render_seeds(scene, choose_camera(scene), range(4, 6), out, range(7, 9), **values)
+    assert seconds == {(7, 4): 1.0, (7, 5): 2.0, (8, 4): 3.0, (8, 5): 4.0}
+    for seed in (7, 8):
+        folder = out / f"seed_{seed:04d}"
+        assert list(find_frames(folder)) == [4, 5] and sorted(read_camera_file(folder / CAMERA_FILE).views) == [4, 5]
+    with pytest.raises(PathTracedError):
+        render_seeds(scene, choose_camera(scene), range(4, 6), out, range(1), **values | {"python": "no such program"})
+
+
+def test_single_scatter_is_part_of_the_identity(scene):
+    jobs = [
+        make_job(scene, choose_camera(scene), range(1), 24.0, (16, 9), Quality(single_scatter=once))[0]
+        for once in (True, False)
+    ]
+    assert identity(jobs[0], "x") != identity(jobs[1], "x")
+
+
 def test_an_interrupted_render_continues_with_the_first_missing_frame(scene, tmp_path, monkeypatch):
     out, python = tmp_path / "out", fake_blender(tmp_path)
     monkeypatch.setenv("FAKE_STOPS_AFTER", "2")
@@ -175,9 +198,11 @@ def test_invalid_qualities_are_refused():
 
 @pytest.mark.parametrize("script", ["render_script.py", "convert_script.py"])
 def test_scripts_are_standalone(script):
-    text = (Path(process.__file__).parent / script).read_text(encoding="utf-8")
+    folder = Path(process.__file__).parent
+    text = (folder / script).read_text(encoding="utf-8")
+    beside = {path.stem for path in folder.glob("*.py")}  # on the path of a script that is started
     modules = set(re.findall(r"^(?:import|from) (\w+)", text, flags=re.M))
-    assert modules <= {"bpy", "mathutils", *sys.stdlib_module_names}
+    assert modules <= {"bpy", "mathutils", *beside, *sys.stdlib_module_names}
     assert "bpy" not in sys.modules
 
 
@@ -197,3 +222,60 @@ def test_the_environment_is_part_of_a_render_and_its_identity(scene):
     assert len({identity(job, "scene") for job in jobs}) == 4
     moved = job_of(image="elsewhere.hdr", image_sha256="1")
     assert identity(moved, "scene") == identity(jobs[2], "scene")
+
+
+FAKE_MODULES = {
+    "bpy.py": """
+import os, sys, time
+from unittest.mock import MagicMock
+module = MagicMock()
+module.app.version_string = "4.5.0 stand-in"
+def endless(**options):
+    print(f"rendering in {os.getpid()}", flush=True)
+    time.sleep(1000)
+module.ops.render.render = endless
+sys.modules["bpy"] = module
+""",
+    "mathutils.py": "from unittest.mock import MagicMock\nMatrix = Vector = MagicMock()\n",
+}
+DRIVER = """
+import sys
+from taubench_gl.animation import choose_camera
+from taubench_gl.pathtraced.blender.job import Quality
+from taubench_gl.pathtraced.blender.render import render_reference
+from taubench_gl.scene import load_scene
+scene = load_scene(sys.argv[1])
+render_reference(scene, choose_camera(scene), range(2), sys.argv[2], fps=24.0, size=(16, 9), quality=Quality(samples=1),
+                 python=sys.argv[3])
+"""
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_blender_ends_when_its_driver_is_killed(scene, tmp_path, wrapped):
+    """Also behind a wrapper script, where it is not a child of the driver; meanwhile a second driver is refused."""
+    modules, out, python = tmp_path / "modules", tmp_path / "out", sys.executable
+    modules.mkdir()
+    for name, text in FAKE_MODULES.items():
+        (modules / name).write_text(text)
+    if wrapped:
+        python = tmp_path / "python.sh"
+        python.write_text(f'#!/bin/sh\n"{sys.executable}" "$@"\necho ended\n')
+        python.chmod(0o755)
+    path = os.pathsep.join([str(modules), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = [sys.executable, "-c", DRIVER, scene.path, out, python]
+    with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": path}) as driver:
+        log = out / "render.log"
+        while not (log.exists() and (started := re.search(r"rendering in (\d+)\n", log.read_text()))):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                pytest.fail(f"the driver ended with code {driver.wait(timeout=0.02)}")
+        blender = psutil.Process(int(started[1]))
+        with pytest.raises(OutputError, match=f"process {driver.pid} "):
+            render(scene, out, python="false")
+        driver.kill()
+    gone, alive = psutil.wait_procs([blender], timeout=60)
+    for survivor in alive:
+        survivor.kill()
+    assert gone and not alive
+    frames = range(0, 2)
+    assert render(scene, out, frames, python=fake_blender(tmp_path))[0][-1] == (2, 0.0)
+    assert not list(out.glob(".*"))

@@ -51,7 +51,6 @@ def test_errors_are_one_line_and_exit_code_2(renders, tmp_path):
     for arguments, named in (
         (("evaluate", f"exr:{tmp_path / 'none'}"), "none"),
         (("evaluate", f"exr:{renders}", "--mapping", "x.toml"), "x.toml"),
-        (("evaluate", "scene.glb", "--lobe", "glossy"), "--lobe"),
         (("reference", "check", f"exr:{renders}", "--layer", "none"), "'none'"),
         (("reference", "render", tmp_path / "none.glb", "--out", tmp_path / "o"), "none.glb"),
     ):

@@ -13,7 +13,7 @@ from exr_files import HEIGHT, WIDTH, window, write
 
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced import exr
-from taubench_gl.pathtraced.exr import read_exr, read_header
+from taubench_gl.pathtraced.exr import MAX_CHANNELS, read_exr, read_header
 
 COMPRESSIONS = ("NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB")
 
@@ -124,7 +124,7 @@ def test_broken_files_are_refused_within_bounded_memory(data):
 import sys
 from pathlib import Path
 from taubench_gl.errors import PathTracedError
-from taubench_gl.pathtraced.exr import read_exr
+from taubench_gl.pathtraced.exr import MAX_CHANNELS, read_exr
 read = 0
 for path in sorted(p for p in Path(sys.argv[1]).rglob("*") if p.is_file()):
     try:
@@ -156,3 +156,30 @@ def test_display_windows_of_the_openexr_test_images(data, name):
     plane = image.plane("R")
     assert plane.shape == image.size[::-1]
     assert np.isnan(plane).any() == (name not in ("t01", "t03", "t05"))
+
+
+def header(*attributes: tuple[bytes, bytes, bytes]) -> bytes:
+    """A header of an EXR file: attributes (name, type, value)."""
+    parts = [name + b"\0" + kind + b"\0" + len(value).to_bytes(4, "little") + value for name, kind, value in attributes]
+    return b"".join(parts) + b"\0"
+
+
+def channel_list(count: int) -> bytes:
+    return b"".join(b"c%06d.R\0" % i + bytes(16) for i in range(count)) + b"\0"
+
+
+@pytest.mark.parametrize("multipart", [False, True])
+def test_files_with_too_many_channels_are_refused_before_they_are_opened(tmp_path, multipart):
+    """The library needs time quadratic in the channels: 100,000 of them would take minutes."""
+    path = tmp_path / "many.exr"
+    if multipart:
+        parts = [header((b"channels", b"chlist", channel_list(50)), (b"more", b"string", b"x" * 300))] * 200
+        path.write_bytes(b"\x76\x2f\x31\x01" + (2 | 1 << 12).to_bytes(4, "little") + b"".join(parts) + b"\0")
+    else:
+        path.write_bytes(
+            b"\x76\x2f\x31\x01\2\0\0\0"
+            + header((b"channels", b"chlist", channel_list(100_000)), (b"x", b"int", bytes(4)))
+        )
+    for read in (read_exr, read_header):
+        with pytest.raises(PathTracedError, match=f"{MAX_CHANNELS} channels"):
+            read(path)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from taubench_gl.cost import cost
-from taubench_gl.cost.errors import COMPARED_CHANNELS, feature_frames, from_run
+from taubench_gl.cost.errors import from_run
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.compare import noise_floor_percent
 from taubench_gl.pathtraced.series import find_series
@@ -69,8 +69,8 @@ def test_a_render_is_evaluated_with_its_noise_floor_and_channels(renders_folder)
     assert all(value in (0.0, None) for value in noise_floor_percent(run.summary).values()), (
         "the two seeds are the same files here"
     )
-    channels = series.renders[0].channels(settings, feature_frames(series.frames), COMPARED_CHANNELS)
-    assert list(channels) == [21] and {"position", "normal", "motion"} <= channels[21].keys()
+    light = series.renders[0].light(settings, 21)
+    assert set(light) == {20, 21} and all(image.shape[2] == 3 for pair in light.values() for image in pair)
 
 
 def test_a_single_render_is_a_series(tmp_path):
@@ -93,16 +93,15 @@ def test_renders_are_points_of_a_cost_study(renders_folder, data, tmp_path):
     scene = data / "khronos" / "BoxAnimated" / "BoxAnimated.glb"
     study = cost(
         scene, out=tmp_path / "study", reference=f"exr:{renders_folder}", columns=("position", "normal"), repeats=3,
-        parameters=("samples_per_pixel",),
+        parameters=("storage",),
     )  # fmt: skip
     study.save()
-    renders = [p for p in study.points if p.role == "path_traced"]
-    assert [p.values["spp"] for p in renders] == [1, 4, 16]
-    for p in renders:
-        assert p.error("position") == 0.0 and p.time.median == pytest.approx(525.0 * p.values["spp"])
-    front = study.front("all")
-    assert front[-1] is renders[0], "two frames have no spread: of equally exact renders the first"
+    renders = [p for p in study.points if p.role == "render"]
+    assert [p.name for p in renders] == ["1 spp, path-traced", "4 spp, path-traced", "16 spp, path-traced"]
+    for p, samples in zip(renders, (1, 4, 16), strict=True):
+        assert p.error("position") == 0.0 and p.time.median == pytest.approx(525.0 * samples)
+    assert study.floor() == 0.0 and study.about["reference"]["samples"] == 16
     values = json.loads((tmp_path / "study" / "study.json").read_text())
-    assert values["fronts"]["all"] == [p.name for p in front]
-    assert (tmp_path / "study" / "front_all.png").stat().st_size > 5000
+    assert values["fronts"]["overall"] == [p.name for p in study.front()]
+    assert (tmp_path / "study" / "front.png").stat().st_size > 5000
     assert renders[0].label in (tmp_path / "study" / "study.html").read_text()

@@ -10,6 +10,7 @@ import pytest
 
 from taubench_gl.conventions import SUMMARY_SCHEMA
 from taubench_gl.errors import OutputError
+from taubench_gl.folder_lock import LOCK_FILE
 from taubench_gl.run import FRAME_COLUMNS, FRAMES_FILE, SUMMARY_FILE, RunWriter, load_run, read_frames
 
 
@@ -55,7 +56,7 @@ def test_summary_is_written_completely_or_not_at_all(tmp_path):
             writer.write_summary({"schema": SUMMARY_SCHEMA, "x": float("nan")})
         with pytest.raises(TypeError):
             writer.write_summary({"x": {1}})
-        assert os.listdir(tmp_path) == [FRAMES_FILE]
+        assert sorted(os.listdir(tmp_path)) == [LOCK_FILE, FRAMES_FILE]
         writer.write_summary({"array": np.arange(2), "n": np.int64(3)})
     assert json.loads((tmp_path / SUMMARY_FILE).read_text()) == {"array": [0, 1], "n": 3}
     assert sorted(os.listdir(tmp_path)) == [FRAMES_FILE, SUMMARY_FILE]

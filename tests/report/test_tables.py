@@ -15,7 +15,7 @@ from taubench_gl.conventions import COLUMNS
 from taubench_gl.glossary import CENSUS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report import FORMATS, Column, Row, Table, paper_tables
-from taubench_gl.report.labels import run_labels
+from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.render import MIN_WIDTH, format_value
 from taubench_gl.report.tables import paper_numbers
 
@@ -228,3 +228,11 @@ def test_paper_numbers_cover_every_column():
     for scene in paper_numbers()["scenes"]:
         assert set(scene["discard"]) == set(COLUMNS)
         assert len(scene["rotation"]) == 6 and len(scene["position"]) == 3 and len(scene["census"]) == 4
+
+
+def test_lighting_names_path_tracing_only_where_paths_were_traced():
+    settings = {"light_unit": "candela", "exposure": 1.0, "environment": "none", "light": "path-traced", "spp": 1}
+    traced = {"path_traced": {"on": True}}
+    assert "path-traced (1 fixed sample " in (lighting_text({"settings": settings, "effects": traced}) or "")
+    not_traced = {"path_traced": {"on": False}}
+    assert "path-traced" not in (lighting_text({"settings": settings, "effects": not_traced}) or "")

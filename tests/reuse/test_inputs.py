@@ -15,11 +15,13 @@ from taubench_gl.conventions import NO_HISTORY, Reason
 from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
+from taubench_gl.reuse.evaluate import EvaluationRequest
 from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, read_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs, light_settings
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.scene import load_scene
+from taubench_gl.settings import Settings
 
 ALL = tuple(INPUTS)
 
@@ -41,17 +43,70 @@ def arrays(frame) -> dict[str, np.ndarray]:
 
 
 # --------------------------------------------------------------------------------------------------------------- kinds
-@pytest.mark.parametrize("text", ["full", "jittered", "noisy", "half", "noisy+quarter+jittered", "exr:some/folder"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "full",
+        "jittered",
+        "noisy",
+        "half",
+        "noisy+quarter+jittered",
+        "exr:some/folder",
+        "path-traced@4",
+        "path-traced@16+jittered",
+    ],
+)
 def test_input_kind_round_trip(text):
     assert parse_input(text).text == text
     assert parse_input(text).exact == (text == "full")
 
 
-@pytest.mark.parametrize("text", ["sharp", "", "full+noisy", "noisy+noisy", "half+quarter", "exr:folder+noisy"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "sharp",
+        "",
+        "full+noisy",
+        "noisy+noisy",
+        "half+quarter",
+        "exr:folder+noisy",
+        "path-traced@0",
+        "path-traced@x",
+        "path-traced@1+noisy",
+        "path-traced@1+half",
+        "path-traced@1+path-traced@2",
+        "path-traced@N",
+    ],
+)
 def test_invalid_input_kind(text):
     with pytest.raises(SettingsError) as caught:
         parse_input(text)
     assert repr(text) in caught.value.what
+
+
+def test_path_traced_input_kind():
+    kind = parse_input("path-traced", seed=5)
+    assert (kind.path_samples, kind.seed, kind.text) == (1, 5, "path-traced@1")
+    chosen = light_settings(settings(), parse_input("path-traced@3", seed=5)).lighting
+    assert (chosen.light, chosen.spp, chosen.pattern, chosen.seed) == ("path-traced", 3, "independent", 5)
+    assert light_settings(settings(light="auto"), parse_input("noisy")).lighting.light == "raster"
+    with pytest.raises(SettingsError):
+        light_settings(Settings(light="path-traced"), parse_input("noisy"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "reference"),
+    [
+        ("path-traced@1", "max"),
+        ("path-traced@1", "exr:folder"),
+        ("exr:folder", "path-traced@4"),
+        ("full", "path-traced@0"),
+        ("full", "path-traced"),
+    ],
+)
+def test_references_that_do_not_fit_the_input(kind, reference):
+    with pytest.raises(SettingsError):
+        EvaluationRequest(kind, reference, metrics=("psnr",)).check()
 
 
 @pytest.mark.parametrize("numbers", [{"light_samples": 0}, {"indirect_samples": 5000}, {"seed": -1}, {"seed": 65536}])

@@ -112,12 +112,13 @@ def finish(gltf: Gltf) -> Gltf:
 
 
 def refuse(path: Path, where: str | None = None, *values: object, **options: Any) -> SceneError:
-    """The SceneError that loading raises: one printable line, at JSON pointer ``where``, that contains ``values``.
+    """The SceneError that strict loading raises: one printable line at ``where`` that contains ``values``.
 
-    ``where`` '' is the file itself, None any place.  ``values``: numbers and names of the file, not wording.
+    ``where``: JSON pointer; '' is the file itself, None any place.  ``values``: numbers and names of the file, not
+    wording.
     """
     with pytest.raises(SceneError) as caught:
-        load_scene(path, **options)
+        load_scene(path, **{"strict": True, **options})
     error = caught.value
     assert "\n" not in str(error) and str(error).isprintable()
     if where is not None:

@@ -255,3 +255,11 @@ def test_shared_accessors_share_memory(tmp_path: Path) -> None:
     finally:
         tracemalloc.stop()
     assert len(scene.meshes) == len(scene.channels) == 1000 and peak < 32 << 20
+
+
+def test_a_million_materials_are_refused(tmp_path: Path) -> None:
+    gltf = triangle_scene()
+    gltf.json["materials"] = [{}] * 1_000_000
+    refuse(gltf.save(tmp_path), "/materials/65536", 1_000_000)
+    gltf.json["materials"] = [{}] * 1000
+    assert len(load_scene(gltf.save(tmp_path)).materials) == 1000

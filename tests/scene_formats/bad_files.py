@@ -11,9 +11,9 @@ from taubench_gl.scene import load_scene
 
 
 def refused(path: Path, line: int, value: object = "", file: str | None = None) -> None:
-    """Loading ``path`` fails at ``line`` of ``file`` (default: the file itself); the message contains ``value``."""
+    """Strict loading fails at ``line`` of ``file`` (default: ``path`` itself); the message contains ``value``."""
     with pytest.raises(SceneError) as caught:
-        load_scene(path)
+        load_scene(path, strict=True)
     error = caught.value
     assert error.where == f"{file or path.name}:{line}" and str(value) in error.what, str(error)
     assert "\n" not in str(error)

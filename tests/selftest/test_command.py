@@ -32,9 +32,13 @@ def broken(monkeypatch):
         raise ZeroDivisionError("oops")
 
     texts = ("test", "failure", "approach", 0.5, "source")
-    monkeypatch.setitem(REGISTRY, "x-wrong", Case("x-wrong", "camera", *texts, lambda b: Outcome(1.0, 2.0, 1.0)))
-    monkeypatch.setitem(REGISTRY, "x-raises", Case("x-raises", "camera", *texts, raises))
-    monkeypatch.setitem(REGISTRY, "x-nan", Case("x-nan", "camera", *texts, lambda b: Outcome(1.0, "NaN", float("nan"))))
+    monkeypatch.setitem(
+        REGISTRY, "made-up-wrong", Case("made-up-wrong", "camera", *texts, lambda b: Outcome(1.0, 2.0, 1.0))
+    )
+    monkeypatch.setitem(REGISTRY, "made-up-raises", Case("made-up-raises", "camera", *texts, raises))
+    monkeypatch.setitem(
+        REGISTRY, "made-up-nan", Case("made-up-nan", "camera", *texts, lambda b: Outcome(1.0, "NaN", float("nan")))
+    )
 
 
 def test_rows_and_verdict(run):
@@ -45,9 +49,9 @@ def test_rows_and_verdict(run):
 
 
 def test_failed_case_gives_exit_code_1_and_does_not_stop_the_others(run, broken):
-    code, out, _ = run("--backend", "egl", "--only", "x-", "--only", "angle-wrap")
+    code, out, _ = run("--backend", "egl", "--only", "made-up-", "--only", "angle-wrap")
     assert code == 1
-    assert "FAIL  x-wrong" in out and "FAIL  x-nan" in out and "pass  angle-wrap" in out
+    assert "FAIL  made-up-wrong" in out and "FAIL  made-up-nan" in out and "pass  angle-wrap" in out
     assert "ZeroDivisionError: oops" in out
     assert "3 of 4 cases FAILED" in out
 
@@ -59,13 +63,13 @@ def test_invalid_sizes(run, size):
 
 
 def test_json(run, broken):
-    code, out, _ = run("--backend", "egl", "--json", "--only", "x-", "--only", "pitch-through-90")
+    code, out, _ = run("--backend", "egl", "--json", "--only", "made-up-", "--only", "pitch-through-90")
     assert code == 1
     report = json.loads(out)
     rows = {row["name"]: row for row in report["cases"]}
     assert rows["pitch-through-90"]["passed"] and rows["pitch-through-90"]["naive"]["passes"] is False
-    assert rows["x-nan"]["error"] is None and not rows["x-nan"]["passed"]
-    assert rows["x-raises"]["failure"] == "ZeroDivisionError: oops"
+    assert rows["made-up-nan"]["error"] is None and not rows["made-up-nan"]["passed"]
+    assert rows["made-up-raises"]["failure"] == "ZeroDivisionError: oops"
     assert report["failed"] == 3 and report["passed"] == 1
     assert {"backend", "renderer", "driver", "version"} <= report["provenance"].keys()
     for row in rows.values():

@@ -51,6 +51,7 @@ def geometry_variant(key: MaterialKey, posed: bool, channels: Collection[str] = 
         # Vertex colors matter only where the base color does.
         "COLORS": colors and (key.alpha_test or "base_color" in channels),
         "ALPHA_TEST": key.alpha_test,
+        "STOCHASTIC_ALPHA": key.stochastic,
         "PREV_POSITION": "prev_position" in channels,
     }
     variant |= {f"{slot.upper()}_MAP": slot in slots for slot in SLOTS}

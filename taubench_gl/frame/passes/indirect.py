@@ -1,6 +1,7 @@
 """Indirect light.  Method ``rsm``: VPLs without visibility, one bounce; ``probes``: visibility, four bounces.
 
-Both start from reflective shadow maps of the shadowed lights, every texel of which is a virtual point light (VPL).
+Both start from virtual point lights (VPLs): every texel of the reflective shadow maps of the most significant lights,
+and both sides of surface patches (frame/patches.py), which get the light of all other lights.
 Nothing is random: the same frame gives the same result, and while lights and surfaces stand still only the ``apply``
 pass runs, wherever the camera is.
 """
@@ -8,7 +9,7 @@ pass runs, wherever the camera is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -19,19 +20,17 @@ from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
 from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import channel_pass, geometry_pass, geometry_variant
 from taubench_gl.frame.passes.shadows import AnchoredRecords, FaceDrawer, Variant
+from taubench_gl.frame.patches import PATCH, Patches, lamps_of
 from taubench_gl.frame.scene_buffers import Group
 from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, pack
 from taubench_gl.frame.spec import FrameSpec
-from taubench_gl.frame.tuning import NARROW, VPL_CHUNK, WIDE
+from taubench_gl.frame.tuning import NARROW, PATCH_LIGHT_CHUNK, VPL_CHUNK, WIDE
 from taubench_gl.gpu.declare import CONSTANTS, UPDATE, WRITE, ComputePass, Pass, RasterPass, Resource, Use, stage
 from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.lighting import MIN_LIGHT_DISTANCE
 from taubench_gl.metrics.shading_rate import RATES, invocations, phase
 from taubench_gl.scene.model import Scene
-
-if TYPE_CHECKING:
-    pass
 
 Array = np.ndarray
 
@@ -43,7 +42,7 @@ INDIRECT = Struct(
     Field("probe_step", "vec4", "xyz: distance between probes along each axis, meters"),
     Field("probe_counts", "ivec4", "xyz: probes along each axis"),
     Field("size", "ivec4", "xy: pixels, zw: pixels of the small irradiance image"),
-    Field("counts", "ivec4", "x: VPLs, y: phase of the shading rate, z: faces of lights"),
+    Field("counts", "ivec4", "x: VPLs, y: phase of the shading rate, z: faces of lights, w: first VPL of a patch"),
 )
 VPL = Struct(
     "VirtualPointLight",
@@ -54,6 +53,8 @@ VPL = Struct(
 )
 CHANNEL_NAMES = ("position", "normal", "base_color", "material")
 """Channels of the reflective shadow maps, and those that indirect light reads."""
+
+LOBES = ("indirect_diffuse", "indirect_glossy")
 
 VPL_ROW = 64
 """VPLs in a row of their texture, a texel for each of the four fields."""
@@ -66,6 +67,9 @@ BRICKS = GRID // 4
 
 SCALE = 8
 """Method rsm gathers at every 8th pixel of both axes."""
+
+MIN_TEXELS = 4
+"""Texels along a side of a reflective shadow map: fewer miss what is near a light, which patches do not."""
 
 BOUNCES = 4
 """Bounces after the first scattering: VPLs light each other three more times."""
@@ -106,18 +110,38 @@ def _small(size: tuple[int, int]) -> tuple[int, int]:
     return -(-size[0] // SCALE), -(-size[1] // SCALE)
 
 
+def mapped_lights(spec: FrameSpec) -> list[int]:
+    """Rows of the lights with reflective shadow maps, ascending; all other lights shine on patches.
+
+    As many of the most significant lights with shadows as leave each face MIN_TEXELS along a side.
+    """
+    room, rows = spec.settings.lighting.indirect_samples // MIN_TEXELS**2, []
+    for row in spec.ranked_shadows:
+        room -= sum(f.resolution**2 for f in spec.light_faces(1, rows=[row]))
+        if room < 0:
+            break
+        rows.append(row)
+    return sorted(rows)
+
+
 def rsm_resolution(spec: FrameSpec) -> int:
     """Texels along a face so that all lights together give about ``indirect_samples`` VPLs, at least 2."""
-    weight = sum(f.resolution**2 for f in spec.light_faces(1))
+    weight = sum(f.resolution**2 for f in spec.light_faces(1, rows=mapped_lights(spec)))
     return max(2, int(np.sqrt(spec.settings.lighting.indirect_samples / max(weight, 1))))
 
 
 def rsm_faces(spec: FrameSpec) -> list[Face]:
-    return spec.light_faces(rsm_resolution(spec))
+    return spec.light_faces(rsm_resolution(spec), rows=mapped_lights(spec))
+
+
+def patch_count(spec: FrameSpec) -> int:
+    """Surface patches: as many sides as ``indirect_samples``; 0 where all lights have maps."""
+    every = len(mapped_lights(spec)) == len(spec.light_kinds)
+    return 0 if every else -(-spec.settings.lighting.indirect_samples // 2)
 
 
 def vpl_count(spec: FrameSpec) -> int:
-    return sum(f.resolution**2 for f in rsm_faces(spec))
+    return sum(f.resolution**2 for f in rsm_faces(spec)) + 2 * patch_count(spec)
 
 
 def vpl_size(count: int) -> tuple[int, int]:
@@ -145,24 +169,30 @@ class Declarations:
 
     def __init__(self, spec: FrameSpec):
         self._spec, self.layout = spec, indirect_layout(spec.facts.box, spec.size, spec.settings.lighting.probes)
-        self.center, self.count = scene_center(spec), vpl_count(spec)
+        self.center, self.count, self.patch_count = scene_center(spec), vpl_count(spec), patch_count(spec)
         self.probes, self._faces = spec.indirect_method == "probes", len(rsm_faces(spec))
 
     def all(self) -> list[Pass]:
         """In the order in which they run."""
-        out: list[Pass] = [self.rsm()]
+        out: list[Pass] = [self.rsm()] if self.mapped else []
         if self.probes:
             out += [self.voxels("voxels_fixed"), self.voxels("voxels_moving"), *self.bricks()]
-        out.append(self.vpls())
+        out += [self.vpls()] * self.mapped + [self.patches()] * bool(self.patch_count)
         if self.probes:
             out += [self.visibility(), self.receive(first=True), self.bounce(), self.receive(first=False)]
         if not self._spec.shading.stochastic:  # then random VPLs are summed up by the stochastic pass
             out += [*self.gather(), self.apply()]
         return out
 
+    @property
+    def mapped(self) -> bool:
+        """Whether a light has reflective shadow maps."""
+        return self._faces > 0
+
     def record(self, frame: FrameContext) -> Array:
         """The INDIRECT record of ``frame``."""
-        self.layout["counts"][:3] = self.count, phase(self._spec.shading.rate, frame.number), self._faces
+        shading_phase = phase(self._spec.shading.rate, frame.number)
+        self.layout["counts"] = self.count, shading_phase, self._faces, self.count - 2 * self.patch_count
         self.layout["scene_from_relative"][:3] = frame.view.position - self.center
         return self.layout
 
@@ -175,7 +205,7 @@ class Declarations:
     def rsm(self) -> RasterPass:
         """What each light sees."""
         faces = rsm_faces(self._spec)
-        size, room = pack(faces)[1], self._room()
+        size, room = pack(faces, self._spec.tuning.texture_limit)[1], self._room()
         targets = {channel: f"rsm_{channel}" for channel in CHANNEL_NAMES}
         p = channel_pass("indirect", CHANNEL_NAMES, self._spec, resources=targets)
         for channel, name in targets.items():
@@ -185,7 +215,9 @@ class Declarations:
 
     def _room(self) -> dict[str, str]:
         """Error of a device that has no room."""
-        what = f"{self.count} virtual point lights in {self._faces} reflective shadow map{'s' * (self._faces != 1)}"
+        places = [f"{self._faces} reflective shadow map{'s' * (self._faces != 1)}"] * self.mapped
+        places += [f"{self.patch_count} surface patches"] * bool(self.patch_count)
+        what = f"{self.count} virtual point lights in {' and '.join(places)}"
         return {"what": what, "hint": "lower --shadow-lights or indirect_samples"}
 
     def voxels(self, name: str) -> RasterPass:
@@ -227,12 +259,32 @@ class Declarations:
             .buffer("faces", FACE, resource="rsm_faces", given=True)
             .texture("light_table", given=True)
             .image("vpl_out", access=WRITE, resource="vpls")
-            .allocate(Resource.texture("vpls", vpl_size(self.count), label=_LABEL, **self._room()))
-            .dispatch(self.count, WIDE)
+            .allocate(self._vpl_texture())
+            .dispatch(self.count - 2 * self.patch_count, WIDE)
         )
         for channel in CHANNEL_NAMES:
             p.texture(channel, resource=f"rsm_{channel}")
         return p.image("bricks", "rgba32ui") if self.probes else p
+
+    def _vpl_texture(self) -> Resource:
+        return Resource.texture("vpls", vpl_size(self.count), label=_LABEL, **self._room())
+
+    def patches(self) -> ComputePass:
+        """Both sides of every patch become VPLs."""
+        p = (
+            self._compute("patches")
+            .define(PROBES=self.probes)
+            .glsl(PATCH)
+            .buffer("patches", PATCH, given=True)
+            .buffer("patch_lights", LIGHT, given=True)
+            .image("vpls", access=UPDATE)
+            .dispatch(2 * self.patch_count, NARROW)
+        )
+        if not self.mapped:
+            p.allocate(self._vpl_texture())
+        return (
+            p.buffer("faces", FACE, resource="rsm_faces", given=True).image("bricks", "rgba32ui") if self.probes else p
+        )
 
     def visibility(self) -> ComputePass:
         """Which VPLs each probe sees: the same for every bounce."""
@@ -294,12 +346,13 @@ class Declarations:
     def apply(self) -> ComputePass:
         """Radiance of every pixel from the irradiance around it."""
         spec = self._spec
+        lobes = bool(set(LOBES) & set(spec.extra))
         p = (
             self._compute("apply")
             .define(PROBES=self.probes, GATHER_EACH=spec.shading.gather_each, GLOSSY="glossy" in spec.enabled)
-            .define(SHADING_RATE=RATES.index(spec.shading.rate))
-            .use(*spec.channels(*CHANNEL_NAMES, images=True))
-            .use(*spec.outputs("indirect"))
+            .define(SHADING_RATE=RATES.index(spec.shading.rate), SPLIT_LOBES=lobes)
+            .use(*spec.channels(*CHANNEL_NAMES, images=not lobes))  # a pass has eight images at most
+            .use(*spec.outputs("indirect", *(LOBES if lobes else ())))
             .dispatch(invocations(spec.shading.rate, spec.size), spec.tuning.pixel_group)
         )
         if self.probes:
@@ -307,9 +360,9 @@ class Declarations:
         return p.image("vpls") if spec.shading.gather_each else p.image("vpls").texture("irradiance")
 
 
-@stage("indirect", "shadows", "direct", options=("glossy", "normal_maps", "alpha_mask", "skinning", "morphing"))
+@stage("indirect", "direct", options=("shadows", "glossy", "normal_maps", "alpha_mask", "skinning", "morphing"))
 def indirect_light(spec: FrameSpec) -> Sequence[Pass]:
-    return Declarations(spec).all() if spec.light_kinds else ()
+    return Declarations(spec).all() if spec.raster_indirect else ()
 
 
 def _voxel_variant(posed: bool) -> Variant:
@@ -331,15 +384,20 @@ class IndirectPass:
         self.tables = context.allocate_all(passes.all())
         self._resolution = rsm_resolution(spec)
         faces = rsm_faces(spec)
-        self._offsets, _ = pack(faces)
+        self._offsets, _ = pack(faces, spec.tuning.texture_limit)
         ctx = gpu.ctx
-        targets = [self.tables[f"rsm_{channel}"] for channel in CHANNEL_NAMES]
-        self._framebuffer = ctx.framebuffer(targets, self.tables["rsm_depth"])
-        self._drawer = FaceDrawer(context, self._framebuffer, passes.rsm())
-        self._rows = FACE.zeros(len(faces))
-        self.tables["texels"] = ctx.buffer(_texel_table(faces, self._offsets).tobytes())
+        self._rows = FACE.zeros(max(len(faces), 1))
         self.tables["rsm_faces"] = ctx.buffer(reserve=self._rows.nbytes, dynamic=True)
-        self._vpls = context.compute(passes.vpls())
+        self._mapped = mapped_lights(spec)
+        self._owned: list[Any] = []
+        if passes.mapped:
+            targets = [self.tables[f"rsm_{channel}"] for channel in CHANNEL_NAMES]
+            self._framebuffer = ctx.framebuffer(targets, self.tables["rsm_depth"])
+            self._drawer = FaceDrawer(context, self._framebuffer, passes.rsm())
+            self._owned = [self._framebuffer, self._drawer]
+            self.tables["texels"] = ctx.buffer(_texel_table(faces, self._offsets).tobytes())
+            self._vpls = context.compute(passes.vpls())
+        self._patches = PatchLight(context, spec, passes, self.tables, draws) if passes.patch_count else None
         self.grid = ProbeGrid(context, spec, passes, self.tables, draws) if passes.probes else None
         self._shade: list[CompiledCompute] = []
         if not spec.shading.stochastic:
@@ -348,11 +406,13 @@ class IndirectPass:
 
     def run(self, frame: FrameContext) -> None:
         """Write ``indirect`` of the frame; where the stochastic pass does that, only find the VPLs."""
-        spec, rows = self._spec, frame.light_rows[self._spec.shadowed]
+        spec, rows = self._spec, frame.light_rows[self._mapped]
         frame.tables |= self.tables
-        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution, spec.sun)
-        lit = b"".join(a.tobytes() for a in (rows["color"][:, :3], rows["position"][:, 3], rows["spot"][:, :2]))
+        faces = faces_of(spec.scene, frame.state, self._mapped, spec.facts.bounds, self._resolution, spec.sun)
+        lit = b"".join(a.tobytes() for a in (rows["color"][:, :3], rows["position"][:, 3], rows["spot"]))
         key = frame.casters.key() + lit + b"".join(face.key for face in faces)
+        if self._patches is not None:
+            key += self._patches.place_lights(frame)
         if key != self._solved:
             self._solved = key
             self._solve(frame, faces)
@@ -361,10 +421,14 @@ class IndirectPass:
 
     def _solve(self, frame: FrameContext, faces: list[Face]) -> None:
         """VPLs of this moment, and with probes the irradiance of every probe."""
-        self._draw_maps(frame, faces)
+        if faces:
+            self._draw_maps(frame, faces)
         if self.grid is not None:
             self.grid.fill(frame)
-        self._vpls.run(frame, frame.resources)
+        if faces:
+            self._vpls.run(frame, frame.resources)
+        if self._patches is not None:
+            self._patches.run(frame)
         if self.grid is not None:
             self.grid.light(frame)
 
@@ -383,7 +447,7 @@ class IndirectPass:
         stale = list(zip(faces, self._offsets, seen, strict=True))
         self._drawer.draw(frame, stale, variant)
         self._gpu.hazards.wrote(self._framebuffer.color_attachments, drawn=True)
-        for row, face in zip(self._rows, faces, strict=True):
+        for row, face in zip(self._rows[: len(faces)], faces, strict=True):
             row["origin"] = (*(face.origin - frame.view.position), float(face.parallel))
             row["forward"] = (*face.forward, face.near)
             row["right"][:3], row["up"][:3] = face.right / face.half, face.up / face.half
@@ -395,13 +459,62 @@ class IndirectPass:
         """The INDIRECT record of ``frame``."""
         return self._passes.record(frame)
 
+    def notes(self) -> list[str]:
+        """Which lights are simulated in a simpler way."""
+        lights, mapped = len(self._spec.light_kinds), len(self._mapped)
+        if lights == mapped:
+            return []
+        patches = f"{self._passes.patch_count} surface patches"
+        return [
+            f"indirect light of {lights - mapped} of {lights} lights starts from {patches}, without maps of its own"
+        ]
+
     def vpls(self) -> Array:
         """The VPLs of this frame, (V,) VPL records in scene space."""
         return np.frombuffer(self.tables["vpls"].read(), dtype=VPL.dtype)[: self._passes.count]
 
     def release(self) -> None:
-        for item in (self._framebuffer, self._drawer, *self.tables.values(), *([self.grid] * (self.grid is not None))):
+        for item in (*self._owned, *self.tables.values(), *([self.grid] * (self.grid is not None))):
             item.release()
+
+
+class PatchLight:
+    """Light of the lights without reflective shadow maps on surface patches."""
+
+    def __init__(
+        self, context: GpuContext, spec: FrameSpec, passes: Declarations, tables: dict, draws: tuple[Draw, ...]
+    ):
+        """``tables``: of the indirect pass, to which buffers are added."""
+        mapped, facts = set(mapped_lights(spec)), spec.facts
+        self._rows = [row for row in range(len(spec.light_kinds)) if row not in mapped]
+        self._scene, self._center, self._tables = spec.scene, passes.center, tables
+        lamps = lamps_of(facts.poser, self._rows, facts.times, spec.sun)
+        self._patches = Patches(facts.poser, draws, lamps, passes.patch_count)
+        ctx = context.gpu.ctx
+        tables["patches"] = ctx.buffer(reserve=PATCH.dtype.itemsize * passes.patch_count, dynamic=True)
+        tables["patch_lights"] = ctx.buffer(reserve=LIGHT.dtype.itemsize * max(len(self._rows), 1), dynamic=True)
+        self._compiled = context.compute(passes.patches())
+        self._lit = 0  # lights that are on
+
+    def place_lights(self, frame: FrameContext) -> bytes:
+        """Upload the lights that are on, in scene space; bytes that are equal while their light is."""
+        rows = frame.light_rows[self._rows]
+        nodes = self._scene.light_nodes
+        of_scene = [row for row in self._rows if row < len(nodes)]
+        rows["position"][: len(of_scene), :3] = frame.state.world[nodes[of_scene]][:, :3, 3] - self._center
+        rows["color"][:, 3] = -1.0
+        rows = rows[np.any(rows["color"][:, :3] != 0.0, axis=1)]
+        self._lit = len(rows)
+        if len(rows):
+            self._tables["patch_lights"].write(rows.tobytes())
+        return rows.tobytes()
+
+    def run(self, frame: FrameContext) -> None:
+        """The VPLs of all patches; their lights must be placed."""
+        self._tables["patches"].write(self._patches.records(frame.state, frame.placement, self._center).tobytes())
+        for first in range(0, max(self._lit, 1), PATCH_LIGHT_CHUNK):
+            chunk = first, min(first + PATCH_LIGHT_CHUNK, self._lit)
+            self._compiled.run(frame, frame.resources, chunk=chunk)
 
 
 class ProbeGrid:

@@ -9,7 +9,7 @@ from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, UnrolledLights, unrolled_lights
 from taubench_gl.frame.passes.indirect import VPL, VPL_ROW, scene_center, vpl_count
-from taubench_gl.frame.shadow_faces import FACE, first_faces
+from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, first_faces
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import WRITE, ComputePass, Pass, Resource, stage
 from taubench_gl.gpu.layout import Field, Struct
@@ -88,7 +88,7 @@ def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
         }
 
     constants = f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};"
-    sizes = f"const int TILE = {TILE}, LIGHT_ROW = {LIGHT_ROW};"
+    sizes = f"const int TILE = {TILE}, LIGHT_ROW = {LIGHT_ROW}, FACE_ROW = {FACE_ROW};"
     return (
         ComputePass(name, (shader,))
         .define(GLOSSY="glossy" in spec.enabled, SHADING_RATE=RATES.index(spec.shading.rate), **spec.tuning.defines)
@@ -138,8 +138,8 @@ def light_lists(spec: FrameSpec) -> Sequence[Pass]:
 
 @stage("direct", options=("shadows", "light_culling", "glossy", "sky", "sun", *KINDS))
 def direct_light(spec: FrameSpec) -> Sequence[Pass]:
-    """All light of every pixel, exactly."""
-    if spec.shading.stochastic:
+    """All light of the raster method, of every pixel, exactly."""
+    if spec.shading.stochastic or not spec.raster_direct:
         return ()
     unrolled, lights = _unrolled(spec), len(spec.light_kinds)
     taps = 4 if spec.settings.lighting.shadow_filter == "bilinear" else 1

@@ -15,7 +15,7 @@ from taubench_gl.frame.materials import MaterialKey
 from taubench_gl.frame.passes.gbuffer import FRAME, geometry_pass, geometry_variant
 from taubench_gl.frame.records import RECORD, Placement, RecordTable
 from taubench_gl.frame.scene_buffers import COMMAND, Group, SceneBuffers
-from taubench_gl.frame.shadow_faces import FACE, Face, faces_of, first_faces, pack
+from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, Face, faces_of, first_faces, pack
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.declare import Pass, RasterPass, Resource, stage
@@ -37,13 +37,13 @@ def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
     """Depth of every shadowed light's faces, all in one atlas."""
     if not spec.light_kinds:
         return ()
-    faces = spec.light_faces(spec.settings.lighting.shadow_size, spec.halved)
+    faces = spec.light_faces(spec.map_sizes)
     largest = max((f.resolution for f in faces), default=0)
     p = geometry_pass("shadows", "shadow/shadow.frag.glsl", ("base_color",)).attachment("shadow_atlas")
     p.allocate(
         Resource.texture(
             "shadow_atlas",
-            pack(faces)[1],
+            pack(faces, spec.tuning.texture_limit)[1],
             dtype="depth",
             label="shadow atlas",
             what=f"an atlas of {len(faces)} shadow map{'s' * (len(faces) != 1)} of up to {largest} texels",
@@ -58,7 +58,8 @@ def shadow_maps(spec: FrameSpec) -> Sequence[Pass]:
 
 def _variant(key: MaterialKey, posed: bool, colored: bool) -> Variant:
     slots = tuple(s for s in key.slots if s == "base_color") if key.alpha_test else ()
-    return geometry_variant(MaterialKey(slots, key.alpha_test, True), posed, (), colored), slots
+    drawn = MaterialKey(slots, key.alpha_test, True, stochastic=key.stochastic)
+    return geometry_variant(drawn, posed, (), colored), slots
 
 
 class AnchoredRecords:
@@ -187,11 +188,10 @@ class ShadowPass:
         (declaration,) = shadow_maps(spec)
         gpu = self._gpu = context.gpu
         self._spec = spec
-        self._resolution = spec.settings.lighting.shadow_size
         self.redrawn = 0  # faces drawn in the last run
-        faces = spec.light_faces(self._resolution, spec.halved)
+        faces = spec.light_faces(spec.map_sizes)
         self._first_faces = first_faces(faces)
-        self._offsets, _ = pack(faces)
+        self._offsets, _ = pack(faces, spec.tuning.texture_limit)
         self._cache = ShadowMapCache(len(faces))
         self.atlas = context.allocate_all([declaration])["shadow_atlas"]
         self.atlas.compare_func = ""
@@ -199,7 +199,8 @@ class ShadowPass:
         self._framebuffer = gpu.ctx.framebuffer(depth_attachment=self.atlas)
         self._framebuffer.clear(depth=0.0)
         self.rows = FACE.zeros(max(len(faces), 1))
-        self._table = gpu.ctx.texture((len(FACE.fields), len(self.rows)), 4, dtype="f4")
+        self._padded = FACE.zeros(-(-len(self.rows) // FACE_ROW) * FACE_ROW)
+        self._table = gpu.ctx.texture((len(FACE.fields) * FACE_ROW, len(self._padded) // FACE_ROW), 4, dtype="f4")
         self._drawer = FaceDrawer(context, self._framebuffer, declaration)
         self._anchor = AnchoredRecords(gpu, draws, spec.facts.bounds[0])
 
@@ -210,9 +211,7 @@ class ShadowPass:
     def run(self, frame: FrameContext) -> None:
         """Redraw stale faces and fill in the face table and the lights' shadow fields for this frame's camera."""
         spec, light_rows = self._spec, frame.light_rows
-        faces = faces_of(
-            spec.scene, frame.state, spec.shadowed, spec.facts.bounds, self._resolution, spec.sun, spec.halved
-        )
+        faces = faces_of(spec.scene, frame.state, spec.shadowed, spec.facts.bounds, spec.map_sizes, spec.sun)
         light_rows["color"][:, 3] = -1.0
         stale: list[tuple[Face, tuple[int, int], Array]] = []
         parts: list[Rect] = []
@@ -226,7 +225,8 @@ class ShadowPass:
             if dirty is not None:
                 parts.append(dirty[0])
                 stale.append((face, self._offsets[i], dirty[1]))
-        self._table.write(self.rows.tobytes())
+        self._padded[: len(self.rows)] = self.rows
+        self._table.write(self._padded.tobytes())
         frame.tables |= {"shadow_atlas": self.atlas, "shadow_faces": self._table, "shadow_face_rows": self.rows}
         self.redrawn = len(stale)
         if stale:

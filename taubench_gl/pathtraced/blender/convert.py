@@ -1,48 +1,98 @@
-"""FBX and .blend files -> glTF, with Blender's importers and exporter."""
+"""Files that Blender reads -> glTF, with Blender's importers and exporter."""
 
 from __future__ import annotations
 
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from taubench_gl.errors import SceneError
 from taubench_gl.outputs import write_atomically
+from taubench_gl.pathtraced.blender.glb import Glb
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
+from taubench_gl.scene import CONVERTIBLE
 
-SOURCES = (".fbx", ".blend")
 LIGHTING_MODE = "SPEC"
 """Mode of Blender's exporter: candela and lux at 683 lumens per watt, what ``light_unit`` expects of its files."""
 
+VERSION = 1
+"""Of what a conversion writes: files that another version wrote are not reused."""
 
-def convert(source: str | Path, target: str | Path, *, python: str | None = None) -> dict[str, Any]:
-    """Write ``source`` as the .glb file ``target``, atomically, with animations, cameras and lights in candela and lux.
+_BINARY_FBX = b"Kaydara FBX Binary"
+_MAX_LOST = 40
+_KINDS = (("meshes", "MESH"), ("cameras", "CAMERA"), ("lights", "LIGHT"), ("armatures", "ARMATURE"))
 
-    The first frame of an FBX file is at 0 s; frame f of a .blend file is at f / fps, as Blender's exporter writes it.
-    Returns the counts of meshes, cameras, lights, armatures and actions, and Blender's version.  Raises SceneError for
-    a file that Blender cannot read, PathTracedError without Blender, OutputError.
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """What was read and written.
+
+    ``counts``: of meshes, cameras, lights, armatures and actions in the source.  ``lost``: one line for each kind of
+    content that the written file lacks.  ``frames``: first and last of the source; the first is at 0 s.
+    """
+
+    blender: str
+    counts: dict[str, int]
+    lost: tuple[str, ...]
+    fps: float
+    frames: tuple[int, int]
+    environment: Path | tuple[float, float, float] | None = None
+
+
+def convert(
+    source: str | Path, target: str | Path, *, take: str | None = None, python: str | None = None
+) -> Conversion:
+    """Write ``source`` as the .glb file ``target``, atomically: motion, cameras, and lights in candela and lux.
+
+    ``take``: of an FBX file, None: its first; of a .blend file the action to play, None: the scene as it is.  The world
+    becomes an environment image beside ``target`` where it is not one color.  Raises SceneError for a file that Blender
+    cannot read, PathTracedError without Blender, OutputError.
     """
     source, target, python = Path(source), Path(target), python or blender_python()
-    if source.suffix.lower() not in SOURCES:
-        raise SceneError("is no FBX or .blend file", where=str(source), hint=f"it must end in {' or '.join(SOURCES)}")
+    _check(source, target, take)
+    require_blender(python)
+    with tempfile.TemporaryDirectory(prefix="taubench-") as name:
+        folder = Path(name)
+        made, image = folder / "scene.glb", folder / "environment.exr"
+        job = {"source": str(source.resolve()), "target": str(made), "environment": str(image),
+               "lights": LIGHTING_MODE, "take": take}  # fmt: skip
+        done = _run(python, job, folder, source)
+        environment = _environment(done, image, target)
+        data = _finished(made.read_bytes(), done, source, environment)
+        if isinstance(environment, Path):
+            write_atomically(environment, image.read_bytes(), parents=True)
+        write_atomically(target, data, parents=True)
+    counts = {name: done["counts"][kind] for name, kind in _KINDS} | {"actions": done["actions"]}
+    first, last = done["frames"]
+    return Conversion(done["blender"], counts, tuple(done["lost"]), done["fps"], (first, last), environment)
+
+
+def _check(source: Path, target: Path, take: str | None) -> None:
+    """Raises SceneError for files that cannot be converted."""
+    suffix = source.suffix.lower()
+    if suffix not in CONVERTIBLE:
+        raise SceneError("is no file that Blender converts", where=str(source), hint=f"known: {', '.join(CONVERTIBLE)}")
     if not source.is_file():
         raise SceneError("does not exist", where=str(source))
     if target.suffix.lower() != ".glb":
         raise SceneError("can only be written as .glb", where=str(target), hint="give a name that ends in .glb")
-    require_blender(python)
-    with tempfile.TemporaryDirectory(prefix="taubench-") as name:
-        folder = Path(name)
-        made = folder / "scene.glb"
-        job = {"source": str(source.resolve()), "target": str(made), "lights": LIGHTING_MODE}
-        done = _run(python, job, folder, source)
-        write_atomically(target, made.read_bytes(), parents=True)
-    counts = done["counts"]
-    return {
-        **{name: counts[kind] for name, kind in (("meshes", "MESH"), ("cameras", "CAMERA"), ("lights", "LIGHT"))},
-        "armatures": counts["ARMATURE"],
-        "actions": done["actions"],
-        "blender": done["blender"],
-    }
+    if suffix not in (".fbx", ".blend") and take is not None:
+        raise SceneError("has no takes", where=str(source), hint="only FBX and .blend files have: omit --take")
+    with source.open("rb") as file:
+        start = file.read(512)
+    if suffix == ".stl" and not start.lstrip().startswith(b"solid"):
+        # Blender reads the triangles of any bytes: an 80-byte header, their number, 50 bytes each.
+        count = int.from_bytes(start[80:84], "little")
+        if len(start) < 84 or source.stat().st_size < 84 + 50 * count:
+            raise SceneError(f"ends before its {count} triangles", where=str(source), hint="is it a complete STL file?")
+    ascii_fbx = not start.startswith(_BINARY_FBX) and (b"FBX" in start or start.lstrip().startswith(b";"))
+    if suffix == ".fbx" and ascii_fbx:
+        raise SceneError(
+            "is an ASCII FBX file, which Blender's importer does not read",
+            where=str(source),
+            hint="export it again as binary FBX, glTF or USD, or convert it with Autodesk's FBX Converter",
+        )
 
 
 def _run(python: str, job: dict[str, Any], folder: Path, source: Path) -> dict[str, Any]:
@@ -53,3 +103,41 @@ def _run(python: str, job: dict[str, Any], folder: Path, source: Path) -> dict[s
     if "done" not in events:
         raise SceneError(failure or "Blender stopped without a result", where=str(source))
     return events["done"]
+
+
+def _environment(done: dict[str, Any], image: Path, target: Path) -> Path | tuple[float, float, float] | None:
+    """The environment of the written file: an image beside it, a radiance or None."""
+    found = done["environment"]
+    if found is None:
+        return None
+    if isinstance(found, str):
+        return target.with_name(f"{target.stem}.environment.exr") if image.is_file() else None
+    r, g, b = found
+    return float(r), float(g), float(b)
+
+
+def _finished(
+    data: bytes, done: dict[str, Any], source: Path, environment: Path | tuple[float, float, float] | None
+) -> bytes:
+    """The file with exact times and visibility, and what the scene reader shows of its origin."""
+    glb = Glb(data)
+    if done["time_scale"] != 1.0:
+        glb.scale_times(done["time_scale"])
+    glb.match_intensities()
+    glb.drop_still_channels()
+    glb.hide(done["visible"], done["fps"])
+    first, last = done["frames"]
+    note = f"converted from {source.name} by Blender {done['blender']}"
+    if last > first:
+        note += f": frame {first} is at 0 s, {done['fps']:.8g} frames per second (--fps {done['fps']:.8g})"
+    if done["camera"]:
+        note += "; rendered at {}x{}".format(*done["size"])
+    facts: dict[str, Any] = {"name": source.stem, "note": note, "lost": done["lost"][:_MAX_LOST]}
+    if done["camera"]:
+        facts["camera"] = done["camera"]
+    if isinstance(environment, Path):
+        facts["environment"] = environment.name
+    elif environment is not None:
+        facts["environment"] = ",".join(f"{value:.6g}" for value in environment)
+    glb.describe(facts)
+    return glb.data()

@@ -1,4 +1,4 @@
-"""Runs in Blender's Python: converts an FBX or .blend file to .glb.  Imports only bpy and the standard library.
+"""Runs in Blender's Python: converts a file that Blender reads to .glb.  Imports only bpy, NumPy and its neighbors.
 
     python convert_script.py job.json
 
@@ -10,6 +10,13 @@ import os
 import sys
 
 import bpy
+from convert_light import bake_world, replace_area_lights
+from convert_losses import Losses
+from convert_motion import bake_motion
+from convert_read import read
+from end_with_driver import end_with_driver
+
+KINDS = ("MESH", "CAMERA", "LIGHT", "ARMATURE")
 
 
 def report(**values):
@@ -17,38 +24,64 @@ def report(**values):
 
 
 def main():
+    end_with_driver()
     with open(sys.argv[1], encoding="utf-8") as file:
         job = json.load(file)
+    losses = Losses()
     try:
-        read(job["source"])
-    except Exception as error:  # the importer raises any type of exception for broken files
+        read(job, losses)
+    except Exception as error:  # an importer raises any type of exception for broken files
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         named = [line for line in lines if line.startswith("Error")] or lines[-1:] or [type(error).__name__]
         report(event="failed", why=named[-1].removeprefix("Error:").strip())
         stop(3)
-    counts = {kind: sum(o.type == kind for o in bpy.data.objects) for kind in ("MESH", "CAMERA", "LIGHT", "ARMATURE")}
+    scene = bpy.context.scene
+    counts = {kind: sum(o.type == kind for o in scene.objects) for kind in KINDS}
+    actions = len(bpy.data.actions)
+    losses.of_scene(scene)
+    motion = bake_motion(scene, losses)
+    replace_area_lights(scene, losses)
+    environment = bake_world(scene, job["environment"], losses)
+    export(job, scene, motion["animated"])
+    report(
+        event="done",
+        blender=bpy.app.version_string,
+        counts=counts,
+        actions=actions,
+        lost=losses.lines(),
+        fps=scene.render.fps / scene.render.fps_base,
+        # The exporter multiplies the rate by fps_base where it should divide.
+        time_scale=scene.render.fps_base**2,
+        frames=[scene.frame_start, scene.frame_end],
+        size=[scene.render.resolution_x, scene.render.resolution_y],
+        visible=motion["visible"],
+        camera=scene.camera.name if scene.camera else None,
+        environment=environment,
+    )
+    stop(0)
+
+
+def export(job, scene, animated):
+    """Write the scene as one animation that begins at its first frame, sampled at every frame."""
+    scene.frame_set(scene.frame_start)
     bpy.ops.export_scene.gltf(
         filepath=job["target"],
         export_format="GLB",
         export_yup=True,
+        use_active_scene=True,
+        use_renderable=True,
         export_cameras=True,
         export_lights=True,
-        export_animations=True,
-        export_animation_mode="ACTIONS",  # every action of every object, also on muted tracks
+        export_animations=animated,
+        export_animation_mode="SCENE",
+        export_anim_scene_split_object=False,
+        export_anim_slide_to_zero=True,
+        export_pointer_animation=True,
+        export_optimize_animation_size=False,  # it takes motion of less than 1e-4 for none
         export_tangents=False,  # the scene reader computes the same tangents
-        export_apply=not any(o.type == "MESH" and o.data.shape_keys for o in bpy.data.objects),
+        export_all_influences=True,
         export_import_convert_lighting_mode=job["lights"],
     )
-    report(event="done", blender=bpy.app.version_string, counts=counts, actions=len(bpy.data.actions))
-    stop(0)
-
-
-def read(source):
-    if source.lower().endswith(".blend"):
-        bpy.ops.wm.open_mainfile(filepath=source, load_ui=False, use_scripts=False)
-    else:
-        bpy.ops.wm.read_factory_settings(use_empty=True)
-        bpy.ops.import_scene.fbx(filepath=source, anim_offset=0.0)  # the default is one frame late
 
 
 def stop(code):

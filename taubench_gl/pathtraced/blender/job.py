@@ -49,6 +49,7 @@ class Quality:
     seed_per_frame: bool = True  # independent noise in every frame; False: the same pattern in all frames
     crisp: bool = False  # sample pixel centers only, as a rasterizer does
     cull_back_faces: bool = True  # of single-sided materials, as glTF requires
+    single_scatter: bool = True  # GGX without the energy that multiple scattering adds, as glTF defines it
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)  # uniform sky radiance, linear RGB
     sun: Sun | None = None  # of the environment
     image: str | None = None  # environment image, replaces the sky
@@ -98,7 +99,9 @@ def identity(job: dict[str, Any], sha256: str | None) -> str:
     # These differ between the frames of one render, or do not change pixels.
     left_out = ("frames", "first_key", "camera", "lights", "hidden", "threads", "name")
     pixels = {k: v for k, v in job.items() if k not in left_out}
-    # Renders of earlier releases, which knew no other unit and no other environment, can be continued.
+    # Renders of earlier releases, which knew no other unit and no other environment, keep their identity.
+    if not pixels["single_scatter"]:
+        del pixels["single_scatter"]
     if pixels.get("light_unit") == "candela":
         del pixels["light_unit"]
     pixels.pop("image")  # its path; its content counts
@@ -131,7 +134,7 @@ def _sun(sun: Sun, frame: int) -> dict[str, Any]:
         "inner_cone": 0.0,
         "outer_cone": 0.0,
     }
-    return {"kind": "directional", "name": "sun of the environment", "frames": {str(frame): entry}}
+    return {"kind": "directional", "name": "sun of the environment", "constant": False, "frames": {str(frame): entry}}
 
 
 def _lights(scene: Scene, states: dict[int, FrameState], divisor: float) -> tuple[list[dict[str, Any]], list[str]]:
@@ -153,7 +156,7 @@ def _lights(scene: Scene, states: dict[int, FrameState], divisor: float) -> tupl
         if all(entry == first for entry in entries.values()):
             entries = {next(iter(entries)): first}
         light = scene.lights[index]
-        out.append({"kind": light.kind, "name": light.name, "frames": entries})
+        out.append({"kind": light.kind, "name": light.name, "constant": light.constant, "frames": entries})
         if np.isfinite(light.range):
             notes.append(f"light '{light.name}': Cycles ignores its range of {light.range:g} m")
         if light.kind == "spot" and divisor == 1.0:

@@ -59,14 +59,20 @@ def run_script(
     """Run ``script`` of this package with ``job``, which is written to ``folder``.
 
     ``on_event`` receives the script's events, ``on_line`` every other line of output.  -> None, or what failed.  If a
-    callback raises, the process is terminated.
+    callback raises, the process is terminated; if this process is killed, it ends too.
     """
     job_file = folder / "job.json"
     job_file.write_text(json.dumps(job), encoding="utf-8")
     command = [python, str(Path(__file__).with_name(script)), str(job_file)]
     tail: deque[str] = deque(maxlen=_KEPT_LINES)
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", bufsize=1
+        command,
+        stdin=subprocess.PIPE,  # closed by the system when this process ends: ``end_with_driver``
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        bufsize=1,
     )
     try:
         for line in process.stdout:
@@ -81,6 +87,7 @@ def run_script(
         if process.poll() is None:
             process.terminate()
             process.wait()
+        process.stdin.close()
     if code == 0:
         return None
     last = next((line for line in reversed(tail) if "Error" in line), tail[-1] if tail else "no output")

@@ -2,33 +2,63 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import platform
 import shlex
+import shutil
 import sys
-import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
 
 from taubench_gl import __version__
 from taubench_gl.animation import CameraTrack, View
+from taubench_gl.data_files import read_json
 from taubench_gl.errors import OutputError, PathTracedError
-from taubench_gl.outputs import cannot_write, make_folders, remove_folders, write_atomically
+from taubench_gl.folder_lock import FolderLock
+from taubench_gl.outputs import cannot_write, make_folders, write_atomically
 from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality, identity, make_job, write_resampled
 from taubench_gl.pathtraced.blender.process import blender_python, require_blender, run_script
 from taubench_gl.pathtraced.cameras import CAMERA_FILE, camera_file_text, read_camera_file
 from taubench_gl.pathtraced.exr import read_header
 from taubench_gl.scene.model import Scene
 
-PROVENANCE_FILE, LOG_FILE = "provenance.json", "render.log"
+PROVENANCE_FILE, LOG_FILE, JOB_FOLDER = "provenance.json", "render.log", ".job"
 CLOCK = "wall clock around each frame's render, within Blender"
 _RECORDED = (
-    "fps", "size", "samples", "bounces", "seed", "seed_per_frame", "crisp", "cull_back_faces", "sky", "sun",
-    "image", "image_sha256", "light_unit",
+    "fps", "size", "samples", "bounces", "seed", "seed_per_frame", "crisp", "cull_back_faces", "single_scatter",
+    "sky", "sun", "image", "image_sha256", "light_unit",
 )  # fmt: skip
+
+
+class _Settings(Struct):
+    samples: int | None = None
+    bounces: int | None = None
+    seed: int | None = None
+    seed_per_frame: bool | None = None
+    crisp: bool | None = None
+    fps: float | None = None
+
+
+class _Lighting(Struct):
+    light_unit: str | None = None
+    environment: str | list[float] | None = None
+    exposure: float | str | None = None
+
+
+class _Provenance(Struct):
+    job: str | None = None
+    blender: str | None = None
+    settings: _Settings | None = None
+    lighting: _Lighting | None = None
+    clock: str | None = None
+    cores: int | None = None
+    frame_seconds: dict[Annotated[str, Meta(pattern=r"^-?[0-9]{1,9}$")], float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,50 +88,95 @@ def render_reference(
 
     Complete frames of the same job are kept.  ``size``: width, height in pixels.  ``lighting``: the
     resolved fields light_unit, exposure and environment of Settings, for the record.  Raises PathTracedError if bpy is
-    missing, Blender fails, or ``out`` holds frames of another job.
+    missing, Blender fails, or ``out`` holds frames of another job; OutputError if another process renders into ``out``.
     """
     out, quality, python = Path(out), quality or Quality(), python or blender_python()
     job, views, notes = make_job(scene, camera, frames, fps, size, quality)
     key = identity(job, scene.sha256)
-    created = _prepare(out, key)
-    job["frames"] = [frame for frame in frames if not _is_complete(out / (FRAME_NAME % frame), size)]
-    version = _read_json(out / PROVENANCE_FILE).get("blender")
-    if job["frames"]:
-        try:
-            version = require_blender(python)
-        except PathTracedError:
-            remove_folders(created)
-            raise
-    _merge_cameras(out, views, fps, size)
-    with tempfile.TemporaryDirectory(prefix="taubench-") as name:
-        folder = Path(name)
-        keyed = range(frames[0] - 1, frames[-1] + 2)
-        path = write_resampled(scene, keyed, fps, folder)
-        _write_provenance(out, key, job, scene, camera, version, notes, lighting or {})
-        if job["frames"]:
-            job |= {"scene": str(path), "out": str(out.resolve())}
-            _run(python, job, folder, out, len(frames), progress)
-    lost = [frame for frame in frames if not _is_complete(out / (FRAME_NAME % frame), size)]
+    with FolderLock(out):
+        _prepare(out, key)
+        job["frames"] = [frame for frame in frames if not _is_complete(out / (FRAME_NAME % frame), size)]
+        version = require_blender(python) if job["frames"] else _read_json(out / PROVENANCE_FILE).get("blender")
+        _merge_cameras(out, views, fps, size)
+        with _job_folder(out) as folder:
+            keyed = range(frames[0] - 1, frames[-1] + 2)
+            path = write_resampled(scene, keyed, fps, folder)
+            _write_provenance(out, key, job, scene, camera, version, notes, lighting or {})
+            if job["frames"]:
+                job |= {"scene": str(path), "folders": [str(out.resolve())], "seeds": [quality.seed]}
+                _run(python, job, folder, out, len(frames), progress)
+        lost = [frame for frame in frames if not _is_complete(out / (FRAME_NAME % frame), size)]
     if lost:
         raise PathTracedError(f"Blender did not write frame {lost[0]}", where=str(out / LOG_FILE))
     return notes
 
 
-def _prepare(out: Path, key: str) -> list[Path]:
-    """Create ``out``, or check that it is this job's.  Returns the created folders."""
+def render_seeds(
+    scene: Scene,
+    camera: CameraTrack,
+    frames: range,
+    out: Path,
+    seeds: range,
+    *,
+    fps: float,
+    size: tuple[int, int],
+    quality: Quality,
+    python: str | None = None,
+) -> dict[tuple[int, int], float]:
+    """Render ``frames`` once with each of ``seeds``, in one process: ``out``/seed_NNNN/frame_NNNN.exr, camera.json.
+
+    -> (seed, frame) -> CPU seconds of all threads, with the synchronization of the scene.  Nothing is resumed; the seed
+    of ``quality`` is not used.  Raises PathTracedError as ``render_reference``.
+    """
+    job, views, _ = make_job(scene, camera, frames, fps, size, quality)
+    python = python or blender_python()
+    require_blender(python)
+    folders = [out / f"seed_{seed:04d}" for seed in seeds]
+    seconds: dict[tuple[int, int], float] = {}
+
+    def on_event(event: dict[str, Any]) -> None:
+        if event["event"] == "frame":
+            seconds[seeds[len(seconds) // len(frames)], event["frame"]] = event["cpu_seconds"]
+
+    with FolderLock(out), _job_folder(out) as job_folder:
+        for folder in folders:
+            make_folders(folder)
+            _merge_cameras(folder, views, fps, size)
+        path = write_resampled(scene, range(frames[0] - 1, frames[-1] + 2), fps, job_folder)
+        job |= {"scene": str(path), "folders": [str(f.resolve()) for f in folders], "seeds": list(seeds)}
+        with open(out / LOG_FILE, "a", buffering=1, encoding="utf-8") as log:
+            failure = run_script(python, "render_script.py", job, job_folder, on_event, log.write)
+    if failure is not None:
+        raise PathTracedError(failure, where=str(out / LOG_FILE))
+    return seconds
+
+
+def _prepare(out: Path, key: str) -> None:
+    """Remove what a killed driver left in ``out``, and check that its frames are of this job."""
     try:
-        created = make_folders(out)
         for leftover in out.glob(".frame_*.partial.exr"):
             leftover.unlink()
-    except FileExistsError:
-        raise OutputError("is not a folder", where=str(out), hint="give --out another name") from None
     except OSError as error:
         raise cannot_write(out, error) from None
     known = _read_json(out / PROVENANCE_FILE).get("job")
     if known not in (None, key):
         hint = "give --out another folder, or delete this one"
         raise PathTracedError("holds frames of another scene or with other settings", where=str(out), hint=hint)
-    return created
+
+
+@contextlib.contextmanager
+def _job_folder(out: Path) -> Iterator[Path]:
+    """A folder for the files that Blender reads, in ``out``: the next driver removes that of a killed one."""
+    folder = out / JOB_FOLDER
+    try:
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+    except OSError as error:
+        raise cannot_write(folder, error) from None
+    try:
+        yield folder.resolve()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _is_complete(path: Path, size: tuple[int, int]) -> bool:
@@ -134,7 +209,7 @@ def _run(
         if progress is not None and event["event"] in ("frame", "samples", "ready"):
             progress(RenderProgress(done, total, share, seconds))
 
-    with open(out / LOG_FILE, "a", encoding="utf-8") as log:
+    with open(out / LOG_FILE, "a", buffering=1, encoding="utf-8") as log:  # a killed driver leaves whole lines
         failure = run_script(python, "render_script.py", job, folder, on_event, log.write)
     if failure is not None:
         raise PathTracedError(failure, where=str(out / LOG_FILE))
@@ -230,8 +305,8 @@ def read_render(folder: Path) -> RenderRecord | None:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
+    """The values of provenance.json; empty if it is missing or damaged."""
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_json(path, _Provenance)
+    except OutputError:
         return {}
-    return values if isinstance(values, dict) else {}

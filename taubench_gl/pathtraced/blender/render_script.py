@@ -1,4 +1,5 @@
-"""Runs in Blender's Python: renders the frames of one job with Cycles.  Imports only bpy and the standard library.
+"""Runs in Blender's Python: renders the frames of one job with Cycles.  Imports only bpy, the standard
+library and ``end_with_driver.py`` beside it.
 
     python render_script.py job.json
 
@@ -12,6 +13,7 @@ import sys
 import time
 
 import bpy
+from end_with_driver import end_with_driver
 from mathutils import Matrix, Vector
 
 BLENDER_FROM_GLTF = Matrix(((1, 0, 0), (0, 0, -1), (0, 1, 0)))
@@ -30,6 +32,7 @@ def report(**values):
 
 
 def main():
+    end_with_driver()
     with open(sys.argv[1], encoding="utf-8") as file:
         job = json.load(file)
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -42,13 +45,18 @@ def main():
     light_sky(scene, job["sky"], job["image"])
     if job["cull_back_faces"]:
         hide_back_faces()
+    if job["single_scatter"]:
+        scatter_once()
     configure(scene, job)
     report(event="ready", blender=bpy.app.version_string, objects=len(scene.objects), actions=len(bpy.data.actions))
     watch_samples(job["samples"])
-    for frame in job["frames"]:
-        started = time.perf_counter()
-        render(scene, job, frame)
-        report(event="frame", frame=frame, seconds=time.perf_counter() - started)
+    for folder, seed in zip(job["folders"], job["seeds"]):
+        scene.cycles.seed = seed
+        for frame in job["frames"]:
+            started, cpu_started = time.perf_counter(), time.process_time()
+            render(scene, job, frame, folder)
+            cpu = time.process_time() - cpu_started
+            report(event="frame", frame=frame, seconds=time.perf_counter() - started, cpu_seconds=cpu)
     report(event="done")
     # Blender's threads can hang the interpreter's shutdown.  All frames are on disk.
     sys.stderr.flush()
@@ -134,6 +142,12 @@ def place_lights(scene, job):
             data.angle = 0.0
         else:
             data.shadow_soft_size = 0.0
+        if light["constant"]:  # strength x distance^2 cancels the attenuation
+            data.use_nodes = True
+            nodes, links = data.node_tree.nodes, data.node_tree.links
+            falloff = nodes.new("ShaderNodeLightFalloff")
+            falloff.inputs["Strength"].default_value = 1.0
+            links.new(falloff.outputs["Constant"], nodes["Emission"].inputs["Strength"])
         moves = len(light["frames"]) > 1
         for frame, entry in light["frames"].items():
             frame = int(frame) if moves else None
@@ -192,17 +206,29 @@ def hide_back_faces():
         links.new(mix.outputs[0], output.inputs["Surface"])
 
 
+def scatter_once():
+    """Materials as glTF defines them: GGX without multiple scattering, no offset of shadow rays on smooth meshes."""
+    for material in bpy.data.materials:
+        for node in material.node_tree.nodes if material.use_nodes else ():
+            if node.type == "BSDF_PRINCIPLED":
+                node.distribution = "GGX"
+    for owner in bpy.data.objects:
+        if owner.type == "MESH":
+            owner.cycles.shadow_terminator_geometry_offset = owner.cycles.shadow_terminator_offset = 0.0
+
+
 def configure(scene, job):
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
     cycles.device = "CPU"
-    cycles.samples, cycles.seed = job["samples"], job["seed"]
+    cycles.samples = job["samples"]
     # With one seed for all frames, the noise would be the same in every frame and reuse could not average it.
     cycles.use_animated_seed = job["seed_per_frame"]
     cycles.use_adaptive_sampling = cycles.use_denoising = False
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = job["bounces"]
     cycles.transparent_max_bounces = 64
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0  # clamping would bias the reference
+    cycles.light_sampling_threshold = 0.0  # no light is left out
     cycles.blur_glossy = 0.0
     cycles.caustics_reflective = cycles.caustics_refractive = True
     if job["crisp"]:
@@ -251,10 +277,10 @@ def hide(nodes):
             owner.hide_render = number.isdecimal() and int(number) in nodes
 
 
-def render(scene, job, frame):
+def render(scene, job, frame, folder):
     """Write to a name that is no frame name, then rename: readers never see an incomplete frame."""
-    target = os.path.join(job["out"], job["name"] % frame)
-    partial = os.path.join(job["out"], "." + os.path.basename(target) + ".partial.exr")
+    target = os.path.join(folder, job["name"] % frame)
+    partial = os.path.join(folder, "." + os.path.basename(target) + ".partial.exr")
     scene.frame_set(frame)
     hide(set(job["hidden"].get(str(frame), ())))
     scene.render.filepath = partial

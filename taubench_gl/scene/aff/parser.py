@@ -17,7 +17,7 @@ from taubench_gl.scene.aff import surfaces
 from taubench_gl.scene.aff.surfaces import Collector, Surface
 from taubench_gl.scene.build import NodeList
 from taubench_gl.scene.files import Identity, find_referenced, read_text_file, shortened
-from taubench_gl.scene.model import Note
+from taubench_gl.scene.notes import Notes
 
 Array = np.ndarray
 
@@ -163,11 +163,8 @@ class AffFile:
     camera: dict[str, Any] | None = None
     window: tuple[float, float, int] | None = None  # start, end, frames
     ambient: Array = field(default_factory=lambda: np.zeros(3))
-    notes: dict[Note, None] = field(default_factory=dict)
     identity: Identity = field(default_factory=Identity)
-
-    def note(self, message: str, where: str = "") -> None:
-        self.notes[Note(message, where)] = None
+    notes: Notes = field(default_factory=Notes)
 
 
 MAX_DEPTH = 64
@@ -184,9 +181,9 @@ TRACKS = {"transl": 7, "scale": 7, "rot": 8, "visibility": 2}
 class Parser:
     """Reads one AFF or NFF file and all it includes.  Raises SceneError with file and line."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, notes: Notes):
         self.path = path
-        self.file = AffFile()
+        self.file = AffFile(notes=notes)
         self.stack = [self.file.nodes.add(path.stem)]
         self.fill = -1
         self.current: Fill | None = None
@@ -254,7 +251,7 @@ class Parser:
         if not np.all(view["resolution"] >= 1):
             raise t.error("resolution of the viewpoint must be positive", at=at)
         if self.file.camera is not None:
-            self.file.note("more than one viewpoint: the last one is used", t.where(at))
+            self.file.notes.remark("aff-viewpoint", t.where(at))
         self.file.camera = view
 
     def _light(self, t: Tokens) -> None:
@@ -275,11 +272,11 @@ class Parser:
 
     def _background(self, t: Tokens) -> None:
         t.floats(3, "the background")
-        self.file.note("the background color is not simulated: the sky is black", t.where())
+        self.file.notes.remark("aff-background", t.where())
 
     def _ambient(self, t: Tokens) -> None:
         self.file.ambient = np.maximum(t.floats(3, "the ambient light"), 0.0)
-        self.file.note("ambient light is simulated only on surfaces without diffuse and specular reflection", t.where())
+        self.file.notes.remark("aff-ambient", t.where())
 
     # ----------------------------------------------------------------------------------------------------- materials
     def _fill(self, t: Tokens) -> None:
@@ -300,7 +297,7 @@ class Parser:
         """The current fill with a texture, or without it if the image cannot be read."""
         found = find_referenced(self.path.parent, name)
         if isinstance(found, str):
-            self.file.note(f"texture {found}; drawn without it", t.where())
+            self.file.notes.remark("texture-missing", t.where(), detail=found)
             return self.fill
         base = self.current or Fill((0.0,) * 3, (1.0,) * 3, (0.0,) * 3, 0.0, 0.0)
         fill = Fill(base.ambient, base.diffuse, base.specular, base.shine, base.transmittance, found)
@@ -353,7 +350,7 @@ class Parser:
         rows = t.table(count, 19, "an animated triangle")
         later = np.concatenate([[True], rows[1:, 0] > np.maximum.accumulate(rows[:, 0])[:-1]])
         if not np.all(later):
-            self.file.note("keys of an animated triangle whose times do not increase are ignored", t.where())
+            self.file.notes.remark("aff-triangle-times", t.where())
             rows = rows[later]
         self._count(t, 3 * len(rows))
         collector = self.file.drawn.setdefault(self.stack[-1], Collector())
@@ -393,7 +390,7 @@ class Parser:
         values = t.floats(10, "a static transform")
         axis, degrees = values[3:6], values[6]
         if not np.any(axis) and degrees != 0.0:
-            self.file.note("a rotation about an axis of length 0 is ignored", t.where())
+            self.file.notes.remark("aff-axis", t.where())
         rotation = math3d.quat_from_axis_angle(axis, np.radians(degrees)) if np.any(axis) else (0.0, 0.0, 0.0, 1.0)
         t.expect("{", "a static transform")
         node = self.file.nodes.add(
@@ -432,11 +429,10 @@ class Parser:
             count, where = t.integer(f"the number of {kind} keys", least, COUNT), t.where()
             rows = t.table(count, TRACKS[kind], f"{kind} keys of {name[:40]}")
             if np.any(np.diff(rows[:, 0]) <= 0):
-                self.file.note(f"times of the {kind} keys of {name} do not increase: segments that do not end after "
-                               "all earlier ones are skipped, as in BART's code", where)  # fmt: skip
+                self.file.notes.remark("aff-key-times", where, detail=f"{kind} of {shortened(name, 40)}")
             motion.tracks[kind] = rows
         if name in self.file.motions:
-            self.file.note(f"animation {name} is defined twice: the last definition is used", motion.where)
+            self.file.notes.remark("aff-animation-twice", motion.where, detail=shortened(name, 40))
         self.file.motions[name] = motion
 
     # ------------------------------------------------------------------------------------------------------ includes
@@ -447,7 +443,8 @@ class Parser:
         level = t.integer("the detail level of an include", -COUNT, COUNT)
         name, where = t.word("the file to include"), t.where()
         if level > self.detail:
-            self.file.note(f"{name} is not included: its detail level {level} exceeds {self.detail}", where)
+            about = f"{shortened(name, 40)}: {level} > {self.detail}"
+            self.file.notes.remark("aff-detail", where, detail=about)
             return
         self.includes += 1
         if self.includes > MAX_INCLUDES:

@@ -2,9 +2,9 @@
 
 Axes are the model's: right-handed, cameras look along -Z with +Y up; units are meters.  Time 0 of the scene is the
 start of the ``a`` statement, or the earliest key without one.  Colors are linear coefficients; the diffuse color
-becomes the base color, and the Phong exponent n a roughness of (2 / (n + 2)) ^ 1/4.  AFF's lights have no distance
-attenuation: a light of color c gets pi c R^2 candela and matches AFF at distance R, half the diagonal of the scene's
-bounding box.  Texture coordinate v increases downwards from the top row of the image.
+becomes the base color, and the Phong exponent n a roughness of (2 / (n + 2)) ^ 1/4.  AFF's lights are not attenuated
+with distance: a light of color c is a constant light of pi c lux, so that a Lambertian surface of color k that faces it
+has radiance k c, as in AFF.  Texture coordinate v increases downwards from the top row of the image.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from taubench_gl import math3d
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.aff import splines
 from taubench_gl.scene.aff.parser import AffFile, Fill, Motion, Parser
-from taubench_gl.scene.build import half_diagonal
-from taubench_gl.scene.files import read_image
+from taubench_gl.scene.files import read_image, shortened
 from taubench_gl.scene.model import Animation, Camera, Channel, Image, Light, Material, Mesh, Scene, Texture
+from taubench_gl.scene.notes import Notes
 
 Array = np.ndarray
 
@@ -30,11 +30,11 @@ SMALLEST_HITHER = 1e-4
 """A smaller hither is replaced by 1, as in BART's parser."""
 
 
-def read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+def read_aff(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool = False) -> Scene:
     """``load_scene`` for .aff and .nff.  Raises SceneError with file and line."""
     if scene is not None:
         raise SceneError("AFF files contain one scene", where=path.name, hint="omit the scene's name")
-    return _Assembly(Parser(path).parse(), path, animation).scene()
+    return _Assembly(Parser(path, Notes(strict)).parse(), path, animation).scene()
 
 
 class _Assembly:
@@ -73,7 +73,7 @@ class _Assembly:
             animations=(played,) if self.channels else (),
             channels=played.channels if playing else (),
             playing=(played.name,) if playing else (),
-            notes=tuple(file.notes),
+            notes=file.notes.all(),
             path=self.path,
             sha256=file.identity.hexdigest(),
             files=file.identity.files,
@@ -89,7 +89,9 @@ class _Assembly:
         if file.window is not None:
             start, end, frames = file.window
             if end > start:
-                file.note(f"the file declares {frames} frames in {end - start:g} s: --fps {frames / (end - start):g}")
+                file.notes.add(
+                    f"the file declares {frames} frames in {end - start:g} s: --fps {frames / (end - start):g}"
+                )
             return start, end
         spans = [splines.key_window(rows[:, 0]) if kind != "visibility" else (rows[:, 0].min(), rows[:, 0].max())
                  for motion in file.motions.values() for kind, rows in motion.tracks.items()]  # fmt: skip
@@ -112,17 +114,28 @@ class _Assembly:
                     keys = splines.linear_keys(np.array(times), weights, self.window)
                     self._channel(child, "weights", "LINEAR", *keys)
 
+    def _texture(self, path: Path) -> Texture | None:
+        """The texture in this file; None for one that is damaged, which is a repair."""
+        if path not in self.image_index:
+            notes = self.file.notes
+            try:
+                image = read_image(path, check=not notes.strict)
+            except SceneError as error:
+                fault = error
+                notes.repair("texture-unreadable", lambda: fault, detail=path.name)
+                self.image_index[path] = -1
+            else:
+                self.image_index[path] = len(self.images)
+                self.file.identity.add_file(path)
+                self.images.append(image)
+        index = self.image_index[path]
+        return None if index < 0 else Texture(index)
+
     def _material(self, fill: Fill, index: int) -> Material:
         texture = None
         if fill.texture is not None:
-            if fill.texture not in self.image_index:
-                self.image_index[fill.texture] = len(self.images)
-                self.file.identity.add_file(fill.texture)
-                self.images.append(read_image(fill.texture))
-            texture = Texture(self.image_index[fill.texture])
+            texture = self._texture(fill.texture)
         alpha = float(np.clip(1.0 - fill.transmittance, 0.0, 1.0))
-        if alpha < 0.5:
-            self.file.note("surfaces with a transmittance above 0.5 are not drawn")
         # A surface without diffuse and specular parts has only its ambient color.
         only_ambient = not any(fill.diffuse) and not any(fill.specular)
         emission = self.file.ambient * fill.ambient if only_ambient else np.zeros(3)
@@ -152,7 +165,7 @@ class _Assembly:
             hither = float(view["hither"][0])
             znear = hither if hither >= SMALLEST_HITHER else 1.0
             if znear != hither:
-                self.file.note(f"hither of {hither:g} is replaced by 1")
+                self.file.notes.add(f"hither of {hither:g} is replaced by 1")
             width, height = view["resolution"].tolist()
             yfov = float(np.radians(view["angle"][0]))
             self.cameras.append(Camera(CAMERA, yfov=yfov, aspect=width / height, znear=znear))
@@ -164,13 +177,9 @@ class _Assembly:
 
     def _lights(self) -> tuple[Light, ...]:
         nodes, lights = self.file.nodes, []
-        if not self.file.lights:
-            return ()
-        reach = half_diagonal(nodes.nodes(), tuple(self.meshes))
         for parent, position, color in self.file.lights:
             nodes.add(f"light {len(lights)}", parent, translation=position, light=len(lights))
-            lights.append(Light(f"light {len(lights)}", color=tuple(color.tolist()), intensity=np.pi * reach * reach))
-        self.file.note(f"AFF lights have no distance attenuation: point lights replace them, equal at {reach:.3g} m")
+            lights.append(Light(f"light {len(lights)}", color=tuple(color.tolist()), intensity=np.pi, constant=True))
         return tuple(lights)
 
     # ----------------------------------------------------------------------------------------------------- animation
@@ -180,10 +189,10 @@ class _Assembly:
             if movers:
                 self._move(motion, movers, ("transl", "rot", "scale", "visibility"))
             elif name != CAMERA:
-                self.file.note(f"animation {name} has no target", motion.where)
+                self.file.notes.remark("aff-no-target", motion.where, detail=shortened(name, 40))
         for name in self.file.movers:
             if name not in self.file.motions:
-                self.file.note(f"there is no animation {name}: the transform {name} is static")
+                self.file.notes.remark("aff-static", detail=shortened(name, 40), key=name)
 
     def _move(self, motion: Motion, nodes: list[int], kinds: tuple[str, ...]) -> None:
         for kind in kinds:
@@ -195,8 +204,8 @@ class _Assembly:
                 path, interpolation, keys = "visible", "STEP", splines.visible_keys(times, rows[:, 1], self.window)
             elif kind == "rot":
                 for k in splines.long_turns(rows[:, 1:4], rows[:, 4])[:1].tolist():
-                    self.file.note(f"{motion.name} turns by more than 180 degrees between keys {k + 1} and {k + 2}, as "
-                                   "written in the file; BART's code takes the shorter arc", motion.where)  # fmt: skip
+                    detail = f"{shortened(motion.name, 40)}, keys {k + 1} and {k + 2}"
+                    self.file.notes.remark("aff-long-turn", motion.where, detail=detail)
                 path, interpolation = "rotation", "CUBICSPLINE"
                 keys = splines.rotation_keys(times, rows[:, 1:4], rows[:, 4], rows[:, 5:], self.window)
             else:

@@ -14,8 +14,7 @@ be several revolutions; all others take the shorter arc.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -32,15 +31,37 @@ SAME_AXIS = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
-    """A cubic on [t0, t1]: values and derivatives per second at its ends, each (n,)."""
+class Pieces:
+    """P cubics in order of time, without gaps: values and derivatives per second at their ends, each (P, n)."""
 
-    t0: float
-    t1: float
+    t0: Array  # (P,) seconds
+    t1: Array  # (P,) seconds
     value0: Array
     slope0: Array
     value1: Array
     slope1: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """S segments of a rotation spline between keys: unit quaternions ``p`` and ``q`` (S, 4), logarithms (S, 3).
+
+    ``log``: of p^-1 q; ``out`` and ``into``: tangents at p and q.  ``s0``, ``s1``: the part of [0, 1] that is used;
+    ``t0``, ``t1``: its times in seconds.
+    """
+
+    p: Array
+    q: Array
+    log: Array
+    out: Array
+    into: Array
+    s0: Array
+    s1: Array
+    t0: Array
+    t1: Array
+
+    def __getitem__(self, rows: Array) -> Segments:
+        return Segments(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
 Keys = tuple[Array, Array]
@@ -52,15 +73,14 @@ def position_keys(times: Array, values: Array, tcb: Array, window: tuple[float, 
 
     ``window``: time range (start, end) in seconds; the resulting keys have start as time 0.
     """
-    chords = np.diff(values, axis=0)
-    pieces = []
-    for i, t0, t1 in _spans(times, window):
-        out, into = _tangents(times, chords, tcb, i)
-        span = times[i + 1] - times[i]
-        a, b = _hermite(values[i], out, into, values[i + 1], (t0 - times[i]) / span, span)
-        c, d = _hermite(values[i], out, into, values[i + 1], (t1 - times[i]) / span, span)
-        pieces.append(Piece(t0, t1, a, b, c, d))
-    return _join(pieces, window[0], values[-2])
+    i, t0, t1 = _spans(times, window)
+    if not len(i):
+        return _join(None, window[0], values[-2])
+    out, into = _tangents(times, np.diff(values, axis=0), tcb, i)
+    span = (times[i + 1] - times[i])[:, None]
+    a, b = _hermite(values[i], out, into, values[i + 1], (t0 - times[i])[:, None] / span, span)
+    c, d = _hermite(values[i], out, into, values[i + 1], (t1 - times[i])[:, None] / span, span)
+    return _join(Pieces(t0, t1, a, b, c, d), window[0], values[-2])
 
 
 def rotation_keys(times: Array, axes: Array, degrees: Array, tcb: Array, window: tuple[float, float]) -> Keys:
@@ -71,19 +91,14 @@ def rotation_keys(times: Array, axes: Array, degrees: Array, tcb: Array, window:
     axes, half = math3d.normalize(axes), 0.5 * np.radians(degrees)
     half = np.where(np.any(axes != 0.0, axis=1), half, 0.0)
     quaternions, logs = _unwind(axes, half)
-    pieces: list[Piece] = []
-    for i, t0, t1 in _spans(times, window):
-        out, into = _tangents(times, logs, tcb, i)
-        span = times[i + 1] - times[i]
-        curve = _squad(quaternions[i], quaternions[i + 1], logs[i], out, into)
-        s0, s1 = (t0 - times[i]) / span, (t1 - times[i]) / span
-        if not (np.any(logs[i]) or np.any(out) or np.any(into)):
-            rest = np.zeros(4)
-            pieces.append(Piece(t0, t1, quaternions[i], rest, quaternions[i], rest))
-        else:
-            ends = (quaternions[i] if s0 == 0.0 else None, quaternions[i + 1] if s1 == 1.0 else None)
-            pieces += _resample(curve, s0, s1, t0, t1, ends)
-    return _join(pieces, window[0], quaternions[-2])
+    i, t0, t1 = _spans(times, window)
+    if not len(i):
+        return _join(None, window[0], quaternions[-2])
+    out, into = _tangents(times, logs, tcb, i)
+    span = times[i + 1] - times[i]
+    s0, s1 = (t0 - times[i]) / span, (t1 - times[i]) / span
+    segments = Segments(quaternions[i], quaternions[i + 1], logs[i], out, into, s0, s1, t0, t1)
+    return _join(_resample(segments), window[0], quaternions[-2])
 
 
 def long_turns(axes: Array, degrees: Array) -> Array:
@@ -129,158 +144,194 @@ def key_window(times: Array) -> tuple[float, float]:
     return float(times[1]), float(max(times[-2], times[1]))
 
 
-def _spans(times: Array, window: tuple[float, float]) -> list[tuple[int, float, float]]:
-    """Segments inside the window: (i of the segment from key i to i + 1, begin, end), in order, without gaps.
+def _spans(times: Array, window: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """Segments inside the window, in order, without gaps: i of the segment from key i to i + 1, begin, end; (S,) each.
 
     Where the value is constant inside the window, one span of length 0.
     """
-    last, reached = float(times[-2]), float(times[1])
+    keys = times.tolist()
+    last, reached = keys[-2], keys[1]
     spans = []
-    for i in range(1, len(times) - 2):
-        t1 = min(float(times[i + 1]), last)
-        if t1 > reached and times[i + 1] > times[i]:
+    for i in range(1, len(keys) - 2):
+        t1 = min(keys[i + 1], last)
+        if t1 > reached and keys[i + 1] > keys[i]:
             spans.append((i, reached, t1))
             reached = t1
     low, high = window
     seen = [(i, max(t0, low), min(t1, high)) for i, t0, t1 in spans if t1 > low and (t0 < high or t0 == low)]
-    if seen or not spans:
-        return seen
-    (i, t0, _), (j, _, t1) = spans[0], spans[-1]
-    return [(i, t0, t0)] if t0 >= high else [(j, t1, t1)]
+    if not seen and spans:
+        (i, t0, _), (j, _, t1) = spans[0], spans[-1]
+        seen = [(i, t0, t0)] if t0 >= high else [(j, t1, t1)]
+    columns = np.array(seen, dtype=np.float64).reshape(-1, 3).T
+    return columns[0].astype(np.int64), columns[1], columns[2]
 
 
-def _tangents(times: Array, chords: Array, tcb: Array, i: int) -> tuple[Array, Array]:
-    """Outgoing tangent at key i and incoming tangent at key i + 1, per unit of the segment's parameter."""
-    tension, continuity, bias = tcb[i]
+def _tangents(times: Array, chords: Array, tcb: Array, i: Array) -> tuple[Array, Array]:
+    """Outgoing tangents at keys i and incoming tangents at keys i + 1, per unit of the segments' parameters.
+
+    ``chords`` (K - 1, n): differences of the keys; i (S,) -> (S, n), (S, n).
+    """
+    tension, continuity, bias = tcb[i].T[..., None]
     adjust = 2.0 * _ratio(times[i + 1] - times[i], times[i + 1] - times[i - 1])
     common = 0.5 * adjust * (1 - tension)
     out = common * ((1 + continuity) * (1 + bias) * chords[i - 1] + (1 - continuity) * (1 - bias) * chords[i])
-    tension, continuity, bias = tcb[i + 1]
+    tension, continuity, bias = tcb[i + 1].T[..., None]
     adjust = 2.0 * _ratio(times[i + 1] - times[i], times[i + 2] - times[i])
     common = 0.5 * adjust * (1 - tension)
     into = common * ((1 - continuity) * (1 + bias) * chords[i] + (1 + continuity) * (1 - bias) * chords[i + 1])
     return out, into
 
 
-def _ratio(part: float, whole: float) -> float:
-    """Ratio of two adjacent spans; 0.5 where the times do not increase."""
-    return float(part / whole) if part > 0 and whole >= part else 0.5
+def _ratio(part: Array, whole: Array) -> Array:
+    """Ratio of two adjacent spans; 0.5 where the times do not increase.  (S,) -> (S, 1)."""
+    usable = (part > 0) & (whole >= part)
+    return np.where(usable, part / np.where(usable, whole, 1.0), 0.5)[:, None]
 
 
-def _hermite(p: Array, out: Array, into: Array, q: Array, s: float, span: float) -> tuple[Array, Array]:
-    """Value and derivative per second at ``s`` in [0, 1]; the ends return the keys bit for bit."""
+def _hermite(p: Array, out: Array, into: Array, q: Array, s: Array, span: Array) -> tuple[Array, Array]:
+    """Value and derivative per second at ``s`` (S, 1) in [0, 1]; the ends return the keys bit for bit."""
     s2 = s * s
-    slope = 6 * (s - s2) * (q - p) + (3 * s2 - 4 * s + 1) * out + (3 * s2 - 2 * s) * into
-    if s in (0.0, 1.0):
-        return (p if s == 0.0 else q), slope / span
     s3 = s2 * s
+    slope = 6 * (s - s2) * (q - p) + (3 * s2 - 4 * s + 1) * out + (3 * s2 - 2 * s) * into
     value = p + (3 * s2 - 2 * s3) * (q - p) + (s3 - 2 * s2 + s) * out + (s3 - s2) * into
-    return value, slope / span
+    return np.where(s == 0.0, p, np.where(s == 1.0, q, value)), slope / span
 
 
 def _unwind(axes: Array, half: Array) -> tuple[Array, Array]:
     """Unit quaternions (K, 4) of coherent sign, and log(q_i^-1 q_(i+1)) (K-1, 3) the way each step turns."""
     quaternions = math3d.quat_from_axis_angle(axes, 2.0 * half)
-    logs = np.zeros((len(half) - 1, 3))
-    for i in range(len(half) - 1):
-        far = half[i + 1] - half[i]
-        if np.linalg.norm(axes[i + 1] - axes[i]) <= SAME_AXIS and abs(far) > np.pi / 2:
-            logs[i] = far * axes[i]
-            if np.cos(far) * np.dot(quaternions[i], quaternions[i + 1]) < 0:
-                quaternions[i + 1 :] *= -1.0
-            continue
-        if np.dot(quaternions[i], quaternions[i + 1]) < 0:
-            quaternions[i + 1 :] *= -1.0
-        step = math3d.quat_multiply(_inverse(quaternions[i]), quaternions[i + 1])
-        if not np.array_equal(quaternions[i], quaternions[i + 1]):
-            logs[i] = _log(step, np.zeros(3))
-    return quaternions, logs
+    far = np.diff(half)
+    long = (np.linalg.norm(np.diff(axes, axis=0), axis=1) <= SAME_AXIS) & (np.abs(far) > np.pi / 2)
+    dot = np.sum(quaternions[:-1] * quaternions[1:], axis=1)
+    flips = np.where(np.where(long, np.cos(far) * dot, dot) < 0, -1.0, 1.0)
+    quaternions[1:] *= np.cumprod(flips)[:, None]
+    short = _log(math3d.quat_multiply(_inverse(quaternions[:-1]), quaternions[1:]), np.zeros((len(far), 3)))
+    short[np.all(quaternions[:-1] == quaternions[1:], axis=1)] = 0.0
+    return quaternions, np.where(long[:, None], far[:, None] * axes[:-1], short)
 
 
-def _squad(p: Array, q: Array, log: Array, out: Array, into: Array) -> Callable[[Array], Array]:
-    """The curve between two keys.  s (S,) -> (S, 4) unit quaternions.
+class _Squad:
+    """The curves between keys: slerp(2 s (1 - s), slerp(s, p, q), slerp(s, a, b)).
 
-    slerp(2 s (1 - s), slerp(s, p, q), slerp(s, a, b)) with a = p exp((out - log) / 2), b = q exp((log - into) / 2).
-    About one axis this is the cubic through the angles; each logarithm takes the branch nearest to that case.
+    a = p exp((out - log) / 2), b = q exp((log - into) / 2).  About one axis this is the cubic through the angles; each
+    logarithm takes the branch nearest to that case.
     """
-    bend0, bend1 = 0.5 * (out - log), 0.5 * (log - into)
-    a = math3d.quat_multiply(p, _exp(bend0))
-    b = math3d.quat_multiply(q, _exp(bend1))
-    across = _log(math3d.quat_multiply(_inverse(a), b), log - bend0 + bend1)
 
-    def curve(s: Array) -> Array:
-        s = np.asarray(s, dtype=np.float64)[:, None]
-        straight = math3d.quat_multiply(np.broadcast_to(p, (len(s), 4)), _exp(s * log))
-        bent = math3d.quat_multiply(np.broadcast_to(a, (len(s), 4)), _exp(s * across))
-        step = math3d.quat_multiply(_inverse(straight), bent)
-        between = np.array([_log(x, g) for x, g in zip(step, (1 - s) * bend0 + s * bend1)])
+    def __init__(self, segments: Segments):
+        self.p, self.log = segments.p, segments.log
+        self.bend0, self.bend1 = 0.5 * (segments.out - segments.log), 0.5 * (segments.log - segments.into)
+        self.a = math3d.quat_multiply(segments.p, _exp(self.bend0))
+        b = math3d.quat_multiply(segments.q, _exp(self.bend1))
+        self.across = _log(math3d.quat_multiply(_inverse(self.a), b), segments.log - self.bend0 + self.bend1)
+
+    def at(self, rows: Array, s: Array) -> Array:
+        """Unit quaternions of segments ``rows`` (N,) at ``s`` (N,).  -> (N, 4)."""
+        s = s[:, None]
+        straight = math3d.quat_multiply(self.p[rows], _exp(s * self.log[rows]))
+        bent = math3d.quat_multiply(self.a[rows], _exp(s * self.across[rows]))
+        bend0 = self.bend0[rows]
+        guess = bend0 + s * (self.bend1[rows] - bend0)
+        between = _log(math3d.quat_multiply(_inverse(straight), bent), guess)
         return math3d.normalize(math3d.quat_multiply(straight, _exp(2.0 * s * (1.0 - s) * between)))
 
-    return curve
+
+PAD = 2
+"""Samples beyond each end of a segment, for the derivatives at its ends; the curve is smooth there."""
 
 
-def _resample(
-    curve: Callable[[Array], Array],
-    s0: float,
-    s1: float,
-    t0: float,
-    t1: float,
-    ends: tuple[Array | None, Array | None],
-) -> list[Piece]:
-    """Cubic pieces of the curve over [s0, s1] within ROTATION_ERROR; ``ends``: keys to match bit for bit, or None."""
-    if not t1 > t0:
-        value = curve(np.array([s0]))[0]
-        return [Piece(t0, t1, value, np.zeros(4), value, np.zeros(4))]
-    count = 4
-    while True:
-        s = np.linspace(s0, s1, count + 1)
-        values, slopes = curve(s), _slopes(curve, s) * ((s1 - s0) / (t1 - t0))
-        values[0] = values[0] if ends[0] is None else ends[0]
-        values[-1] = values[-1] if ends[1] is None else ends[1]
-        step = (t1 - t0) / count
-        worst = 0.0
-        for u in (0.25, 0.5, 0.75):
-            u2, u3 = u * u, u**3
-            h = (3 * u2 - 2 * u3) * (values[1:] - values[:-1]) + values[:-1]
-            h = h + step * ((u3 - 2 * u2 + u) * slopes[:-1] + (u3 - u2) * slopes[1:])
-            true = curve(s[:-1] + u * (s1 - s0) / count)
-            worst = max(worst, float(np.max(math3d.quat_angle(math3d.normalize(h), true))))
-        if worst <= ROTATION_ERROR or count >= MAX_PIECES:
-            break
-        count *= 2
-    t = np.linspace(t0, t1, count + 1)
-    return [
-        Piece(float(t[i]), float(t[i + 1]), values[i], slopes[i], values[i + 1], slopes[i + 1]) for i in range(count)
-    ]
+def _resample(segments: Segments) -> Pieces:
+    """Cubic pieces of the curves within ``ROTATION_ERROR``; keys are matched bit for bit.
+
+    Every segment starts with 4 pieces.  The error of a cubic falls with the fourth power of its length, which gives the
+    next number of pieces of the segments that are not within the limit.
+    """
+    still = ~(np.any(segments.log, axis=1) | np.any(segments.out, axis=1) | np.any(segments.into, axis=1))
+    still |= ~(segments.t1 > segments.t0)
+    done = [(np.flatnonzero(still), _constant(segments[still]))]
+    left, count = np.flatnonzero(~still), np.full(np.count_nonzero(~still), 4)
+    while len(left):
+        rows, pieces, errors = _cut(segments[left], count)
+        enough = (errors <= ROTATION_ERROR) | (count >= MAX_PIECES)
+        done.append((left[rows[enough[rows]]], _rows(pieces, enough[rows])))
+        left, count, errors = left[~enough], count[~enough], errors[~enough]
+        wanted = np.ceil(1.05 * count * (errors / ROTATION_ERROR) ** 0.25).astype(np.int64)
+        count = np.clip(wanted, count + 1, MAX_PIECES)
+    order = np.argsort(np.concatenate([rows for rows, _ in done]), kind="stable")
+    return Pieces(*(np.concatenate([getattr(p, f.name) for _, p in done])[order] for f in fields(Pieces)))
 
 
-def _slopes(curve: Callable[[Array], Array], s: Array) -> Array:
-    """Derivatives by a five-point stencil; the curve is smooth slightly beyond its ends."""
-    h = 1e-3
-    return (8 * (curve(s + h) - curve(s - h)) - (curve(s + 2 * h) - curve(s - 2 * h))) / (12 * h)
+def _rows(pieces: Pieces, rows: Array) -> Pieces:
+    return Pieces(*(getattr(pieces, f.name)[rows] for f in fields(Pieces)))
 
 
-def _join(pieces: list[Piece], origin: float, held: Array) -> Keys:
-    """Pieces in order, without gaps, as keys with times relative to ``origin``.
+def _constant(segments: Segments) -> Pieces:
+    """One piece of slope 0 for each segment that turns nowhere or has length 0."""
+    values, rest = segments.p.copy(), np.zeros_like(segments.p)
+    turns = np.flatnonzero(np.any(segments.log, axis=1) | np.any(segments.out, axis=1) | np.any(segments.into, axis=1))
+    values[turns] = _Squad(segments).at(turns, segments.s0[turns])
+    return Pieces(segments.t0, segments.t1, values, rest, values, rest)
+
+
+def _cut(segments: Segments, count: Array) -> tuple[Array, Pieces, Array]:
+    """``count`` (S,) cubic pieces of equal length for each segment.  -> segment of each piece (P,), pieces, error (S,).
+
+    The curve is sampled at the ends and the quarters of all pieces.  Derivatives by a five-point stencil over the
+    samples; errors in radians at the quarters.
+    """
+    samples = 4 * count + 1 + 2 * PAD
+    starts = np.concatenate([[0], np.cumsum(samples)])
+    rows = np.repeat(np.arange(len(count)), samples)
+    at = np.arange(starts[-1]) - starts[rows] - PAD
+    step = (segments.s1 - segments.s0) / count
+    curve = _Squad(segments).at(rows, segments.s0[rows] + at * (0.25 * step)[rows])
+    curve[starts[:-1][segments.s0 == 0.0] + PAD] = segments.p[segments.s0 == 0.0]
+    curve[starts[1:][segments.s1 == 1.0] - 1 - PAD] = segments.q[segments.s1 == 1.0]
+
+    piece = np.repeat(np.arange(len(count)), count)
+    number = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+    first = starts[piece] + PAD + 4 * number  # the sample at the start of each piece
+    seconds = ((segments.t1 - segments.t0) / count)[piece]
+
+    def slope(k: Array) -> Array:
+        return (8 * (curve[k + 1] - curve[k - 1]) - (curve[k + 2] - curve[k - 2])) / (3.0 * seconds[:, None])
+
+    value0, slope0, value1, slope1 = curve[first], slope(first), curve[first + 4], slope(first + 4)
+    errors = np.zeros(len(count))
+    for quarter in (1, 2, 3):
+        u = 0.25 * quarter
+        bend = (u**3 - 2 * u * u + u) * slope0 + (u**3 - u * u) * slope1
+        cubic = value0 + (3 * u * u - 2 * u**3) * (value1 - value0) + seconds[:, None] * bend
+        away = math3d.quat_angle(math3d.normalize(cubic), curve[first + quarter])
+        errors = np.maximum(errors, np.maximum.reduceat(away, np.cumsum(count) - count))
+    t0 = segments.t0[piece] + number * seconds
+    t1 = np.where(number + 1 == count[piece], segments.t1[piece], segments.t0[piece] + (number + 1) * seconds)
+    return piece, Pieces(t0, t1, value0, slope0, value1, slope1), errors
+
+
+def _join(pieces: Pieces | None, origin: float, held: Array) -> Keys:
+    """Pieces as keys with times relative to ``origin``.
 
     A jump becomes two keys at adjacent float64 times.  ``held``: the value if there are no pieces.
     """
-    rest = np.zeros_like(held)
-    if not pieces or pieces[0].t1 == pieces[-1].t0 == pieces[0].t0:
-        return np.zeros(1), np.array([[rest, pieces[0].value0 if pieces else held, rest]])
-    times, values = [pieces[0].t0 - origin], [[rest, pieces[0].value0, rest]]
-    for piece in pieces:
-        if not np.allclose(piece.value0, values[-1][1], rtol=0.0, atol=1e-12):
-            times.append(times[-1])
-            values.append([rest, piece.value0, rest])
-        values[-1][2] = piece.slope0
-        times.append(piece.t1 - origin)
-        values.append([piece.slope1, piece.value1, rest])
-    return _increasing(np.array(times)), np.array(values)
+    if pieces is None or not pieces.t1[-1] > pieces.t0[0]:
+        value = held if pieces is None else pieces.value0[0]
+        return np.zeros(1), np.stack([np.zeros_like(value), value, np.zeros_like(value)])[None]
+    jump = np.zeros(len(pieces.t0), dtype=bool)
+    jump[1:] = np.any(np.abs(pieces.value0[1:] - pieces.value1[:-1]) > 1e-12, axis=1)
+    start = np.arange(len(jump)) + np.cumsum(jump)  # key at the start of each piece
+    times = np.empty(start[-1] + 2)
+    values = np.zeros((len(times), 3, pieces.value0.shape[1]))
+    times[0], values[0, 1] = pieces.t0[0], pieces.value0[0]
+    times[start + 1], values[start + 1, 1] = pieces.t1, pieces.value1
+    values[start, 2], values[start + 1, 0] = pieces.slope0, pieces.slope1
+    times[start[jump]], values[start[jump], 1] = pieces.t1[np.flatnonzero(jump) - 1], pieces.value0[jump]
+    return _increasing(times - origin), values
 
 
 def _increasing(times: Array) -> Array:
     """Times that are equal, also by rounding, separated to adjacent float64 values."""
+    if np.all(np.diff(times) > 0):
+        return times
     for i in range(len(times) - 2, -1, -1):
         if times[i] >= times[i + 1]:
             times[i] = np.nextafter(times[i + 1], -np.inf)
@@ -293,18 +344,18 @@ def _inverse(q: Array) -> Array:
 
 def _exp(v: Array) -> Array:
     """(..., 3) half angle times axis -> (..., 4) unit quaternion."""
-    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    angle = np.sqrt(np.sum(v * v, axis=-1, keepdims=True))
     return np.concatenate([v * np.sinc(angle / np.pi), np.cos(angle)], axis=-1)
 
 
 def _log(q: Array, guess: Array) -> Array:
-    """Half angle times axis of a unit quaternion, on the branch (turns of the same sign) nearest to ``guess``."""
-    length = float(np.linalg.norm(q[:3]))
-    angle = float(np.arctan2(length, q[3]))
-    if length > 1e-12:
-        axis = q[:3] / length
-    else:
-        size = float(np.linalg.norm(guess))
-        axis = guess / size if size > 0 else np.zeros(3)
-    turns = np.round((float(np.dot(axis, guess)) - angle) / (2 * np.pi))
+    """Half angle times axis of unit quaternions, on the branch (turns of the same sign) nearest to ``guess``.
+
+    (..., 4), (..., 3) -> (..., 3).
+    """
+    vector = q[..., :3]
+    length = np.sqrt(np.sum(vector * vector, axis=-1, keepdims=True))
+    angle = np.arctan2(length, q[..., 3:])
+    axis = np.where(length > 1e-12, vector / np.maximum(length, 1e-300), math3d.normalize(guess))
+    turns = np.round((np.sum(axis * guess, axis=-1, keepdims=True) - angle) / (2 * np.pi))
     return (angle + 2 * np.pi * turns) * axis

@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 
+from taubench_gl.errors import SceneError
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.document import MESHOPT, Document
 
@@ -92,17 +93,25 @@ class Accessors:
         self._raw: dict[int, Array] = {}
         self._floats: dict[int, Array] = {}
         self._usage: dict[int, str] = {}
+        self._nonfinite: dict[int, SceneError] = {}  # accessors with NaN or infinity -> the error of their use
         self._filled = self._unpacked = 0
 
     def check_all(self) -> None:
         """Check every bufferView, and every accessor with data, also unused ones.  Raises SceneError."""
-        for index in range(len(self.document.root.buffer_views or [])):
+        for index, view in enumerate(self.document.root.buffer_views or []):
+            if view.byte_length == 0:
+                self._empty("byteLength is 0", f"/bufferViews/{index}/byteLength", "bufferViews")
             self._check_view(index)
         for index, accessor in enumerate(self.document.root.accessors or []):
-            if accessor.buffer_view is not None or accessor.sparse is not None:
+            if accessor.count == 0:
+                self._empty("count is 0", f"/accessors/{index}/count", "accessors")
+            elif accessor.buffer_view is not None or accessor.sparse is not None:
                 self._check_layout(accessor, f"/accessors/{index}")
                 if self._has_data(accessor):
-                    self.raw(index, f"/accessors/{index}")
+                    self.raw(index, f"/accessors/{index}", allow_nonfinite=True)
+
+    def _empty(self, what: str, pointer: str, collection: str) -> None:
+        self.document.repair("empty-object", what, pointer, detail=collection)
 
     def _check_layout(self, accessor: schema.Accessor, pointer: str) -> None:
         """Checks that need no data, also for accessors in buffers without data."""
@@ -126,19 +135,24 @@ class Accessors:
         a = self.get(index, pointer)
         return f"{a.type} of {'normalized ' if a.normalized else ''}{COMPONENT_NAMES[a.component_type]}"
 
-    def raw(self, index: int, pointer: str) -> Array:
-        """Components as stored, sparse values applied.  (count, n), the component type's dtype, read-only."""
+    def raw(self, index: int, pointer: str, *, allow_nonfinite: bool = False) -> Array:
+        """Components as stored, sparse values applied.  (count, n), the component type's dtype, read-only.
+
+        Raises SceneError for NaN and infinity unless ``allow_nonfinite``; strict documents never have them.
+        """
         accessor = self.get(index, pointer)
         if index not in self._raw:
             array = self._decode(accessor, f"/accessors/{index}")
             array.flags.writeable = False
             self._raw[index] = array
+        if index in self._nonfinite and not allow_nonfinite:
+            raise self._nonfinite[index]
         return self._raw[index]
 
-    def floats(self, index: int, pointer: str) -> Array:
+    def floats(self, index: int, pointer: str, *, allow_nonfinite: bool = False) -> Array:
         """Values as float32: normalized integers by glTF's formulas, others as they are.  (count, n), read-only."""
+        raw = self.raw(index, pointer, allow_nonfinite=allow_nonfinite)
         if index not in self._floats:
-            raw = self.raw(index, pointer)
             if raw.dtype != np.float32 or not raw.flags.c_contiguous:
                 self._spend(raw.size * 4, pointer)
             self._floats[index] = self.to_float(self.get(index, pointer), raw)
@@ -172,13 +186,15 @@ class Accessors:
         target = self.document.item("buffer_views", view, pointer).target
         declared = {34962: "vertex attributes", 34963: "indices"}.get(target, usage)
         if self._usage.setdefault(view, declared) != usage:
-            raise self.document.error(f"bufferViews[{view}] contains {self._usage[view]} and {usage}", pointer)
+            what = f"bufferViews[{view}] contains {self._usage[view]} and {usage}"
+            self.document.repair("buffer-target", what, pointer)
 
     def no_stride(self, index: int, pointer: str) -> None:
-        """Refuse a bufferView with byteStride, which glTF allows for vertex attributes only."""
+        """Check for a bufferView with byteStride, which glTF allows for vertex attributes only."""
         view = self.get(index, pointer).buffer_view
         if view is not None and self.document.item("buffer_views", view, pointer).byte_stride is not None:
-            raise self.document.error("its bufferView has a byteStride, which only vertex attributes may have", pointer)
+            what = "its bufferView has a byteStride, which only vertex attributes may have"
+            self.document.repair("stride", what, pointer)
 
     def _spend(self, size: int, pointer: str) -> None:
         self._unpacked += size
@@ -199,6 +215,8 @@ class Accessors:
                 if buffer is None:
                     raise self.document.error("is in a buffer without data", where)
                 data = buffer[view.byte_offset : view.byte_offset + view.byte_length]
+                if len(data) < view.byte_length:  # only of a short buffer
+                    raise self.document.error(f"{len(data)} of {view.byte_length} bytes are there", where)
             self._views[index] = data
         return self._views[index]
 
@@ -211,8 +229,14 @@ class Accessors:
                 f"{buffer.byte_length} bytes of buffers[{view.buffer}]",
                 pointer,
             )
-        if view.byte_stride is not None and view.byte_stride > view.byte_length:
-            raise self.document.error(f"byteStride {view.byte_stride} exceeds byteLength {view.byte_length}", pointer)
+        stride = view.byte_stride
+        if stride is None:
+            return
+        if stride % 4 or not 4 <= stride <= 252:
+            what = f"byteStride {stride} is not a multiple of 4 from 4 to 252"
+            self.document.repair("stride", what, f"{pointer}/byteStride")
+        if stride > view.byte_length:
+            self.document.repair("stride", f"byteStride {stride} exceeds byteLength {view.byte_length}", pointer)
 
     def _meshopt(self, view: schema.BufferView, pointer: str) -> memoryview | None:
         for name in sorted(MESHOPT):
@@ -235,6 +259,8 @@ class Accessors:
 
     def _decode(self, accessor: schema.Accessor, pointer: str) -> Array:
         dtype, (count, components) = self.dtype(accessor), self.shape(accessor)
+        if count == 0:
+            return np.zeros((0, components), dtype)
         if accessor.buffer_view is not None:
             view = self.document.item("buffer_views", accessor.buffer_view, f"{pointer}/bufferView")
             data = self.view_bytes(accessor.buffer_view, f"{pointer}/bufferView")
@@ -246,6 +272,8 @@ class Accessors:
                     f"accessors without a bufferView request more than {MAX_FILLED_BYTES >> 20} MiB of zeros", pointer
                 )
             array = np.zeros((count, components), dtype)
+        if not array.flags.aligned:
+            array = array.copy()
         if accessor.sparse is not None:
             array = self._apply_sparse(accessor, array, pointer)
         if accessor.buffer_view is not None or accessor.sparse is not None:
@@ -285,7 +313,8 @@ class Accessors:
         """
         dtype = self.dtype(accessor)
         if accessor.normalized and accessor.component_type in (FLOAT, 5125):
-            raise self.document.error("only 8- and 16-bit integers can be normalized", f"{pointer}/normalized")
+            what = "only 8- and 16-bit integers can be normalized"
+            self.document.repair("normalized-number", what, f"{pointer}/normalized")
         rows, columns = ROWS_COLUMNS[accessor.type]
         # Columns of matrices are aligned to four bytes.
         column = rows * dtype.itemsize
@@ -297,11 +326,8 @@ class Accessors:
             raise self.document.error(f"byteStride {stride} is less than an element's {size} bytes", pointer)
         start = view.byte_offset
         if offset % dtype.itemsize or (start + offset) % dtype.itemsize or stride % dtype.itemsize:
-            raise self.document.error(
-                f"byte offset {offset} (total {start + offset}) is not a multiple of the component's "
-                f"{dtype.itemsize} bytes",
-                pointer,
-            )
+            what = f"byte offset {offset} (total {start + offset}) is not a multiple of the component's "
+            self.document.repair("alignment", f"{what}{dtype.itemsize} bytes", pointer)
         if offset + stride * (count - 1) + size > length:
             raise self.document.error(
                 f"{count} elements of {size} bytes with stride {stride}, from byte {offset}, do not fit {length} bytes",
@@ -326,8 +352,8 @@ class Accessors:
             at = f"{where}/{name}"
             view = self.document.item("buffer_views", part.buffer_view, f"{at}/bufferView")
             if view.byte_stride is not None:
-                raise self.document.error("its bufferView has a byteStride, which only vertex attributes may have",
-                                          f"{at}/bufferView")  # fmt: skip
+                what = "its bufferView has a byteStride, which only vertex attributes may have"
+                self.document.repair("stride", what, f"{at}/bufferView")
             self._layout(element, view.byte_length, part.byte_offset, sparse.count, view, at)
             parts.append((element, part, view, at))
         return parts
@@ -340,10 +366,10 @@ class Accessors:
         )
         indices = indices[:, 0].astype(np.int64)
         if np.any(np.diff(indices) <= 0):
-            raise self.document.error("sparse indices do not strictly increase", f"{where}/indices")
-        if indices[-1] >= accessor.count:
+            self.document.repair("sparse-order", "sparse indices do not strictly increase", f"{where}/indices")
+        if indices.max() >= accessor.count:
             raise self.document.error(
-                f"sparse index {indices[-1]} of an accessor with {accessor.count} elements", f"{where}/indices"
+                f"sparse index {indices.max()} of an accessor with {accessor.count} elements", f"{where}/indices"
             )
         self._spend(base.nbytes, where)
         out = base.copy()
@@ -354,20 +380,27 @@ class Accessors:
         low, high = array.min(axis=0), array.max(axis=0)
         if array.dtype == np.float32 and not (np.all(np.isfinite(low)) and np.all(np.isfinite(high))):
             bad = int(np.argmin(np.all(np.isfinite(array), axis=1)))
-            raise self.document.error(f"element {bad} is NaN or infinite", pointer, "repair the file")
+            fault = self.document.error(f"element {bad} is NaN or infinite", pointer, "repair the file")
+            if self.document.strict:
+                raise fault
+            self._nonfinite[int(pointer.rpartition("/")[2])] = fault  # an error only where it cannot be repaired
+            return
         for name, actual, declared in (("min", low, accessor.min), ("max", high, accessor.max)):
             if declared is None:
                 continue
+            where = f"{pointer}/{name}"
             if len(declared) != len(actual):
-                raise self.document.error(f"{name} has {len(declared)} numbers, expected {len(actual)}",
-                                          f"{pointer}/{name}")  # fmt: skip
+                what = f"{name} has {len(declared)} numbers, expected {len(actual)}"
+                self.document.repair("bounds", what, where)
+                continue
             with np.errstate(over="ignore"):
                 expected = np.array(declared).astype(array.dtype if array.dtype == np.float32 else np.float64)
             wrong = np.flatnonzero(expected != actual)
             if len(wrong):
                 at = int(wrong[0])
-                raise self.document.error(
+                self.document.repair(
+                    "bounds",
                     f"declared {name} {declared[at]:g} is not the data's {name} {actual[at]:g}",
-                    f"{pointer}/{name}/{at}",
+                    f"{where}/{at}",
                     "the data does not match the accessor: export the file again",
                 )

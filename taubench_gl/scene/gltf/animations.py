@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from taubench_gl.scene.files import shortened
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import FLOAT, Accessors
 from taubench_gl.scene.gltf.document import Document
-from taubench_gl.scene.gltf.nodes import LIGHTS, check_quaternions, pick
+from taubench_gl.scene.gltf.nodes import LIGHTS, check_quaternions, pick, punctual_lights
 from taubench_gl.scene.model import Animation, Channel, Mesh
 
 Array = np.ndarray
@@ -44,7 +45,7 @@ def resolve_pointer(document: Document, text: str, weight_count: Callable[[int],
     match = _POINTER.fullmatch(text)
     targets = _resolve(document, match[1], int(match[2]), match[3], weight_count, pointer) if match else []
     if not targets:
-        document.note(f"not animated: {text}")
+        document.remark("not-animated", pointer, detail=shortened(text))
     return targets
 
 
@@ -52,24 +53,32 @@ def _resolve(
     document: Document, owner: str, index: int, path: str, weight_count: Callable[[int], int], pointer: str
 ) -> list[Target]:
     if owner == "/nodes/":
-        node = document.item("nodes", index, pointer)
+        if index >= len(document.root.nodes or []):
+            what = f"refers to nodes[{index}]; the file has {len(document.root.nodes or [])}"
+            document.repair("channel-ignored", what, pointer)
+            return []
         if path == "weights" and weight_count(index):
             return [Target("node", index, "weights", weight_count(index))]
-        if path in ("translation", "rotation", "scale") and node.matrix is not None:
-            raise document.error(f"nodes[{index}] has a matrix and cannot be animated", pointer)
         return [Target("node", index, *_NODE[path])] if path in _NODE else []
     if owner == "/meshes/":
-        document.item("meshes", index, pointer)
+        if index >= len(document.root.meshes or []):
+            what = f"refers to meshes[{index}]; the file has {len(document.root.meshes or [])}"
+            document.repair("channel-ignored", what, pointer)
+            return []
         # A node with weights does not use those of its mesh.
         users = [i for i, n in enumerate(document.root.nodes or []) if n.mesh == index and n.weights is None]
         return [Target("node", i, "weights", weight_count(i)) for i in users if path == "weights" and weight_count(i)]
     if owner == "/cameras/":
-        camera = document.item("cameras", index, pointer)
-        known = path in _CAMERA and path.startswith(camera.type)
+        if index >= len(document.root.cameras or []):
+            what = f"refers to cameras[{index}]; the file has {len(document.root.cameras or [])}"
+            document.repair("channel-ignored", what, pointer)
+            return []
+        known = path in _CAMERA and path.startswith(document.root.cameras[index].type)
         return [Target("camera", index, _CAMERA[path], 1)] if known else []
-    lights = document.extension(document.root, LIGHTS, schema.PunctualLights, "")
+    lights = punctual_lights(document)
     if lights is None or index >= len(lights.lights):
-        raise document.error("refers to a light that does not exist", pointer)
+        document.repair("channel-ignored", "refers to a light that does not exist", pointer)
+        return []
     return [Target("light", index, *_LIGHT[path])] if path in _LIGHT else []
 
 
@@ -92,6 +101,11 @@ class AnimationReader:
         )
 
     def _animation(self, animation: schema.Animation, pointer: str) -> Animation:
+        for name in ("channels", "samplers"):
+            if not getattr(animation, name):
+                hint = "glTF forbids empty arrays: omit the property"
+                what = "Expected array of length >= 1"
+                self.document.repair("empty-array", what, f"{pointer}/{name}", hint, detail=name)
         for k, sampler in enumerate(animation.samplers):
             self._check_sampler(sampler, f"{pointer}/samplers/{k}")
         channels: list[Channel] = []
@@ -104,10 +118,15 @@ class AnimationReader:
                     f"{where}/sampler",
                 )
             sampler, at = animation.samplers[channel.sampler], f"{pointer}/samplers/{channel.sampler}"
+            if self.accessors.get(sampler.input, at).count == 0:
+                self.document.repair("channel-ignored", "has no keys", f"{at}/input")
+                continue
             for target in self._targets(channel, where):
                 key = (target.kind, target.index, target.path)
                 if key in taken:
-                    raise self.document.error(f"has the same target as channel {taken[key]}", f"{where}/target")
+                    what = f"has the same target as channel {taken[key]}"
+                    self.document.repair("channel-ignored", what, f"{where}/target")
+                    continue
                 taken[key] = k
                 channels.append(self._channel(sampler, target, at))
         return Animation(animation.name, tuple(channels))
@@ -119,22 +138,26 @@ class AnimationReader:
         if animated is not None:
             where = f"{pointer}/target/extensions/{POINTER}"
             if target.path != "pointer":
-                raise document.error(f"target path is {target.path!r}; the extension requires 'pointer'", where)
+                what = f"target path is {shortened(target.path)}; the extension requires 'pointer'"
+                document.repair("channel-path", what, where)
             return resolve_pointer(document, animated.pointer, self._weight_count, f"{where}/pointer")
         if target.node is None:
-            document.note("channel without a target node is ignored", pointer)
+            document.remark("channel-without-target", pointer)
             return []
-        node = document.item("nodes", target.node, f"{pointer}/target/node")
+        if target.node >= len(document.root.nodes or []):
+            what = f"refers to nodes[{target.node}]; the file has {len(document.root.nodes or [])}"
+            document.repair("channel-ignored", what, f"{pointer}/target/node")
+            return []
         if target.path == "weights":
             count = self._weight_count(target.node)
             if count == 0:
-                raise document.error(f"nodes[{target.node}] has no morph targets to animate", f"{pointer}/target")
+                what = f"nodes[{target.node}] has no morph targets to animate"
+                document.repair("channel-ignored", what, f"{pointer}/target")
+                return []
             return [Target("node", target.node, "weights", count)]
         if target.path not in PATHS:
-            document.note(f"channel of unknown path {target.path!r} is ignored", pointer)
+            document.remark("channel-unknown-path", pointer, detail=shortened(target.path))
             return []
-        if node.matrix is not None:
-            raise document.error(f"nodes[{target.node}] has a matrix and cannot be animated", f"{pointer}/target/node")
         return [Target("node", target.node, target.path, PATHS[target.path])]
 
     def _weight_count(self, node: int) -> int:
@@ -149,8 +172,8 @@ class AnimationReader:
             raise document.error(
                 f"times are {accessors.describe(sampler.input, where)}, must be SCALAR of FLOAT", where
             )
-        if accessor.min is None or accessor.max is None:
-            raise document.error("accessor of key times lacks min and max", where)
+        if accessor.count and (accessor.min is None or accessor.max is None):
+            document.repair("key-time-bounds", "accessor of key times lacks min and max", where)
         accessors.get(sampler.output, f"{pointer}/output")
         accessors.no_stride(sampler.input, where)
         accessors.no_stride(sampler.output, f"{pointer}/output")
@@ -160,17 +183,18 @@ class AnimationReader:
         if given in ("STEP", "LINEAR", "CUBICSPLINE"):
             return given
         if isinstance(given, int):
-            self.document.note(f"interpolation is the number {given} instead of a name: LINEAR is used", pointer)
+            self.document.remark("interpolation-number", pointer)
             return "LINEAR"
-        raise self.document.error(f"{given!r} is not an interpolation", f"{pointer}/interpolation",
-                                  "STEP, LINEAR or CUBICSPLINE")  # fmt: skip
+        what, hint = f"{shortened(given)} is not an interpolation", "STEP, LINEAR or CUBICSPLINE"
+        self.document.repair("interpolation", what, f"{pointer}/interpolation", hint)
+        return "LINEAR"
 
     def _channel(self, sampler: schema.AnimationSampler, target: Target, pointer: str) -> Channel:
         interpolation = self._interpolation(sampler, pointer)
         times, last = self._key_times(sampler.input, f"{pointer}/input")
         if last is not None:
             dropped = len(last) - len(times)
-            self.document.note(f"{dropped} keys have the same time as a later key, which is used", f"{pointer}/input")
+            self.document.remark("repeated-key", f"{pointer}/input", dropped)
         values = self._values(sampler, target, interpolation, f"{pointer}/output")
         return Channel(target.kind, target.index, target.path, interpolation, times, values)
 
@@ -181,9 +205,10 @@ class AnimationReader:
             steps = times[1:] - times[:-1]
             if times[0] < 0 or (steps < 0).any():
                 at = 0 if times[0] < 0 else int(np.argmax(steps < 0)) + 1
-                raise self.document.error(
-                    f"key time {at} is {times[at]:g}; times must be at least 0 and increasing", pointer
-                )
+                what = f"key time {at} is {times[at]:g}; times must be at least 0 and increasing"
+                if (steps < 0).any():
+                    raise self.document.error(what, pointer)
+                self.document.repair("negative-time", what, pointer, count=int((times < 0).sum()))
             if (steps == 0).any():
                 last = np.append(steps > 0, True)
                 times = times[last]
@@ -221,7 +246,7 @@ class AnimationReader:
         if key not in self._outputs:
             values = accessors.floats(sampler.output, pointer).astype(np.float64).reshape(keys, rows, target.size)
             if rotation:
-                check_quaternions(document, values[:, rows // 2], pointer)
+                values[:, rows // 2] = check_quaternions(document, values[:, rows // 2], pointer)
             values = values if rows == 3 else values[:, 0]
             values = values if last is None else values[last]
             values.flags.writeable = False

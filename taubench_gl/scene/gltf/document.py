@@ -6,18 +6,18 @@ import base64
 import binascii
 import re
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
-from urllib.parse import unquote
+from urllib.parse import unquote, unquote_to_bytes
 
 import msgspec
 
 from taubench_gl.errors import SceneError
 from taubench_gl.scene.files import Identity, find_referenced, read_file, shortened
 from taubench_gl.scene.gltf import schema
-from taubench_gl.scene.model import Note
+from taubench_gl.scene.gltf.lenient import Lenient
+from taubench_gl.scene.notes import Notes
 
 T = TypeVar("T")
 
@@ -35,16 +35,36 @@ class Document:
     chunk: memoryview | None = None  # its BIN chunk
     buffers: list[memoryview | None] = field(default_factory=list)
     external: dict[Path, bytes] = field(default_factory=dict)  # contents of buffer files, in order of first use
-    notes: dict[Note, None] = field(default_factory=dict)  # an ordered set
+    notes: Notes = field(default_factory=Notes)
+    repaired: bytes | None = None  # its JSON after repairs; None: as in the file
     identity: Identity = field(default_factory=Identity)
 
     def error(self, what: str, pointer: str = "", hint: str | None = None) -> SceneError:
         """A SceneError at a JSON pointer of this file, for the caller to raise."""
         return SceneError(what, where=f"{self.path.name}#{pointer}" if pointer else self.path.name, hint=hint)
 
+    @property
+    def strict(self) -> bool:
+        return self.notes.strict
+
     def note(self, message: str, pointer: str = "") -> None:
-        """Record a decision for the user; equal notes are recorded once."""
-        self.notes[Note(message, pointer)] = None
+        """Record a decision that concerns the whole file; equal notes are recorded once."""
+        self.notes.add(message, pointer)
+
+    def remark(self, kind: str, pointer: str = "", count: int = 1, detail: str = "") -> None:
+        """Count findings that are noted in every mode (``scene.notes.REMARKS``)."""
+        self.notes.remark(kind, pointer, count, detail)
+
+    def repair(
+        self, kind: str, what: str, pointer: str = "", hint: str | None = None, *, count: int = 1, detail: str = ""
+    ) -> None:
+        """Count departures from glTF that the caller repairs (``scene.notes.REPAIRS``).
+
+        Raises SceneError where the document is read strictly.
+        """
+        self.notes.repair(
+            kind, lambda: self.error(what, pointer, hint), count=count, detail=detail, where=pointer or self.path.name
+        )
 
     def item(self, collection: str, index: int, pointer: str) -> Any:
         """The object ``root.<collection>[index]``.  Raises SceneError at ``pointer``, where the reference is."""
@@ -63,7 +83,15 @@ class Document:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError as e:
             what, inner = explain(e)
-            raise self.error(what, f"{pointer}/extensions/{name}{inner}") from None
+            fault = self.error(what, where := f"{pointer}/extensions/{name}{inner}")
+        if self.strict or name in COMPRESSION:
+            raise fault
+        value = Lenient(self.notes, f"{pointer}/extensions/{name}").conform(value, kind)
+        try:
+            return msgspec.convert(value, kind)
+        except msgspec.ValidationError:
+            self.repair("extension-invalid", what, where, detail=name)
+            return None
 
 
 def explain(error: msgspec.ValidationError) -> tuple[str, str]:
@@ -97,6 +125,15 @@ def resolve_uri(document: Document, uri: str, pointer: str) -> Path:
     except UnicodeDecodeError:
         raise document.error(f"{shortened(uri)} is not percent-encoded UTF-8", pointer) from None
     found = find_referenced(document.path.parent, name, backslashes=False)
+    if isinstance(found, str) and not document.strict:
+        written = found  # as the file has it: a percent sign that encodes nothing, backslashes
+        for other in dict.fromkeys((uri, name, uri.replace("\\", "/"), name.replace("\\", "/"))):
+            found = find_referenced(document.path.parent, other, backslashes=False)
+            if not isinstance(found, str):
+                document.repair("uri-spelling", written, pointer)
+                break
+        else:
+            found = written
     if isinstance(found, str):
         raise document.error(found, pointer, f"put the file into the folder of {document.path.name}")
     return found
@@ -105,30 +142,48 @@ def resolve_uri(document: Document, uri: str, pointer: str) -> Path:
 def _data_uri(document: Document, uri: str, pointer: str, media_types: tuple[str, ...]) -> bytes:
     header, comma, payload = uri[5:].partition(",")
     media_type, *parameters = header.split(";")
-    if not comma or parameters[-1:] != ["base64"] or not all("=" in p for p in parameters[:-1]):
+    if not comma:
         raise document.error("is not a base64 data URI", pointer)
-    if media_type.lower() not in media_types:
-        raise document.error(f"data URI of type {shortened(media_type)}, expected {' or '.join(media_types)}", pointer)
+    if parameters[-1:] != ["base64"] or not all("=" in p for p in parameters[:-1]):
+        document.repair("data-uri", "is not a base64 data URI", pointer)
+    elif media_type.lower() not in media_types:
+        expected = " or ".join(media_types)
+        document.repair("data-uri", f"data URI of type {shortened(media_type)}, expected {expected}", pointer)
+    if "base64" not in parameters:
+        return unquote_to_bytes(payload)
+    payload = payload if "%" not in payload else unquote(payload)
     try:
-        return base64.b64decode(payload if "%" not in payload else unquote(payload), validate=True)
+        return base64.b64decode(payload, validate=True)
     except (binascii.Error, ValueError) as e:
-        raise document.error(f"data URI is not valid base64: {e}", pointer) from None
+        fault = f"data URI is not valid base64: {e}"
+    # Line breaks, the alphabet of URLs and missing padding.
+    plain = "".join(payload.split()).translate(str.maketrans("-_", "+/")).rstrip("=")
+    try:
+        data = base64.b64decode(plain + "=" * (-len(plain) % 4), validate=True)
+    except (binascii.Error, ValueError):
+        raise document.error(fault, pointer) from None
+    document.repair("data-uri", fault, pointer)
+    return data
 
 
 GLB_MAGIC = b"glTF"
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 BUFFER_MEDIA_TYPES = ("application/octet-stream", "application/gltf-buffer")
 MESHOPT = frozenset({"EXT_meshopt_compression", "KHR_meshopt_compression"})
+COMPRESSION = MESHOPT | {"KHR_draco_mesh_compression"}
+"""Extensions without which there is no geometry: an invalid one is an error in every mode."""
 
 _decoder = msgspec.json.Decoder(schema.Root)
 
 
-def open_document(path: Path) -> Document:
+def open_document(path: Path, strict: bool = False) -> Document:
     """Read a .gltf or .glb file and all its buffers.  Raises SceneError."""
     data = read_file(path)
+    notes = Notes(strict)
     binary = data[:4] == GLB_MAGIC or path.suffix.lower() == ".glb"
     json_bytes, chunk, extra = _split_glb(data, path) if binary else (data, None, 0)
-    document = Document(path, _decode(json_bytes, path), binary, chunk)
+    root, repaired = _decode(json_bytes, path, notes)
+    document = Document(path, root, binary, chunk, notes=notes, repaired=repaired)
     if extra:
         document.note(f"{extra} bytes after the end of the binary container are ignored")
     _check_version(document)
@@ -177,19 +232,24 @@ def _split_glb(data: bytes, path: Path) -> tuple[memoryview, memoryview | None, 
     return chunks[JSON_CHUNK], chunks.get(BIN_CHUNK), len(data) - length
 
 
-def _decode(data: bytes | memoryview, path: Path) -> schema.Root:
+def _decode(data: bytes | memoryview, path: Path, notes: Notes) -> tuple[schema.Root, bytes | None]:
+    """The document, and its JSON where that had to be repaired."""
+    written = data
     if bytes(data[:3]) == b"\xef\xbb\xbf":
-        raise SceneError(
+        fault = SceneError(
             "begins with a byte order mark, which glTF forbids", where=path.name, hint="save as UTF-8 without BOM"
         )
+        notes.repair("byte-order-mark", lambda: fault)
+        data = data[3:]
+    data = _utf8(data, path, notes)
     try:
         try:
-            return _decoder.decode(data)
-        except msgspec.ValidationError as e:
-            if "Expected `int`, got `float`" not in str(e):
+            return _decode_strictly(data), None if data is written else bytes(data)
+        except msgspec.ValidationError:
+            if notes.strict:
                 raise
-            # JSON does not distinguish 1 from 1.0, and glTF allows both for integers: convert integral floats to int.
-            return msgspec.convert(_integral(msgspec.json.decode(data)), schema.Root)
+            raw = Lenient(notes, "").conform(_integral(msgspec.json.decode(data)), schema.Root)
+            return msgspec.convert(raw, schema.Root), msgspec.json.encode(raw)
     except msgspec.ValidationError as e:
         what, pointer = explain(e)
         hint = "glTF forbids empty arrays: omit the property" if "length >= 1" in what else None
@@ -198,6 +258,30 @@ def _decode(data: bytes | memoryview, path: Path) -> schema.Root:
         raise SceneError("JSON is nested too deeply", where=path.name) from None
     except (ValueError, UnicodeError) as e:
         raise SceneError(f"is not valid JSON{_line_column(str(e), data)}: {e}", where=path.name) from None
+
+
+def _utf8(data: bytes | memoryview, path: Path, notes: Notes) -> bytes | memoryview:
+    """``data`` with bytes that are not UTF-8 replaced; strict: unchanged, the decoder refuses them."""
+    if notes.strict:
+        return data
+    try:
+        str(data, "utf-8")
+    except UnicodeDecodeError:
+        text = str(data, "utf-8", "replace")
+        notes.repair("text-encoding", lambda: SceneError("is not UTF-8", where=path.name))
+        return text.encode("utf-8")
+    return data
+
+
+def _decode_strictly(data: bytes | memoryview) -> schema.Root:
+    """Raises msgspec's errors."""
+    try:
+        return _decoder.decode(data)
+    except msgspec.ValidationError as e:
+        if "Expected `int`, got `float`" not in str(e):
+            raise
+        # JSON does not distinguish 1 from 1.0, and glTF allows both for integers: convert integral floats to int.
+        return msgspec.convert(_integral(msgspec.json.decode(data)), schema.Root)
 
 
 def _integral(value: Any) -> Any:
@@ -234,6 +318,9 @@ def _check_version(document: Document) -> None:
 
 def _buffer_bytes(document: Document, buffer: schema.Buffer, index: int) -> memoryview | None:
     pointer = f"/buffers/{index}"
+    if buffer.byte_length == 0:
+        document.repair("empty-object", "byteLength is 0", f"{pointer}/byteLength", detail="buffers")
+        return memoryview(b"")
     if buffer.uri is not None:
         data = read_uri(document, buffer.uri, f"{pointer}/uri", BUFFER_MEDIA_TYPES)
     elif index == 0 and document.chunk is not None:
@@ -243,85 +330,10 @@ def _buffer_bytes(document: Document, buffer: schema.Buffer, index: int) -> memo
     else:
         return None  # legal while nothing reads it: meshopt fallbacks, placeholders
     if len(data) < buffer.byte_length:
-        raise document.error(
+        document.repair(
+            "short-buffer",
             f"byteLength is {buffer.byte_length}; the data has {len(data)} bytes",
             f"{pointer}/byteLength",
             "the data is truncated: export or download the file again",
         )
     return memoryview(data)[: buffer.byte_length]
-
-
-SUPPORTED: dict[str, tuple[str, ...]] = {
-    "KHR_lights_punctual": ("", "nodes"),
-    "KHR_texture_transform": ("textureInfo",),
-    "KHR_mesh_quantization": (),
-    "KHR_materials_unlit": ("materials",),
-    "KHR_materials_emissive_strength": ("materials",),
-    "KHR_materials_specular": ("materials",),
-    "KHR_node_visibility": ("nodes",),
-    "KHR_animation_pointer": ("target",),
-    "EXT_mesh_gpu_instancing": ("nodes",),
-    "KHR_draco_mesh_compression": ("primitives",),
-    "EXT_meshopt_compression": ("bufferViews", "buffers"),
-    "KHR_meshopt_compression": ("bufferViews", "buffers"),
-    "EXT_texture_webp": ("textures",),
-}
-"""Extension -> kinds of object that may carry it ('' is the document itself)."""
-
-METADATA_ONLY = frozenset({"KHR_xmp", "KHR_xmp_json_ld"})
-"""Extensions that do not change the image: no note is recorded for them."""
-
-
-def check_extensions(document: Document) -> None:
-    """Check the extensions of a file.
-
-    Raises SceneError for a required extension that is not supported, and for a supported one on the wrong kind of
-    object.  Records a note for a used extension that is not supported.
-    """
-    root = document.root
-    for i, name in enumerate(root.extensions_required or []):
-        if name not in SUPPORTED and name not in METADATA_ONLY:
-            raise document.error(
-                f"requires the extension {name}, which is not supported",
-                f"/extensionsRequired/{i}",
-                "export without it",
-            )
-    for name in dict.fromkeys(root.extensions_used or []):
-        if name not in SUPPORTED and name not in METADATA_ONLY:
-            document.note(f"extension {name} is used but not simulated")
-    for owner, kind, pointer in _owners(root):
-        for name in owner.extensions:
-            places = SUPPORTED.get(name)
-            if places is not None and kind not in places:
-                raise document.error(f"extension {name} is not allowed on this object", f"{pointer}/extensions/{name}")
-
-
-def _owners(root: schema.Root) -> Iterator[tuple[schema.Property, str, str]]:
-    """Objects that may carry extensions: (object, kind, JSON pointer)."""
-    yield root, "", ""
-    for kind, items in (
-        ("nodes", root.nodes),
-        ("scenes", root.scenes),
-        ("materials", root.materials),
-        ("textures", root.textures),
-        ("images", root.images),
-        ("samplers", root.samplers),
-        ("meshes", root.meshes),
-        ("skins", root.skins),
-        ("cameras", root.cameras),
-        ("accessors", root.accessors),
-        ("bufferViews", root.buffer_views),
-        ("buffers", root.buffers),
-        ("animations", root.animations),
-    ):
-        for i, item in enumerate(items or []):
-            pointer = f"/{kind}/{i}"
-            if item.extensions:
-                yield item, kind, pointer
-            if kind == "meshes":
-                yield from ((p, "primitives", f"{pointer}/primitives/{k}") for k, p in enumerate(item.primitives))
-            elif kind == "animations":
-                for k, channel in enumerate(item.channels):
-                    yield channel, "channels", f"{pointer}/channels/{k}"
-                    yield channel.target, "target", f"{pointer}/channels/{k}/target"
-                yield from ((s, "animationSamplers", f"{pointer}/samplers/{k}") for k, s in enumerate(item.samplers))

@@ -2,31 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.files import ImageSource, decode_image, open_image
+from taubench_gl.scene.files import ImageSource, check_image, decode_image, open_image, shortened
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import Accessors
 from taubench_gl.scene.gltf.document import Document, is_data_uri, read_uri, resolve_uri
+from taubench_gl.scene.gltf.ktx2 import decode_ktx2, is_ktx2, ktx2_size
+from taubench_gl.scene.gltf.specular_glossiness import NAME as GLOSSINESS
+from taubench_gl.scene.gltf.specular_glossiness import SpecularGlossiness
 from taubench_gl.scene.model import Image, Material, Sampler, Texture
 
 Array = np.ndarray
+T = TypeVar("T", Material, SpecularGlossiness)
 
-IMAGE_MEDIA_TYPES = ("image/png", "image/jpeg", "image/webp")
+IMAGE_MEDIA_TYPES = ("image/png", "image/jpeg", "image/webp", "image/ktx2")
 IMAGE_FORMATS = ("PNG", "JPEG", "WEBP")
 
 
 def read_image(document: Document, accessors: Accessors, index: int) -> Image:
     """One image of the file, its size from the header.  Raises SceneError."""
     image, pointer = document.root.images[index], f"/images/{index}"
-    if (image.uri is None) == (image.buffer_view is None):
+    if image.uri is None and image.buffer_view is None:
         raise document.error("must have either a uri or a bufferView", pointer)
+    if image.uri is not None and image.buffer_view is not None:
+        document.repair("image-source", "must have either a uri or a bufferView", pointer)
     if image.mime_type is not None and image.mime_type not in IMAGE_MEDIA_TYPES:
-        raise document.error(f"image of type {image.mime_type} is not supported", pointer, "use PNG, JPEG or WebP")
+        what = f"image of type {image.mime_type} is not supported"
+        document.repair("image-source", what, pointer, "use PNG, JPEG, WebP or KTX 2")
     if image.buffer_view is not None:
         source: ImageSource = accessors.view_bytes(image.buffer_view, f"{pointer}/bufferView")
     elif is_data_uri(image.uri):
@@ -39,9 +48,16 @@ def read_image(document: Document, accessors: Accessors, index: int) -> Image:
     def error(what: str, hint: str | None) -> SceneError:
         return SceneError(what, where=where, hint=hint)
 
+    name = image.name or (source.stem if isinstance(source, Path) else "")
+    if is_ktx2(source, error):
+        size = ktx2_size(source, error)
+        if not document.strict:  # as below; transcoding is fast
+            decode_ktx2(source, error)
+        return Image(name, size, partial(decode_ktx2, source, error))
     with open_image(source, IMAGE_FORMATS, error) as opened:
         size = opened.size
-    name = image.name or (source.stem if isinstance(source, Path) else "")
+    if not document.strict:  # a truncated image becomes a flat color, instead of an error when it is decoded
+        check_image(source, IMAGE_FORMATS, error)
     return Image(name, size, partial(decode_image, source, IMAGE_FORMATS, error))
 
 
@@ -55,39 +71,82 @@ def unused_image(document: Document, index: int) -> Image:
     return Image(document.root.images[index].name, (0, 0), decode)
 
 
+MAX_MATERIALS = 1 << 16
+"""Most materials of a file: each takes a tenth of a millisecond and a record on the GPU."""
+
+
 class MaterialReader:
     """Reads the materials of one document, then the images that they sample."""
 
     def __init__(self, document: Document, accessors: Accessors):
         self.document, self.accessors = document, accessors
         self._needed: set[int] = set()
+        self._unreadable: set[int] = set()  # images
+        self._glossy: dict[int, SpecularGlossiness] = {}  # by material
 
     def materials(self) -> tuple[Material, ...]:
         """All materials.  Also checks the textures and samplers that no material uses."""
         root = self.document.root
+        if len(root.materials or ()) > MAX_MATERIALS:
+            what, hint = f"{len(root.materials)} materials, the limit is {MAX_MATERIALS}", "merge equal materials"
+            raise self.document.error(what, f"/materials/{MAX_MATERIALS}", hint)
         for i, texture in enumerate(root.textures or []):
-            if texture.sampler is not None:
-                self.document.item("samplers", texture.sampler, f"/textures/{i}/sampler")
-            if texture.source is not None:
-                self.document.item("images", texture.source, f"/textures/{i}/source")
-        return tuple(self._material(m, f"/materials/{i}") for i, m in enumerate(root.materials or []))
+            self._resolved("samplers", texture.sampler, f"/textures/{i}/sampler")
+            self._resolved("images", texture.source, f"/textures/{i}/source")
+        return tuple(self._material(m, i) for i, m in enumerate(root.materials or []))
 
     def images(self) -> tuple[Image, ...]:
         """All images of the file; images that no material samples are not opened.  Call after ``materials``."""
-        document = self.document
         return tuple(
-            read_image(document, self.accessors, i) if i in self._needed else unused_image(document, i)
-            for i in range(len(document.root.images or []))
+            self._image(i) if i in self._needed else unused_image(self.document, i)
+            for i in range(len(self.document.root.images or []))
         )
 
-    def _material(self, material: schema.Material, pointer: str) -> Material:
+    def _image(self, index: int) -> Image:
         document = self.document
+        try:
+            return read_image(document, self.accessors, index)
+        except SceneError as error:
+            pointer, fault = f"/images/{index}", error
+            document.notes.repair("texture-unreadable", lambda: fault, detail=self._label(index), where=pointer)
+            self._unreadable.add(index)
+            return unused_image(document, index)
+
+    def _label(self, index: int) -> str:
+        image = self.document.root.images[index]
+        uri = "" if image.uri is None or is_data_uri(image.uri) else image.uri
+        return shortened(image.name or uri or f"image {index}", 40)
+
+    def finished(
+        self, materials: tuple[Material, ...], images: tuple[Image, ...]
+    ) -> tuple[tuple[Material, ...], tuple[Image, ...]]:
+        """``materials`` without textures whose image cannot be read, and with specular-glossiness converted.
+
+        The images of the conversion follow those of the file.
+        """
+        extended = list(images)
+        out = []
+        for i, material in enumerate(materials):
+            material = self._readable(material)
+            if i in self._glossy:
+                material = self._readable(self._glossy[i]).textured(material, extended)
+            out.append(material)
+        return tuple(out), tuple(extended)
+
+    def _readable(self, owner: T) -> T:
+        """``owner``, which has fields named ``..._texture``, without textures whose image cannot be read."""
+        slots = [field.name for field in fields(owner) if field.name.endswith("_texture")]
+        lost = [s for s in slots if (t := getattr(owner, s)) is not None and t.image in self._unreadable]
+        return replace(owner, **dict.fromkeys(lost)) if lost else owner
+
+    def _material(self, material: schema.Material, index: int) -> Material:
+        document, pointer = self.document, f"/materials/{index}"
         pbr = material.pbr_metallic_roughness or schema.MetallicRoughness()
         strength = document.extension(material, "KHR_materials_emissive_strength", schema.EmissiveStrength, pointer)
         scale = 1.0 if strength is None else strength.emissive_strength
         specular = self._specular(material, pointer)
         normal, occlusion = material.normal_texture, material.occlusion_texture
-        return Material(
+        read = Material(
             name=material.name,
             base_color=pbr.base_color_factor,
             base_color_texture=self._texture(
@@ -111,6 +170,29 @@ class MaterialReader:
             specular=specular,
             unlit="KHR_materials_unlit" in material.extensions,
         )
+        glossy = self._specular_glossiness(material, pointer)
+        if glossy is None:
+            return read
+        self._glossy[index] = glossy
+        document.remark("specular-glossiness", pointer, detail=material.name)
+        return replace(read, base_color_texture=None, metallic_roughness_texture=None, **glossy.factors())
+
+    def _specular_glossiness(self, material: schema.Material, pointer: str) -> SpecularGlossiness | None:
+        given = self.document.extension(material, GLOSSINESS, schema.PbrSpecularGlossiness, pointer)
+        if given is None:
+            return None
+        where = f"{pointer}/extensions/{GLOSSINESS}"
+        out = SpecularGlossiness(
+            given.diffuse_factor,
+            given.specular_factor,
+            given.glossiness_factor,
+            self._texture(given.diffuse_texture, f"{where}/diffuseTexture"),
+            self._texture(given.specular_glossiness_texture, f"{where}/specularGlossinessTexture"),
+        )
+        if not out.aligned:
+            self.document.remark("specular-texture", where, detail=material.name)
+            out = replace(out, specular_texture=None)
+        return out
 
     def _specular(self, material: schema.Material, pointer: str) -> float:
         """The factor of KHR_materials_specular; its color and textures are not simulated, with a note."""
@@ -118,34 +200,46 @@ class MaterialReader:
         if extension is None:
             return 1.0
         if extension.specular_texture or extension.specular_color_factor or extension.specular_color_texture:
-            self.document.note("KHR_materials_specular: only specularFactor is simulated", pointer)
+            self.document.remark("specular-color", pointer)
         return extension.specular_factor
 
     def _texture(self, info: schema.TextureInfo | None, pointer: str) -> Texture | None:
         if info is None:
             return None
         document = self.document
-        texture = document.item("textures", info.index, f"{pointer}/index")
-        source, where = texture.source, f"/textures/{info.index}"
-        webp = document.extension(texture, "EXT_texture_webp", schema.TextureSource, where)
-        if webp is not None:
-            source = webp.source
-            document.item("images", source, f"{where}/extensions/EXT_texture_webp/source")
+        if self._resolved("textures", info.index, f"{pointer}/index") is None:
+            return None
+        texture, where = document.root.textures[info.index], f"/textures/{info.index}"
+        source = self._resolved("images", texture.source, f"{where}/source")
+        for name in ("EXT_texture_webp", "KHR_texture_basisu"):
+            other = document.extension(texture, name, schema.TextureSource, where)
+            if other is not None:
+                other_source = self._resolved("images", other.source, f"{where}/extensions/{name}/source")
+                source = source if other_source is None else other_source
         if source is None:
-            document.note("texture has no readable image; drawn without it", where)
+            document.remark("texture-without-image", where)
             return None
         transform = document.extension(info, "KHR_texture_transform", schema.TextureTransform, pointer)
         texcoord = info.tex_coord
         if transform is not None and transform.tex_coord is not None:
             texcoord = transform.tex_coord
         if texcoord > 1:
-            document.note(f"texture uses TEXCOORD_{texcoord}; only 0 and 1 are supported; drawn without it", pointer)
+            document.remark("texcoord-number", pointer, detail=f"TEXCOORD_{texcoord}")
             return None
         self._needed.add(source)
         return Texture(source, self._sampler(texture), texcoord, uv_transform(transform))
 
+    def _resolved(self, collection: str, index: int | None, pointer: str) -> int | None:
+        """``index`` if there is such an object, else None."""
+        items = getattr(self.document.root, collection) or []
+        if index is None or index < len(items):
+            return index
+        what = f"refers to {collection}[{index}]; the file has {len(items)}"
+        self.document.repair("texture-reference", what, pointer)
+        return None
+
     def _sampler(self, texture: schema.Texture) -> Sampler:
-        if texture.sampler is None:
+        if texture.sampler is None or texture.sampler >= len(self.document.root.samplers or []):
             return Sampler()
         s = self.document.root.samplers[texture.sampler]
         default = Sampler()

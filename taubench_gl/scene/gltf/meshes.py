@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from taubench_gl.math3d import normalize
 from taubench_gl.scene.gltf import schema
 from taubench_gl.scene.gltf.accessors import COMPONENT_NAMES, Accessors, decode_draco
 from taubench_gl.scene.gltf.document import Document
@@ -44,46 +46,82 @@ TARGET_FORMATS: Formats = {
     "COLOR": (("VEC3", "VEC4"), _FLOAT | _UNSIGNED | _SIGNED, set()),
 }
 
+APPEARANCE = ("NORMAL", "TANGENT", "TEXCOORD", "COLOR")
+"""Attributes without which a primitive can be drawn."""
+
 _SEMANTIC = re.compile(r"POSITION|NORMAL|TANGENT|(?:TEXCOORD|COLOR|JOINTS|WEIGHTS)_(?:0|[1-9]\d{0,3})")
 
 
-def check_semantics(document: Document, primitive: schema.Primitive, pointer: str) -> None:
-    """Check attribute names: glTF's, or with a leading underscore; numbers consecutive from 0."""
+def known_attributes(document: Document, primitive: schema.Primitive, pointer: str) -> dict[str, int]:
+    """The attributes that glTF defines: name -> accessor.
+
+    Checks names, which are glTF's or begin with an underscore, and numbers, which are consecutive from 0.
+    """
     sets: dict[str, set[int]] = {}
-    for name in primitive.attributes:
+    known: dict[str, int] = {}
+    for name, index in primitive.attributes.items():
         if name.startswith("_"):
+            known[name] = index
             continue
         where = f"{pointer}/attributes/{name}"
         if _SEMANTIC.fullmatch(name) is None:
-            raise document.error("is not an attribute of glTF 2.0", where, "custom names begin with an underscore")
+            what, hint = "is not an attribute of glTF 2.0", "custom names begin with an underscore"
+            document.repair("unknown-attribute", what, where, hint, detail=name[:40])
+            continue
+        known[name] = index
         base, _, number = name.partition("_")
         if number:
             sets.setdefault(base, set()).add(int(number))
+    where = f"{pointer}/attributes"
     for base, numbers in sets.items():
         if max(numbers) != len(numbers) - 1:
-            raise document.error(f"numbers of {base}_n are not consecutive from 0", f"{pointer}/attributes")
+            document.repair("attribute-numbers", f"numbers of {base}_n are not consecutive from 0", where)
     if sets.get("JOINTS", set()) != sets.get("WEIGHTS", set()):
-        raise document.error("JOINTS_n and WEIGHTS_n do not come in pairs", f"{pointer}/attributes")
+        document.repair("joints-without-weights", "JOINTS_n and WEIGHTS_n do not come in pairs", where)
+        paired = sets.get("JOINTS", set()) & sets.get("WEIGHTS", set())
+        known = {
+            name: index
+            for name, index in known.items()
+            if not name.startswith(("JOINTS_", "WEIGHTS_")) or int(name.partition("_")[2]) in paired
+        }
+    return known
 
 
 def check_format(
     document: Document, accessors: Accessors, name: str, index: int, formats: Formats, pointer: str
-) -> None:
-    """Check that the accessor's type, component type and normalization are allowed for its semantic."""
+) -> bool:
+    """Whether the accessor's type, component type and normalization are those of its semantic.
+
+    Raises SceneError for positions, joints and weights that cannot be read.
+    """
     accessor = accessors.get(index, pointer)
-    if accessor.component_type == 5125:
-        raise document.error("vertex attributes cannot be UNSIGNED_INT", pointer)
     if name.startswith("_"):
-        return
+        if accessor.component_type == 5125:
+            document.repair("attribute-format", "vertex attributes cannot be UNSIGNED_INT", pointer, detail=name[:40])
+        return True
     semantic = name.partition("_")[0]
     if semantic not in formats:
-        raise document.error("is not an attribute of a morph target", pointer)
+        document.repair("morph-attribute", "is not an attribute of a morph target", pointer)
+        return False
     types, core, quantized = formats[semantic]
-    allowed = core | quantized if "KHR_mesh_quantization" in (document.root.extensions_used or []) else core
-    if accessor.type not in types or (accessor.component_type, accessor.normalized) not in allowed:
-        hint = "KHR_mesh_quantization is not declared" if quantized and allowed is core else None
-        raise document.error(f"{semantic} is {accessors.describe(index, pointer)}, which glTF does not allow", pointer,
-                             hint)  # fmt: skip
+    declared = "KHR_mesh_quantization" in (document.root.extensions_used or [])
+    allowed = core | quantized if declared else core
+    if accessor.type in types and (accessor.component_type, accessor.normalized) in allowed:
+        return True
+    hint = "KHR_mesh_quantization is not declared" if quantized and not declared else None
+    what = f"{semantic} is {accessors.describe(index, pointer)}, which glTF does not allow"
+    if accessor.component_type == 5125:
+        what = "vertex attributes cannot be UNSIGNED_INT"
+    if accessor.type in types and (accessor.component_type, accessor.normalized) in quantized:
+        document.repair("quantization", what, pointer, hint)
+        return True
+    if semantic == "JOINTS" and accessor.type in types and accessor.component_type == 5125:
+        document.repair("attribute-format", what, pointer, detail=name)
+        return True
+    if semantic in APPEARANCE:
+        document.repair("attribute-ignored", what, pointer, hint, detail=name)
+        return False
+    raise document.error(what, pointer, hint)
 
 
 POINTS, LINES, LINE_LOOP, LINE_STRIP, TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = range(7)
@@ -130,9 +168,9 @@ def skin_weights(
     weights = np.concatenate([arrays[f"WEIGHTS_{i}"] for i in sets], axis=1).astype(np.float64)
     negative = np.any(weights < 0, axis=1)
     if np.any(negative):
-        raise document.error(
-            f"vertex {int(np.argmax(negative))} has a negative weight", f"{pointer}/attributes/WEIGHTS_0"
-        )
+        what, where = f"vertex {int(np.argmax(negative))} has a negative weight", f"{pointer}/attributes/WEIGHTS_0"
+        document.repair("negative-weight", what, where, count=int(negative.sum()))
+        weights = np.maximum(weights, 0.0)
     total = weights.sum(axis=1)
     empty = total == 0
     if np.any(empty):
@@ -146,6 +184,53 @@ def skin_weights(
     joints.flags.writeable = weights.flags.writeable = False
     return joints, weights
 
+
+def _lengths(vectors: Array) -> Array:
+    return np.sqrt(np.einsum("ij,ij->i", vectors[:, :3], vectors[:, :3], dtype=np.float64))
+
+
+def _not_unit(vectors: Array) -> Array:
+    """Which vectors have another length than 1.  (V, 3 or more) -> (V,) bool."""
+    return ~(np.abs(_lengths(vectors) - 1.0) <= UNIT_TOLERANCE)
+
+
+def _length(vectors: Array, bad: Array) -> float:
+    return float(_lengths(vectors)[np.argmax(bad)])
+
+
+def repaired_normals(normals: Array, bad: Array, positions: Array, triangles: Array) -> Array:
+    """``normals`` with the ``bad`` ones normalized; zero and non-finite ones become the mean face normal.
+
+    The mean is weighted by area; (0, 0, 1) where all faces of a vertex are degenerate.  (V, 3) float32.
+    """
+    out = normals.astype(np.float64)
+    lost = bad & ~((_lengths(normals) > 1e-12) & np.all(np.isfinite(normals), axis=1))
+    out[bad & ~lost] = normalize(out[bad & ~lost])
+    if np.any(lost):
+        corners = positions.astype(np.float64)[triangles]
+        face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        total = np.zeros(positions.shape)
+        for corner in range(3):
+            np.add.at(total, triangles[:, corner], face)
+        found = normalize(total[lost])
+        usable = np.any(total[lost] != 0.0, axis=1) & np.all(np.isfinite(found), axis=1)
+        out[lost] = np.where(usable[:, None], found, [0.0, 0.0, 1.0])
+    result = np.where(bad[:, None], out, normals).astype(np.float32)
+    result.flags.writeable = False
+    return result
+
+
+def repaired_tangents(tangents: Array) -> Array | None:
+    """``tangents`` with unit length and w of 1 or -1; None, to be rebuilt, where some have no direction or sign."""
+    sign = np.sign(tangents[:, 3])
+    if not (np.all(np.isfinite(tangents)) and np.all(_lengths(tangents) > 1e-12) and np.all(sign != 0)):
+        return None
+    out = np.concatenate([normalize(tangents[:, :3]), sign[:, None]], axis=1).astype(np.float32)
+    out.flags.writeable = False
+    return out
+
+
+EMPTY = "glTF forbids empty arrays: omit the property"
 
 UNIT_TOLERANCE = 0.00674  # on a vector's length; half a step of a normalized byte, as in the Khronos validator
 
@@ -182,57 +267,130 @@ class MeshReader:
         return meshes
 
     def _mesh(self, mesh: schema.Mesh, pointer: str) -> Mesh:
+        document = self.document
+        if not mesh.primitives:
+            what = "Expected array of length >= 1"
+            document.repair("empty-array", what, f"{pointer}/primitives", EMPTY, detail="primitives")
         targets = {len(p.targets or []) for p in mesh.primitives}
+        count = max(targets, default=0)
         if len(targets) > 1:
-            raise self.document.error(f"primitives have different numbers of morph targets {sorted(targets)}", pointer)
-        (count,) = targets
-        if mesh.weights is not None and len(mesh.weights) != count:
-            raise self.document.error(f"{len(mesh.weights)} weights for {count} morph targets", f"{pointer}/weights")
-        weights = np.array(mesh.weights, dtype=np.float64) if mesh.weights is not None else np.zeros(count)
-        primitives = (self._primitive(p, f"{pointer}/primitives/{i}") for i, p in enumerate(mesh.primitives))
-        return Mesh(mesh.name, tuple(p for p in primitives if p is not None), weights)
+            what = f"primitives have different numbers of morph targets {sorted(targets)}"
+            document.repair("morph-count", what, pointer)
+        weights = np.zeros(count)
+        if mesh.weights is not None:
+            if len(mesh.weights) != count:
+                what = f"{len(mesh.weights)} weights for {count} morph targets"
+                document.repair("morph-weights", what, f"{pointer}/weights")
+            weights[: len(mesh.weights)] = mesh.weights[:count]
+        read = (self._primitive(p, f"{pointer}/primitives/{i}") for i, p in enumerate(mesh.primitives))
+        return Mesh(mesh.name, tuple(_padded(p, count) for p in read if p is not None), weights)
 
     def _primitive(self, primitive: schema.Primitive, pointer: str) -> Primitive | None:
-        document, names = self.document, primitive.attributes
-        check_semantics(document, primitive, pointer)
+        document = self.document
+        if not primitive.attributes:
+            what = "Expected object of length >= 1"
+            document.repair("empty-array", what, f"{pointer}/attributes", EMPTY, detail="attributes")
+        names = self._readable(known_attributes(document, primitive, pointer), pointer)
         for name, index in names.items():
-            check_format(document, self.accessors, name, index, FORMATS, f"{pointer}/attributes/{name}")
             self.accessors.use(index, "vertex attributes", f"{pointer}/attributes/{name}")
         if primitive.indices is not None:
             self._check_indices(primitive.indices, f"{pointer}/indices")
-        for i, target in enumerate(primitive.targets or []):
-            self._check_target(target, names, f"{pointer}/targets/{i}")
+        morphs = [
+            self._readable_target(target, names, f"{pointer}/targets/{i}")
+            for i, target in enumerate(primitive.targets or [])
+        ]
         if "POSITION" not in names:
-            document.note("primitive without POSITION is not drawn", pointer)
+            document.remark("primitive-without-positions", pointer)
             return None
         count = self.accessors.get(names["POSITION"], pointer).count
         draco = self._draco(primitive, pointer)
         arrays = {name: self._attribute(name, index, count, draco, f"{pointer}/attributes/{name}")
                   for name, index in names.items() if not name.startswith("_")}  # fmt: skip
         triangles = self._triangles(primitive, count, draco, pointer)
-        targets = tuple(
-            self._target(target, count, f"{pointer}/targets/{i}") for i, target in enumerate(primitive.targets or [])
-        )
+        targets = tuple(self._target(target, count, f"{pointer}/targets/{i}") for i, target in enumerate(morphs))
         texcoords = self._texcoords(primitive, arrays, count, pointer)
         skinning = tuple((n, names[n]) for n in sorted(names) if n.startswith(("JOINTS", "WEIGHTS")))
         joints, weights = self._share(
             ("skin", skinning, draco.key), lambda: skin_weights(document, self.fixes, arrays, pointer)
         )
         colors = self._share(("rgba", names.get("COLOR_0"), draco.key), lambda: _rgba(arrays.get("COLOR_0")))
+        bad_normals = self._share(
+            ("normal-length", names.get("NORMAL"), draco.key), lambda: self._bad_normals(arrays, pointer)
+        )
+        tangents = self._share(("tangents", names.get("TANGENT"), draco.key), lambda: self._tangents(arrays, pointer))
         if triangles is None:
             return None
+        frame = (names["POSITION"], names.get("NORMAL"), primitive.indices, primitive.mode)
+        normals = self._share(("normals", *frame, draco.key), lambda: self._normals(arrays, bad_normals, triangles))
         return Primitive(
             positions=arrays["POSITION"],
             triangles=triangles,
-            material=-1 if primitive.material is None else primitive.material,
-            normals=arrays.get("NORMAL"),
-            tangents=arrays.get("TANGENT") if "NORMAL" in arrays else None,
+            material=self._material(primitive, pointer),
+            normals=normals,
+            tangents=None if normals is None else tangents,
             texcoords=texcoords,
             colors=colors,
             joints=joints,
             weights=weights,
             targets=targets,
         )
+
+    def _readable(self, names: dict[str, int], pointer: str) -> dict[str, int]:
+        """``names`` without attributes that cannot be used and need not be."""
+        out = {}
+        count = None
+        if "POSITION" in names:
+            count = self.accessors.get(names["POSITION"], f"{pointer}/attributes/POSITION").count
+        for name, index in names.items():
+            where = f"{pointer}/attributes/{name}"
+            if not check_format(self.document, self.accessors, name, index, FORMATS, where):
+                continue
+            found = self.accessors.get(index, where).count
+            if name.startswith(APPEARANCE) and count is not None and found != count:
+                what = f"has {found} elements; POSITION has {count}"
+                self.document.repair("attribute-ignored", what, where, detail=name)
+                continue
+            out[name] = index
+        return out
+
+    def _material(self, primitive: schema.Primitive, pointer: str) -> int:
+        """Index of the primitive's material; -1 for glTF's default one."""
+        index = primitive.material
+        if index is None:
+            return -1
+        if index >= len(self.materials):
+            what = f"refers to materials[{index}]; the file has {len(self.materials)}"
+            self.document.repair("material-reference", what, f"{pointer}/material")
+            return -1
+        return index
+
+    def _bad_normals(self, arrays: dict[str, Array], pointer: str) -> Array | None:
+        """Which normals have another length than 1, (V,) bool; None: none."""
+        normals = arrays.get("NORMAL")
+        if normals is None or not np.any(bad := _not_unit(normals)):
+            return None
+        what = f"element {int(np.argmax(bad))} has length {_length(normals, bad):.6g}, must be 1"
+        self.document.repair("normal-length", what, f"{pointer}/attributes/NORMAL", count=int(bad.sum()))
+        return bad
+
+    @staticmethod
+    def _normals(arrays: dict[str, Array], bad: Array | None, triangles: Array) -> Array | None:
+        normals = arrays.get("NORMAL")
+        return normals if bad is None else repaired_normals(normals, bad, arrays["POSITION"], triangles)
+
+    def _tangents(self, arrays: dict[str, Array], pointer: str) -> Array | None:
+        """Tangents with unit length and a sign of 1 or -1; None: the file has none, or they must be rebuilt."""
+        tangents = arrays.get("TANGENT")
+        if tangents is None:
+            return None
+        off, sign = _not_unit(tangents), np.abs(tangents[:, 3]) != 1.0
+        if not (np.any(off) or np.any(sign)):
+            return tangents
+        what = f"element {int(np.argmax(sign))} has w = {tangents[np.argmax(sign), 3]:g}, must be 1 or -1"
+        if np.any(off):
+            what = f"element {int(np.argmax(off))} has length {_length(tangents, off):.6g}, must be 1"
+        self.document.repair("tangent", what, f"{pointer}/attributes/TANGENT", count=int((off | sign).sum()))
+        return repaired_tangents(tangents)
 
     def _share(self, key: Hashable, make: Callable[[], T]) -> T:
         if key not in self._shared:
@@ -253,27 +411,28 @@ class MeshReader:
             elif unpacked is not None:
                 array = self.accessors.to_float(accessor, unpacked)
             else:
-                array = self.accessors.floats(index, pointer)
-            self._check_values(name, array, pointer, accessor.component_type)
-            return array
+                array = self.accessors.floats(index, pointer, allow_nonfinite=name.startswith(APPEARANCE))
+            return self._valid_values(name, array, pointer, accessor.component_type)
 
         return self._share(("attribute", name, index, draco.key if unpacked is not None else None), make)
 
-    def _check_values(self, name: str, array: Array, pointer: str, component_type: int) -> None:
-        if name in ("NORMAL", "TANGENT"):
-            length = np.sqrt(np.einsum("ij,ij->i", array[:, :3], array[:, :3], dtype=np.float64))
-            bad = np.abs(length - 1.0) > UNIT_TOLERANCE
-            if np.any(bad):
-                at = int(np.argmax(bad))
-                raise self.document.error(f"element {at} has length {length[at]:.6g}, must be 1", pointer)
-        if name == "TANGENT" and np.any(np.abs(array[:, 3]) != 1.0):
-            at = int(np.argmax(np.abs(array[:, 3]) != 1.0))
-            raise self.document.error(f"element {at} has w = {array[at, 3]:g}, must be 1 or -1", pointer)
-        if name.startswith("COLOR") and COMPONENT_NAMES[component_type] == "FLOAT":
-            bad = np.any((array < 0.0) | (array > 1.0), axis=1)
-            if np.any(bad):
-                at = int(np.argmax(bad))
-                raise self.document.error(f"element {at} is {array[at].tolist()}, must lie in 0..1", pointer)
+    def _valid_values(self, name: str, array: Array, pointer: str, component_type: int) -> Array:
+        """``array`` with colors limited to 0..1, and NaN and infinite texture coordinates and colors replaced."""
+        if not name.startswith(("TEXCOORD", "COLOR")) or COMPONENT_NAMES[component_type] != "FLOAT":
+            return array
+        wild = ~np.all(np.isfinite(array), axis=1)
+        if np.any(wild):
+            what = f"element {int(np.argmax(wild))} is NaN or infinite"
+            self.document.repair("nonfinite-attribute", what, pointer, count=int(wild.sum()))
+            array = np.where(wild[:, None], np.float32(name.startswith("COLOR")), array)
+        if name.startswith("COLOR"):
+            outside = np.any((array < 0.0) | (array > 1.0), axis=1)
+            if np.any(outside):
+                at = int(np.argmax(outside))
+                what = f"element {at} is {array[at].tolist()}, must lie in 0..1"
+                self.document.repair("color-range", what, pointer, count=int(outside.sum()))
+                array = np.clip(array, 0.0, 1.0)
+        return array
 
     def _check_indices(self, index: int, pointer: str) -> None:
         accessor = self.accessors.get(index, pointer)
@@ -305,12 +464,12 @@ class MeshReader:
             )
             return None
         if mode == TRIANGLES and len(indices) % 3:
-            self.document.note(f"{len(indices) % 3} surplus indices at the end are ignored", pointer)
+            self.document.remark("surplus-indices", pointer)
         triangles = self._share(
             ("triangles", primitive.indices, count, mode, draco.key), lambda: triangle_list(mode, indices)
         )
         if not len(triangles):
-            self.document.note("primitive without triangles is not drawn", pointer)
+            self.document.remark("primitive-without-triangles", pointer)
             return None
         triangles.flags.writeable = False
         return triangles
@@ -319,28 +478,29 @@ class MeshReader:
         self, primitive: schema.Primitive, arrays: dict[str, Array], count: int, pointer: str
     ) -> tuple[Array | None, Array | None]:
         texcoords = [arrays.get("TEXCOORD_0"), arrays.get("TEXCOORD_1")]
-        if primitive.material is None:
+        if self._material(primitive, pointer) < 0:
             return texcoords[0], texcoords[1]
-        self.document.item("materials", primitive.material, f"{pointer}/material")
         material = self.materials[primitive.material]
         for texture in (material.base_color_texture, material.metallic_roughness_texture, material.normal_texture,
                         material.occlusion_texture, material.emissive_texture):  # fmt: skip
             if texture is not None and texcoords[texture.texcoord] is None:
                 # OpenGL's default for a missing attribute; all viewers draw such files.
                 texcoords[texture.texcoord] = self._share(("zeros", count), lambda: np.zeros((count, 2), np.float32))
-                self.document.note(
-                    f"TEXCOORD_{texture.texcoord}, which a texture of the material uses, is missing: set to 0, 0",
-                    pointer,
-                )
+                self.document.remark("missing-texcoord", pointer, detail=f"TEXCOORD_{texture.texcoord}")
         return texcoords[0], texcoords[1]
 
-    def _check_target(self, target: dict[str, int], base: dict[str, int], pointer: str) -> None:
+    def _readable_target(self, target: dict[str, int], base: dict[str, int], pointer: str) -> dict[str, int]:
+        """The attributes of a morph target that can be used."""
+        out = {}
         for name, index in target.items():
             where = f"{pointer}/{name}"
             if not name.startswith("_") and name not in base:
-                raise self.document.error("the primitive has no such attribute", where)
-            check_format(self.document, self.accessors, name, index, TARGET_FORMATS, where)
-            self.accessors.use(index, "vertex attributes", where)
+                self.document.repair("morph-attribute", "the primitive has no such attribute", where)
+                continue
+            if check_format(self.document, self.accessors, name, index, TARGET_FORMATS, where):
+                self.accessors.use(index, "vertex attributes", where)
+                out[name] = index
+        return out
 
     def _target(self, target: dict[str, int], count: int, pointer: str) -> MorphTarget:
         arrays: dict[str, Array] = {}
@@ -384,9 +544,15 @@ class MeshReader:
         if primitive.indices is not None:
             declared = self.accessors.get(primitive.indices, f"{pointer}/indices").count
             if declared != faces.size:
-                self.document.note(f"Draco data has {faces.size} indices; the accessor declares {declared}", pointer)
+                self.document.remark("draco-indices", pointer)
         key = (packed.buffer_view, tuple(sorted(packed.attributes.items())))
         return DracoData(key, faces.reshape(-1), attributes)
+
+
+def _padded(primitive: Primitive, count: int) -> Primitive:
+    """``primitive`` with ``count`` morph targets: those added change nothing."""
+    missing = count - len(primitive.targets)
+    return replace(primitive, targets=primitive.targets + (MorphTarget(),) * missing) if missing else primitive
 
 
 def _rgba(colors: Array | None) -> Array | None:

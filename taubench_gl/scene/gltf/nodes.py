@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,9 @@ from taubench_gl.scene.model import Camera, Light, Mesh, Nodes, Skin
 Array = np.ndarray
 
 LIGHTS = "KHR_lights_punctual"
+LIGHT_TYPES = ("directional", "point", "spot")
+WIDEST_YFOV = math.radians(179.0)
+"""Field of view in place of one of 180 degrees or more."""
 
 
 def read_cameras(document: Document) -> tuple[Camera, ...]:
@@ -25,59 +29,92 @@ def read_cameras(document: Document) -> tuple[Camera, ...]:
 
 def read_lights(document: Document) -> tuple[Light, ...]:
     """All lights of KHR_lights_punctual in the file."""
-    lights = document.extension(document.root, LIGHTS, schema.PunctualLights, "")
+    lights = punctual_lights(document)
     if lights is None:
         return ()
     return tuple(_light(document, light, f"/extensions/{LIGHTS}/lights/{i}") for i, light in enumerate(lights.lights))
 
 
+def punctual_lights(document: Document) -> schema.PunctualLights | None:
+    """The lights of the file as JSON; those of unknown type, which ``unknown_lights`` lists, as points."""
+    raw = document.root.extensions.get(LIGHTS)
+    unknown = unknown_lights(document)
+    if unknown and not document.strict:
+        listed = [light | {"type": "point"} if i in unknown else light for i, light in enumerate(raw["lights"])]
+        for i in unknown:
+            document.repair("light-type", "is of unknown type", f"/extensions/{LIGHTS}/lights/{i}/type")
+        known = schema.Property(extensions={LIGHTS: {"lights": listed}})
+        return document.extension(known, LIGHTS, schema.PunctualLights, "")
+    return document.extension(document.root, LIGHTS, schema.PunctualLights, "")
+
+
+def unknown_lights(document: Document) -> frozenset[int]:
+    """Indices of lights whose type is none of ``LIGHT_TYPES``."""
+    lights = document.root.extensions.get(LIGHTS, {}).get("lights")
+    entries = enumerate(lights) if isinstance(lights, list) else ()
+    return frozenset(i for i, light in entries if isinstance(light, dict) and light.get("type") not in LIGHT_TYPES)
+
+
 def _camera(document: Document, camera: schema.Camera, pointer: str) -> Camera:
     p, o = camera.perspective, camera.orthographic
     if (p is None) == (o is None) or (p is None) == (camera.type == "perspective"):
-        raise document.error(f"must have exactly one of perspective and orthographic, matching its type {camera.type}",
-                             pointer)  # fmt: skip
-    if p is not None:
-        if p.yfov >= math.pi:
-            raise document.error(f"yfov {p.yfov:g} is not below pi", f"{pointer}/perspective/yfov")
-        if p.zfar is not None and p.zfar <= p.znear:
-            raise document.error(
-                f"zfar {p.zfar:g} is not greater than znear {p.znear:g}", f"{pointer}/perspective/zfar"
-            )
-        return Camera(
-            camera.name,
-            "perspective",
-            yfov=p.yfov,
-            aspect=p.aspect_ratio,
-            znear=p.znear,
-            zfar=math.inf if p.zfar is None else p.zfar,
-        )
-    for name in ("xmag", "ymag"):
-        if getattr(o, name) == 0:
-            raise document.error(f"{name} must not be 0", f"{pointer}/orthographic/{name}")
-    if o.zfar <= o.znear:
-        raise document.error(f"zfar {o.zfar:g} is not greater than znear {o.znear:g}", f"{pointer}/orthographic/zfar")
-    return Camera(camera.name, "orthographic", xmag=o.xmag, ymag=o.ymag, znear=o.znear, zfar=o.zfar)
+        what = f"must have exactly one of perspective and orthographic, matching its type {camera.type}"
+        document.repair("camera", what, pointer)
+        if p is None and o is None:
+            return Camera(camera.name, camera.type, zfar=math.inf if camera.type == "perspective" else 100.0)
+        p = p if o is None or camera.type == "perspective" else None
+    return (
+        _perspective(document, camera.name, p, pointer)
+        if p is not None
+        else _orthographic(document, camera.name, o, pointer)
+    )
+
+
+def _perspective(document: Document, name: str, p: schema.Perspective, pointer: str) -> Camera:
+    yfov, zfar = p.yfov, math.inf if p.zfar is None else p.zfar
+    if yfov >= math.pi:
+        document.repair("camera", f"yfov {yfov:g} is not below pi", f"{pointer}/perspective/yfov")
+        yfov = WIDEST_YFOV
+    if zfar <= p.znear:
+        what = f"zfar {zfar:g} is not greater than znear {p.znear:g}"
+        document.repair("camera", what, f"{pointer}/perspective/zfar")
+        zfar = math.inf
+    return Camera(name, "perspective", yfov=yfov, aspect=p.aspect_ratio, znear=p.znear, zfar=zfar)
+
+
+def _orthographic(document: Document, name: str, o: schema.Orthographic, pointer: str) -> Camera:
+    xmag, ymag, zfar = o.xmag, o.ymag, o.zfar
+    for side in ("xmag", "ymag"):
+        if getattr(o, side) == 0:
+            document.repair("camera", f"{side} must not be 0", f"{pointer}/orthographic/{side}")
+    xmag, ymag = xmag or ymag or 1.0, ymag or xmag or 1.0
+    if zfar <= o.znear:
+        what = f"zfar {zfar:g} is not greater than znear {o.znear:g}"
+        document.repair("camera", what, f"{pointer}/orthographic/zfar")
+        zfar = o.znear + 100.0
+    return Camera(name, "orthographic", xmag=xmag, ymag=ymag, znear=o.znear, zfar=zfar)
 
 
 def _light(document: Document, light: schema.PunctualLight, pointer: str) -> Light:
     spot = light.spot or schema.Spot()
+    inner, outer = spot.inner_cone_angle, spot.outer_cone_angle
     if light.type == "spot":
         if light.spot is None:
-            raise document.error("a spot light must have the property spot", pointer)
+            document.repair("light-cone", "a spot light must have the property spot", pointer)
         # The extension wants inner < outer; Blender writes equal angles for a spot light with blend 0.
-        if not spot.inner_cone_angle <= spot.outer_cone_angle <= math.pi / 2 + 1e-6 or not spot.outer_cone_angle:
-            raise document.error(
-                f"needs innerConeAngle {spot.inner_cone_angle:g} <= outerConeAngle {spot.outer_cone_angle:g} <= pi/2",
-                f"{pointer}/spot",
-            )
+        if not inner <= outer <= math.pi / 2 + 1e-6 or not outer:
+            what = f"needs innerConeAngle {inner:g} <= outerConeAngle {outer:g} <= pi/2"
+            document.repair("light-cone", what, f"{pointer}/spot")
+            outer = min(outer, math.pi / 2) or schema.Spot().outer_cone_angle
+            inner = min(inner, outer)
     return Light(
         name=light.name,
         kind=light.type,
         color=light.color,
         intensity=light.intensity,
         range=math.inf if light.range is None else light.range,
-        inner_cone=spot.inner_cone_angle,
-        outer_cone=min(spot.outer_cone_angle, math.pi / 2),
+        inner_cone=inner,
+        outer_cone=min(outer, math.pi / 2),
     )
 
 
@@ -91,8 +128,11 @@ def read_skins(document: Document, accessors: Accessors, parent: Array) -> tuple
 def _skin(document: Document, accessors: Accessors, skin: schema.Skin, parent: Array, pointer: str) -> Skin:
     for k, joint in enumerate(skin.joints):
         document.item("nodes", joint, f"{pointer}/joints/{k}")
+    if not skin.joints:
+        hint = "glTF forbids empty arrays: omit the property"
+        document.repair("skin-ignored", "Expected array of length >= 1", f"{pointer}/joints", hint)
     if len(set(skin.joints)) != len(skin.joints):
-        raise document.error("lists a joint twice", f"{pointer}/joints")
+        document.repair("skin-joints", "lists a joint twice", f"{pointer}/joints")
     _check_common_root(document, skin, parent, pointer)
     count = len(skin.joints)
     inverse_bind = np.tile(np.eye(4), (count, 1, 1))
@@ -104,14 +144,18 @@ def _skin(document: Document, accessors: Accessors, skin: schema.Skin, parent: A
                 f"is {accessors.describe(skin.inverse_bind_matrices, where)}, must be MAT4 of FLOAT", where
             )
         accessors.no_stride(skin.inverse_bind_matrices, where)
-        if accessor.count < count:
-            raise document.error(f"{accessor.count} matrices for {count} joints", where)
+        given = min(accessor.count, count)
+        if given < count:
+            what = f"{accessor.count} matrices for {count} joints"
+            document.repair("bind-matrix", what, where, count=count - given)
         # glTF is column-major: rows of the reshaped array are columns.
-        raw = accessors.raw(skin.inverse_bind_matrices, where)[:count].astype(np.float64)
-        inverse_bind = raw.reshape(count, 4, 4).swapaxes(1, 2)
-        if np.any(inverse_bind[:, 3] != (0, 0, 0, 1)):
-            at = int(np.argmax(np.any(inverse_bind[:, 3] != (0, 0, 0, 1), axis=1)))
-            raise document.error(f"matrix {at} has a last row other than 0 0 0 1", where)
+        raw = accessors.raw(skin.inverse_bind_matrices, where)[:given].astype(np.float64)
+        inverse_bind[:given] = raw.reshape(given, 4, 4).swapaxes(1, 2)
+        projective = np.any(inverse_bind[:, 3] != (0, 0, 0, 1), axis=1)
+        if np.any(projective):
+            what = f"matrix {int(np.argmax(projective))} has a last row other than 0 0 0 1"
+            document.repair("bind-matrix", what, where, count=int(projective.sum()))
+            inverse_bind[:, 3] = (0, 0, 0, 1)
     joints = np.array(skin.joints, dtype=np.int32)
     joints.flags.writeable = inverse_bind.flags.writeable = False
     return Skin(skin.name, joints, inverse_bind)
@@ -134,12 +178,11 @@ def _check_common_root(document: Document, skin: schema.Skin, parent: Array, poi
         lineage = _lineage(joint, parent)
         common = set(lineage) if common is None else common & set(lineage)
         seen.add(joint)
-    if not common:
-        raise document.error("joints have no common root", f"{pointer}/joints")
-    if skin.skeleton is not None:
-        document.item("nodes", skin.skeleton, f"{pointer}/skeleton")
-        if skin.skeleton not in common:
-            raise document.error(f"nodes[{skin.skeleton}] is not a common root of the joints", f"{pointer}/skeleton")
+    if not common and skin.joints:
+        document.repair("skin-joints", "joints have no common root", f"{pointer}/joints")
+    if skin.skeleton is not None and skin.skeleton not in (common or ()):
+        what = f"nodes[{skin.skeleton}] is not a common root of the joints"
+        document.repair("skin-joints", what, f"{pointer}/skeleton")
 
 
 QUATERNION_TOLERANCE = 0.00769  # on the length, as in the Khronos validator: a step of a normalized byte
@@ -194,17 +237,19 @@ def choose_scene(document: Document, requested: str | int | None, parent: Array)
             pointer = f"/scenes/{i}/nodes/{k}"
             document.item("nodes", node, pointer)
             if parent[node] >= 0:
-                raise document.error(f"nodes[{node}] is not a root: it is a child of nodes[{parent[node]}]", pointer)
+                what = f"nodes[{node}] is not a root: it is a child of nodes[{parent[node]}]"
+                document.repair("scene-roots", what, pointer)
             if node in listed:
-                raise document.error(f"nodes[{node}] is listed twice", pointer)
+                document.repair("scene-roots", f"nodes[{node}] is listed twice", pointer)
             listed.add(node)
-    if root.scene is not None:
-        document.item("scenes", root.scene, "/scene")
+    if root.scene is not None and root.scene >= len(scenes):
+        what = f"refers to scenes[{root.scene}]; the file has {len(scenes)}"
+        document.repair("default-scene", what, "/scene")
     names = tuple(scene.name or f"scene {i}" for i, scene in enumerate(scenes))
     if requested is not None:
         index = pick(document, requested, [s.name for s in scenes], "scene", "/scenes")
     else:
-        index = root.scene or 0
+        index = root.scene if root.scene is not None and root.scene < len(scenes) else 0
     roots = scenes[index].nodes or [] if scenes else np.flatnonzero(parent < 0).tolist()
     in_scene = np.zeros(len(nodes), dtype=bool)
     in_scene[_reach(nodes, roots)] = True
@@ -258,15 +303,19 @@ def read_nodes(document: Document, accessors: Accessors, parent: Array, in_scene
         in_scene=in_scene,
     )
     shared: dict[tuple[tuple[str, int], ...], Array] = {}  # instances, by their accessors
+    unknown = unknown_lights(document)
+    animated = animated_nodes(document)
     for i, node in enumerate(nodes):
         pointer = f"/nodes/{i}"
         _transform(document, node, out, i)
+        if out.has_matrix[i] and i in animated:
+            _decompose(document, out, i, animated[i])
         _references(document, node, out, i, targets)
         light = document.extension(node, LIGHTS, schema.LightReference, pointer)
-        if light is not None:
-            if light.light >= len(targets.lights):
-                raise document.error(f"refers to lights[{light.light}]; the file has {len(targets.lights)}",
-                                     f"{pointer}/extensions/{LIGHTS}/light")  # fmt: skip
+        if light is not None and light.light >= len(targets.lights):
+            what = f"refers to lights[{light.light}]; the file has {len(targets.lights)}"
+            document.repair("light-reference", what, f"{pointer}/extensions/{LIGHTS}/light")
+        elif light is not None and light.light not in unknown:
             out.light[i] = light.light
         visibility = document.extension(node, VISIBILITY, schema.Visibility, pointer)
         if visibility is not None:
@@ -287,22 +336,25 @@ def _transform(document: Document, node: schema.Node, out: Nodes, i: int) -> Non
     pointer = f"/nodes/{i}"
     if node.matrix is not None:
         if not (node.translation is None and node.rotation is None and node.scale is None):
-            raise document.error("has both a matrix and translation, rotation or scale", pointer)
+            document.repair("matrix-and-parts", "has both a matrix and translation, rotation or scale", pointer)
         matrix = np.array(node.matrix).reshape(4, 4).T
         axes = math3d.normalize(matrix[:3, :3].T)
         shear = np.abs(axes @ axes.T)[np.triu_indices(3, 1)]
         if np.any(matrix[3] != (0, 0, 0, 1)) or np.any(shear > MATRIX_TOLERANCE):
-            raise document.error(
-                "matrix is not a translation, rotation and scale", f"{pointer}/matrix", "it shears or projects"
-            )
+            what, hint = "matrix is not a translation, rotation and scale", "it shears or projects"
+            document.repair("matrix-shear", what, f"{pointer}/matrix", hint)
+            matrix[3] = (0, 0, 0, 1)
         out.matrix[i], out.has_matrix[i] = matrix, True
+        return
     if node.translation is not None:
         out.translation[i] = node.translation
     if node.rotation is not None:
         length = math.hypot(*node.rotation)
-        if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
-            raise document.error(f"quaternion has length {length:.6g}, must be 1", f"{pointer}/rotation")
         out.rotation[i] = node.rotation
+        if not abs(length - 1.0) <= QUATERNION_TOLERANCE:
+            what = f"quaternion has length {length:.6g}, must be 1"
+            document.repair("quaternion-length", what, f"{pointer}/rotation")
+            out.rotation[i] = unit_quaternions(out.rotation[i])
     if node.scale is not None:
         out.scale[i] = node.scale
 
@@ -310,28 +362,35 @@ def _transform(document: Document, node: schema.Node, out: Nodes, i: int) -> Non
 def _references(document: Document, node: schema.Node, out: Nodes, i: int, targets: NodeTargets) -> None:
     pointer = f"/nodes/{i}"
     if node.camera is not None:
-        document.item("cameras", node.camera, f"{pointer}/camera")
-        out.camera[i] = node.camera
+        count = len(document.root.cameras or [])
+        if node.camera < count:
+            out.camera[i] = node.camera
+        else:
+            what = f"refers to cameras[{node.camera}]; the file has {count}"
+            document.repair("camera-reference", what, f"{pointer}/camera")
     if node.mesh is None:
         if node.skin is not None or node.weights is not None:
-            raise document.error("has a skin or weights but no mesh", pointer)
+            document.repair("skin-ignored", "has a skin or weights but no mesh", pointer)
         return
     declared = document.item("meshes", node.mesh, f"{pointer}/mesh")
     mesh = targets.meshes[node.mesh]
     out.mesh[i] = node.mesh
     if node.weights is not None:
-        if len(node.weights) != len(mesh.weights):
-            raise document.error(
-                f"{len(node.weights)} weights for {len(mesh.weights)} morph targets", f"{pointer}/weights"
-            )
-        out.weights[i] = np.array(node.weights)
+        weights = np.zeros(len(mesh.weights))
+        if len(node.weights) != len(weights):
+            what = f"{len(node.weights)} weights for {len(weights)} morph targets"
+            document.repair("morph-weights", what, f"{pointer}/weights")
+        weights[: len(node.weights)] = node.weights[: len(weights)]
+        out.weights[i] = weights
     if node.skin is None:
         return
     document.item("skins", node.skin, f"{pointer}/skin")
-    out.skin[i] = node.skin
-    if any("JOINTS_0" not in p.attributes for p in declared.primitives):
-        raise document.error("has a skin, and its mesh has no joints and weights", pointer)
     joints = len(targets.skins[node.skin].joints)
+    if any("JOINTS_0" not in p.attributes for p in declared.primitives):
+        document.repair("skin-ignored", "has a skin, and its mesh has no joints and weights", pointer)
+    if not joints or all(p.joints is None for p in mesh.primitives):
+        return
+    out.skin[i] = node.skin
     for k, primitive in enumerate(mesh.primitives):
         if primitive.joints is not None and int(primitive.joints.max()) >= joints:
             raise document.error(
@@ -362,16 +421,61 @@ def _instances(document: Document, accessors: Accessors, instancing: schema.Inst
             raise document.error(f"is {accessors.describe(index, where)}, which {INSTANCING} does not allow", where)
         parts[name] = accessors.floats(index, where).astype(np.float64)
     rotation = parts.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
-    check_quaternions(document, rotation, f"{pointer}/ROTATION")
+    rotation = check_quaternions(document, rotation, f"{pointer}/ROTATION")
     out = math3d.trs(parts.get("TRANSLATION", np.zeros((count, 3))), rotation, parts.get("SCALE", np.ones((count, 3))))
     out.flags.writeable = False
     return out
 
 
-def check_quaternions(document: Document, quaternions: Array, pointer: str) -> None:
-    """Raise SceneError unless all quaternions (K, 4) have unit length within the tolerance."""
+def check_quaternions(document: Document, quaternions: Array, pointer: str) -> Array:
+    """``quaternions`` (K, 4) with those of another length than 1, beyond the tolerance, normalized."""
     length = np.linalg.norm(quaternions, axis=1)
     bad = ~(np.abs(length - 1.0) <= QUATERNION_TOLERANCE)
-    if np.any(bad):
-        at = int(np.argmax(bad))
-        raise document.error(f"quaternion {at} has length {length[at]:.6g}, must be 1", pointer)
+    if not np.any(bad):
+        return quaternions
+    at = int(np.argmax(bad))
+    what = f"quaternion {at} has length {length[at]:.6g}, must be 1"
+    document.repair("quaternion-length", what, pointer, count=int(bad.sum()))
+    return np.where(bad[:, None], unit_quaternions(quaternions), quaternions)
+
+
+def unit_quaternions(quaternions: Array) -> Array:
+    """Normalized quaternions (..., 4); zero ones become the identity."""
+    zero = ~np.any(quaternions != 0.0, axis=-1, keepdims=True)
+    return np.where(zero, [0.0, 0.0, 0.0, 1.0], math3d.normalize(quaternions))
+
+
+def animated_nodes(document: Document) -> dict[int, str]:
+    """Nodes whose translation, rotation or scale an animation names -> JSON pointer of the first channel."""
+    out: dict[int, str] = {}
+    for i, animation in enumerate(document.root.animations or []):
+        for k, channel in enumerate(animation.channels):
+            node, pointer = channel.target.node, f"/animations/{i}/channels/{k}"
+            moved = _POINTED.fullmatch(_pointer_of(channel.target))
+            if moved is not None:
+                out.setdefault(int(moved[1]), f"{pointer}/target/extensions/KHR_animation_pointer/pointer")
+            elif node is not None and channel.target.path in ("translation", "rotation", "scale"):
+                out.setdefault(node, f"{pointer}/target/node")
+    return out
+
+
+_POINTED = re.compile(r"/nodes/(0|[1-9]\d{0,8})/(?:translation|rotation|scale)")
+
+
+def _pointer_of(target: schema.ChannelTarget) -> str:
+    pointer = target.extensions.get("KHR_animation_pointer", {}).get("pointer")
+    return pointer if isinstance(pointer, str) else ""
+
+
+def _decompose(document: Document, out: Nodes, i: int, pointer: str) -> None:
+    """Replace the matrix of an animated node by translation, rotation and scale."""
+    document.repair("animated-matrix", f"nodes[{i}] has a matrix and cannot be animated", pointer)
+    matrix = out.matrix[i]
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        scale[0] = -scale[0]
+    out.translation[i], out.scale[i] = matrix[:3, 3], scale
+    if np.all(scale != 0.0):
+        out.rotation[i] = math3d.quat_from_mat3(matrix[:3, :3] / scale)
+    out.has_matrix[i] = False
+    out.matrix[i] = np.eye(4)

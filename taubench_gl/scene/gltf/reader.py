@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from taubench_gl.scene.files import find_referenced
 from taubench_gl.scene.gltf.accessors import Accessors
 from taubench_gl.scene.gltf.animations import AnimationReader, choose_animations
-from taubench_gl.scene.gltf.document import Document, check_extensions, open_document
+from taubench_gl.scene.gltf.document import Document, open_document
+from taubench_gl.scene.gltf.extensions import check_extensions, unsimulated
 from taubench_gl.scene.gltf.materials import MaterialReader
 from taubench_gl.scene.gltf.meshes import MeshReader
 from taubench_gl.scene.gltf.nodes import (
@@ -20,23 +24,27 @@ from taubench_gl.scene.gltf.nodes import (
     read_skins,
 )
 from taubench_gl.scene.model import Scene
+from taubench_gl.settings import ENVIRONMENT_FILES, parse_environment
 
 IMAGE_BASED_LIGHTS = frozenset({"EXT_lights_image_based", "KHR_lights_image_based"})
 """Extensions of image-based light; it is not simulated."""
 
 
-def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+def read_gltf(
+    path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool = False
+) -> Scene:
     """``load_scene`` for .gltf and .glb.  Raises SceneError.
 
     Objects are read in the order of their references, so that every reference is checked before it is used.
     """
-    document = open_document(path)
+    document = open_document(path, strict)
     check_extensions(document)
     accessors = Accessors(document)
     accessors.check_all()
     material_reader = MaterialReader(document, accessors)
     materials = material_reader.materials()
     images = material_reader.images()
+    materials, images = material_reader.finished(materials, images)
     meshes = MeshReader(document, accessors, materials).read()
     parent = parents(document)
     in_scene, scene_names = choose_scene(document, scene, parent)
@@ -46,8 +54,11 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
     animations = AnimationReader(document, accessors, meshes).read()
     channels, playing = choose_animations(document, animations, animation)
     own = _own_extras(document)
+    if CONSTANT_LIGHTS in own:
+        lights = tuple(replace(light, constant=light.kind != "directional") for light in lights)
     if "note" in own:
         document.note(own["note"], "/asset/extras/taubench_gl")
+    _note_losses(document)
     return Scene(
         name=own.get("name", path.stem),
         nodes=nodes,
@@ -60,7 +71,7 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
         animations=animations,
         channels=channels,
         playing=playing,
-        notes=tuple(document.notes),
+        notes=(*unsimulated(document, materials, nodes), *document.notes.all()),
         path=path,
         sha256=document.identity.hexdigest(),
         files=document.identity.files,
@@ -69,7 +80,15 @@ def read_gltf(path: Path, scene: str | int | None, animation: Sequence[str | int
         image_based_light=bool(IMAGE_BASED_LIGHTS & set(document.root.extensions_used or ())),
         stand_in=own.get("stand_in"),
         default_camera=own.get("camera"),
+        environment=_environment(document, own),
     )
+
+
+MAX_LOSSES = 40
+"""Most losses of a conversion that are noted."""
+
+CONSTANT_LIGHTS = "constant_lights"
+"""Entry of ``asset.extras.taubench_gl`` of files whose point and spot lights are not attenuated with distance."""
 
 
 def _own_extras(document: Document) -> dict[str, str]:
@@ -80,3 +99,30 @@ def _own_extras(document: Document) -> dict[str, str]:
         return {}
     texts = {key: " ".join(text.split())[:300] for key, text in own.items() if isinstance(text, str)}
     return {key: text for key, text in texts.items() if text}
+
+
+def _note_losses(document: Document) -> None:
+    """Note what a conversion lost, as ``pathtraced.blender.convert`` lists it in ``asset.extras``."""
+    extras = document.root.asset.extras
+    own = extras.get("taubench_gl") if isinstance(extras, dict) else None
+    lost = own.get("lost") if isinstance(own, dict) else None
+    for line in lost[:MAX_LOSSES] if isinstance(lost, list) else ():
+        if isinstance(line, str):
+            document.note(f"lost in the conversion: {' '.join(line.split())[:300]}", "/asset/extras/taubench_gl/lost")
+
+
+def _environment(document: Document, own: dict[str, str]) -> str | tuple[float, float, float] | None:
+    """The environment that the file names: a radiance R,G,B or an image in its folder."""
+    text = own.get("environment")
+    if text is None:
+        return None
+    value = parse_environment(text)
+    if isinstance(value, tuple):
+        usable = len(value) == 3 and all(0.0 <= c < math.inf for c in value)
+        return value if usable else None
+    found = find_referenced(document.path.parent, text)
+    if isinstance(found, str) or not text.lower().endswith(ENVIRONMENT_FILES):
+        reason = found if isinstance(found, str) else "is no .hdr or .exr file"
+        document.note(f"the file's environment image is left out: {reason}", "/asset/extras/taubench_gl")
+        return None
+    return str(found)

@@ -41,15 +41,15 @@ class Asset(Struct, rename="camel"):
 
 
 class Buffer(Property):
-    byte_length: Count
+    byte_length: Index  # at least 1, checked where the bytes are read
     uri: str | None = None
 
 
 class BufferView(Property):
     buffer: Index
-    byte_length: Count
+    byte_length: Index  # at least 1
     byte_offset: Index = 0
-    byte_stride: Annotated[int, Meta(ge=4, le=252, multiple_of=4)] | None = None
+    byte_stride: Count | None = None  # a multiple of 4, 4 to 252
     target: int | None = None
 
 
@@ -75,7 +75,7 @@ class Sparse(Property):
 
 class Accessor(Property):
     component_type: ComponentType
-    count: Count
+    count: Index  # at least 1
     type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
     buffer_view: Index | None = None
     byte_offset: Index = 0
@@ -86,7 +86,7 @@ class Accessor(Property):
 
 
 class Primitive(Property):
-    attributes: Annotated[dict[str, Index], Meta(min_length=1)]
+    attributes: dict[str, Index]  # at least one
     indices: Index | None = None
     material: Index | None = None
     mode: Literal[0, 1, 2, 3, 4, 5, 6] = 4
@@ -94,7 +94,7 @@ class Primitive(Property):
 
 
 class Mesh(Property):
-    primitives: Filled[Primitive]
+    primitives: list[Primitive]  # at least one
     weights: Filled[float] | None = None
 
 
@@ -179,7 +179,7 @@ class Scene(Property):
 
 
 class Skin(Property):
-    joints: Filled[Index]
+    joints: list[Index]  # at least one
     inverse_bind_matrices: Index | None = None
     skeleton: Index | None = None
 
@@ -201,8 +201,8 @@ class AnimationSampler(Property):
 
 
 class Animation(Property):
-    channels: Filled[Channel]
-    samplers: Filled[AnimationSampler]
+    channels: list[Channel]  # at least one
+    samplers: list[AnimationSampler]  # at least one
 
 
 class Root(Property):
@@ -276,6 +276,14 @@ class Specular(Struct, rename="camel"):
     specular_texture: Any = None
     specular_color_factor: Any = None
     specular_color_texture: Any = None
+
+
+class PbrSpecularGlossiness(Struct, rename="camel"):
+    diffuse_factor: tuple[Unit, Unit, Unit, Unit] = (1.0, 1.0, 1.0, 1.0)
+    diffuse_texture: TextureInfo | None = None
+    specular_factor: tuple[Unit, Unit, Unit] = (1.0, 1.0, 1.0)
+    glossiness_factor: Unit = 1.0
+    specular_glossiness_texture: TextureInfo | None = None
 
 
 class TextureSource(Struct):

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.files import find_referenced, read_image, read_text_file
-from taubench_gl.scene.model import Image, Material, Note, Texture
+from taubench_gl.scene.files import find_referenced, read_any_text, read_image
+from taubench_gl.scene.model import Image, Material, Texture
+from taubench_gl.scene.notes import Notes
 
 OPTIONS = {"-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-mm": 2, "-bm": 1, "-boost": 1, "-texres": 1,
            "-imfchan": 1, "-type": 1, "-o": 3, "-s": 3, "-t": 3}  # fmt: skip
@@ -30,13 +31,15 @@ class Library:
     materials: list[Material] = field(default_factory=list)
     images: list[Image] = field(default_factory=list)
     index: dict[str, int] = field(default_factory=dict)
-    notes: dict[Note, None] = field(default_factory=dict)
+    notes: Notes = field(default_factory=Notes)
     data: list[bytes] = field(default_factory=list)  # contents of the libraries, in order
     image_index: dict[Path, int] = field(default_factory=dict)  # file -> index in ``images``
+    unreadable: set[Path] = field(default_factory=set)  # images
     _read: set[Path] = field(default_factory=set)
 
     def note(self, message: str, where: str = "") -> None:
-        self.notes[Note(message, where)] = None
+        """Record a decision that concerns the whole scene."""
+        self.notes.add(message, where)
 
     def read(self, names: str, where: str) -> None:
         """``mtllib``: one file name, which can contain spaces, or several.  Missing files get a note."""
@@ -45,17 +48,17 @@ class Library:
         for name in several:
             found = find_referenced(self.folder, name)
             if isinstance(found, str):
-                self.note(f"material library {found}; drawn without it", where)
+                self.notes.remark("library-missing", where, detail=found)
             elif found not in self._read:
                 self._read.add(found)
-                data = read_text_file(found, where)
+                data, text = read_any_text(found, self.notes, where)
                 self.data.append(data)
-                self._parse(found, data)
+                self._parse(found, text)
 
     def use(self, name: str) -> int:
         """Index of a material; -1 for none and, with a note, for an unknown name."""
         if name and name not in self.index:
-            self.note(f"material {name} is in no library: replaced by the default material")
+            self.notes.remark("material-unknown", detail=name, key=name)
         return self.index.get(name, -1)
 
     def _parse(self, path: Path, data: bytes) -> None:
@@ -70,18 +73,25 @@ class Library:
                 self._add(path, name, values)
                 name, values = line.split("#", 1)[0].strip()[6:].strip(), {}
                 if not name:
-                    raise SceneError("newmtl without a name", where=where)
+                    self._skipped(SceneError("newmtl without a name", where=where))
             elif name is None:
-                raise SceneError(f"{words[0][:40]!r} comes before the first newmtl", where=where)
+                self._skipped(SceneError(f"{words[0][:40]!r} comes before the first newmtl", where=where))
             else:
-                self._statement(words, values, where)
+                try:
+                    self._statement(words, values, where)
+                except SceneError as error:
+                    self._skipped(error)
         self._add(path, name, values)
+
+    def _skipped(self, error: SceneError) -> None:
+        """A statement that cannot be read: ignored, or the error where the scene is read strictly."""
+        self.notes.repair("mtl-statement", lambda: error)
 
     def _statement(self, words: list[str], values: dict, where: str) -> None:
         kind = words[0]
         if kind in ("Kd", "Ks", "Ke"):
             if words[1:2] and words[1] in ("spectral", "xyz"):
-                self.note(f"{kind} {words[1]} is not supported: ignored", where)
+                self.notes.remark("mtl-unsupported", where, detail=f"{kind} {words[1]}")
                 return
             numbers = _numbers(words[1:], (1, 3), where)
             values[kind] = tuple(max(x, 0.0) for x in (numbers * 3 if len(numbers) == 1 else numbers))
@@ -90,13 +100,13 @@ class Library:
         elif kind in ("map_Kd", "map_Ke"):
             values[kind] = (words[1:], where)
         elif kind == "map_d":
-            self.note("map_d is not simulated: the opacity is d", where)
+            self.notes.remark("mtl-unsupported", where, detail="map_d, the opacity is d")
 
     def _add(self, path: Path, name: str | None, values: dict) -> None:
-        if name is None:
+        if not name:
             return
         if name in self.index:
-            self.note(f"material {name} is defined twice: the first definition is used", path.name)
+            self.notes.remark("material-twice", path.name, detail=name, key=f"{path.name} {name}")
             return
         self.index[name] = len(self.materials)
         alpha = float(np.clip(values.get("d", 1.0 - values.get("Tr", 0.0)), 0.0, 1.0))
@@ -126,12 +136,19 @@ class Library:
             name = " ".join(words)
         found = find_referenced(self.folder, name)
         if isinstance(found, str):
-            self.note(f"texture {found}; drawn without it", where)
+            self.notes.remark("texture-missing", where, detail=found)
             return None
-        if found not in self.image_index:
-            self.image_index[found] = len(self.images)
-            self.images.append(read_image(found))
-        return Texture(self.image_index[found])
+        if found not in self.image_index and found not in self.unreadable:
+            try:
+                image = read_image(found, check=not self.notes.strict)
+            except SceneError as error:
+                fault = error
+                self.notes.repair("texture-unreadable", lambda: fault, detail=found.name)
+                self.unreadable.add(found)
+            else:
+                self.image_index[found] = len(self.images)
+                self.images.append(image)
+        return None if found in self.unreadable else Texture(self.image_index[found])
 
 
 def _without_options(words: list[str]) -> list[str]:

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.errors import SceneError
-from taubench_gl.scene.files import read_text_file
+from taubench_gl.scene.files import read_any_text
+from taubench_gl.scene.notes import Notes
 
 Array = np.ndarray
 
@@ -53,15 +54,15 @@ class ObjFile:
     undrawn: dict[str, int] = field(default_factory=dict)
 
 
-def parse_obj(path: Path) -> ObjFile:
-    """Read one OBJ file.  Raises SceneError with file and line."""
-    raw = read_text_file(path)
-    return _Lines(path, raw).file(raw)
+def parse_obj(path: Path, notes: Notes) -> ObjFile:
+    """Read one OBJ file; ``notes`` counts the repairs.  Raises SceneError with file and line."""
+    raw, text = read_any_text(path, notes)
+    return _Lines(path, text, notes).file(raw)
 
 
 class _Lines:
-    def __init__(self, path: Path, raw: bytes):
-        self.path = path
+    def __init__(self, path: Path, raw: bytes, notes: Notes):
+        self.path, self.notes = path, notes
         if b"\r" in raw:
             # All replacements preserve the length, and with it the line numbers.
             raw = raw.replace(b"\\\r\n", b" \\\n").replace(b"\r\n", b" \n").replace(b"\r", b"\n")
@@ -110,6 +111,11 @@ class _Lines:
     def error(self, row: int, what: str, hint: str | None = None) -> SceneError:
         return SceneError(what, where=self.where(row), hint=hint)
 
+    def repair(self, kind: str, rows: Array, what: str, hint: str | None = None, detail: str = "") -> None:
+        """Count the used lines ``rows`` as departures; strict: raise the error of the first."""
+        row = int(rows[0])
+        self.notes.repair(kind, lambda: self.error(row, what, hint), count=len(rows), detail=detail)
+
     def rest(self, row: int) -> str:
         """The text after the keyword of a used line."""
         line = self.used[row]
@@ -128,20 +134,29 @@ class _Lines:
         counts = self.count[rows] - 1
         bad = ~np.isin(counts, COUNTS[kind])
         if np.any(bad):
-            row = rows[np.argmax(bad)]
-            raise self.error(row, f"{kind.decode()} with {counts[np.argmax(bad)]} numbers")
+            what = f"{kind.decode()} with {counts[np.argmax(bad)]} numbers"
+            if np.any(counts[bad] < COUNTS[kind][0]):
+                raise self.error(rows[np.argmax(bad)], what)
+            self.repair("statement-numbers", rows[bad], what, detail=kind.decode())
         out = np.zeros((len(rows), width))
         for count in np.unique(counts).tolist():
             chosen = rows[counts == count]
             try:
                 values = np.array(list(map(float, self._joined(chosen).split())))
             except ValueError:
-                raise self._not_a_number(chosen, float) from None
+                fault = self._not_a_number(chosen, float)
+                if kind == b"v" or self.notes.strict:
+                    raise fault from None
+                values = np.array([_number(word) for word in self._joined(chosen).split()])
             values = values.reshape(-1, count)[:, :width]
             ok = np.abs(values) < LARGEST
             if not np.all(ok):
-                row = chosen[np.argmin(np.all(ok, axis=1))]
-                raise self.error(row, "contains a number that is not finite or too large")
+                wrong = chosen[~np.all(ok, axis=1)]
+                what = "contains a number that is not finite or too large"
+                if kind == b"v":
+                    raise self.error(wrong[0], what)
+                self.repair("statement-nonfinite", wrong, what, detail=kind.decode())
+                values = np.where(ok, values, 0.0)
             out[counts == count, : values.shape[1]] = values
         return out
 
@@ -175,7 +190,8 @@ class _Lines:
         for row in self.rows(b"mtllib").tolist():
             names = self.rest(row)
             if not names:
-                raise self.error(row, "mtllib without a file name")
+                self.repair("library-name", np.array([row]), "mtllib without a file name")
+                continue
             libraries.append((names, self.where(row)))
         return ObjFile(self.path, raw, v, vt, vn, self._parts(len(v), len(vt), len(vn)), libraries, undrawn)
 
@@ -184,11 +200,16 @@ class _Lines:
         unknown = [(int(self.rows(kind)[0]), kind) for kind in self.names.keys() - known]
         if not unknown:
             return
-        row, kind = min(unknown)
-        name = kind.decode("utf-8", errors="replace")[:20]
-        if kind in CURVES:
-            raise self.error(row, f"{name!r}: curves and surfaces are not supported", "export triangles")
-        raise self.error(row, f"{name!r} is not an OBJ statement", "check the file format")
+        for row, kind in sorted(unknown):
+            name = kind.decode("utf-8", errors="replace")[:20]
+            if kind in CURVES:
+                what = f"{name!r}: curves and surfaces are not supported"
+                self.repair("curve", self.rows(kind), what, "export triangles", name)
+                continue
+            what, hint = f"{name!r} is not an OBJ statement", "check the file format"
+            if not len(self.rows(b"v")):
+                raise self.error(row, what, hint)
+            self.repair("unknown-statement", self.rows(kind), what, hint, name)
 
     # --------------------------------------------------------------------------------------------------------- faces
     def _parts(self, nv: int, nt: int, nn: int) -> list[Part]:
@@ -197,9 +218,15 @@ class _Lines:
             return []
         sizes = self.count[rows] - 1
         if np.any(sizes < 3):
-            raise self.error(rows[np.argmax(sizes < 3)], f"a face with {sizes[np.argmax(sizes < 3)]} corners")
+            self.repair("face-corners", rows[sizes < 3], f"a face with {sizes[np.argmax(sizes < 3)]} corners")
+            rows, sizes = rows[sizes >= 3], sizes[sizes >= 3]
         corners = self._corners(rows, sizes)
-        self._resolve(rows, sizes, corners, (nv, nt, nn))
+        drawn = self._resolve(rows, sizes, corners, (nv, nt, nn))
+        if not np.all(drawn):
+            corners = corners[np.repeat(drawn, sizes)]
+            rows, sizes = rows[drawn], sizes[drawn]
+        if not len(rows):
+            return []
         first = np.cumsum(sizes) - sizes
         # Fan: corner 0 with each two consecutive corners.
         fans = sizes - 2
@@ -247,8 +274,12 @@ class _Lines:
                     return self.error(row, f"{word[:40]!r} is not a corner", "v, v/vt, v//vn or v/vt/vn")
         return self.error(int(rows[0]), "contains an invalid corner")
 
-    def _resolve(self, rows: Array, sizes: Array, corners: Array, totals: tuple[int, int, int]) -> None:
-        """Convert to indices from 0, in place; negative indices are relative to the line of the face."""
+    def _resolve(self, rows: Array, sizes: Array, corners: Array, totals: tuple[int, int, int]) -> Array:
+        """Convert to indices from 0, in place; negative indices are relative to the line of the face.
+
+        Returns which faces have only positions that exist, (faces,) bool.
+        """
+        drawn = np.ones(len(rows), dtype=bool)
         for column, (kind, total) in enumerate(zip((b"v", b"vt", b"vn"), totals)):
             values = corners[:, column]
             so_far = np.repeat(np.searchsorted(self.rows(kind), rows), sizes)
@@ -256,9 +287,15 @@ class _Lines:
             bad = (resolved >= total) | ((values < 0) & (resolved < 0)) | ((values == 0) & (column == 0))
             if np.any(bad):
                 at = int(np.argmax(bad))
-                row = int(rows[np.searchsorted(np.cumsum(sizes), at, side="right")])
-                raise self.error(row, f"index {values[at]}; the file has {total} {kind.decode()}")
+                owner = np.repeat(np.arange(len(rows)), sizes)
+                faces = np.unique(owner[bad])
+                what = f"index {values[at]}; the file has {total} {kind.decode()}"
+                self.repair("face-index", rows[faces], what, detail=kind.decode())
+                resolved = np.where(bad, MISSING, resolved)
+                if column == 0:
+                    drawn[faces] = False
             corners[:, column] = resolved
+        return drawn
 
     def _states(self, rows: Array) -> tuple[tuple[Array, list[str]], tuple[Array, list[str]]]:
         """Object and material number of every face line, and their names."""
@@ -270,6 +307,14 @@ class _Lines:
         numbers: dict[str, int] = {"": 0}
         values = np.array([0, *(numbers.setdefault(self.rest(r), len(numbers)) for r in at.tolist())], dtype=np.int64)
         return values[np.searchsorted(at, rows)], list(numbers)
+
+
+def _number(word: bytes) -> float:
+    """A number, NaN for a word that is none, such as the ``nan(ind)`` of some C libraries."""
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
 
 
 def _counting(sizes: Array) -> Array:

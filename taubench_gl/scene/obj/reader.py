@@ -23,6 +23,7 @@ from taubench_gl.math3d import normalize
 from taubench_gl.scene.build import NodeList
 from taubench_gl.scene.files import Identity
 from taubench_gl.scene.model import Animation, Channel, Mesh, MorphTarget, Primitive, Scene
+from taubench_gl.scene.notes import Notes
 from taubench_gl.scene.obj.materials import Library
 from taubench_gl.scene.obj.parse import MISSING, ObjFile, Part, parse_obj
 
@@ -134,17 +135,19 @@ MAX_MORPHED = 200_000_000
 MAX_OBJECTS = 100_000
 
 
-def read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+def read_obj(path: Path, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool = False) -> Scene:
     """``load_scene`` for one .obj file, a still scene.  Raises SceneError with file and line."""
     _only_scene(path.name, scene)
-    return _Assembly([path], 1.0, path.parent).scene(path.stem, path, animation)
+    return _Assembly([path], 1.0, Notes(strict)).scene(path.stem, path, animation)
 
 
-def read_obj_sequence(text: str, scene: str | int | None, animation: Sequence[str | int] | None) -> Scene:
+def read_obj_sequence(
+    text: str, scene: str | int | None, animation: Sequence[str | int] | None, strict: bool = False
+) -> Scene:
     """``load_scene`` for a folder or pattern of numbered OBJ files.  Raises SceneError."""
     _only_scene(text, scene)
     files, fps, warnings = find_frames(text)
-    assembly = _Assembly(files, fps, files[0].parent)
+    assembly = _Assembly(files, fps, Notes(strict))
     for warning in warnings:
         assembly.library.note(warning)
     assembly.library.note(f"{len(files)} files at {fps:g} frames per second, the first at 0 s")
@@ -178,9 +181,9 @@ class _Track:
 
 
 class _Assembly:
-    def __init__(self, files: list[Path], fps: float, folder: Path):
-        self.files, self.fps = files, fps
-        self.library = Library(folder)
+    def __init__(self, files: list[Path], fps: float, notes: Notes):
+        self.files, self.fps, self.notes = files, fps, notes
+        self.library = Library(files[0].parent, notes=notes)
         self.identity = Identity()
         self.tracks: list[_Track] = []
         self._read()
@@ -188,7 +191,7 @@ class _Assembly:
     def _read(self) -> None:
         open_tracks: dict[str, _Track] = {}
         for frame, path in enumerate(self.files):
-            file = parse_obj(path)
+            file = parse_obj(path, self.notes)
             self.identity.add(file.data)
             self._notes(file)
             now: dict[str, _Track] = {}
@@ -196,19 +199,19 @@ class _Assembly:
                 track = open_tracks.get(name)
                 if track is not None and track.base.same_topology(shape):
                     if not np.array_equal(track.base.vt, shape.vt):
-                        self.library.note(f"texture coordinates of {name or 'the object'} change: the first are used")
+                        self.notes.remark("texcoords-change", path.name, detail=name, key=f"{path.name} {name}")
                     track.last = frame
                     track.add(shape)
                 else:
                     if track is not None:
-                        self.library.note(f"{name or 'the object'} changes its faces: a cut for this object", path.name)
+                        self.notes.remark("object-cut", path.name, detail=name, key=f"{path.name} {name}")
                     track = _Track(name, frame, frame, shape, [], [], {}, replaces=track is not None)
                     track.seen[shape.v.tobytes() + shape.vn.tobytes()] = 0
                     track.add(shape)
                     self.tracks.append(track)
                 now[name] = track
             for name in open_tracks.keys() - now.keys():
-                self.library.note(f"{name or 'the object'} disappears: a cut for this object", path.name)
+                self.notes.remark("object-gone", path.name, detail=name, key=f"{path.name} {name}")
             open_tracks = now
             if len(self.tracks) > MAX_OBJECTS:
                 raise SceneError(f"more than {MAX_OBJECTS} objects", where=path.name)
@@ -219,7 +222,7 @@ class _Assembly:
         for names, where in file.libraries:
             self.library.read(names, where)
         for what, count in file.undrawn.items():
-            self.library.note(f"{count} statements of {what} are not drawn", file.path.name)
+            self.notes.remark("undrawn", file.path.name, count, detail=what, key=f"{file.path.name} {what}")
 
     def scene(self, name: str, path: Path, animation: Sequence[str | int] | None) -> Scene:
         nodes, meshes, channels, replacements = NodeList(), [], [], []
@@ -257,7 +260,7 @@ class _Assembly:
             animations=(played,) if channels else (),
             channels=played.channels if playing else (),
             playing=(played.name,) if playing else (),
-            notes=tuple(self.library.notes),
+            notes=self.notes.all(),
             path=path,
             sha256=self.identity.hexdigest(),
             files=self.identity.files,

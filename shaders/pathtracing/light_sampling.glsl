@@ -1,0 +1,186 @@
+// Next-event estimation: one light sample of each kind of source that the scene has.
+//
+// Punctual lights by resampled importance sampling (Talbot et al. 2005): candidates by power, or all lights where they are
+// few, then one of them in proportion to the light that it would reflect without shadow.  Emissive triangles by power.
+// An environment image by its luminance.  Power heuristic (Veach 1997, section 9.2.4) against BRDF sampling.
+// Reference: metrics.path_tracing
+#include "common/affine.glsl"
+#include "pathtracing/state.glsl"
+#include "common/brdf_sampling.glsl"
+#if PUNCTUAL
+#include "common/light_choice.glsl"
+#include "common/lights.glsl"
+#endif
+#include "common/environment.glsl"
+#include "raytracing/trace.glsl"
+#include "raytracing/alpha.glsl"
+#if EMITTERS
+#include "raytracing/emitters.glsl"
+#endif
+
+const float FAR = 1.0e30; // meters: longer than any ray within a scene
+
+struct LightRay {
+    vec3 origin;
+    vec3 l;        // unit, towards the light; 0: no light
+    float t_max;
+    vec3 radiance; // over its pdf, weighted against BRDF sampling
+};
+
+const LightRay NO_LIGHT = LightRay(vec3(0.0), vec3(0.0), 0.0, vec3(0.0));
+
+float power_heuristic(float a, float b) {
+    float ratio = b / a; // squares would overflow
+    return 1.0 / (1.0 + ratio * ratio);
+}
+
+bool faces(Surface s, vec3 g, vec3 l) { return dot(g, l) > 0.0 && dot(s.n, l) > 0.0; }
+
+#if PUNCTUAL
+// To a point or spot light the ray ends just before it, where a light on a surface is not behind that surface.
+float punctual_reach(LightRecord light, vec3 p) {
+    if (light.direction.w == KIND_DIRECTIONAL) return FAR;
+    vec3 a = abs(light.position.xyz), b = abs(p);
+    float size = max(max(max(a.x, a.y), a.z), max(max(b.x, b.y), b.z));
+    return max(length(light.position.xyz - p) - LIGHT_GAP * size, 0.0);
+}
+
+LightRay punctual_ray(Surface s, vec3 p, vec3 g, float pick, float keep) {
+    LightRay r = NO_LIGHT;
+    float total = 0.0, target = 0.0;
+    int chosen = -1;
+    for (int i = 0; i < P.lights.y; ++i) { // candidates
+#if ALL_CANDIDATES
+        int row = i;
+        float pdf = 1.0;
+#else
+        int row = choose_light((float(i) + pick) / float(P.lights.y), P.lights.x);
+        float pdf = light_choice[row].y * float(P.lights.y);
+#endif
+        Incident arriving = incident(light_record(row), p);
+        if (!faces(s, g, arriving.l)) continue;
+        Lobes f = evaluate_brdf(s, arriving.l);
+        float reflected = luminance((f.diffuse + f.glossy) * arriving.radiance);
+        if (!(reflected > 0.0)) continue;
+        float weight = reflected / pdf;
+        total += weight;
+        if (keep * total < weight) { // probability weight / total; what is left of the number is used again
+            keep = keep * total / weight;
+            chosen = row;
+            target = reflected;
+            r.l = arriving.l;
+            r.radiance = arriving.radiance;
+        } else {
+            keep = (keep * total - weight) / (total - weight);
+        }
+    }
+    if (chosen < 0) return NO_LIGHT;
+    r.radiance *= total / target;
+    r.origin = offset_origin(p, g, r.l);
+    r.t_max = punctual_reach(light_record(chosen), r.origin);
+    return r;
+}
+#endif
+
+#if EMITTERS
+LightRay emitter_ray(Surface s, vec3 p, vec3 g, vec4 u) {
+    LightRay r = NO_LIGHT;
+    EmitterSample e = sample_emitter(u.x, u.yz);
+    vec3 towards = e.position - p;
+    float d2 = dot(towards, towards);
+    if (!(d2 > 0.0) || !(e.pdf_area > 0.0)) return r;
+    vec3 l = towards * inversesqrt(d2);
+    float cosine = abs(dot(e.normal, l));
+    if (!faces(s, g, l) || cosine <= 0.0) return r;
+    float pdf = e.pdf_area * d2 / cosine;
+    r.radiance = e.radiance / pdf * power_heuristic(pdf, brdf_pdf(s, l));
+    // The ray ends before the emitter by what keeps it from hitting the emitter itself.
+    r.origin = offset_origin(p, g, l);
+    vec3 span = offset_origin(e.position, e.normal, -l) - r.origin;
+    r.t_max = length(span) * 0.999999;
+    r.l = safe_normalize(span);
+    return r;
+}
+#endif
+
+#if ENVIRONMENT_IMAGE
+// Cells of equal width in longitude and of equal angle in latitude; a cell's probability is uniform in solid angle.
+// Column ``width`` of ``environment_choice`` holds the cumulative probability of the rows.
+int search_row(float u, int height, int width) {
+    int low = 0, high = height - 1;
+    while (low < high) {
+        int middle = (low + high) >> 1;
+        if (u < environment_choice_at(ivec2(width, middle)).x) high = middle;
+        else low = middle + 1;
+    }
+    return low;
+}
+
+int search_column(float u, int row, int width) {
+    int low = 0, high = width - 1;
+    while (low < high) {
+        int middle = (low + high) >> 1;
+        if (u < environment_choice_at(ivec2(middle, row)).x) high = middle;
+        else low = middle + 1;
+    }
+    return low;
+}
+
+float within(float u, float from, float to) { return clamp((u - from) / max(to - from, 1.0e-20), 0.0, 0.9999999); }
+
+BrdfSample sample_environment(vec2 u) {
+    int height = ENVIRONMENT_CELLS, width = 2 * ENVIRONMENT_CELLS;
+    int row = search_row(u.x, height, width);
+    float row_low = row > 0 ? environment_choice_at(ivec2(width, row - 1)).x : 0.0;
+    float down = within(u.x, row_low, environment_choice_at(ivec2(width, row)).x);
+    int column = search_column(u.y, row, width);
+    float column_low = column > 0 ? environment_choice_at(ivec2(column - 1, row)).x : 0.0;
+    float right = within(u.y, column_low, environment_choice_at(ivec2(column, row)).x);
+    float top = cos(PI * float(row) / float(height)), bottom = cos(PI * float(row + 1) / float(height));
+    float y = mix(top, bottom, down), sine = sqrt(max(1.0 - y * y, 0.0));
+    float phi = ((float(column) + right) / float(width) - 0.5) * 2.0 * PI;
+    return BrdfSample(vec3(sine * cos(phi), y, sine * sin(phi)), environment_choice_at(ivec2(column, row)).y);
+}
+
+float environment_pdf(vec3 d) {
+    int height = ENVIRONMENT_CELLS, width = 2 * ENVIRONMENT_CELLS;
+    int column = int((atan(d.z, d.x) / (2.0 * PI) + 0.5) * float(width));
+    int row = int(atan(length(d.xz), d.y) / PI * float(height));
+    return environment_choice_at(ivec2(clamp(column, 0, width - 1), clamp(row, 0, height - 1))).y;
+}
+
+LightRay environment_ray(Surface s, vec3 p, vec3 g, vec2 u) {
+    BrdfSample e = sample_environment(u);
+    if (!faces(s, g, e.l) || !(e.pdf > 0.0)) return NO_LIGHT;
+    vec3 radiance = environment_seen(e.l) / e.pdf * power_heuristic(e.pdf, brdf_pdf(s, e.l));
+    return LightRay(offset_origin(p, g, e.l), e.l, FAR, radiance);
+}
+#endif
+
+const int FROM_PUNCTUAL = 0, FROM_EMITTERS = 1, FROM_ENVIRONMENT = 2;
+
+// Light that one sample of each kind of source sends to the viewer.  ``sources``: of SOURCES, from ``first``.
+Lobes next_event(Surface s, vec3 p, vec3 g, vec4 of_emitter, vec4 of_others, int first) {
+    Lobes sum = Lobes(vec3(0.0), vec3(0.0));
+#if SOURCES > 0
+    for (int i = first; i < SOURCES; ++i) { // one loop, so that the shadow ray is compiled once
+        LightRay ray = NO_LIGHT;
+        int source = SOURCE_KINDS[i];
+#if PUNCTUAL
+        if (source == FROM_PUNCTUAL) ray = punctual_ray(s, p, g, of_others.z, of_others.w);
+#endif
+#if EMITTERS
+        if (source == FROM_EMITTERS) ray = emitter_ray(s, p, g, of_emitter);
+#endif
+#if ENVIRONMENT_IMAGE
+        if (source == FROM_ENVIRONMENT) ray = environment_ray(s, p, g, of_others.xy);
+#endif
+        if (!(luminance(ray.radiance) > 0.0)) continue;
+        if (occluded(Ray(ray.origin, ray.l, ray.t_max))) continue;
+        Lobes f = evaluate_brdf(s, ray.l);
+        sum.diffuse += f.diffuse * ray.radiance;
+        sum.glossy += f.glossy * ray.radiance;
+    }
+#endif
+    return sum;
+}

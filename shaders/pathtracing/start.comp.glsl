@@ -1,0 +1,45 @@
+// The first vertex of a sample of each pixel of a tile: light that arrives there directly, and the direction of the path.
+//
+// Paper      section 3.2, f_dir.
+// Reads      position normal geometric_normal base_color material, lights, acceleration structure.
+// Writes     path state.  Closes the sample before.
+// Reference  metrics.path_tracing
+#include "pathtracing/light_sampling.glsl"
+#include "pathtracing/numbers.glsl"
+#include "pathtracing/sums.glsl"
+#include "pathtracing/camera_vertex.glsl"
+
+uniform int samples_before; // samples of this pixel that are in the sums
+
+void main() {
+    ivec2 local = local_pixel();
+    if (outside_tile(local)) return;
+    ivec2 pixel = pixel_of(local);
+    if (samples_before == 0) {
+        for (int layer = DIRECT_DIFFUSE; layer <= INDIRECT_GLOSSY; ++layer) store_state(local, layer, vec4(0.0));
+    } else {
+        close_sample(local, float(samples_before));
+    }
+    CameraVertex x = camera_vertex(local);
+    vec4 origin_pdf = vec4(0.0), direction_alive = vec4(0.0);
+    Lobes direct = Lobes(vec3(0.0), vec3(0.0)), first = direct;
+    if (x.lit) {
+        direct = next_event(x.surface, x.p, x.g, sample_numbers_of(pixel, 0, EMITTER),
+                            sample_numbers_of(pixel, 0, ENVIRONMENT_PUNCTUAL), EXACT_PUNCTUAL);
+        direct = Lobes(finite_or_counted(direct.diffuse), finite_or_counted(direct.glossy));
+        BrdfSample next = sample_brdf(x.surface, sample_numbers_of(pixel, 0, SCATTER).xyz);
+        if (next.pdf > 0.0 && faces(x.surface, x.g, next.l)) {
+            first = evaluate_brdf(x.surface, next.l);
+            first = Lobes(finite_or_counted(first.diffuse / next.pdf), finite_or_counted(first.glossy / next.pdf));
+            origin_pdf = vec4(offset_origin(x.p, x.g, next.l), next.pdf);
+            direction_alive = vec4(next.l, float(luminance(first.diffuse + first.glossy) > 0.0));
+        }
+        add_state(local, DIRECT_DIFFUSE, vec4(direct.diffuse, 0.0));
+        add_state(local, DIRECT_GLOSSY, vec4(direct.glossy, 0.0));
+    }
+    store_state(local, ORIGIN_PDF, origin_pdf);
+    store_state(local, DIRECTION_ALIVE, direction_alive);
+    store_state(local, THROUGHPUT, vec4(1.0));
+    store_state(local, FIRST_DIFFUSE, vec4(first.diffuse, luminance(direct.diffuse + direct.glossy)));
+    store_state(local, FIRST_GLOSSY, vec4(first.glossy, 0.0));
+}

@@ -1,0 +1,51 @@
+// State of the paths of a tile of pixels: layers of one RGBA32F image, one below the other.
+//
+// One image instead of one for each layer: drivers have as few as 8 image units.
+#include "common/luminance.glsl"
+#include "common/numbers.glsl"
+
+const int ORIGIN_PDF = 0;      // xyz: origin of the next ray, relative to the camera; w: pdf of its direction, 1/sr
+const int DIRECTION_ALIVE = 1; // xyz: its direction, unit; w: 1 while the path goes on
+const int THROUGHPUT = 2;      // xyz: after the first bounce
+const int FIRST_DIFFUSE = 3;   // xyz: diffuse lobe / pdf at the first bounce; w: direct luminance of this sample
+const int FIRST_GLOSSY = 4;    // xyz: glossy lobe / pdf; w: indirect luminance of this sample
+const int DIRECT_DIFFUSE = 5;  // xyz: sum over samples; w: sum of squared deviations of direct luminance (Welford)
+const int DIRECT_GLOSSY = 6;   // xyz: sum; w: sum of the distances of the first bounce's hits, meters
+const int INDIRECT_DIFFUSE = 7; // xyz: sum; w: sum of squared deviations of indirect luminance
+const int INDIRECT_GLOSSY = 8; // xyz: sum; w: samples whose first bounce hit a surface
+const int EXACT_DIFFUSE = 9;   // xyz: direct light of all punctual lights, diffuse lobe
+const int EXACT_GLOSSY = 10;   // xyz: glossy lobe
+const int FIRST_POINT = 11;    // xyz: where the paths start
+
+ivec2 local_pixel() { return ivec2(gl_GlobalInvocationID.xy); }
+
+#if PIXEL_LIST
+// The pixels of a list, column | row << 16, take the place of a tile's.
+ivec2 pixel_of(ivec2 local) {
+    uint packed_pixel = pixel_list[local.y * TILE_SIZE.x + local.x];
+    return ivec2(packed_pixel & 0xffffu, packed_pixel >> 16u);
+}
+#else
+uniform ivec2 tile_origin; // pixel
+
+ivec2 pixel_of(ivec2 local) { return tile_origin + local; }
+#endif
+
+bool outside_tile(ivec2 local) {
+    return any(greaterThanEqual(local, TILE_SIZE)) || any(greaterThanEqual(pixel_of(local), P.size.xy));
+}
+
+vec4 load_state(ivec2 local, int layer) { return imageLoad(path_state, local + ivec2(0, layer * TILE_SIZE.y)); }
+
+void store_state(ivec2 local, int layer, vec4 value) {
+    imageStore(path_state, local + ivec2(0, layer * TILE_SIZE.y), value);
+}
+
+void add_state(ivec2 local, int layer, vec4 value) { store_state(local, layer, load_state(local, layer) + value); }
+
+// A contribution that is not finite is counted and left out of the sum.
+vec3 finite_or_counted(vec3 c) {
+    if (!non_finite(c)) return c;
+    atomicAdd(path_counts[COUNT_NON_FINITE], 1u);
+    return vec3(0.0);
+}

@@ -1,0 +1,207 @@
+"""Masks at a random set of pixels: those of a configuration, and in float64 those of any light.
+
+Errors of columns cancel: a pixel that is discarded wrongly makes up for one that is kept wrongly.  Here each pixel is
+compared.  The pixels are drawn at random from whole frames, so a share of them is an unbiased share of the frames.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.animation import CameraTrack
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import FEATURE_BIT, FEATURES, FRUSTUM
+from taubench_gl.effects.decide import decide
+from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.metrics.color import display_color
+from taubench_gl.metrics.masks import RADIANCE_FEATURES, pair_masks
+from taubench_gl.metrics.reprojection import Reprojection, reproject
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+Light = Callable[[int], tuple[Array, Array]]
+"""Frame -> direct and indirect radiance, (h, w, 3) each; only the pixels that are looked up need to be right."""
+
+PAIRS, PIXELS, SEED = 8, 4096, 20
+"""Pairs of frames, pixels of all pairs together, and the seed that draws them."""
+
+BITS = {"frustum": FRUSTUM, **FEATURE_BIT}
+
+
+@dataclass(frozen=True, slots=True)
+class PixelSample:
+    """``frames``: the later frame of each pair; ``at``: its pixels, (n, 2) column and row from the top."""
+
+    frames: tuple[int, ...]
+    at: tuple[Array, ...]
+
+    def __len__(self) -> int:
+        return sum(map(len, self.at))
+
+
+def draw_pixels(frames: range, size: tuple[int, int]) -> PixelSample:
+    """The pixels of a study: the same for the same frames and size."""
+    rng = np.random.default_rng(SEED)
+    later = np.arange(frames.start + 1, frames.stop)
+    chosen = np.sort(rng.choice(later, min(PAIRS, len(later)), replace=False))
+    count = min(PIXELS // len(chosen), size[0] * size[1])
+    flat = [np.sort(rng.choice(size[0] * size[1], count, replace=False)) for _ in chosen]
+    return PixelSample(tuple(chosen.tolist()), tuple(np.stack([f % size[0], f // size[0]], axis=-1) for f in flat))
+
+
+def discarded(words: Array, column: str) -> Array:
+    """Whether each mask word discards its pixel.  (n,) -> (n,) bool."""
+    return (words & np.uint32(BITS[column])) != 0
+
+
+def pack(words: Array) -> str:
+    """Mask words as text; all bits are below 2^16."""
+    return base64.b64encode(words.astype("<u2").tobytes()).decode()
+
+
+def unpack(text: str) -> Array:
+    """(n,) uint32."""
+    return np.frombuffer(base64.b64decode(text), "<u2").astype(np.uint32)
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What is rendered: ``settings`` are those of the study's baseline."""
+
+    gpu: Gpu
+    scene: Scene
+    camera: CameraTrack
+    settings: Settings
+    sample: PixelSample
+
+
+def at_pixel_centers(settings: Settings) -> Settings:
+    """``settings`` of frames that are looked at pixel by pixel."""
+    return settings.replace(pairs="all", samples_per_pixel=1)
+
+
+def rendered_masks(subject: Subject, settings: Settings, without: Sequence[str] = ()) -> Array:
+    """Mask words that the renderer itself writes with ``settings`` (n,) uint32; ``without``: effects left out."""
+    settings, words = at_pixel_centers(settings), []
+    with subject.gpu:
+        context = GpuContext(subject.gpu)
+        source = RasterSource(
+            subject.gpu, subject.scene, subject.camera, settings, SourceOptions(without=tuple(without))
+        )
+        evaluator = PairEvaluator(context, source, settings, images=True)
+        try:
+            for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
+                evaluator.restart()
+                evaluator.step(frame - 1, False)
+                evaluator.step(frame)
+                words.append(evaluator.mask()[at[:, 1], at[:, 0]])
+        finally:
+            for item in (evaluator, context, source):
+                item.release()
+            subject.gpu.collect()
+    return np.concatenate(words)
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    frame: int
+    at: Array
+    reprojection: Reprojection
+    channels: tuple[Mapping[str, Array], Mapping[str, Array]]  # previous, current
+
+
+class PairChannels:
+    """Channels of the sampled pairs, from the rasterizer at 32-bit floats, for masks in float64 on the CPU."""
+
+    def __init__(self, subject: Subject, settings: Settings, light: bool = False):
+        """``light``: keep the radiance of ``settings`` too, for ``masks`` without another light."""
+        settings = at_pixel_centers(settings)
+        self._settings, self._pairs = settings, []
+        every = decide(subject.scene, settings)
+        settings = settings if light else settings.replace(light="raster", indirect="none")
+        with subject.gpu:
+            extra = ("emission",) if every["emission"].enabled else ()
+            source = RasterSource(subject.gpu, subject.scene, subject.camera, settings, SourceOptions(extra=extra))
+            self._mode = source.reprojection
+            self._columns = tuple(c for c in RADIANCE_FEATURES if c in settings.metrics.columns)
+            names = ["position", "normal", *extra]
+            names += source.radiance if light else [c for c in ("color",) if c in source.radiance]
+            for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
+                views, found = [], []
+                for k in (frame - 1, frame):
+                    views.append(source.advance(k))
+                    here = [*names, *(["prev_position"] if self._mode == "motion" else [])]
+                    here += ["ids"] if source.cuts else []
+                    found.append({n: source.read(n) for n in here})
+                self._pairs.append(_Pair(frame, at, reprojection(views[1], views[0], *source.size), tuple(found)))
+            source.release()
+            subject.gpu.collect()
+
+    def looked_up(self) -> dict[int, Array]:
+        """Frame -> its pixels whose light the masks depend on, (n, 2): the sample, and its history."""
+        out: dict[int, list[Array]] = {}
+        for pair in self._pairs:
+            out.setdefault(pair.frame, []).append(pair.at)
+            out.setdefault(pair.frame - 1, []).append(self._history(pair))
+        return {frame: np.unique(np.concatenate(lists), axis=0) for frame, lists in out.items()}
+
+    def _history(self, pair: _Pair) -> Array:
+        now = pair.channels[1]
+        before = now["prev_position"] if self._mode == "motion" else None
+        moved = reproject(pair.reprojection, np.asarray(now["position"], np.float64), before)
+        at = moved.at_px[pair.at[:, 1], pair.at[:, 0]]
+        at = at[np.isfinite(at).all(axis=-1)]
+        h, w = now["position"].shape[:2]
+        nearest = self._settings.metrics.sampling == "nearest"
+        # Nearest taps round half up along GL rows; both neighbors of a tie are looked up.
+        corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
+        base = np.floor(at).astype(np.int64)
+        if nearest:
+            near = np.abs(at - base - 0.5) < 1e-6
+            taps = [np.rint(at).astype(np.int64)] + [(base + c)[near.any(axis=-1)] for c in corners]
+        else:
+            taps = [base + c for c in corners]
+        found = np.concatenate(taps)
+        inside = (found >= 0).all(axis=-1) & (found[:, 0] < w) & (found[:, 1] < h)
+        clipped = np.clip(found, 0, [w - 1, h - 1])  # the guard band of Eq. (3)
+        return np.where(inside[:, None], found, clipped)
+
+    def masks(self, light: Light | None = None) -> Array:
+        """Mask words (n,) uint32, lit by ``light``, or as the settings say."""
+        metrics = self._settings.metrics
+        out = []
+        for pair in self._pairs:
+            before, now = (
+                dict(c) if light is None else self._lit(c, light(pair.frame - 1 + k))
+                for k, c in enumerate(pair.channels)
+            )
+            found = pair_masks(
+                now,
+                before,
+                pair.reprojection,
+                {f: metrics.threshold(f) for f in FEATURES},
+                sampling=metrics.sampling,
+                reprojection=self._mode,
+                exposure=self._settings.lighting.exposure_factor,
+            )
+            out.append(found.mask[pair.at[:, 1], pair.at[:, 0]])
+        return np.concatenate(out)
+
+    def _lit(self, channels: Mapping[str, Array], light: tuple[Array, Array]) -> dict[str, Array]:
+        """``channels`` with the radiance of ``light``; where there is no surface, the color of the background."""
+        out = {n: a for n, a in channels.items() if n not in RADIANCE_FEATURES}
+        lit = dict(zip(("direct", "indirect"), light, strict=True))
+        if "color" in self._columns:
+            lighting = self._settings.lighting
+            radiance = light[0] + light[1] + channels.get("emission", np.zeros(1))[..., :3]
+            shown = display_color(radiance, lighting.exposure_factor, lighting.tone_map)
+            lit["color"] = np.where(channels["position"][..., 3:] > 0, shown, channels["color"][..., :3])
+        return out | {name: lit[name] for name in self._columns}

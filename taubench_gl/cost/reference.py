@@ -1,0 +1,123 @@
+"""Light that masks are compared with: path-traced at the sampled pixels, as long as time allows, or from renders."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.cost.pixels import Light, PairChannels, Subject, at_pixel_centers
+from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.outputs import write_atomically
+from taubench_gl.pathtraced.references import PART
+from taubench_gl.pathtraced.series import Render
+from taubench_gl.settings import MAX_BOUNCES, Settings
+
+Array = np.ndarray
+SUMS_FILE = "reference.npz"
+FIRST, MOST = 4, 64
+"""Samples of the first part that is traced, and most of a part: each doubles the one before."""
+
+HALVES = (0, 1)
+HALF_START = 1 << 16
+"""First sample number of the second half; no half has as many samples."""
+
+
+def reference_light(settings: Settings) -> Settings:
+    """``settings`` with all light path-traced, up to 12 bounces.
+
+    All pixels and frames have the same numbers: noise that a surface point has in both frames of a pair is no change,
+    so masks converge much sooner than with other numbers in each.
+    """
+    light = {"light": "path-traced", "indirect": "auto", "pattern": "fixed", "bounces": MAX_BOUNCES}
+    return at_pixel_centers(settings).replace(**light, spp=PART, storage="float")
+
+
+class TracedPixels:
+    """Path-traced light of the pixels that masks depend on, in two independent halves."""
+
+    def __init__(self, subject: Subject, pairs: PairChannels, settings: Settings):
+        """``settings``: path-traced, at pixel centers."""
+        self._subject, self._lists = subject, pairs.looked_up()
+        self._size = settings.sequence.width, settings.sequence.height
+        with subject.gpu:
+            options = SourceOptions(pixel_list=True)
+            self._source = RasterSource(subject.gpu, subject.scene, subject.camera, settings, options)
+        self._sums = {half: {f: np.zeros((len(at), 6)) for f, at in self._lists.items()} for half in HALVES}
+        self._counts = dict.fromkeys(HALVES, 0)
+
+    @property
+    def samples(self) -> int:
+        """Per pixel, both halves."""
+        return sum(self._counts.values())
+
+    def trace(self, half: int, count: int) -> None:
+        """Add ``count`` samples to ``half``."""
+        with self._subject.gpu:
+            for frame, at in self._lists.items():
+                self._source.draw(frame)
+                self._source.trace(frame, half * HALF_START + self._counts[half], count, at)
+                found = [self._read(name, at) for name in ("direct", "indirect")]
+                self._sums[half][frame] += count * np.concatenate(found, axis=-1)
+        self._counts[half] += count
+
+    def _read(self, name: str, at: Array) -> Array:
+        if name not in self._source.channels:
+            return np.zeros((len(at), 3))
+        return self._source.read(name)[at[:, 1], at[:, 0], :3].astype(np.float64)
+
+    def light(self, halves: Sequence[int] = HALVES) -> Light:
+        """Means over the samples of ``halves``; 0 at all other pixels."""
+        count = max(sum(self._counts[h] for h in halves), 1)
+
+        def at(frame: int) -> tuple[Array, Array]:
+            columns, rows = self._lists[frame].T
+            image = np.zeros((self._size[1], self._size[0], 6))
+            image[rows, columns] = sum(self._sums[h][frame] for h in halves) / count
+            return image[..., :3], image[..., 3:]
+
+        return at
+
+    def save(self, folder: Path) -> None:
+        data = io.BytesIO()
+        sums = {f"{half}_{frame}": a for half, of in self._sums.items() for frame, a in of.items()}
+        np.savez_compressed(data, counts=np.array([self._counts[h] for h in HALVES]), **sums)
+        write_atomically(folder / SUMS_FILE, data.getvalue())
+
+    def load(self, folder: Path) -> None:
+        """Continue from ``save``, if there is a file of the same pixels."""
+        path = folder / SUMS_FILE
+        if not path.is_file():
+            return
+        with np.load(path) as stored:
+            sums = {h: {f: stored[f"{h}_{f}"] for f in of if f"{h}_{f}" in stored} for h, of in self._sums.items()}
+            same = all(
+                sums[h].get(f, np.zeros(0)).shape == a.shape for h, of in self._sums.items() for f, a in of.items()
+            )
+            if same:
+                self._sums, self._counts = sums, dict(zip(HALVES, stored["counts"].tolist(), strict=True))
+
+    def release(self) -> None:
+        with self._subject.gpu:
+            self._source.release()
+            self._subject.gpu.collect()
+
+
+def traced_masks(subject: Subject, pairs: PairChannels, settings: Settings) -> Array:
+    """Mask words of path-traced ``settings`` with their own samples per pixel and pattern: (n,) uint32."""
+    traced = TracedPixels(subject, pairs, at_pixel_centers(settings))
+    try:
+        traced.trace(0, settings.lighting.path_samples)
+        return pairs.masks(traced.light((0,)))
+    finally:
+        traced.release()
+
+
+def render_light(render: Render, settings: Settings, frames: Sequence[int]) -> Light:
+    """Light of path-traced files, for the pairs that end at ``frames``."""
+    found: dict[int, tuple[Array, Array]] = {}
+    for frame in frames:
+        found |= render.light(settings, frame)
+    return found.__getitem__

@@ -1,0 +1,206 @@
+"""The one reader of JSON, TOML and CSV files, which other programs and people may have written.
+
+It reads regular files up to a size limit, numbers that fit their types, and a bounded nesting.  Every fault is one
+error of the class that the caller names.  JSON has no NaN and no infinity; ``checked`` compares values with a type.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import re
+import stat
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from taubench_gl.errors import OutputError, TaubenchError
+
+MAX_BYTES = 64 << 20
+"""Size limit of a file."""
+MAX_DEPTH = 64
+"""Limit on the nesting of objects and lists; deeper values exhaust the stack of the functions that handle them."""
+_INTEGER = re.compile(r"[+-]?[0-9]+")
+_EXPECTED = re.compile(r"Expected (.*), got (.*)")
+_WORDS = {"object": "an object", "array": "a list", "str": "text", "float": "a number", "int": "an integer",
+          "bool": "true or false"}  # fmt: skip
+_MAX_DIGITS = 20  # of an integer: 64 bits with a sign
+_READ_FAULTS = (ValueError, RecursionError, OverflowError, csv.Error)
+
+Fault = type[TaubenchError]
+
+
+def read_bytes(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES) -> bytes:
+    """The content of a regular file of at most ``max_bytes``.  Raises ``fault``; pipes and devices are not read."""
+    where = str(path)
+    try:
+        # Without O_NONBLOCK, opening a pipe waits for its writer.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with open(descriptor, "rb") as file:
+            kind = os.fstat(descriptor).st_mode
+            if not stat.S_ISREG(kind):
+                what = "is a folder, not a file" if stat.S_ISDIR(kind) else "is not a regular file"
+                raise fault(what, where=where)
+            data = file.read(max_bytes + 1)
+    except FileNotFoundError:
+        raise fault("no such file", where=where) from None
+    except (OSError, ValueError) as error:
+        raise fault(f"cannot be read: {getattr(error, 'strerror', None) or error}", where=where) from None
+    if len(data) > max_bytes:
+        raise fault(f"is larger than {max_bytes >> 20} MiB", where=where)
+    return data
+
+
+def read_text(path: str | Path, fault: Fault = OutputError, *, max_bytes: int = MAX_BYTES) -> str:
+    """``read_bytes`` as UTF-8 text, without a byte order mark.  Raises ``fault``."""
+    data = read_bytes(path, fault, max_bytes=max_bytes)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise fault("is not UTF-8 text", where=str(path)) from None
+
+
+def read_json(
+    path: str | Path,
+    kind: Any = Any,
+    fault: Fault = OutputError,
+    *,
+    hint: str | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> Any:
+    """The value of a JSON file, which matches the type ``kind`` (``checked``).  Raises ``fault``."""
+    text = read_text(path, fault, max_bytes=max_bytes)
+    with _one_line(path, fault, "is not valid JSON", hint):
+        return checked(parse_json(text), kind)
+
+
+def read_toml(
+    path: str | Path,
+    kind: Any = dict[str, Any],
+    fault: Fault = OutputError,
+    *,
+    hint: str | None = None,
+    max_bytes: int = MAX_BYTES,
+) -> dict[str, Any]:
+    """The tables of a TOML file, which match the type ``kind`` (``checked``).  Raises ``fault``."""
+    text = read_text(path, fault, max_bytes=max_bytes)
+    with _one_line(path, fault, "is not TOML", hint):
+        return checked(parse_toml(text), kind)
+
+
+@contextmanager
+def _one_line(path: str | Path, fault: Fault, what: str, hint: str | None) -> Iterator[None]:
+    """Turns what parsers and schemas raise into ``fault``."""
+    try:
+        yield
+    except msgspec.ValidationError as error:
+        raise fault(schema_fault(error), where=str(path), hint=hint) from None
+    except _READ_FAULTS as error:
+        raise fault(f"{what}: {_short(error)}", where=str(path), hint=hint) from None
+
+
+def read_csv(
+    path: str | Path, fault: Fault = OutputError, *, whole_lines: bool = False
+) -> Iterator[tuple[int, list[str]]]:
+    """Line number and cells of each row of a CSV file.  Raises ``fault``.
+
+    ``whole_lines``: leave out a last line without its line break, which an interrupted writer has left.
+    """
+    text = read_text(path, fault, max_bytes=8 * MAX_BYTES)
+    if whole_lines:
+        text = text[: text.rfind("\n") + 1]
+    reader = csv.reader(text.splitlines())
+    try:
+        for cells in reader:
+            yield reader.line_num, cells
+    except _READ_FAULTS as error:
+        raise fault(f"is not CSV: {_short(error)}", where=f"{path}:{reader.line_num}") from None
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text.  Raises ValueError or RecursionError, also for NaN, infinity and oversized numbers."""
+    value = json.loads(text, parse_int=integer, parse_float=real, parse_constant=_no_constant)
+    return _bounded(value)
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text.  Raises ValueError or RecursionError, also for numbers that do not fit."""
+    return _bounded(tomllib.loads(text, parse_float=_toml_real))
+
+
+def checked(value: Any, kind: Any) -> Any:
+    """``value`` itself, if it matches the type ``kind`` as msgspec reads types.  Raises msgspec.ValidationError."""
+    if kind is not Any:
+        msgspec.convert(value, kind)
+    return value
+
+
+def schema_fault(error: msgspec.ValidationError) -> str:
+    """msgspec's message with the key first: ``settings.width is text, expected a number``."""
+    what, _, place = str(error).replace("`", "").partition(" - at ")
+    key = place.removeprefix("$").removeprefix(".") or "the file"
+    if found := _EXPECTED.fullmatch(what):
+        return f"{key} is {_in_words(found[2])}, expected {_in_words(found[1])}"
+    return f"{key}: {what[:1].lower()}{what[1:]}"
+
+
+def _in_words(kinds: str) -> str:
+    return " or ".join(_WORDS.get(kind, kind) for kind in kinds.split(" | "))
+
+
+def integer(text: str) -> int:
+    """An integer of at most 64 bits.  Raises ValueError."""
+    if len(text) > _MAX_DIGITS:
+        raise ValueError(f"an integer of {len(text)} digits")
+    if not _INTEGER.fullmatch(text):  # int() takes digits of any script, and underscores
+        raise ValueError(f"{text!r} is not an integer")
+    return int(text)
+
+
+def real(text: str) -> float:
+    """A finite number.  Raises ValueError."""
+    if not text.isascii() or "_" in text:
+        raise ValueError(f"{text[:_MAX_DIGITS]!r} is not a number")
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:_MAX_DIGITS]} is not a finite number")
+    return value
+
+
+def _toml_real(text: str) -> float:
+    # TOML has literals of infinity and NaN; whether a setting may have them is its own rule.
+    return float(text) if text.lstrip("+-") in ("inf", "nan") else real(text.replace("_", ""))
+
+
+def _no_constant(text: str) -> float:
+    raise ValueError(f"{text} is not a number in JSON")
+
+
+def _bounded(value: Any) -> Any:
+    """``value``, if it is not nested too deep and its integers fit.  Raises ValueError."""
+    level = [value]
+    for _ in range(MAX_DEPTH):
+        below: list[Any] = []
+        for one in level:
+            if isinstance(one, dict):
+                below += one.values()
+            elif isinstance(one, list):
+                below += one
+            elif isinstance(one, int) and one.bit_length() > 64:
+                raise ValueError("an integer of more than 64 bits")
+        if not below:
+            return value
+        level = below
+    raise ValueError(f"more than {MAX_DEPTH} levels of nesting")
+
+
+def _short(error: Exception) -> str:
+    if isinstance(error, RecursionError):
+        return f"more than {MAX_DEPTH} levels of nesting"
+    return f"{error!s:.200}"

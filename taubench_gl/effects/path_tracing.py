@@ -1,0 +1,84 @@
+"""Which light is path-traced: the sources, the surfaces that emit, and what a pixel costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from taubench_gl.effects.lighting import counts_as_light, emits, environment_of
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import LightingSettings, Settings
+
+SOURCES = ("punctual", "emitters", "environment")
+
+REPLACED = {
+    "path_traced": frozenset({"shadows", "light_culling", "sky"}),
+    "environment_light": frozenset({"sky"}),
+}
+"""Effect that traces paths -> effects of the raster method that it replaces."""
+
+
+def method_of(settings: Settings) -> str:
+    """raster, path-traced or auto."""
+    return settings.lighting.light
+
+
+def emitters(scene: Scene, settings: Settings) -> frozenset[int]:
+    """Drawn materials whose surfaces are path-traced lights; without path tracing, those that light nothing.
+
+    With ``path-traced`` all that emit, else those that count as light.
+    """
+    used = {p.material for n in scene.mesh_nodes.tolist() for p in _primitives(scene, n) if len(p.triangles)} - {-1}
+    is_light = emits if method_of(settings) == "path-traced" else counts_as_light
+    return frozenset(m for m in used if is_light(scene.materials[m]))
+
+
+def emissive_surfaces(scene: Scene, settings: Settings) -> int:
+    """Drawn primitives with a material of ``emitters``."""
+    found = emitters(scene, settings)
+    drawn = (p for n in scene.mesh_nodes.tolist() for p in _primitives(scene, n) if len(p.triangles))
+    return sum(p.material in found for p in drawn)
+
+
+def traced_sources(scene: Scene, settings: Settings) -> frozenset[str]:
+    """Those of ``SOURCES`` that are in the scene and path-traced by the method of ``settings``, which are resolved."""
+    method, environment = method_of(settings), environment_of(settings)
+    if method == "raster":
+        return frozenset()
+    present = {
+        "punctual": method == "path-traced" and bool(len(scene.light_nodes) or environment.sun is not None),
+        "emitters": bool(emitters(scene, settings)),
+        "environment": environment.shines,
+    }
+    return frozenset(name for name, there in present.items() if there)
+
+
+def traced_effects(enabled: Mapping[str, Any] | frozenset[str]) -> frozenset[str]:
+    """Those of ``enabled`` that trace paths."""
+    return frozenset({"path_traced", "emitter_light", "environment_light"} & set(enabled))
+
+
+def cost_text(lighting: LightingSettings) -> str:
+    """Samples, bounces and rays of a pixel: each bounce has a ray to a light and a ray to the next surface."""
+    spp, bounces = lighting.path_samples, lighting.bounces
+    paths = f"{spp} {lighting.pattern} sample{'s' * (spp > 1)} of up to {bounces} bounce{'s' * (bounces > 1)}"
+    return f"{paths}, up to {2 * spp * bounces:,} rays a pixel"
+
+
+def notes(scene: Scene, settings: Settings, enabled: frozenset[str]) -> list[str]:
+    """What is path-traced beside the raster method and at what cost, or what the raster method leaves out.
+
+    ``enabled``: effects.  Nothing where no column depends on light.
+    """
+    surfaces = emissive_surfaces(scene, settings)
+    text = f"{surfaces} emissive surface{'s' * (surfaces != 1)}"
+    if method_of(settings) == "raster":
+        lights = {"direct", "color"} & enabled
+        return [f"{text} light{'s' * (surfaces == 1)} nothing: the light method is raster"] * bool(surfaces and lights)
+    parts = {"emitter_light": text, "environment_light": "the environment"}
+    named = [part for effect, part in parts.items() if effect in enabled]
+    return [f"light of {' and '.join(named)} is path-traced: {cost_text(settings.lighting)}"] if named else []
+
+
+def _primitives(scene: Scene, node: int) -> tuple[Any, ...]:
+    return scene.meshes[scene.nodes.mesh[node]].primitives

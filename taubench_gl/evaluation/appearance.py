@@ -1,0 +1,127 @@
+"""Notes on surfaces that look different from what the file describes, with their share of the image."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, Poser
+from taubench_gl.effects.lighting import without_auto
+from taubench_gl.evaluation.lighting import metered_frames
+from taubench_gl.frame.materials import BLEND_CUTOFF
+from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.scene.model import Scene
+from taubench_gl.scene.notes import listed
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+
+SIDE = 480
+"""Largest width and height of the images in which shares are measured, pixels."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surfaces:
+    """What is visible in each pixel of the measured frames."""
+
+    materials: Array  # (P,) int, -2 sky, -1 the default material
+    alpha: Array  # (P,) float, 1 where nothing is drawn
+
+    def percent(self, chosen: Array) -> float:
+        """Share of the pixels ``chosen`` (P,) bool."""
+        return 100.0 * float(np.mean(chosen)) if chosen.size else 0.0
+
+    def of(self, materials: Iterable[int]) -> Array:
+        """Pixels with one of these materials, (P,) bool."""
+        return np.isin(self.materials, list(materials))
+
+
+def appearance_notes(
+    scene: Scene, settings: Settings, camera: CameraTrack, frames: range, poser: Poser | None = None
+) -> list[str]:
+    """The scene's notes, with the share of the image of those that concern materials, and notes on blended surfaces.
+
+    Draws only if there are such materials: the first, middle and last of ``frames``, small and without light.
+    """
+    blended = blended_materials(scene)
+    if not blended and not any(note.materials for note in scene.notes):
+        return [str(note) for note in scene.notes]
+    metered = metered_frames(frames)
+    where = f"of pixels in frame{'s' * (len(metered) > 1)} {', '.join(map(str, metered))}"
+    # Drawn opaque, so that surfaces that the cutoff removes are seen.
+    seen = _surfaces(scene, settings.replace(blend="opaque"), camera, metered, poser)
+    notes = []
+    for note in scene.notes:
+        share = f"; {seen.percent(seen.of(note.materials)):.1f} % {where}" if note.materials else ""
+        notes.append(f"{note}{share}")
+    if blended:
+        notes += transparency_notes(scene, settings.sequence.blend, seen, where)
+    return notes
+
+
+def blended_materials(scene: Scene) -> frozenset[int]:
+    """Materials of alpha mode BLEND that are drawn."""
+    used = {p.material for n in scene.mesh_nodes for p in scene.meshes[scene.nodes.mesh[n]].primitives}
+    return frozenset(i for i in used if i >= 0 and scene.materials[i].alpha_mode == "BLEND")
+
+
+def transparency_notes(scene: Scene, blend: str, seen: Surfaces | None = None, where: str = "") -> list[str]:
+    """At most one note on what the setting ``blend`` does to blended surfaces below alpha 0.5.
+
+    ``seen``: the image of the opaque scene; None: nothing was drawn, and only materials whose own alpha is below 0.5
+    are known.
+    """
+    faint = {i for i in blended_materials(scene) if scene.materials[i].base_color[3] < BLEND_CUTOFF}
+    pixels = None
+    if seen is not None:
+        below = seen.of(blended_materials(scene)) & (seen.alpha < BLEND_CUTOFF)
+        faint |= set(np.unique(seen.materials[below]).tolist())
+        pixels = seen.percent(below)
+    if not faint:
+        return []
+    names = listed(scene.materials[i].name or f"number {i}" for i in sorted(faint))
+    objects = sum(
+        any(p.material in faint for p in scene.meshes[scene.nodes.mesh[n]].primitives) for n in scene.mesh_nodes
+    )
+    counted = f"{len(faint)} material{'s' * (len(faint) > 1)} ({names}), {objects} object{'s' * (objects != 1)}"
+    if pixels is not None:
+        counted += f", {pixels:.1f} % {where}"
+    consequence = {
+        "cutoff": "not drawn; --blend opaque or stochastic draws them",
+        "opaque": "drawn opaque",
+        "stochastic": "drawn with a probability of alpha, whose noise counts as change where the camera moves",
+    }[blend]
+    return [f"blended surfaces below alpha {BLEND_CUTOFF:g}: {counted}: {consequence}"]
+
+
+def _surfaces(
+    scene: Scene, settings: Settings, camera: CameraTrack, frames: tuple[int, ...], poser: Poser | None
+) -> Surfaces:
+    width, height = settings.sequence.width, settings.sequence.height
+    factor = max(1.0, max(width, height) / SIDE)
+    small = without_auto(scene, settings).replace(
+        width=max(1, round(width / factor)),
+        height=max(1, round(height / factor)),
+        columns=("position",),
+        samples_per_pixel=1,
+        storage="float",
+        pairs="all",
+        environment="none",
+    )
+    materials, alpha = [], []
+    with open_gpu(settings.device.backend, settings.device.device) as gpu:
+        source = RasterSource(gpu, scene, camera, small, SourceOptions(extra=("ids", "base_color")), poser=poser)
+        try:
+            of_draw = np.array([-2, *(draw.material for draw in source.renderer.draws)])
+            for frame in frames:
+                source.advance(frame)
+                draws = source.read("ids")[..., 0].astype(np.int64).ravel()
+                materials.append(of_draw[draws])
+                alpha.append(np.where(draws > 0, source.read("base_color")[..., 3].ravel(), 1.0))
+            gpu.check("shares of materials")
+        finally:
+            source.release()
+    return Surfaces(np.concatenate(materials), np.concatenate(alpha))

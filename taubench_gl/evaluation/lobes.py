@@ -1,0 +1,99 @@
+"""direct and indirect of single lobes, beside the columns of all lobes: on request only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.animation import View
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.conventions import LOBES
+from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.pairs import Pair, PairEvaluator
+from taubench_gl.frame.counting import SequenceStats
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.settings import Settings
+
+BOUNCES = ("direct", "indirect")
+
+
+def require_lobes(lobes: Collection[str]) -> None:
+    """Raises SettingsError for a name that is not a lobe."""
+    for lobe in lobes:
+        if lobe not in LOBES:
+            raise SettingsError(f"no lobe is named {lobe!r:.60}", hint=f"choose from {', '.join(LOBES)}")
+
+
+def scene_channels(lobes: Collection[str]) -> tuple[str, ...]:
+    """Channels of the ``lobes`` of a rendered scene: it has diffuse and glossy ones."""
+    return tuple(f"{b}_{lobe}" for b in BOUNCES for lobe in lobes if lobe in ("diffuse", "glossy"))
+
+
+def missing_of_scene(lobes: Collection[str], unmeasured: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """lobe -> {direct or indirect: why it is null}, for a rendered scene.  ``unmeasured``: of its source."""
+    none = "rendered scenes have diffuse and glossy lobes only"
+    return {
+        lobe: {b: none if lobe not in ("diffuse", "glossy") else unmeasured[b] for b in BOUNCES
+               if lobe not in ("diffuse", "glossy") or b in unmeasured}
+        for lobe in lobes
+    }  # fmt: skip
+
+
+class LobeColumns:
+    """The evaluator of the columns, with the textures of one lobe instead of the sums of all."""
+
+    def __init__(
+        self,
+        context: GpuContext,
+        source: Any,
+        settings: Settings,
+        missing: Mapping[str, Mapping[str, str]],
+        texture: Callable[[str, str], str],
+    ):
+        """``source``: has ``current_view`` and ``previous_view``; ``missing``: lobe -> {direct or indirect: why it is
+        null}; ``texture``: name of the source's texture of a (lobe, direct or indirect).
+        """
+        self._source, self._texture = source, texture
+        self._lobes: dict[str, tuple[PairEvaluator | None, SequenceStats]] = {}
+        for lobe, reasons in missing.items():
+            measured = tuple(b for b in BOUNCES if b not in reasons)
+            evaluator = PairEvaluator(context, source, settings, radiance=measured) if measured else None
+            self._lobes[lobe] = evaluator, SequenceStats(measured, dict(reasons))
+
+    def observer(self, on_pair: Callable[[Pair], None] | None) -> Callable[[Pair], None]:
+        """A callback that counts each pair for every lobe and then calls ``on_pair``."""
+
+        def observe(pair: Pair) -> None:
+            self._add(pair.view)
+            if on_pair is not None:
+                on_pair(pair)
+
+        return observe
+
+    def _add(self, view: View) -> None:
+        """Count the pair whose frames the source holds; ``view`` is that of the current frame."""
+        pair = reprojection(view, self._source.previous_view, *self._source.size)
+        for lobe, (evaluator, stats) in self._lobes.items():
+            if evaluator is None:
+                continue
+            names = {b: self._texture(lobe, b) for b in BOUNCES}
+            current, previous = (
+                dict(textures) | {b: textures[name] for b, name in names.items() if name in textures}
+                for textures in (self._source.current, self._source.previous)
+            )
+            stats.add(evaluator.compare(pair, current=current, previous=previous))
+
+    def summary(self) -> dict[str, Any]:
+        """lobe -> {direct, indirect} as in the ``discard`` block."""
+        out = {}
+        for lobe, (_, stats) in self._lobes.items():
+            discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
+            out[lobe] = {bounce: discard[bounce] for bounce in BOUNCES}
+        return out
+
+    def release(self) -> None:
+        for evaluator, _ in self._lobes.values():
+            if evaluator is not None:
+                evaluator.release()

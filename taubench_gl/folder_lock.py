@@ -1,0 +1,102 @@
+"""One writer per output folder: a lock that the system releases when its process ends, so that none is ever stale."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import platform
+import time
+from pathlib import Path
+from typing import IO
+
+from taubench_gl.errors import OutputError
+from taubench_gl.outputs import cannot_write, make_folders, remove_folders
+
+LOCK_FILE = ".lock"
+
+ATTEMPTS = 8
+"""``lock_holder`` takes a shared lock for a moment; a writer that starts then must not report another writer."""
+
+
+class FolderLock:
+    """Held by the process that writes into ``out``, which is created; a second one raises OutputError.
+
+    The file names its holder and is removed with the lock.  A killed holder leaves the file, without a lock on it.
+    Forked children of the holder do not extend the lock.
+    """
+
+    def __init__(self, out: str | Path):
+        self.path = Path(out) / LOCK_FILE
+        self._file: IO[str] | None = None
+        self._made: list[Path] = []
+
+    def __enter__(self) -> FolderLock:
+        folder = self.path.parent
+        try:
+            self._file = self._locked()
+            self._file.truncate(0)
+            self._file.write(json.dumps({"pid": os.getpid(), "host": platform.node(), "since": time.time()}))
+            self._file.flush()
+        except (FileExistsError, NotADirectoryError):
+            raise OutputError("is not a folder", where=str(folder), hint="give --out another name") from None
+        except OSError as error:
+            self.__exit__()
+            raise cannot_write(folder, error) from None
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        """Release the lock; remove the folders that were created for it if they are empty."""
+        file, self._file = self._file, None
+        if file is not None:
+            with contextlib.suppress(OSError):
+                self.path.unlink()
+            with contextlib.suppress(OSError):  # a full disk: the name of the holder is still buffered
+                fcntl.flock(file, fcntl.LOCK_UN)
+                file.close()
+        remove_folders(self._made)
+
+    def _locked(self) -> IO[str]:
+        """The lock file, open and locked.  Raises OSError, and OutputError if another writer holds it."""
+        waited = 0
+        while True:
+            self._made += make_folders(self.path.parent)
+            file = open(self.path, "a+", encoding="utf-8")  # noqa: SIM115 (the lock lasts as long as the file is open)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                file.close()
+                who, waited = lock_holder(self.path.parent), waited + 1
+                if who is None and waited < ATTEMPTS:
+                    continue  # the other process only asked for the holder
+                what, hint = f"{who or 'another process'} is writing here", "wait for it, or give --out another folder"
+                raise OutputError(what, where=str(self.path.parent), hint=hint) from None
+            except OSError:
+                return file  # a file system without locks
+            if self._is_current(file):
+                return file
+            file.close()  # its holder has removed it in the meantime: it protects nothing
+
+    def _is_current(self, file: IO[str]) -> bool:
+        try:
+            return os.path.samestat(os.stat(self.path), os.fstat(file.fileno()))
+        except FileNotFoundError:
+            return False
+
+
+def lock_holder(out: Path) -> str | None:
+    """The process that writes into ``out`` now, in words; None if there is none."""
+    try:
+        with open(out / LOCK_FILE, encoding="utf-8") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except OSError:
+                try:
+                    holder = json.loads(file.read())
+                    return f"process {holder['pid']} on {holder['host']}"
+                except (ValueError, KeyError, TypeError):
+                    return "another process"
+    except OSError:
+        return None
+    return None

@@ -1,0 +1,332 @@
+"""Path-traced light: paths from the rasterized surface points, a bounce at a time.
+
+Every dispatch is bounded: a tile of pixels, one sample, one vertex of the paths (or LIGHT_CHUNK lights).  Between
+dispatches the paths of a tile lie in one image, whose layers ``shaders/pathtracing/state.glsl`` names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.environment import declare_environment, seen_of
+from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
+from taubench_gl.frame.passes.lighting import KINDS, SURFACE
+from taubench_gl.frame.raytracing.attributes import HitAttributes
+from taubench_gl.frame.raytracing.hit_tables import HitOptions
+from taubench_gl.frame.raytracing.structure import MAX_STEPS, SceneStructure
+from taubench_gl.frame.renderer import Renderer
+from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, ComputePass, Pass, Resource, Use, stage
+from taubench_gl.gpu.layout import Field, Struct
+from taubench_gl.gpu.passes import CompiledCompute
+from taubench_gl.metrics.environment import CELLS, direction_choice
+from taubench_gl.metrics.lighting import MIN_ALPHA, MIN_LIGHT_DISTANCE
+from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, VERTICES, sample_table
+from taubench_gl.metrics.stochastic import light_choice
+
+Array = np.ndarray
+
+PATH = Struct(
+    "PathRecord",
+    Field("sky", "vec4", "xyz: radiance of a uniform environment, linear"),
+    Field("parallel_view", "vec4", "xyz: unit, towards a parallel camera; w: 1 if the camera is parallel"),
+    Field("footprint", "vec4", "width of a pixel: x, meters of a parallel camera; y, meters for each meter of depth"),
+    Field("size", "ivec4", "xy: pixels"),
+    Field("numbers", "uvec4", "x: frame, y: seed"),
+    Field("lights", "ivec4", "x: punctual lights, y: candidates of a light sample"),
+)
+LAYERS = 12
+"""Layers of the path state."""
+
+CANDIDATES = 8
+"""Most lights that compete for one light sample.  As many lights are all evaluated at the camera's vertex."""
+
+LIGHT_CHUNK = 8
+"""Lights with a shadow ray each in one dispatch."""
+
+LIGHT_GAP = 1e-5
+"""Shadow rays end before a point light by this share of the largest coordinate: what float32 positions are off."""
+
+LIST_TILE = (256, 4)
+"""Columns and rows of path state for listed pixels: as many as a short list has, because every dispatch covers all."""
+
+NO_PIXEL = 0xFFFFFFFF
+"""Fills the last part of a pixel list: beyond every image."""
+
+TABLE_ROWS = 256
+"""Samples whose numbers are on the GPU at a time."""
+
+COUNTS = ("non_finite",)
+"""Counters of ``path_counts``: contributions that were not finite."""
+
+TRACED = ("anchor", "exact", "start", "extend")
+"""Passes that trace rays."""
+
+
+def vertices(spec: FrameSpec) -> int:
+    """Vertices after the camera's that a path may have: as many as bounces, unless only punctual lights, which no ray
+    finds, are left for the last."""
+    found = {"emitters", "environment"} & spec.path_traced_sources
+    return spec.bounces if found else spec.bounces - 1
+
+
+def exact_punctual(spec: FrameSpec) -> bool:
+    """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise."""
+    return "punctual" in spec.path_traced_sources and len(spec.light_kinds) <= max(CANDIDATES, spec.spp)
+
+
+def tile_size(spec: FrameSpec) -> tuple[int, int]:
+    """Pixels that are traced together."""
+    if spec.pixel_list:
+        return LIST_TILE
+    columns, rows = spec.tuning.path_tile
+    return min(columns, spec.size[0]), min(rows, spec.size[1])
+
+
+def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
+    """Passes by name: exact, start, extend, resolve."""
+    sources = spec.path_traced_sources
+    if not sources:
+        return {}
+    image = "environment" in sources and spec.environment.kind == "image"
+    kinds = [0] * ("punctual" in sources) + [1] * ("emitters" in sources) + [2] * image
+    tile = tile_size(spec)
+    state = Resource.texture("path_state", (tile[0], LAYERS * tile[1]), label="paths")
+    counts = Resource.buffer("path_counts", 4 * len(COUNTS), label="paths")
+
+    def values(frame: FrameContext) -> dict:
+        parallel = frame.view.camera.kind != "perspective"
+        candidates = min(len(spec.light_kinds), CANDIDATES)
+        return {
+            "sky": (*spec.environment.radiance, 0.0),
+            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if parallel else (0.0,) * 4,
+            "footprint": (*pixel_footprint(frame, spec.size), 0.0, 0.0),
+            "size": (*spec.size, 0, 0),
+            "numbers": (frame.number & 0xFFFFFFFF, spec.seed, 0, 0),
+            "lights": (len(spec.light_kinds), candidates, 0, 0),
+        }
+
+    def make(name: str, traced: bool = True) -> ComputePass:
+        p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
+        p.define(EXACT_PUNCTUAL=exact_punctual(spec)).constants("P", PATH, values)
+        p.image("path_state", access=UPDATE, given=True)
+        p.buffer("path_counts", "uint", access=UPDATE, given=True)
+        p.define(PIXEL_LIST=spec.pixel_list)
+        if spec.pixel_list:
+            p.buffer("pixel_list", "uint", given=True)
+        p.glsl(f"const ivec2 TILE_SIZE = ivec2({tile[0]}, {tile[1]});", "const int COUNT_NON_FINITE = 0;")
+        if not traced:
+            return p.dispatch(tile, spec.tuning.shading_group)
+        p.define(
+            GLOSSY="glossy" in spec.enabled,
+            INDEPENDENT=spec.pattern == "independent",
+            PUNCTUAL="punctual" in sources,
+            EMITTERS="emitters" in sources,
+            ENVIRONMENT="environment" in sources,
+            SOURCES=len(kinds),
+            ALL_CANDIDATES=len(spec.light_kinds) <= CANDIDATES,
+            **{name.upper(): name in spec.enabled for name in KINDS},
+        )
+        if spec.sun is not None:
+            p.define(DIRECTIONAL_LIGHTS=True)
+        p.glsl(
+            f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};",
+            f"const float LIGHT_GAP = {LIGHT_GAP};",
+            f"const int LIGHT_ROW = {LIGHT_ROW}, LIGHT_CHUNK = {LIGHT_CHUNK}, LAST_VERTEX = {spec.bounces};",
+        )
+        if kinds:
+            p.glsl(f"const int SOURCE_KINDS[{len(kinds)}] = int[]({', '.join(map(str, kinds))});")
+        p.use(lookup(spec, "sample_table", "rgba32ui"))
+        if "punctual" in sources:
+            p.glsl(LIGHT).use(lookup(spec, "light_table")).buffer("light_choice", "vec2", given=True)
+        if image:
+            declare_environment(p, spec.environment, lobes=False, owned=False)
+            p.use(lookup(spec, "environment_choice", "rg32f"))
+            p.glsl(f"const int ENVIRONMENT_CELLS = {cell_rows(spec)};")
+        return p.dispatch(tile, spec.tuning.shading_group)
+
+    out = {"anchor": make("anchor").use(*spec.channels("position"))}
+    if exact_punctual(spec):
+        out["exact"] = make("exact").use(*spec.channels(*SURFACE))
+    out["start"] = make("start").use(*spec.channels(*SURFACE)).allocate(state, counts)
+    if vertices(spec):
+        out["extend"] = make("extend")
+    out["resolve"] = _resolve(spec, make("resolve", traced=False))
+    if image:
+        own = ComputePass("", ())
+        declare_environment(own, spec.environment, lobes=False, owned="color" not in spec.enabled)
+        choice = Resource.texture(
+            "environment_choice", (2 * cell_rows(spec) + 1, cell_rows(spec)), components=2, label="environment"
+        )
+        out["start"].allocate(*own.resources, choice)
+    size = VERTICES * BLOCKS_PER_VERTEX, TABLE_ROWS
+    if spec.pixel_list:
+        out["start"].allocate(Resource.buffer("pixel_list", 4 * tile[0] * tile[1], label="paths"))
+    out["start"].allocate(Resource.texture("sample_table", size, dtype="u4", label="sample numbers"))
+    return out
+
+
+def pixel_footprint(frame: FrameContext, size: tuple[int, int]) -> tuple[float, float]:
+    """Larger side of a pixel: meters of a parallel camera, meters for each meter of depth of a perspective one."""
+    clip_from_relative = frame.view.clip_from_relative(*size)
+    scale = np.linalg.norm(clip_from_relative[:2, :3], axis=1)  # 1 / half the image plane's sides
+    side = float(np.max(2.0 / (scale * size)))
+    return (0.0, side) if frame.view.camera.kind == "perspective" else (side, 0.0)
+
+
+def _resolve(spec: FrameSpec, p: ComputePass) -> ComputePass:
+    """Writes the channels, or adds to what the raster method wrote."""
+    added = {"direct": spec.raster_direct, "indirect": spec.raster_indirect}
+    p.define(**{f"ADD_TO_{name.upper()}": add for name, add in added.items()})
+    split = {"direct": ("direct_diffuse", "direct_glossy"), "indirect": ("indirect_diffuse", "indirect_glossy")}
+    for name, lobes in split.items():
+        wanted = bool(set(lobes) & set(spec.extra))
+        p.define(**{f"SPLIT_{name.upper()}": wanted})
+        for use in spec.outputs(name, *(lobes if wanted else ())):
+            p.use(Use(use.form, use.name, use.type, UPDATE, use.resource) if added[name] else use)
+    return p.define(PATH_INFO=True).use(*spec.outputs("path_info"))
+
+
+def lookup(spec: FrameSpec, name: str, form: str = "rgba32f") -> Use:
+    """A table read texel by texel: an image on llvmpipe, where that costs half; else a texture, which are many."""
+    if spec.tuning.software:
+        return Use(IMAGE, name, form, READ, given=True)
+    return Use(TEXTURE, name, "usampler2D" if form.endswith("ui") else "sampler2D", READ, given=True)
+
+
+def cell_rows(spec: FrameSpec) -> int:
+    """Rows of the cells from which directions to the environment image are sampled."""
+    return min(len(seen_of(spec.environment)), CELLS)
+
+
+@stage("direct", options=("path_traced", "emitter_light", "environment_light", "glossy", *KINDS))
+def path_traced_light(spec: FrameSpec) -> Sequence[Pass]:
+    """Light of the sources that paths are traced for."""
+    return tuple(declarations(spec).values())
+
+
+def hit_options(spec: FrameSpec) -> HitOptions:
+    """What hits need of the scene's materials."""
+    emission = "none"
+    if "emitters" in spec.path_traced_sources:
+        emission = "all" if "path_traced" in spec.enabled else "strong"
+    return HitOptions(
+        normal_maps="normal_maps" in spec.enabled,
+        glossy="glossy" in spec.enabled,
+        emission=emission,
+        alpha_test="alpha_mask" in spec.enabled,
+    )
+
+
+class PathTracing:
+    """Traces the paths of a frame, and writes or adds to its light."""
+
+    def __init__(self, renderer: Renderer, spec: FrameSpec):
+        context = renderer.context
+        self._spec, self._gpu = spec, context.gpu
+        passes = declarations(spec)
+        self.tables = context.allocate_all(passes.values())
+        """What the passes declare, by name; the light stage releases it."""
+        self.tables["path_counts"].clear()
+        if "punctual" in spec.path_traced_sources:
+            count = max(len(spec.light_kinds), 1)
+            self.tables["light_choice"] = context.gpu.ctx.buffer(reserve=8 * count, dynamic=True)
+        self.structure = SceneStructure(renderer, alpha_test="alpha_mask" in spec.enabled)
+        self.attributes = HitAttributes(renderer, hit_options(spec))
+        for name in TRACED:
+            if name in passes:
+                self.attributes.declare(self.structure.declare(passes[name]))
+        self._passes: dict[str, CompiledCompute] = {name: context.compute(p) for name, p in passes.items()}
+        self._tile = tile_size(spec)
+        self._rows: tuple[int, int] | None = None  # first sample and seed of the numbers on the GPU
+        if "environment_choice" in self.tables:
+            self.tables["environment_choice"].write(direction_choice(seen_of(spec.environment)).tobytes())
+        self.first_sample = 0
+        """Number of the first sample of the next frame: a sequence can be continued in several runs."""
+        self.sample_count = spec.spp
+        """Samples per pixel of the next frame."""
+        self.pixels = np.zeros((0, 2), dtype=np.uint32)
+        """With ``spec.pixel_list``: pixels of the next frame that are lit, (n, 2) column and GL row; others stay."""
+
+    @property
+    def memory(self) -> dict[str, int]:
+        """GPU memory that the passes do not declare, bytes by name."""
+        return {**self.structure.memory, **self.attributes.memory}
+
+    def run(self, frame: FrameContext) -> None:
+        """Light ``frame``, whose light table is filled."""
+        self.structure.update(frame)
+        self.attributes.update(frame)
+        frame.tables |= self.structure.resources | self.attributes.resources
+        if "light_choice" in self.tables:
+            power = frame.light_rows["color"][: len(self._spec.light_kinds), :3].max(axis=-1)
+            self.tables["light_choice"].write(light_choice(power).tobytes() or bytes(8))
+        resources = frame.resources
+        for where in self._listed() if self._spec.pixel_list else self._tiles():
+            self._trace(frame, resources, where)
+
+    def _tiles(self) -> Iterator[dict[str, Any]]:
+        """Uniforms that place each tile."""
+        width, height = self._spec.size
+        for y in range(0, height, self._tile[1]):
+            for x in range(0, width, self._tile[0]):
+                yield {"tile_origin": (x, y)}
+
+    def _listed(self) -> Iterator[dict[str, Any]]:
+        """As ``_tiles``: the listed pixels, as many as a tile has at a time, are uploaded instead."""
+        count = self._tile[0] * self._tile[1]
+        words = self.pixels[:, 0].astype(np.uint32) | self.pixels[:, 1].astype(np.uint32) << np.uint32(16)
+        for first in range(0, len(words), count):
+            padded = np.full(count, NO_PIXEL, dtype=np.uint32)
+            padded[: len(words) - first] = words[first : first + count]
+            self.tables["pixel_list"].write(padded.tobytes())
+            yield {}
+
+    def _trace(self, frame: FrameContext, resources: dict, where: dict[str, Any]) -> None:
+        passes = self._passes
+        passes["anchor"].run(frame, resources, **where)
+        if "exact" in passes:
+            for first in range(0, len(self._spec.light_kinds), LIGHT_CHUNK):
+                passes["exact"].run(frame, resources, **where, first_light=first)
+        for k in range(self.sample_count):
+            row = self._table_row(self.first_sample + k)
+            passes["start"].run(frame, resources, **where, sample_row=row, samples_before=k)
+            for vertex in range(1, vertices(self._spec) + 1):
+                passes["extend"].run(frame, resources, **where, sample_row=row, vertex=vertex)
+        passes["resolve"].run(frame, resources, **where, sample_count=self.sample_count)
+
+    def _table_row(self, sample: int) -> int:
+        """Row of the table with the numbers of ``sample``, uploaded if need be."""
+        first = sample // TABLE_ROWS * TABLE_ROWS
+        if self._rows != (first, self._spec.seed):
+            table = sample_table(first, TABLE_ROWS, self._scramble)
+            self.tables["sample_table"].write(table.tobytes())
+            self._rows = first, self._spec.seed
+        return sample - first
+
+    @property
+    def _scramble(self) -> int:
+        """Seed of the sequence; pattern ``independent`` shifts one sequence by its seed."""
+        return self._spec.seed if self._spec.pattern == "fixed" else 0
+
+    def counts(self) -> dict[str, int]:
+        """Counters of all frames so far by name.  Waits for the GPU."""
+        words = np.frombuffer(self.tables["path_counts"].read(), np.uint32)
+        return dict(zip(COUNTS, words.tolist(), strict=True)) | {"unfinished": self.structure.unfinished_rays}
+
+    def notes(self) -> list[str]:
+        """What paths left out, one line each."""
+        counts, out = self.counts(), [*self.attributes.notes]
+        if counts["unfinished"]:
+            out.append(f"{counts['unfinished']} rays visited {MAX_STEPS} nodes without an end and count as unoccluded")
+        if counts["non_finite"]:
+            out.append(f"{counts['non_finite']} contributions of paths were not finite and are left out")
+        return out
+
+    def release(self) -> None:
+        for item in (self.structure, self.attributes, *self._passes.values()):
+            item.release()

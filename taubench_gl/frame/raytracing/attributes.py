@@ -1,0 +1,200 @@
+"""What a ray finds at a hit: tables and textures on the GPU, and how a pass declares them.
+
+The shaders are ``shaders/raytracing/surface.glsl``, ``alpha.glsl`` and ``emitters.glsl``; ``hit_tables`` has the layout
+of the tables.  Only what the scene's materials need is stored and compiled.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.materials import texture_of
+from taubench_gl.frame.raytracing import hit_tables
+from taubench_gl.frame.raytracing.atlas import ATLAS_BYTES, atlas_pixels, plan_atlas
+from taubench_gl.frame.raytracing.emitters import EMITTER, emitter_table
+from taubench_gl.frame.raytracing.hit_tables import (
+    COLOR_SLOTS,
+    DRAW_TEXELS,
+    HIT_SLOTS,
+    MATERIAL_TEXELS,
+    ROW_BITS,
+    SLOT_TEXELS,
+    HitOptions,
+    build_tables,
+    emitter_cell_count,
+    hit_slots,
+)  # fmt: skip
+from taubench_gl.frame.spec import bound_times
+from taubench_gl.gpu.declare import ComputePass, Resource
+from taubench_gl.scene.model import Material
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from taubench_gl.frame.renderer import Renderer
+
+Array = np.ndarray
+_POOL = {"positions": 3, "normals": 3, "tangents": 4, "texcoords0": 2, "texcoords1": 2, "colors": 4}
+ALL = HitOptions()
+NO_EMITTERS = np.zeros(0, EMITTER)
+_TABLES = "tables of ray hits"
+_HINT = "trace fewer triangles, or choose the raster method of light"
+
+_CONSTANTS = (
+    f"const int HIT_ROW_BITS = {ROW_BITS}, HIT_ROW_MASK = {(1 << ROW_BITS) - 1};",
+    f"const uint DRAW_TEXELS = {DRAW_TEXELS}u, MATERIAL_TEXELS = {MATERIAL_TEXELS}u, SLOT_TEXELS = {SLOT_TEXELS}u;",
+    *(
+        f"const uint DRAW_{n} = {getattr(hit_tables, n)}u;"
+        for n in ("POSED", "MIRRORED", "VISIBLE", "ALPHA_TEST", "UV1", "COLORS")
+    ),
+    *(f"const uint WRAP_{n} = {getattr(hit_tables, n)}u;" for n in ("REPEAT", "CLAMP", "MIRROR")),
+    *(f"const uint {n} = {getattr(hit_tables, n)}u;" for n in ("MAP_UV1", "MAP_TRANSFORMED", "MAP_NEAREST")),
+    f"const uint MATERIAL_UNLIT = {hit_tables.UNLIT}u;",
+    f"const uint MATERIAL_MAPS = {sum(hit_tables.FIRST_MAP << i for i in range(len(HIT_SLOTS)))}u;",
+    *(f"const uint SLOT_{s.upper()} = {i}u;" for i, s in enumerate(HIT_SLOTS)),
+    *(f"const uint MATERIAL_{s.upper()}_MAP = {hit_tables.FIRST_MAP << i}u;" for i, s in enumerate(HIT_SLOTS)),
+)
+
+
+class HitAttributes:
+    """Tables, atlas and emitters of one scene, for every pass that looks at hits.
+
+    Hits name draws by their rows in ``Renderer.draws``.
+    """
+
+    def __init__(self, renderer: Renderer, options: HitOptions = ALL, *, atlas_bytes: int = ATLAS_BYTES):
+        """``atlas_bytes``: memory of all textures; the largest are halved until they fit.
+
+        Raises GraphicsError where the device has no room for the scene.
+        """
+        self._renderer, self.options = renderer, options
+        gpu, scene, draws = renderer.context.gpu, renderer.scene, renderer.draws
+        images = _images(renderer, options)
+        sizes = {image: scene.images[image].size for image in images}
+        self.atlas = plan_atlas(sizes, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"], atlas_bytes)
+        states = [renderer.poser.sample(float(t)) for t in bound_times(scene)] if options.emission != "none" else []
+        self.emitters = emitter_table(scene, draws, states, options, self._pixels) if states else NO_EMITTERS
+        """Rows of the emitter table, ``emitters.EMITTER``."""
+        self._tables = build_tables(scene, draws, _pools(renderer), self.atlas, options, self.emitters)
+        self._textures: dict[str, moderngl.Texture] = {}
+        self._upload(images)
+
+    def _pixels(self, image: int) -> Array:
+        pixels = self._renderer.materials.pixels(image)
+        return self._renderer.scene.images[image].decode() if pixels is None else pixels
+
+    def _upload(self, images: dict[int, bool]) -> None:
+        static, self._tables.static = self._tables.static, np.zeros(0)  # on the GPU from here on
+        wanted = {
+            "hit_static": Resource.texture("hit_static", static.shape[1::-1], dtype="u4", what=_TABLES, hint=_HINT),
+            "hit_draws": Resource.texture("hit_draws", self._tables.draws.size, dtype="u4", what=_TABLES, hint=_HINT),
+        }
+        if self.atlas.places:
+            wanted["hit_atlas"] = Resource.texture(
+                "hit_atlas", self.atlas.size, dtype="f1", what="textures of ray hits", hint=_HINT
+            )
+        for name, resource in wanted.items():
+            self._textures[name] = self._renderer.context.allocate(resource)
+        self._textures["hit_static"].write(np.ascontiguousarray(static))
+        self._textures["hit_draws"].write(self._tables.draws.image())
+        colors = [image for image, color in images.items() if color]
+        for viewport, texels in atlas_pixels(self.atlas, self._pixels, colors):
+            self._textures["hit_atlas"].write(np.ascontiguousarray(texels), viewport=viewport)
+
+    def declare(self, p: ComputePass) -> ComputePass:
+        """Add to ``p`` what ``raytracing/surface.glsl``, ``alpha.glsl`` and ``emitters.glsl`` need."""
+        t, posed = self._tables, any(d.posed for d in self._renderer.draws)
+        software = self._renderer.context.gpu.software
+        p.define(
+            HIT_TEXTURES=bool(self.atlas.places), HIT_UV1=t.second_uv, HIT_UV_TRANSFORMS=t.transformed,
+            HIT_COLORS=t.colors, HIT_ALPHA=t.alpha_test, HIT_POSED=posed, HIT_NORMAL_MAPS=t.slots["normal"],
+            HIT_METALLIC_ROUGHNESS_MAPS=t.slots["metallic_roughness"], HIT_EMISSIVE_MAPS=t.slots["emissive"],
+            HIT_EMISSION=t.emission,
+        )  # fmt: skip
+        p.glsl(
+            *_CONSTANTS,
+            f"const int EMITTERS_AT = {t.places['emitters']}, EMITTER_CELLS_AT = {t.places['cells']};",
+            f"const int EMITTER_COUNT = {t.emitters}, EMITTER_CELLS = {emitter_cell_count(t.emitters)};",
+        )
+        for name in ("hit_static", "hit_draws"):
+            # llvmpipe reads an image for half the price of a texture; GPUs have few units for images.
+            if software:
+                p.image(name, "rgba32ui", given=True)
+            else:
+                p.texture(name, "usampler2D", given=True)
+        if self.atlas.places:
+            p.texture("hit_atlas", given=True)
+        for name in self._posed_buffers:
+            p.buffer(name, "float", given=True)
+        return p
+
+    @property
+    def _posed_buffers(self) -> dict[str, moderngl.Buffer]:
+        """Vertices that the deform pass writes."""
+        if not any(d.posed for d in self._renderer.draws):
+            return {}
+        pool, names = self._renderer.buffers.pools[True], ("positions", "normals")
+        names += ("tangents",) if self._tables.slots["normal"] else ()
+        return {f"posed_{name}": pool[name] for name in names}
+
+    def update(self, frame: FrameContext) -> None:
+        """Take over the transforms and visibility of ``frame``."""
+        if self._tables.draws.place(frame.placement):
+            self._textures["hit_draws"].write(self._tables.draws.image())
+
+    @property
+    def resources(self) -> dict[str, Any]:
+        """Textures and buffers by name."""
+        return {**self._textures, **self._posed_buffers}
+
+    @property
+    def memory(self) -> dict[str, int]:
+        """GPU memory, bytes by name."""
+        texels = sum(t.width * t.height for name, t in self._textures.items() if name != "hit_atlas")
+        return {_TABLES: 16 * texels} | ({"textures of ray hits": self.atlas.bytes} if self.atlas.places else {})
+
+    @property
+    def notes(self) -> list[str]:
+        """What hits have less of than the scene, one line each."""
+        reduced, count = len(self.atlas.reduced), len(self.atlas.places)
+        if not reduced:
+            return []
+        return [
+            f"{reduced} of {count} images are stored smaller for hits of rays: the atlas has {self.atlas.bytes} bytes"
+        ]
+
+    def release(self) -> None:
+        for texture in self._textures.values():
+            texture.release()
+
+
+def _images(renderer: Renderer, options: HitOptions) -> dict[int, bool]:
+    """Images that hits need -> whether they are colors."""
+    materials, out = (Material(), *renderer.scene.materials), {}
+    for m in sorted({d.material + 1 for d in renderer.draws}):
+        for slot in hit_slots(materials[m], options):
+            image = texture_of(materials[m], slot).image
+            out[image] = out.get(image, False) or slot in COLOR_SLOTS
+    return out
+
+
+def _pools(renderer: Renderer) -> dict[bool, dict[str, Array]]:
+    """Attributes of both pools, read back from the GPU.  Positions of the posed pool are those of some frame."""
+    out = {}
+    for posed, buffers in renderer.buffers.pools.items():
+        draws = [d for d in renderer.draws if d.posed == posed]
+        vertices = max((d.base_vertex + d.vertex_count for d in draws), default=0)
+        indices = max((d.first_index + d.index_count for d in draws), default=0)
+        out[posed] = {
+            name: np.frombuffer(buffers[name].read(4 * width * vertices), np.float32).reshape(vertices, width)
+            if vertices
+            else np.zeros((0, width), np.float32)
+            for name, width in _POOL.items()
+        }
+        out[posed]["indices"] = (
+            np.frombuffer(buffers["indices"].read(4 * indices), np.uint32) if indices else np.zeros(0, np.uint32)
+        )
+    return out

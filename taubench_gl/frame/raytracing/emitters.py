@@ -1,0 +1,163 @@
+"""The emitter table: every triangle of an emissive draw, and the probability with which light is sampled there.
+
+Probabilities are proportional to power, area x mean luminance of the emission that the triangle shows, and are a
+function of the scene: areas are the largest over the animation, so that an emitter that grows is found from the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from taubench_gl.animation import FrameState, pose_vertices
+from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.materials import texels_at, transformed_uv
+from taubench_gl.frame.raytracing.hit_tables import HitOptions, hit_emission
+from taubench_gl.frame.raytracing.instances import changing_nodes
+from taubench_gl.scene.model import Material, Primitive, Scene, Texture
+from taubench_gl.srgb import LUMINANCE, srgb_decode
+
+Array = np.ndarray
+EMITTER = np.dtype([("draw", "u4"), ("triangle", "u4"), ("cumulative", "f4"), ("probability", "f4")])
+SIDE = 4
+"""A triangle's emission is taken at SIDE^2 points, from the texture at a size of about as many texels."""
+
+
+def emitter_table(
+    scene: Scene,
+    draws: tuple[Draw, ...],
+    states: Sequence[FrameState],
+    options: HitOptions,
+    pixels: Callable[[int], Array],
+) -> Array:
+    """Rows of EMITTER, the triangles of a draw in one run, draws ascending; (0,) without emitters.
+
+    ``states``: poses over the animation.  ``pixels``: image -> (h, w, 4) uint8.  Probabilities are differences of the
+    rounded cumulative ones, as the shader has them; 0 where only a ray finds the triangle's light, if there is any.
+    """
+    materials = (Material(), *scene.materials)
+    rows = [i for i, d in enumerate(draws) if any(hit_emission(materials[d.material + 1], options))]
+    if not rows:
+        return np.zeros(0, EMITTER)
+    # What changes may show at other times than those of ``states``.
+    may_show = changing_nodes(scene) | np.any([s.visible for s in states], axis=0)
+    areas = _areas(scene, [draws[i] for i in rows], states)
+    brightness = _Brightness(scene, options, pixels)
+    powers = [may_show[draws[i].node] * a * brightness.of(draws[i]) for i, a in zip(rows, areas, strict=True)]
+    power = np.nan_to_num(np.concatenate(powers), posinf=0.0)
+    out = np.zeros(len(power), EMITTER)
+    out["draw"] = np.repeat(rows, [len(p) for p in powers])
+    out["triangle"] = np.concatenate([np.arange(len(p)) for p in powers])
+    total = power.sum()
+    if total > 0.0:
+        cumulative = np.cumsum(power) / total
+        cumulative[np.flatnonzero(power)[-1] :] = 1.0
+        out["cumulative"] = cumulative
+        out["probability"] = np.diff(out["cumulative"], prepend=np.float32(0))
+    return out
+
+
+def _areas(scene: Scene, draws: Sequence[Draw], states: Sequence[FrameState]) -> list[Array]:
+    """Largest area of each triangle of each draw over the states that show it, square meters.  (T,) each."""
+    across: dict[tuple[int, int], Array] = {}
+    node = np.array([d.node for d in draws])
+    local = np.stack([np.eye(4) if d.local is None else d.local for d in draws])
+    linear = np.stack([(s.world[node] @ local)[:, :3, :3] for s in states])  # (S, K, 3, 3)
+    still = np.ptp(linear, axis=0).max(axis=(1, 2)) <= 1e-9 * np.abs(linear).max(axis=(0, 2, 3))
+    out = []
+    for k, d in enumerate(draws):
+        primitive = scene.meshes[d.mesh].primitives[d.primitive]
+        shown = [i for i, s in enumerate(states) if s.visible[d.node]] or range(len(states))
+        if d.posed:
+            instance = _instance(scene, d)
+            poses = [pose_vertices(scene, states[i], d.node, primitive, instance) for i in shown]
+            vectors = [_across(p[primitive.triangles]) for p in poses]
+        else:
+            key = d.mesh, d.primitive
+            if key not in across:
+                across[key] = _across(primitive.positions.astype(np.float64)[primitive.triangles])
+            vectors = [across[key] @ _cofactor(linear[i, k]).T for i in (shown[:1] if still[k] else shown)]
+        out.append(np.max([0.5 * np.linalg.norm(v, axis=-1) for v in vectors], axis=0))
+    return out
+
+
+def _across(corners: Array) -> Array:
+    """Cross products of the edges of triangles (T, 3, 3) -> (T, 3)."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _cofactor(m: Array) -> Array:
+    """Takes area vectors along with ``m`` (3, 3)."""
+    return np.stack([np.cross(m[1], m[2]), np.cross(m[2], m[0]), np.cross(m[0], m[1])])
+
+
+def _instance(scene: Scene, draw: Draw) -> int | None:
+    if draw.local is None:
+        return None
+    return next(i for i, m in enumerate(scene.nodes.instances[draw.node]) if np.array_equal(m, draw.local))
+
+
+class _Brightness:
+    """Mean luminance of the emission of each triangle of a draw, each primitive once."""
+
+    def __init__(self, scene: Scene, options: HitOptions, pixels: Callable[[int], Array]):
+        self._scene, self._options, self._pixels = scene, options, pixels
+        self._known: dict[tuple[int, int], Array] = {}
+        self._pyramids: dict[tuple[int, tuple[float, float, float]], list[Array]] = {}
+
+    def of(self, draw: Draw) -> Array:
+        """(T,) or () float64."""
+        key = draw.mesh, draw.primitive
+        if key not in self._known:
+            primitive = self._scene.meshes[draw.mesh].primitives[draw.primitive]
+            material = self._scene.materials[draw.material] if draw.material >= 0 else Material()
+            self._known[key] = self._mean(primitive, material)
+        return self._known[key]
+
+    def _mean(self, primitive: Primitive, material: Material) -> Array:
+        factor = hit_emission(material, self._options)
+        texture = material.emissive_texture
+        if texture is None:
+            return np.asarray(np.dot(factor, LUMINANCE))
+        uv = primitive.texcoords[texture.texcoord]
+        if uv is None:
+            uv = np.zeros((len(primitive.positions), 2))
+        key = texture.image, factor
+        if key not in self._pyramids:
+            linear = srgb_decode(self._pixels(texture.image)[..., :3].astype(np.float32) / 255.0)
+            self._pyramids[key] = pyramid(linear @ (LUMINANCE * factor))
+        return texture_means(self._pyramids[key], transformed_uv(texture, uv)[primitive.triangles], texture)
+
+
+def pyramid(values: Array) -> list[Array]:
+    """Means over boxes of 1, 2, 4, ... texels a side.  (h, w) -> list of such, down to one texel."""
+    out = [values]
+    while values.size > 1:
+        h, w = values.shape
+        values = np.pad(values, ((0, h % 2 if h > 1 else 0), (0, w % 2 if w > 1 else 0)), mode="edge")
+        if values.shape[0] > 1:
+            values = 0.5 * (values[::2] + values[1::2])
+        if values.shape[1] > 1:
+            values = 0.5 * (values[:, ::2] + values[:, 1::2])
+        out.append(values)
+    return out
+
+
+def texture_means(levels: Sequence[Array], uv: Array, texture: Texture) -> Array:
+    """Mean over each triangle of a texture, about: SIDE^2 points at the level where it covers about as many texels.
+
+    ``levels``: from ``pyramid``; ``uv`` (T, 3, 2) of the corners, transformed.  (T,).
+    """
+    h, w = levels[0].shape
+    edges = (uv[:, 1:] - uv[:, :1]) * (w, h)
+    area = 0.5 * np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0])
+    level = np.ceil(0.5 * np.log2(np.maximum(np.nan_to_num(area), 1.0) / SIDE**2)).clip(0, len(levels) - 1).astype(int)
+    u1, u2 = (x.ravel() for x in np.meshgrid(*[(np.arange(SIDE) + 0.5) / SIDE] * 2))
+    weights = np.stack([1.0 - np.sqrt(u1), np.sqrt(u1) * (1.0 - u2), np.sqrt(u1) * u2], axis=-1)
+    out = np.zeros(len(uv))
+    for k in np.unique(level):
+        rows = level == k
+        x, y = texels_at(texture, weights @ uv[rows], levels[k].shape[::-1])  # (n, SIDE^2)
+        out[rows] = levels[k][y, x].mean(axis=-1)
+    return out

@@ -1,0 +1,324 @@
+"""Tables of what rays find at hits, for ``shaders/raytracing/hit_tables.glsl``.  NumPy only.
+
+Two tables of texels of four 32-bit words each (floats as their bits), in rows of 2^ROW_BITS texels:
+
+*hit_static*  vertices, triangles, materials and emitters, written once
+*hit_draws*   DRAW_TEXELS texels a draw, written every frame: three rows of relative_from_object (of posed draws: x of
+              the first is the draw's first vertex), then the words and the places of ``DrawTable``
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taubench_gl.effects.lighting import counts_as_light, emits
+from taubench_gl.frame.geometry import Draw
+from taubench_gl.frame.materials import MIRRORED_REPEAT, material_cutoff, tests_alpha, texture_of
+from taubench_gl.frame.materials import REPEAT as GL_REPEAT
+from taubench_gl.frame.raytracing.atlas import AtlasPlan
+from taubench_gl.frame.records import Placement
+from taubench_gl.scene.model import Material, Scene, Texture
+
+Array = np.ndarray
+
+ROW_BITS = 13
+DRAW_TEXELS = 5
+MATERIAL_TEXELS, SLOT_TEXELS = 4, 3
+HIT_SLOTS = ("base_color", "metallic_roughness", "normal", "emissive")
+"""Texture slots of hits, in the order of their records."""
+
+COLOR_SLOTS = ("base_color", "emissive")
+POSED, MIRRORED, VISIBLE, ALPHA_TEST, UV1, COLORS = (1 << i for i in range(6))
+"""Bits of a draw."""
+
+UNLIT, FIRST_MAP = 1, 2
+"""Bits of a material; the bit of slot i is FIRST_MAP << i."""
+
+REPEAT, CLAMP, MIRROR = 0, 1, 2
+MAP_UV1, MAP_TRANSFORMED, MAP_NEAREST = 16, 32, 64
+"""Bits of a texture, above two bits of wrap mode for each axis."""
+
+_GL_NEAREST = 9728
+
+
+@dataclass(frozen=True, slots=True)
+class HitOptions:
+    """What hits are asked for."""
+
+    normal_maps: bool = True
+    glossy: bool = True  # False: nothing is metal and no dielectric has a glossy lobe, so roughness does not matter
+    emission: str = "all"  # "none" | "strong": only what counts as light (``counts_as_light``) | "all"
+    alpha_test: bool = True
+
+
+def hit_emission(material: Material, options: HitOptions) -> tuple[float, float, float]:
+    """Radiance factor of a material at hits; (0, 0, 0) where it emits nothing under ``options``."""
+    shines = {"none": False, "strong": counts_as_light(material), "all": emits(material)}[options.emission]
+    return material.emissive if shines else (0.0, 0.0, 0.0)
+
+
+def hit_slots(material: Material, options: HitOptions) -> tuple[str, ...]:
+    """Slots whose textures hits on ``material`` need."""
+    lit = not material.unlit
+    needed = {
+        "base_color": lit or (options.alpha_test and tests_alpha(material)),
+        "metallic_roughness": lit and options.glossy,
+        "normal": lit and options.normal_maps and material.normal_scale != 0.0,
+        "emissive": any(hit_emission(material, options)),
+    }
+    return tuple(s for s in HIT_SLOTS if needed[s] and texture_of(material, s) is not None)
+
+
+class WordTable:
+    """Texels (N, 4) uint32, appended part by part."""
+
+    def __init__(self) -> None:
+        self._parts: list[Array] = []
+        self.count = 0
+
+    def add(self, texels: Array) -> int:
+        """Append (n, 4) values of 32 bits; the place of the first."""
+        first = self.count
+        words = np.ascontiguousarray(texels).reshape(-1, 4).view(np.uint32)
+        self._parts.append(words)
+        self.count += len(words)
+        return first
+
+    def image(self) -> Array:
+        """(rows, 2^ROW_BITS, 4) uint32, the last row padded."""
+        out = np.zeros((*table_size(self.count)[::-1], 4), np.uint32)
+        np.concatenate([np.zeros((0, 4), np.uint32), *self._parts], out=out.reshape(-1, 4)[: self.count])
+        return out
+
+
+def table_size(count: int) -> tuple[int, int]:
+    """Texels (columns, rows) of a table of ``count`` texels."""
+    return 1 << ROW_BITS, max(-(-count >> ROW_BITS), 1)
+
+
+def vertex_texels(positions: Array, normals: Array, texcoords: Array) -> Array:
+    """(V, 2, 4) float32: position and normal x; texture coordinates, normal y and z."""
+    out = np.empty((len(positions), 2, 4), np.float32)
+    out[:, 0, :3], out[:, 0, 3] = positions, normals[:, 0]
+    out[:, 1, :2], out[:, 1, 2:] = texcoords, normals[:, 1:]
+    return out
+
+
+def draw_centers(draws: Sequence[Draw], positions: Array) -> Array:
+    """Middle of the box of each fixed draw's vertices, float32 numbers; 0 of posed draws.  (D, 3) float64.
+
+    Far from it, float32 would have fewer digits for a point on a triangle than for the triangle's corners.
+    """
+    out = np.zeros((len(draws), 3))
+    known: dict[int, Array] = {}
+    for i, d in enumerate(draws):
+        if d.posed:
+            continue
+        if d.base_vertex not in known:
+            own = positions[d.base_vertex : d.base_vertex + d.vertex_count].astype(np.float64)
+            known[d.base_vertex] = (0.5 * (own.min(axis=0) + own.max(axis=0))).astype(np.float32)
+        out[i] = known[d.base_vertex]
+    return out
+
+
+def centered(draws: Sequence[Draw], centers: Array, positions: Array) -> Array:
+    """Positions of the fixed pool (V, 3) relative to the centers of their draws, float32."""
+    out = np.array(positions, dtype=np.float32)
+    for first, (count, center) in {
+        d.base_vertex: (d.vertex_count, c) for d, c in zip(draws, centers, strict=True) if not d.posed
+    }.items():
+        out[first : first + count] = positions[first : first + count].astype(np.float64) - center
+    return out
+
+
+def material_texels(
+    materials: Sequence[Material], atlas: AtlasPlan, options: HitOptions
+) -> tuple[Array, list[tuple[str, ...]]]:
+    """Rows (M, MATERIAL_TEXELS + 3 SLOT_TEXELS, 4) uint32 and the slots of each material that are in the atlas."""
+    rows = np.zeros((len(materials), MATERIAL_TEXELS + SLOT_TEXELS * len(HIT_SLOTS), 4), np.float32)
+    words = rows.view(np.uint32)
+    used = [hit_slots(m, options) for m in materials]
+    for i, (m, slots) in enumerate(zip(materials, used, strict=True)):
+        rows[i, 0] = m.base_color
+        rows[i, 1, :3] = hit_emission(m, options)
+        words[i, 1, 3] = UNLIT * m.unlit + sum(FIRST_MAP << HIT_SLOTS.index(s) for s in slots)
+        rows[i, 2] = m.metallic, m.roughness, m.specular, material_cutoff(m)
+        rows[i, 3, 0] = m.normal_scale
+        for slot in slots:
+            at = MATERIAL_TEXELS + SLOT_TEXELS * HIT_SLOTS.index(slot)
+            texture = texture_of(m, slot)
+            (x, y), (w, h) = atlas.places[texture.image], atlas.sizes[texture.image]
+            words[i, at] = x | y << 16, w | h << 16, texture_modes(texture), 0
+            rows[i, at + 1, :3], rows[i, at + 2, :3] = texture.uv_transform
+    return words, used
+
+
+def texture_modes(texture: Texture) -> int:
+    """Wrap modes and MAP_* bits."""
+    wrap = {GL_REPEAT: REPEAT, MIRRORED_REPEAT: MIRROR}
+    s = texture.sampler
+    modes = wrap.get(s.wrap_s, CLAMP) | wrap.get(s.wrap_t, CLAMP) << 2
+    return (
+        modes
+        | MAP_UV1 * (texture.texcoord == 1)
+        | MAP_TRANSFORMED * is_transformed(texture)
+        | MAP_NEAREST * (s.mag_filter == _GL_NEAREST)
+    )
+
+
+def is_transformed(texture: Texture) -> bool:
+    return not np.array_equal(texture.uv_transform, np.eye(2, 3))
+
+
+@dataclass(slots=True)
+class DrawTable:
+    """The table of draws; ``rows`` (D, DRAW_TEXELS, 4) uint32 as uploaded last."""
+
+    draws: tuple[Draw, ...]
+    centers: Array  # (D, 3) float64: vertices of a fixed draw are stored relative to it
+    rows: Array = field(init=False)
+    _posed: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.rows = np.zeros((len(self.draws), DRAW_TEXELS, 4), np.uint32)
+        self._posed = np.array([d.posed for d in self.draws], dtype=bool)
+
+    def place(self, placement: Placement) -> bool:
+        """Fill in one frame; whether anything has changed."""
+        before, posed = self.rows.copy(), self._posed
+        matrices = placement.relative[:, :3].copy()
+        matrices[:, :, 3] += np.einsum("dij,dj->di", matrices[:, :, :3], self.centers)
+        self.rows[:, :3] = matrices.astype(np.float32).view(np.uint32)
+        self.rows[posed, :3] = 0
+        self.rows[posed, 0, 0] = [d.base_vertex for d in self.draws if d.posed]
+        bits = self.rows[:, 3, 1] & ~np.uint32(MIRRORED | VISIBLE)
+        moved = MIRRORED * placement.mirrored.astype(np.uint32) | VISIBLE * placement.visible.astype(np.uint32)
+        self.rows[:, 3, 1] = bits | moved
+        return not np.array_equal(before, self.rows)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Texels of ``image``."""
+        return table_size(self.rows.size // 4)
+
+    def image(self) -> Array:
+        """(rows, 2^ROW_BITS, 4) uint32."""
+        table = WordTable()
+        table.add(self.rows)
+        return table.image()
+
+
+@dataclass(slots=True)
+class HitTables:
+    """Everything of a scene that does not change from frame to frame."""
+
+    static: Array  # (rows, 2^ROW_BITS, 4) uint32
+    draws: DrawTable
+    slots: dict[str, bool]  # texture slot -> whether some draw needs it
+    transformed: bool  # whether a texture has a transform
+    second_uv: bool
+    colors: bool
+    alpha_test: bool
+    emission: bool  # whether a drawn surface emits
+    places: dict[str, int]  # of the emitter tables, in texels
+    emitters: int  # rows
+
+
+def build_tables(
+    scene: Scene,
+    draws: tuple[Draw, ...],
+    pools: Mapping[bool, Mapping[str, Array]],
+    atlas: AtlasPlan,
+    options: HitOptions,
+    emitters: Array,
+) -> HitTables:
+    """``pools``: posed or not -> attributes by name, as ``geometry.Pool``; ``emitters``: rows of ``EMITTER``."""
+    table = WordTable()
+    materials = (Material(), *scene.materials)
+    rows, slots = material_texels(materials, atlas, options)
+    first_material = table.add(rows)
+    first_vertex, first_triangle = {}, {}
+    centers = draw_centers(draws, pools[False]["positions"])
+    for posed in (False, True):
+        pool = pools[posed]
+        positions = pool["positions"] if posed else centered(draws, centers, pool["positions"])
+        first_vertex[posed] = table.add(vertex_texels(positions, pool["normals"], pool["texcoords0"]))
+        triangles = np.zeros((len(pool["indices"]) // 3, 4), np.uint32)
+        triangles[:, :3] = pool["indices"].reshape(-1, 3)
+        first_triangle[posed] = table.add(triangles)
+    extras = _Extras(table, pools)
+    out = DrawTable(draws, centers)
+    colored = {d.mesh: [p.colors is not None for p in scene.meshes[d.mesh].primitives] for d in draws}
+    first_emitter = {int(d): int(r) for d, r in zip(*np.unique(emitters["draw"], return_index=True), strict=True)}
+    for i, d in enumerate(draws):
+        m, used = materials[d.material + 1], slots[d.material + 1]
+        second = any(texture_of(m, s).texcoord == 1 for s in used)
+        alpha = options.alpha_test and tests_alpha(m)
+        colors = colored[d.mesh][d.primitive] and (alpha or not m.unlit)
+        bits = POSED * d.posed | ALPHA_TEST * alpha | UV1 * second | COLORS * colors
+        out.rows[i, 3] = (
+            first_triangle[d.posed] + d.first_index // 3, bits,
+            first_material + rows.shape[1] * (d.material + 1), first_emitter.get(i, -1) + 1,
+        )  # fmt: skip
+        out.rows[i, 4] = (
+            first_vertex[d.posed] + 2 * d.base_vertex,
+            extras.place("tangents", d) if "normal" in used and not d.posed else 0,
+            extras.place("texcoords1", d) if second else 0,
+            extras.place("colors", d) if colors else 0,
+        )
+    places = {"emitters": table.add(emitter_texels(emitters)), "cells": table.add(emitter_cells(emitters))}
+    drawn = {d.material + 1 for d in draws}
+    bits = out.rows[:, 3, 1]
+    return HitTables(
+        table.image(), out,
+        slots={s: any(s in slots[m] for m in drawn) for s in HIT_SLOTS},
+        transformed=any(is_transformed(texture_of(materials[m], s)) for m in drawn for s in slots[m]),
+        second_uv=bool((bits & UV1).any()), colors=bool((bits & COLORS).any()),
+        alpha_test=bool((bits & ALPHA_TEST).any()),
+        emission=any(any(hit_emission(materials[m], options)) for m in drawn),
+        places=places, emitters=len(emitters),
+    )  # fmt: skip
+
+
+class _Extras:
+    """Attributes that only some primitives need: one texel a vertex, stored once for each primitive of a pool."""
+
+    def __init__(self, table: WordTable, pools: Mapping[bool, Mapping[str, Array]]):
+        self._table, self._pools = table, pools
+        self._known: dict[tuple[str, bool, int], int] = {}
+
+    def place(self, name: str, d: Draw) -> int:
+        key = name, d.posed, d.base_vertex
+        if key not in self._known:
+            values = self._pools[d.posed][name][d.base_vertex : d.base_vertex + d.vertex_count]
+            texels = np.zeros((len(values), 4), np.float32)
+            texels[:, : values.shape[1]] = values
+            self._known[key] = self._table.add(texels)
+        return self._known[key]
+
+
+def emitter_texels(emitters: Array) -> Array:
+    """(E, 4) uint32: draw, triangle, cumulative probability and probability."""
+    out = np.zeros((len(emitters), 4), np.uint32)
+    out[:, 0], out[:, 1] = emitters["draw"], emitters["triangle"]
+    out[:, 2], out[:, 3] = emitters["cumulative"].view(np.uint32), emitters["probability"].view(np.uint32)
+    return out
+
+
+def emitter_cells(emitters: Array) -> Array:
+    """(C, 4) uint32, x and y: first and last row that a number in cell i, [i/C, (i+1)/C), can choose."""
+    count = emitter_cell_count(len(emitters))
+    ends = np.arange(count + 1) / count
+    cumulative = np.ascontiguousarray(emitters["cumulative"]).astype(np.float64)
+    found = np.minimum(np.searchsorted(cumulative, ends, side="right"), max(len(emitters) - 1, 0))
+    out = np.zeros((count, 4), np.uint32)
+    out[:, 0], out[:, 1] = found[:-1], found[1:]
+    return out
+
+
+def emitter_cell_count(emitters: int) -> int:
+    """A power of two, so that cells have exact ends, about as many as emitters."""
+    return 1 << max(emitters - 1, 0).bit_length()

@@ -1,0 +1,134 @@
+"""How trees, triangles and instances are laid out in the images that ``raytracing/trace.glsl`` reads.  NumPy only.
+
+All images are RGBA32UI and 2^ROW_BITS texels wide.
+
+Node       x, y, z: low and high bound along an axis, two signed 16-bit integers, the low one in the low half;
+           w: of an inner node, the place after its subtree; of a leaf LEAF_BIT, triangles - 1, number of the first
+Triangle   three texels, xyz: a corner, float32 in grid units; w: triangle of its primitive; draw (merged draws) or 0;
+           1 where its material tests alpha
+Instance   four texels: the rows of grid_from_relative, float32; first node, number of nodes, distance from the plane
+           of a triangle within which a ray that starts there does not meet it (float32), draw (0 for merged draws).
+           The first instance is the tree over all others; instead of a draw it has the extent of the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from taubench_gl.frame.raytracing.bvh import Tree
+
+Array = np.ndarray
+
+ROW_BITS = 12
+"""Images are 2^ROW_BITS texels wide."""
+
+HALF_GRID = 32767
+"""Grid coordinates of a tree's box: -HALF_GRID to HALF_GRID."""
+
+FAR_SLACK = 0.02
+"""Grid units by which float32 may move a point of a surface that is far larger than the rest of the scene: ten
+roundings of a grid coordinate.  Origins of rays are offset by the extent of that rest, which is less."""
+
+LEAF_BIT = 1 << 31
+LEAF_COUNT_SHIFT = 28
+LEAF_FIRST_MASK = (1 << LEAF_COUNT_SHIFT) - 1
+TRIANGLE_TEXELS, INSTANCE_TEXELS = 3, 4
+
+GLSL = f"""const int TRACE_ROW_BITS = {ROW_BITS};
+const float TRACE_HALF_GRID = {HALF_GRID}.0;
+const uint TRACE_LEAF_FIRST = {LEAF_FIRST_MASK}u;
+const int TRACE_LEAF_COUNT_SHIFT = {LEAF_COUNT_SHIFT};"""
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """grid = (space - center) * scale, along each axis."""
+
+    center: Array  # (3,) float64
+    scale: Array  # (3,) float64
+
+    @classmethod
+    def around(cls, low: Array, high: Array) -> Grid:
+        """The grid of the box from ``low`` to ``high``, (3,) each."""
+        low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
+        half = 0.5 * (high - low)
+        # A flat box has a depth of 1/1024 of its width; a point has any.
+        half = np.maximum(half, max(half.max() / 1024.0, 1e-20))
+        return cls(0.5 * (low + high), HALF_GRID / half)
+
+    @property
+    def matrix(self) -> Array:
+        """(4, 4) float64 grid_from_space."""
+        out = np.diag([*self.scale, 1.0])
+        out[:3, 3] = -self.center * self.scale
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedTree:
+    """A tree in the node image."""
+
+    first: int  # node
+    nodes: int
+    low: Array  # (3,) float64 box, in the space of the tree
+    high: Array
+    grid: Grid
+
+
+def last_words(tree: Tree, first_triangle: int) -> Array:
+    """Word w of every node.  (N,) uint32."""
+    from taubench_gl.frame.raytracing.bvh import skips
+
+    more = (np.maximum(tree.count, 1) - 1).astype(np.int64)
+    leaf = LEAF_BIT | more << LEAF_COUNT_SHIFT | (first_triangle + tree.first)
+    return np.where(tree.count > 0, leaf, skips(tree)).astype(np.uint32)
+
+
+def node_texels(tree: Tree, first_triangle: int) -> Array:
+    """Nodes of ``tree``, whose boxes are in grid units.  (N, 4) uint32."""
+    down = np.clip(np.floor(tree.low), -32768, 32767).astype(np.int16).view(np.uint16).astype(np.uint32)
+    up = np.clip(np.ceil(tree.high), -32768, 32767).astype(np.int16).view(np.uint16).astype(np.uint32)
+    return np.column_stack([down | up << 16, last_words(tree, first_triangle)])
+
+
+def triangle_texels(corners: Array, triangle: Array, draw: Array, flags: Array) -> Array:
+    """Texels (T, 3, 4) uint32 of triangles with ``corners`` (T, 3, 3) float32 in grid units; the rest (T,)."""
+    out = np.empty((len(corners), TRIANGLE_TEXELS, 4), np.uint32)
+    out[:, :, :3] = np.ascontiguousarray(corners, np.float32).view(np.uint32)
+    out[:, 0, 3], out[:, 1, 3], out[:, 2, 3] = triangle, draw, flags
+    return out
+
+
+def fill_instance(out: Array, matrix: Array, words: tuple[int, int, int, int]) -> None:
+    """Fill one instance (INSTANCE_TEXELS, 4) uint32; ``matrix`` (4, 4): grid_from_relative."""
+    out[:3] = matrix[:3].astype(np.float32).view(np.uint32)
+    out[3] = words
+
+
+class Texels:
+    """An array of texels that grows part by part."""
+
+    def __init__(self, reserved: int = 0):
+        """``reserved``: texels at the start that are written later."""
+        self.parts, self.count = [np.zeros((reserved, 4), np.uint32)], reserved
+
+    def add(self, texels: Array) -> int:
+        """Append ``texels`` (..., 4); the number of the first."""
+        first = self.count
+        self.parts.append(texels.reshape(-1, 4))
+        self.count += len(self.parts[-1])
+        return first
+
+    def rows(self) -> Array:
+        """(rows, 2^ROW_BITS, 4) uint32, the last row filled up."""
+        width = 1 << ROW_BITS
+        out = np.zeros((max(-(-self.count // width), 1) * width, 4), np.uint32)
+        at = 0
+        for part in self.parts:
+            out[at : at + len(part)] = part
+            at += len(part)
+        return out.reshape(-1, width, 4)

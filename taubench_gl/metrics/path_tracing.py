@@ -1,0 +1,320 @@
+"""The path tracer in float64, sample by sample with the same numbers: reference for shaders/pathtracing/.
+
+Rays are tested against every triangle, so scenes are small.  Surfaces are flat, without textures.  Sources: Kajiya, The
+Rendering Equation, 1986; Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997 (multiple importance
+sampling); Talbot et al., Importance Resampling for Global Illumination, 2005.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from taubench_gl.metrics.brdf_sampling import brdf_pdf, sample_brdf
+from taubench_gl.metrics.environment import lookup
+from taubench_gl.metrics.lighting import SurfaceMaterial, evaluate_brdf
+from taubench_gl.metrics.path_samples import BLOCKS_PER_VERTEX, sample_table
+from taubench_gl.srgb import LUMINANCE
+
+Array = np.ndarray
+
+SCATTER, EMITTER, ENVIRONMENT_PUNCTUAL = 0, 1, 2
+"""Blocks of the numbers of a vertex."""
+
+ROULETTE_FROM, LEAST_SURVIVAL = 3, 0.05
+"""First vertex at which paths may end by chance, and the least probability with which they go on."""
+
+_GAP = 1e-5  # rays start and end this share of the coordinates, which came from float32, away from surfaces
+
+
+@dataclass(frozen=True)
+class TraceScene:
+    """Triangles and sources.  Positions in meters, relative to the camera."""
+
+    triangles: Array  # (T, 3, 3)
+    base_color: Array  # (T, 3)
+    metallic: Array  # (T,)
+    roughness: Array  # (T,)
+    specular: Array  # (T,)
+    emission: Array  # (T, 3) radiance, both sides
+    lights: tuple[Callable[[Array], tuple[Array, Array, Array]], ...] = ()
+    """Punctual lights: points (n, 3) -> unit directions (n, 3), irradiance (n, 3), distance (n,) to the light."""
+    light_choice: Array = field(default_factory=lambda: np.zeros((0, 2)))  # metrics.stochastic.light_choice
+    candidates: int = 8  # most lights that compete for a light sample
+    emitter_triangles: Array = field(default_factory=lambda: np.zeros(0, int))  # (E,) rows of ``triangles``
+    emitter_cdf: Array = field(default_factory=lambda: np.zeros(0))  # (E,) cumulative probability
+    sky: Array = field(default_factory=lambda: np.zeros(3))  # radiance of a uniform environment
+    environment: Array | None = None  # equirectangular radiance (h, 2 h, 3)
+    choice: Array | None = None  # metrics.environment.direction_choice of it
+
+    def material(self, rows: Array) -> SurfaceMaterial:
+        """Of triangles ``rows`` (n,)."""
+        return SurfaceMaterial(self.base_color[rows], self.metallic[rows], self.roughness[rows], self.specular[rows])
+
+    @property
+    def sources(self) -> int:
+        return bool(self.lights) + bool(len(self.emitter_triangles)) + (self.environment is not None)
+
+
+@dataclass(frozen=True)
+class PathLight:
+    """Sums over samples, per pixel (n, 3), and the hits of the first bounce (n,)."""
+
+    direct_diffuse: Array
+    direct_glossy: Array
+    indirect_diffuse: Array
+    indirect_glossy: Array
+    hit_distance: Array  # (n,) sum, meters
+    hits: Array  # (n,)
+
+
+def closest_hit(triangles: Array, origin: Array, direction: Array, t_max: Array) -> tuple[Array, Array]:
+    """Nearest triangle (n,), -1 without one, and distance (n,), of rays (n, 3): Moeller and Trumbore 1997."""
+    best, row = np.array(np.broadcast_to(t_max, len(origin)), dtype=np.float64), np.full(len(origin), -1)
+    for i, (a, b, c) in enumerate(triangles):
+        e1, e2 = b - a, c - a
+        p = np.cross(direction, e2)
+        det = p @ e1
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = origin - a
+            u = np.sum(s * p, axis=1) / det
+            q = np.cross(s, e1)
+            v = np.sum(direction * q, axis=1) / det
+            t = q @ e2 / det
+            hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < best)
+        best, row = np.where(hit, t, best), np.where(hit, i, row)
+    return row, best
+
+
+def trace(
+    scene: TraceScene,
+    points: Array,
+    normals: Array,
+    to_viewer: Array,
+    material: SurfaceMaterial,
+    *,
+    samples: int,
+    bounces: int,
+    first_sample: int = 0,
+    seed: int = 0,
+    first_source: int = 0,
+) -> PathLight:
+    """Sums of ``samples`` samples, pattern ``fixed``, of paths with up to ``bounces`` bounces.
+
+    ``points``, ``normals`` and ``to_viewer`` (n, 3): visible surface points, their unit normals and unit directions to
+    the viewer; ``material``: of the points.  ``first_source`` 1 leaves punctual lights out at the first vertex, where
+    each has a shadow ray.
+    """
+    n = len(points)
+    table = sample_table(first_sample, samples, seed)
+    sums = {
+        name: np.zeros((n, 3)) for name in ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
+    }
+    hit_distance, hits = np.zeros(n), np.zeros(n)
+    for k in range(samples):
+
+        def numbers(vertex: int, block: int, k: int = k) -> Array:
+            words = table[k, vertex * BLOCKS_PER_VERTEX + block]
+            return (words >> np.uint32(8)) / float(1 << 24)
+
+        diffuse, glossy = _next_event(scene, points, normals, to_viewer, material, numbers, 0, first_source)
+        sums["direct_diffuse"] += diffuse
+        sums["direct_glossy"] += glossy
+        direction, pdf, diffuse, glossy, alive = _scatter(material, normals, to_viewer, numbers(0, SCATTER))
+        throughput, origin = np.ones((n, 3)), _above(points, normals)
+        for vertex in range(1, bounces + 1):
+            rows, distance = closest_hit(scene.triangles, origin, direction, np.full(n, np.inf))
+            hit = alive & (rows >= 0)
+            found = np.zeros((n, 3))
+            missed = alive & (rows < 0)
+            found[missed] = (throughput * _environment(scene, direction, pdf))[missed]
+            if vertex == 1:
+                hit_distance += np.where(hit, distance, 0.0)
+                hits += hit
+            safe = np.where(hit, rows, 0)
+            corners = scene.triangles[safe]
+            normal = _unit(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+            normal = np.where(np.sum(normal * direction, axis=1, keepdims=True) > 0, -normal, normal)
+            point = origin + direction * np.where(hit, distance, 0.0)[:, None]
+            if len(scene.emitter_triangles):
+                p_light = _emitter_pdf(scene, safe, corners, normal, direction, distance)
+                found[hit] = (throughput * scene.emission[safe] * _heuristic(pdf, p_light)[:, None])[hit]
+            name = "direct" if vertex == 1 else "indirect"
+            sums[f"{name}_diffuse"] += found * diffuse
+            sums[f"{name}_glossy"] += found * glossy
+            alive = hit
+            if vertex == bounces or not alive.any():
+                break
+            here = scene.material(safe)
+            lobes = _next_event(scene, point, normal, -direction, here, numbers, vertex, 0)
+            arrived = np.where(alive[:, None], throughput * (lobes[0] + lobes[1]), 0.0)
+            sums["indirect_diffuse"] += arrived * diffuse
+            sums["indirect_glossy"] += arrived * glossy
+            u = numbers(vertex, SCATTER)
+            direction, pdf, f_diffuse, f_glossy, going = _scatter(here, normal, -direction, u)
+            throughput = throughput * (f_diffuse + f_glossy)
+            alive, origin, peak = alive & going, _above(point, normal), throughput.max(axis=1)
+            if vertex >= ROULETTE_FROM:
+                survival = np.clip(peak, LEAST_SURVIVAL, 1.0)
+                alive = alive & (u[3] < survival)
+                throughput = throughput / survival[:, None]
+    return PathLight(**sums, hit_distance=hit_distance, hits=hits)
+
+
+def _scatter(material: SurfaceMaterial, n: Array, v: Array, u: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """Direction, pdf, both lobes over the pdf, and which paths go on."""
+    direction, pdf = sample_brdf(material, n, v, np.broadcast_to(u[:3], n.shape))
+    alive = (pdf > 0) & (np.sum(n * direction, axis=1) > 0)
+    diffuse, glossy = evaluate_brdf(material, n, v, direction)
+    over = np.where(alive, pdf, 1.0)[:, None]
+    diffuse, glossy = (np.where(alive[:, None], lobe / over, 0.0) for lobe in (diffuse, glossy))
+    return direction, pdf, diffuse, glossy, alive & ((diffuse + glossy) @ LUMINANCE > 0)
+
+
+def _next_event(
+    scene: TraceScene,
+    p: Array,
+    n: Array,
+    v: Array,
+    material: SurfaceMaterial,
+    numbers: Callable[[int, int], Array],
+    vertex: int,
+    first_source: int,
+) -> tuple[Array, Array]:
+    """Diffuse and glossy light of one sample of each kind of source, (n, 3) each."""
+    u = numbers(vertex, ENVIRONMENT_PUNCTUAL)
+    arriving = []
+    if scene.lights and first_source == 0:
+        arriving.append(_punctual(scene, p, n, v, material, u[2], u[3]))
+    if len(scene.emitter_triangles):
+        arriving.append(_emitter(scene, p, n, v, material, numbers(vertex, EMITTER)))
+    if scene.environment is not None:
+        arriving.append(_image(scene, p, n, v, material, u[:2]))
+    sums = np.zeros((len(p), 3)), np.zeros((len(p), 3))
+    for direction, radiance, reach in arriving:
+        facing = (np.sum(n * direction, axis=1) > 0) & (radiance @ LUMINANCE > 0)
+        row, _ = closest_hit(scene.triangles, _above(p, n), np.where(facing[:, None], direction, n), reach)
+        lit = facing & (row < 0)
+        for total, lobe in zip(sums, evaluate_brdf(material, n, v, direction), strict=True):
+            total += np.where(lit[:, None], lobe * radiance, 0.0)
+    return sums
+
+
+def _punctual(
+    scene: TraceScene, p: Array, n: Array, v: Array, material: SurfaceMaterial, pick: float, keep: float
+) -> tuple[Array, Array, Array]:
+    """Direction, radiance over the probability, distance: resampled importance sampling."""
+    count = len(scene.lights)
+    everything = count <= scene.candidates
+    chosen_of = [light(p) for light in scene.lights]
+    keep = np.full(len(p), keep)
+    total, target = np.zeros(len(p)), np.ones(len(p))
+    out = [np.zeros((len(p), 3)), np.zeros((len(p), 3)), np.full(len(p), np.inf)]
+    for i in range(min(count, scene.candidates)):
+        row, pdf = i, 1.0
+        if not everything:
+            cumulative = scene.light_choice[:, 0].astype(np.float64)
+            row = int(np.searchsorted(cumulative, (i + pick) / scene.candidates, side="right"))
+            pdf = float(scene.light_choice[row, 1]) * scene.candidates
+        direction, radiance, distance = chosen_of[row]
+        lobes = evaluate_brdf(material, n, v, direction)
+        reflected = (lobes[0] + lobes[1]) * radiance @ LUMINANCE
+        weight = np.where(reflected > 0, reflected / pdf, 0.0)
+        before, total = total, total + weight
+        take = (weight > 0) & (keep * total < weight)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scaled = np.where(take, keep * total / weight, (keep * total - weight) / before)
+        keep = np.where(weight > 0, scaled, keep)
+        target = np.where(take, reflected, target)
+        for slot, value in zip(out, (direction, radiance, distance), strict=True):
+            slot[take] = value[take]
+    out[1] *= (total / target)[:, None]
+    return out[0], out[1], out[2] * (1.0 - _GAP)
+
+
+def _emitter(
+    scene: TraceScene, p: Array, n: Array, v: Array, material: SurfaceMaterial, u: Array
+) -> tuple[Array, Array, Array]:
+    e = min(int(np.searchsorted(scene.emitter_cdf, u[0], side="right")), len(scene.emitter_triangles) - 1)
+    row = scene.emitter_triangles[e]
+    a, b, c = scene.triangles[row]
+    root = np.sqrt(u[1])
+    point = a + (b - a) * root * (1.0 - u[2]) + (c - a) * root * u[2]
+    towards = point - p
+    distance = np.linalg.norm(towards, axis=1)
+    direction = towards / distance[:, None]
+    corners = np.broadcast_to(scene.triangles[row], (len(p), 3, 3))
+    normal = np.broadcast_to(_unit(np.cross(b - a, c - a)), p.shape)
+    pdf = _emitter_pdf(scene, np.full(len(p), row), corners, normal, direction, distance)
+    weight = _heuristic(pdf, brdf_pdf(material, n, v, direction))
+    # The ray ends above the emitter, on this side of it.
+    side = np.where(np.sum(normal * direction, axis=1, keepdims=True) > 0, -normal, normal)
+    span = _above(np.broadcast_to(point, p.shape), side) - _above(p, n)
+    return _unit(span), scene.emission[row] * (weight / pdf)[:, None], np.linalg.norm(span, axis=1) * (1.0 - 1e-6)
+
+
+def _emitter_pdf(
+    scene: TraceScene, rows: Array, corners: Array, normal: Array, direction: Array, distance: Array
+) -> Array:
+    """Probability per solid angle of the emitter sample that lies on triangles ``rows`` (n,); 0 for other triangles."""
+    share = np.zeros(len(scene.triangles))
+    share[scene.emitter_triangles] = np.diff(scene.emitter_cdf, prepend=0.0)
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    cosine = np.abs(np.sum(normal * direction, axis=1))
+    far = np.where(np.isfinite(distance), distance, 0.0)  # a ray without a hit has no use for it
+    return share[rows] / area * far**2 / np.maximum(cosine, 1e-12)
+
+
+def _image(
+    scene: TraceScene, p: Array, n: Array, v: Array, material: SurfaceMaterial, u: Array
+) -> tuple[Array, Array, Array]:
+    height = len(scene.choice)
+    width, rows = 2 * height, scene.choice[:, -1, 0].astype(np.float64)
+    row = int(np.searchsorted(rows, u[0], side="right"))
+    columns = scene.choice[row, :width, 0].astype(np.float64)
+    column = int(np.searchsorted(columns, u[1], side="right"))
+    down = _within(u[0], rows, row)
+    right = _within(u[1], columns, column)
+    top, bottom = np.cos(np.pi * np.array([row, row + 1]) / height)
+    y = top + (bottom - top) * down
+    phi = ((column + right) / width - 0.5) * 2.0 * np.pi
+    sine = np.sqrt(1.0 - y * y)
+    direction = np.broadcast_to([sine * np.cos(phi), y, sine * np.sin(phi)], p.shape)
+    pdf = float(scene.choice[row, column, 1])
+    weight = _heuristic(np.full(len(p), pdf), brdf_pdf(material, n, v, direction))
+    return direction, lookup(scene.environment, direction) * (weight / pdf)[:, None], np.full(len(p), np.inf)
+
+
+def _within(u: float, cumulative: Array, i: int) -> float:
+    low = cumulative[i - 1] if i else 0.0
+    return (u - low) / (cumulative[i] - low)
+
+
+def _environment(scene: TraceScene, direction: Array, pdf: Array) -> Array:
+    """Radiance that a ray without a hit brings, weighted against light samples.  (n, 3)."""
+    if scene.environment is None:
+        return np.broadcast_to(scene.sky, direction.shape)
+    height = len(scene.choice)
+    x, y, z = direction.T
+    column = np.clip(((np.arctan2(z, x) / (2 * np.pi) + 0.5) * 2 * height).astype(int), 0, 2 * height - 1)
+    row = np.clip((np.arctan2(np.hypot(x, z), y) / np.pi * height).astype(int), 0, height - 1)
+    p_light = scene.choice[row, column, 1].astype(np.float64)
+    return lookup(scene.environment, direction) * _heuristic(pdf, p_light)[:, None]
+
+
+def _heuristic(a: Array, b: Array) -> Array:
+    """Power heuristic, exponent 2."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(a > 0, 1.0 / (1.0 + (b / a) ** 2), 0.0)
+
+
+def _unit(v: Array) -> Array:
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    return v / np.where(length > 0, length, 1.0)
+
+
+def _above(point: Array, normal: Array) -> Array:
+    """Origins of rays that leave surfaces on the side of their normals (n, 3)."""
+    return point + normal * (_GAP * np.abs(point).max(axis=1, keepdims=True))

@@ -1,0 +1,158 @@
+"""Finishes a .glb file that Blender wrote: times, visibility, and what this package knows about its origin."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from typing import Any
+
+import numpy as np
+
+_MAGIC, _JSON, _BIN = b"glTF", 0x4E4F534A, 0x004E4942
+_VISIBILITY, _POINTER = "KHR_node_visibility", "KHR_animation_pointer"
+_FLOAT, _UNSIGNED_BYTE = 5126, 5121
+_INTENSITY = re.compile(r"/extensions/KHR_lights_punctual/lights/(\d+)/intensity")
+_LUMENS_PER_WATT = 683.0
+_WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+class Glb:
+    """The JSON and the binary chunk of one file in memory."""
+
+    def __init__(self, data: bytes):
+        """Raises ValueError for data that is no binary glTF file with one buffer."""
+        if data[:4] != _MAGIC:
+            raise ValueError("is not a .glb file")
+        chunks, at = {}, 12
+        while at + 8 <= len(data):
+            size, kind = struct.unpack_from("<II", data, at)
+            chunks[kind] = data[at + 8 : at + 8 + size]
+            at += 8 + size
+        self.root: dict[str, Any] = json.loads(chunks[_JSON])
+        self.binary = bytearray(chunks.get(_BIN, b""))
+
+    def data(self) -> bytes:
+        """The file."""
+        if self.binary:
+            self.root.setdefault("buffers", [{}])[0]["byteLength"] = len(self.binary)
+        text = json.dumps(self.root, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        out = struct.pack("<II", len(text), _JSON) + text
+        if self.binary:
+            self.binary += b"\0" * (-len(self.binary) % 4)
+            out += struct.pack("<II", len(self.binary), _BIN) + bytes(self.binary)
+        return _MAGIC + struct.pack("<II", 2, 12 + len(out)) + out
+
+    def describe(self, facts: dict[str, Any]) -> None:
+        """Write ``asset.extras.taubench_gl``, which the scene reader reads."""
+        asset = self.root.setdefault("asset", {})
+        extras = asset.get("extras")
+        asset["extras"] = (extras if isinstance(extras, dict) else {}) | {"taubench_gl": facts}
+
+    def scale_times(self, factor: float) -> None:
+        """Multiply the times of all keys."""
+        inputs = {s["input"] for a in self.root.get("animations", ()) for s in a["samplers"]}
+        for index in inputs:
+            accessor, values = self.root["accessors"][index], self._floats(index)
+            values *= np.float32(factor)
+            accessor["min"], accessor["max"] = [float(values.min())], [float(values.max())]
+
+    def drop_still_channels(self) -> None:
+        """Remove the channels whose values never change: the node has the same value.  Raises nothing."""
+        kept = []
+        for animation in self.root.get("animations", ()):
+            samplers = animation["samplers"]
+            animation["channels"] = [c for c in animation["channels"] if self._moves(samplers[c["sampler"]], c)]
+            if not animation["channels"]:
+                continue
+            used = sorted({c["sampler"] for c in animation["channels"]})
+            animation["samplers"] = [samplers[k] for k in used]
+            for channel in animation["channels"]:
+                channel["sampler"] = used.index(channel["sampler"])
+            kept.append(animation)
+        if "animations" in self.root:
+            self.root["animations"] = kept
+            if not kept:
+                del self.root["animations"]
+
+    def match_intensities(self) -> None:
+        """Scale animated light intensities to the value of the light, which is that of the first key.
+
+        Blender 4.5's exporter leaves out the factor 1 / (4 pi) of points and spots, 683 of suns, and the exposure.
+        """
+        lights = self.root.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", ())
+        for animation in self.root.get("animations", ()):
+            for channel in animation["channels"]:
+                pointer = channel["target"].get("extensions", {}).get(_POINTER, {}).get("pointer", "")
+                found = _INTENSITY.fullmatch(pointer)
+                if not found:
+                    continue
+                light = lights[int(found[1])]
+                values = self._floats(animation["samplers"][channel["sampler"]]["output"])
+                usual = _LUMENS_PER_WATT if light["type"] == "directional" else 1.0 / (4.0 * np.pi)
+                values *= np.float32(light["intensity"] / values[0] if values[0] > 0 else usual)
+
+    def hide(self, visible: dict[str, list[bool]], fps: float) -> None:
+        """Show and hide nodes by name: states at frames from time 0, ``fps`` of them in a second."""
+        nodes = {node.get("name"): i for i, node in enumerate(self.root.get("nodes", ()))}
+        channels, samplers = [], []
+        for name, states in visible.items():
+            if name not in nodes:
+                continue
+            changes = {k for k in range(1, len(states)) if states[k] != states[k - 1]}
+            keys = sorted({0, *changes, len(states) - 1})  # the last keeps the duration
+            exact = np.array(keys, dtype=np.float64) / fps
+            near = exact.astype(np.float32)  # rounded down, so that no key is later than its frame
+            near = np.where(near > exact, np.nextafter(near, np.float32(0)), near).astype(np.float32)
+            times = self._accessor(near, _FLOAT, bounds=True)
+            values = self._accessor(np.array([states[k] for k in keys], np.uint8), _UNSIGNED_BYTE)
+            samplers.append({"input": times, "output": values, "interpolation": "STEP"})
+            node = self.root["nodes"][nodes[name]]
+            node.setdefault("extensions", {})[_VISIBILITY] = {"visible": bool(states[0])}
+            path = f"/nodes/{nodes[name]}/extensions/{_VISIBILITY}/visible"
+            target = {"path": "pointer", "extensions": {_POINTER: {"pointer": path}}}
+            channels.append({"sampler": len(samplers) - 1, "target": target})
+        if not channels:
+            return
+        animations = self.root.setdefault("animations", [])
+        if not animations:
+            animations.append({"name": "Scene", "channels": [], "samplers": []})
+        first = len(animations[0]["samplers"])
+        animations[0]["samplers"] += samplers
+        animations[0]["channels"] += [c | {"sampler": c["sampler"] + first} for c in channels]
+        used = self.root.setdefault("extensionsUsed", [])
+        used += [name for name in (_VISIBILITY, _POINTER) if name not in used]
+
+    def _moves(self, sampler: dict[str, Any], channel: dict[str, Any]) -> bool:
+        accessor = self.root["accessors"][sampler["output"]]
+        if accessor.get("componentType") != _FLOAT or accessor.get("type") not in _WIDTH or "sparse" in accessor:
+            return True
+        keys = self.root["accessors"][sampler["input"]]["count"]
+        values = self._floats(sampler["output"]).reshape(keys, -1)
+        if np.any(values != values[0]):
+            return True
+        # A node at another value than its animation: the exporter wrote it at another moment.
+        path, node = channel["target"].get("path"), channel["target"].get("node")
+        rest = {"translation": [0, 0, 0], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1]}.get(path)
+        if rest is None or node is None:
+            return path != "pointer" and np.any(values[0] != 0)
+        written = np.array(self.root["nodes"][node].get(path, rest), dtype=np.float32)
+        return bool(np.any(written != values[0]))
+
+    def _floats(self, index: int) -> np.ndarray:
+        """A view of the values of a float accessor that is tightly packed."""
+        accessor = self.root["accessors"][index]
+        view = self.root["bufferViews"][accessor["bufferView"]]
+        at = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        return np.frombuffer(self.binary, "<f4", accessor["count"] * _WIDTH[accessor["type"]], at)
+
+    def _accessor(self, values: np.ndarray, component: int, bounds: bool = False) -> int:
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        views, accessors = self.root.setdefault("bufferViews", []), self.root.setdefault("accessors", [])
+        views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": values.nbytes})
+        self.binary += values.tobytes()
+        more = {"min": [float(values.min())], "max": [float(values.max())]} if bounds else {}
+        accessors.append({"bufferView": len(views) - 1, "componentType": component, "count": len(values),
+                          "type": "SCALAR", **more})  # fmt: skip
+        return len(accessors) - 1

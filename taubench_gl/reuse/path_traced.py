@@ -1,0 +1,137 @@
+"""The path-traced reference of a scene, as images and as the noise-free frames that ``exact_mask`` compares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import View
+from taubench_gl.animation.pairs import sky_directions
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.effects.decide import decide
+from taubench_gl.effects.lighting import environment_of
+from taubench_gl.errors import SettingsError
+from taubench_gl.frame.environment import maps_of
+from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.frame.targets import read_channel, write_channel
+from taubench_gl.metrics.color import display_color
+from taubench_gl.metrics.environment import lookup
+from taubench_gl.pathtraced.references import References
+from taubench_gl.reuse.inputs import InputRequest, radiance_texture
+
+Array = np.ndarray
+
+PREFIX = "path-traced@"
+
+
+def reference_samples(text: str) -> int | None:
+    """Samples per pixel of ``path-traced@M``; None for another kind of reference.  Raises SettingsError."""
+    if not text.startswith(PREFIX):
+        return None
+    number = text.removeprefix(PREFIX)
+    if not number.isascii() or not number.isdecimal() or not int(number):
+        raise SettingsError(f"reference is {text!r}", hint="give path-traced@M with M samples per pixel")
+    return int(number)
+
+
+class PathTracedReference:
+    """Frames of a scene at pixel centers: geometry from the rasterizer, light from stored references.
+
+    A ``Source`` with direct, indirect and color, and a reference with ``image``.
+    """
+
+    cuts = True
+
+    def __init__(self, request: InputRequest, samples: int):
+        """Raises SettingsError."""
+        gpu, settings = request.gpu, request.settings
+        self._settings, self._environment = settings, environment_of(settings)
+        geometry = settings.replace(columns=("frustum", "position", "normal"), samples_per_pixel=1)
+        every = settings.replace(columns=COLUMNS, light="path-traced", indirect="auto")
+        self._emits = decide(request.scene, every)["emission"].enabled
+        self._source = RasterSource(
+            gpu,
+            request.scene,
+            request.camera,
+            geometry,
+            SourceOptions(extra=("ids", *(("emission",) * self._emits))),
+            poser=request.poser,
+        )
+        self.size, self.reprojection = self._source.size, self._source.reprojection
+        self.radiance = ("direct", "indirect", "color")
+        self.unmeasured: Mapping[str, str] = {}
+        self._textures = [{name: radiance_texture(gpu, self.size) for name in self.radiance} for _ in range(2)]
+        self._frame: int | None = None
+        self._image = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
+        try:
+            self.references = References.open(
+                gpu, request.scene, request.camera, settings, samples, poser=request.poser
+            )
+        except BaseException:
+            self.release()
+            raise
+
+    def advance(self, frame: int) -> View:
+        view = self._source.advance(frame)
+        self._textures.reverse()
+        reference = self.references.frame(frame)
+        channels = {"direct": reference.direct, "indirect": reference.indirect}
+        radiance = self._radiance(view, reference.direct + reference.indirect)
+        exposure = self._settings.lighting.exposure_factor
+        self._image = (radiance * exposure).astype(np.float32)
+        channels["color"] = display_color(radiance, exposure, self._settings.lighting.tone_map)
+        for name, values in channels.items():
+            write_channel(self._textures[0][name], name, np.asarray(values, dtype=np.float32))
+        self._frame = frame
+        return view
+
+    def _radiance(self, view: View, light: Array) -> Array:
+        """(h, w, 3) float64 without exposure: light and emission of surfaces, the environment elsewhere."""
+        width, height = self.size
+        surface = self._source.read("position")[..., 3:] > 0.0
+        emitted = self._source.read("emission")[..., :3] if self._emits else 0.0
+        sky: Any = np.asarray(self._environment.radiance, dtype=np.float64)
+        if self._environment.kind == "image":
+            origin, dx, dy = sky_directions(view, width, height)
+            up = np.arange(height)[::-1, None, None]  # GL rows: 0 is at the bottom
+            sky = lookup(maps_of(self._environment).seen, origin + np.arange(width)[:, None] * dx + up * dy)
+        return np.where(surface, light.astype(np.float64) + emitted, sky)
+
+    def image(self, frame: int) -> Array:
+        """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
+        if self._frame != frame:
+            self.advance(frame)
+        return self._image
+
+    @property
+    def current(self) -> Mapping[str, moderngl.Texture]:
+        return {**self._source.current, **self._textures[0]}
+
+    @property
+    def previous(self) -> Mapping[str, moderngl.Texture]:
+        return {**self._source.previous, **self._textures[1]}
+
+    def read(self, name: str, *, previous: bool = False) -> Array:
+        return read_channel((self.previous if previous else self.current)[name], name)
+
+    def describe(self) -> dict[str, Any]:
+        """``noise_*``: of the noisiest frame, ``reference_store.Noise``."""
+        noise = self.references.worst_noise
+        return {
+            "kind": "path-traced", "samples": self.references.samples, "path": None,
+            "noise_rms": None if noise is None else noise.rms,
+            "noise_percent": None if noise is None else noise.percent,
+            "noise_typical_percent": None if noise is None else noise.typical_percent,
+            "noise": None if noise is None else noise.text,
+        }  # fmt: skip
+
+    def release(self) -> None:
+        for textures in self._textures:
+            for texture in textures.values():
+                texture.release()
+        if hasattr(self, "references"):
+            self.references.release()
+        self._source.release()

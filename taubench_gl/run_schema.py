@@ -1,0 +1,164 @@
+"""Types of the keys of summary.json that readers of a stored run rely on.  Other keys and missing ones are allowed."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
+
+Count = Annotated[int, Meta(ge=0)] | None
+
+
+class Statistic(Struct):
+    mean: float | None = None
+    variance: float | None = None
+    max: float | None = None
+    median: float | None = None
+    p95: float | None = None
+    reason: str | None = None
+
+
+class Quantity(Statistic):
+    without_cuts: Statistic | None = None
+
+
+class Rate(Struct):
+    """A share of the pixels: a column of Table 4, a rate of reusable pixels, or a reason."""
+
+    mean_percent: float | None = None
+    comparable_mean_percent: float | None = None
+    without_cuts_mean_percent: float | None = None
+    min_percent: float | None = None
+    max_percent: float | None = None
+    pixels: float | None = None
+    reason: str | None = None
+
+
+class Reason(Struct):
+    mean_percent: float
+    pixels: float | None = None
+
+
+class Columns(Struct):
+    frustum: Rate | None = None
+    color: Rate | None = None
+    position: Rate | None = None
+    normal: Rate | None = None
+    direct: Rate | None = None
+    indirect: Rate | None = None
+
+
+class Reusable(Struct):
+    surface: Rate | None = None
+    shading: Rate | None = None
+    reprojection: str | None = None
+    reasons_of: str | None = None
+    reasons: dict[str, Reason] | None = None
+    color_only: Rate | None = None
+
+
+class SceneFacts(Struct):
+    name: str | None = None
+    path: str | None = None
+    sha256: str | None = None
+    duration_s: float | None = None
+    playing: list[str] | None = None
+    stand_in: str | None = None
+
+
+class RunSettings(Struct):
+    width: float | None = None
+    height: float | None = None
+    fps: float | None = None
+    reprojection: str | None = None
+    sampling: str | None = None
+    thresholds: dict[str, float] | None = None
+    unit_scale: float | None = None
+    samples_per_pixel: Count = None
+    pairs: str | None = None
+    light_unit: str | None = None
+    exposure: float | str | None = None
+    environment: str | list[float] | None = None
+    light: str | None = None
+    first_frame: Count = None
+    last_frame: Count = None
+
+
+class CameraFacts(Struct):
+    position: Quantity | None = None
+    yaw: Quantity | None = None
+    pitch: Quantity | None = None
+    roll: Quantity | None = None
+    angle: Quantity | None = None
+    fps: float | None = None
+    samples: float | None = None
+    cuts: list[int] | None = None
+    gimbal_pairs: list[int] | None = None
+    source: str | None = None
+    reason: str | None = None
+
+
+class Census(Struct):
+    dynamic_rigid_objects: Count = None
+    armatures: Count = None
+    bones: Count = None
+    static_point_lights: Count = None
+    dynamic_point_lights: Count = None
+    reason: str | None = None
+
+
+class Curve(Struct):
+    edges: list[float] | None = None
+    counts: list[int] | None = None
+    at_or_above: list[int] | None = None
+    comparable: int | None = None
+    reason: str | None = None
+
+
+class MaskHistogram(Struct):
+    words: list[Count] | None = None
+    pixels: list[Count] | None = None
+    reason: str | None = None
+
+
+class Effect(Struct):
+    on: bool | None = None
+    reason: str | None = None
+
+
+class Timing(Struct):
+    clock: str | None = None
+    unit: str | None = None
+    passes: dict[str, float | None] | None = None
+    samples: dict[str, float | None] | None = None
+
+
+class Provenance(Struct):
+    version: str | None = None
+    command: str | None = None
+    backend: str | None = None
+    renderer: str | None = None
+    driver: str | None = None
+    clock: str | None = None
+    git: str | None = None
+
+
+class Summary(Struct):
+    pairs: float | None = None
+    scene: SceneFacts | None = None
+    settings: RunSettings | None = None
+    lighting: dict[str, str | None] | None = None
+    reusable: Reusable | None = None
+    discard: Columns | None = None
+    noise_floor: Columns | None = None
+    census: Census | None = None
+    camera: CameraFacts | None = None
+    curves: dict[str, Curve | None] | None = None
+    mask_histogram: MaskHistogram | None = None
+    classes: dict[str, float | None] | None = None
+    notes: list[str] | None = None
+    effects: dict[str, Effect] | None = None
+    timing: Timing | None = None
+    path_traced: dict[str, Any] | None = None
+    provenance: Provenance | None = None
+    brightness: dict[str, Any] | None = None

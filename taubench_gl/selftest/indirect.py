@@ -1,0 +1,125 @@
+"""Cases: indirect light against the energy of a closed box, and its exposure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.selftest.bench import Bench
+from taubench_gl.selftest.case import Naive, Outcome, case, count, field, scalar, worst
+from taubench_gl.selftest.direct import lambert
+from taubench_gl.selftest.scenes import SceneBuilder, box, turn_y
+
+ALBEDO = 0.5
+FLUX = 4.0 * np.pi
+"""Lumens of a lamp of 1 cd."""
+
+
+def _bounced(bench: Bench, lamps: int = 1, **settings) -> float:
+    """Mean indirect irradiance of the walls of a closed box, 2 m along a side, around lamps of 1 cd together."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(b, ALBEDO))))
+    for i in range(lamps):
+        b.light(intensity=1.0 / lamps, translation=(0.01 * i, 0.0, 0.0))
+    eye = b.camera(yfov=np.radians(90.0), znear=0.01)
+    b.animate(eye, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(90.0)], "STEP")
+    own = {
+        "columns": ("direct", "indirect"),
+        "indirect_samples": 1500,
+        "probes": 400,
+        "indirect": "probes",
+        "shadow_size": 32,
+    } | settings
+    means = []
+    for shot in bench.shots(b.build(), (0, 1), **own):
+        wall = np.abs(shot["position"][..., 3] - 1.0) < 1e-4
+        means.append(shot["indirect"][..., 0][wall].mean() * np.pi / ALBEDO if wall.any() else np.nan)
+    return float(np.mean(means))
+
+
+def _box_case(name: str, what: str, bounces: int, **how) -> None:
+    @case(
+        name,
+        what=f"{what} in a closed box of albedo 0.5: mean indirect irradiance of its walls",
+        elsewhere="a factor pi, a lost cosine, bounces counted twice, lights without shadow maps that bounce nothing",
+        here=f"flux (a + .. + a^{bounces}) / area, to which every light adds, whatever has shadow maps",
+        tolerance=0.06,
+        source="relative; probes between which irradiance is interpolated, a finite number of virtual point lights",
+    )
+    def closed_box(bench: Bench) -> Outcome:
+        expected = FLUX * sum(ALBEDO**k for k in range(1, bounces + 1)) / 24.0
+        once = FLUX * ALBEDO / 24.0
+        naive = Naive("one bounce", once, 1.0 - once / expected) if bounces > 1 else None
+        return scalar(expected, _bounced(bench, **how), naive, relative=True)
+
+
+_box_case("box-by-probes", "a lamp, method probes,", 4, indirect="probes")
+_box_case("box-by-rsm", "a lamp, method rsm,", 1, indirect="rsm")
+_box_case("box-without-shadow-maps", "three lamps without shadow maps,", 4, lamps=3, shadow_lights=0)
+_box_case(
+    "box-with-some-shadow-maps", "three lamps, one with a shadow map,", 4, lamps=3, shadow_lights=1, indirect="probes"
+)
+
+
+@case(
+    "indirect-of-a-still-box",
+    what="the box in two frames with two cameras that look the same way: largest difference of indirect radiance",
+    elsewhere="random rays, or probes that follow the camera, change a still image",
+    here="nothing is random; what stands still keeps its light bit for bit",
+    source="exact: the same texels",
+)
+def indirect_of_a_still_box(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(b, ALBEDO))))
+    for i in range(2):
+        b.light(intensity=1.0, translation=(0.3 * i, 0.1, 0.0))
+    eye = b.camera(yfov=np.radians(90.0), znear=0.01)
+    b.animate(eye, "rotation", [0.0, 1.0, 2.0], [turn_y(0.0), turn_y(90.0), turn_y(0.0)], "STEP")
+    own = {"columns": ("indirect",), "indirect": "probes", "indirect_samples": 300, "probes": 100, "shadow_lights": 1}
+    first, _, last = bench.shots(b.build(), range(3), **own)
+    off = last["indirect"] - first["indirect"]
+    return field("0", off if first["indirect"].max() > 0.0 else np.nan)
+
+
+@case(
+    "exposure-of-thresholds",
+    what="direct and indirect change by 1/16 at exposure 4, threshold 1/8: pixels discarded by each",
+    elsewhere="the exposure is applied to one of the radiances, or only to color",
+    here="both differences are multiplied by the exposure before they are compared",
+    source="exact: powers of two",
+)
+def exposure_of_thresholds(bench: Bench) -> Outcome:
+    width, height = bench.size
+    before = np.zeros((height, width, 3))
+    now = before + [0.0, 1 / 16, 0.0]
+    wrong = 0
+    for exposure, expected in ((4.0, width * height), (2.0, 0), (1.0, 0)):
+        limits = {"direct": 0.125, "indirect": 0.125}
+        given, then = {"direct": now, "indirect": now}, {"direct": before, "indirect": before}
+        counts = bench.compare(given, then, thresholds=limits, exposure=exposure).counts
+        wrong += sum(abs(counts[name] - expected) for name in limits)
+    return count(0, wrong, Naive("exposure ignored", 2 * width * height, 2 * width * height))
+
+
+@case(
+    "color-with-indirect",
+    what="the box at exposure 2: color against sRGB of direct + indirect",
+    elsewhere="indirect light is measured but not seen",
+    here="color is the sum of all light",
+    tolerance=1e-5,
+    source="float32: 80 ulps of 1",
+)
+def color_with_indirect(bench: Bench) -> Outcome:
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(box((1.0, 1.0, 1.0), inside=True, material=lambert(b, ALBEDO))))
+    b.light(intensity=1.0)
+    b.camera(yfov=np.radians(90.0), znear=0.01)
+    own = {"indirect": "probes", "indirect_samples": 300, "probes": 100, "shadow_size": 32, "exposure": 2.0}
+    shot = bench.shots(b.build(), columns=("direct", "indirect", "color"), **own)[0]
+
+    def encoded(radiance: np.ndarray) -> np.ndarray:
+        x = np.clip(2.0 * radiance, 0.0, 1.0)
+        return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+
+    expected = encoded(shot.direct + shot["indirect"][..., :3])
+    without = worst(encoded(shot.direct) - expected)
+    return field("sRGB of the sum", shot["color"][..., :3] - expected, Naive("direct alone", f"{without:.3g}", without))

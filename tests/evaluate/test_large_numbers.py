@@ -1,0 +1,89 @@
+"""Light that overflows float32 is refused in one line; scenes of very many parts end in bounded time and memory."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from taubench_gl import Settings, evaluate
+from taubench_gl.animation import choose_camera
+from taubench_gl.errors import SceneError, SettingsError, TaubenchError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation.lighting import MAX_LIGHT, require_float32, resolve_lighting
+from taubench_gl.paths import PACKAGE
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Channel, Material
+from taubench_gl.selftest.scenes import SceneBuilder, quad
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+LIT = {"width": 32, "height": 18, "columns": ("direct",), "light_unit": "candela", "environment": "none"}
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return load_scene(DEMO)
+
+
+def lit(scene, **changes):
+    """The scene with its first light changed."""
+    return dataclasses.replace(scene, lights=(dataclasses.replace(scene.lights[0], **changes), *scene.lights[1:]))
+
+
+@pytest.mark.parametrize("intensity", [1e39, 3e38, 2.0 * MAX_LIGHT])
+def test_intensities_that_overflow_are_refused(demo, intensity):
+    bright = lit(demo, intensity=intensity, color=(1.0, 1.0, 1.0))
+    for exposure in (1.0, "auto"):
+        with pytest.raises(SceneError) as caught:
+            resolve_lighting(bright, Settings(**LIT, exposure=exposure), choose_camera(bright), frames=range(2))
+        assert demo.lights[0].name in caught.value.what
+    require_float32(bright, Settings(**LIT | {"columns": ("frustum", "position")}, exposure=1.0))
+
+
+def test_animated_and_exposed_intensities_count(demo):
+    settings = Settings(**LIT, exposure=1.0)
+    values = np.array([[1.0], [1e38]])
+    channel = Channel("light", 0, "intensity", "LINEAR", np.array([0.0, 1.0]), values)
+    with pytest.raises(SceneError):
+        require_float32(dataclasses.replace(demo, channels=(*demo.channels, channel)), settings)
+    bright = lit(demo, intensity=1e25, color=(1.0, 1.0, 1.0))
+    require_float32(bright, settings)
+    with pytest.raises(SceneError):
+        require_float32(bright, settings.replace(exposure=1e10))
+    require_float32(lit(bright, intensity=6e32), settings.replace(light_unit="watt"))
+
+
+def test_emission_and_environment_count(demo):
+    settings = Settings(**LIT, exposure=1.0)
+    glowing = dataclasses.replace(demo, materials=(*demo.materials, Material(emissive=(0.0, 1e39, 0.0))))
+    with pytest.raises(SceneError):
+        require_float32(glowing, settings)
+    sky = settings.replace(environment="1e29,0,0")
+    require_float32(demo, sky)
+    for bright in (sky.replace(exposure=1e10), settings.replace(environment=1e31)):
+        with pytest.raises(SettingsError) as caught:
+            require_float32(demo, bright)
+        assert caught.value.setting == "environment"
+
+
+@pytest.mark.parametrize("name", ["exposure", "environment", "light_error"])
+@pytest.mark.parametrize("value", [1e39, 1e400, float("nan"), -1.0])
+def test_settings_that_overflow_are_refused(name, value):
+    with pytest.raises(TaubenchError) as caught:
+        evaluate(DEMO, **LIT | {"exposure": 1.0} | {name: value})
+    assert "\n" not in str(caught.value)
+
+
+def test_ten_thousand_copies_of_a_lit_mesh_are_counted():
+    """One mesh, 10,000 nodes: instances share their vertices, so memory stays bounded."""
+    count, side = 10_000, 100
+    b = SceneBuilder()
+    mesh = b.mesh(quad(0.5, 0.5))
+    for i in range(count):
+        b.node(mesh=mesh, translation=(i % side, i // side, 0.0))
+    b.light(translation=(0.5 * side, 0.5 * side, 20.0), intensity=1e4)
+    camera = b.camera(yfov=np.radians(60.0), translation=(0.5 * side, 0.5 * side, 90.0))
+    b.animate(camera, "translation", [0.0, 1.0], [(0.5 * side, 0.5 * side, 90.0), (0.5 * side, 0.5 * side, 80.0)])
+    run = evaluate_scene(b.build(), Settings(**LIT | {"columns": ("frustum", "direct")}, exposure=1.0, frames=(0, 2)))
+    assert run.frames[0]["pixels"] == 32 * 18 and run.frames[0]["sky"] < 32 * 18

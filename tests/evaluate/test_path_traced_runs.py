@@ -1,0 +1,129 @@
+"""Runs with path-traced light: columns, settings, metering, notes, and equality of still frames and of parts."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from taubench_gl.evaluation import Observers, evaluate_scene, resolve_lighting
+from taubench_gl.evaluation.lighting import SAMPLE_BUDGET, SAMPLE_COUNTS
+from taubench_gl.scene import load_scene
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.settings import Settings
+
+SMALL = {"width": 32, "height": 18, "frames": (0, 3), "bounces": 3}
+METHODS = ("raster", "auto", "path-traced")
+
+
+def lamp(strength: float = 5.0, *, lights: int = 0, moves: bool = True):
+    """A floor and an emissive box above it, which moves."""
+    b = SceneBuilder()
+    gray = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0)
+    glow = b.material(emissive=(strength, strength, 0.5 * strength), emissive_strength=strength)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
+    b.node(mesh=b.mesh(box((0.5, 1.5, 0.5), material=gray)), translation=(-0.6, 0.4, 0.0))
+    mover = b.node(mesh=b.mesh(box((0.4, 0.4, 0.4), material=glow)), translation=(0.5, 1.0, 0.0))
+    end = (1.1, 1.0, 0.0) if moves else (0.5, 1.0, 0.0)
+    b.animate(mover, "translation", [0.0, 0.125], [(0.5, 1.0, 0.0), end])
+    for _ in range(lights):
+        b.light(translation=(1.0, 2.0, 1.0), kind="point", intensity=5.0)
+    b.camera(translation=(0.0, 1.5, 4.0), rotation=turn_x(-15.0))
+    return b.build()
+
+
+def run(scene, **settings):
+    return evaluate_scene(scene, Settings(**(SMALL | settings))).summary
+
+
+def test_emissive_surfaces_have_light_columns_with_auto(data):
+    (path,) = data.rglob("EmissiveStrengthTest.glb")
+    summary = run(load_scene(path), light="auto", exposure="auto", environment="auto", spp=2)
+    discard = summary["discard"]
+    assert discard["direct"]["mean_percent"] is not None and discard["indirect"]["mean_percent"] is not None
+    assert summary["effects"]["emitter_light"]["on"] and not summary["effects"]["path_traced"]["on"]
+    assert {"light", "spp", "bounces", "pattern", "seed"} <= summary["settings"].keys()
+    assert summary["settings"]["light"] == "auto" and summary["settings"]["spp"] == 2
+    json.dumps(summary["settings"])
+
+
+def test_all_methods_and_seeds_are_metered_alike():
+    scene = lamp()
+    found = {
+        resolve_lighting(scene, Settings(light=light, seed=seed, exposure="auto", **SMALL)).settings.lighting.exposure
+        for light in METHODS
+        for seed in (0, 1)
+    }
+    assert len(found) == 1 and found.pop() != 1.0
+
+
+def test_the_default_number_of_samples_is_resolved():
+    resolved = [resolve_lighting(lamp(), Settings(light=light, **SMALL)).settings.lighting.spp for light in METHODS]
+    assert resolved[0] is None and resolved[1] in SAMPLE_COUNTS and resolved[2] == 256
+
+
+def test_auto_takes_as_few_samples_as_noise_and_budget_allow():
+    def samples(**given) -> int:
+        settings = Settings(**(SMALL | {"light": "auto"} | given))
+        return resolve_lighting(lamp(), settings).settings.lighting.spp
+
+    loose = {"direct": 1e3, "indirect": 1e3}
+    assert samples(thresholds=loose) == SAMPLE_COUNTS[0] < samples()  # no noise exceeds such thresholds
+    large = SAMPLE_BUDGET // (1920 * 1080)
+    assert samples(width=1920, height=1080, frames=(0, 2)) <= large
+    assert samples(spp=3) == 3
+
+
+def test_what_raster_leaves_out_is_noted():
+    raster, auto = (run(lamp(), light=light, spp=1)["notes"] for light in ("raster", "auto"))
+    assert any("1 emissive surface lights nothing" in note for note in raster)
+    assert any("1 emissive surface is path-traced" in note for note in auto)
+
+
+@pytest.mark.parametrize("light", ["auto", "path-traced"])
+@pytest.mark.parametrize("pattern", ["fixed", "independent"])
+def test_still_pairs_change_only_with_independent_numbers(light, pattern):
+    scene = lamp(moves=False, lights=1)
+    strict = {"direct": 1e-3, "indirect": 1e-3}
+    discard = run(scene, light=light, pattern=pattern, spp=1, camera=0, thresholds=strict)["discard"]
+    changed = discard["indirect"]["mean_percent"]
+    assert (changed == 0.0) == (pattern == "fixed")
+    assert discard["position"]["mean_percent"] == 0.0
+
+
+def test_effects_forced_on_change_no_count():
+    for light in ("auto", "path-traced"):
+        counts = [
+            evaluate_scene(lamp(lights=1), Settings(light=light, spp=1, effects=effects, **SMALL)).frames
+            for effects in ("auto", "all")
+        ]
+        names = set(counts[0][0]) - {"seconds"}
+        assert [[row[n] for n in sorted(names)] for row in counts[0]] == [
+            [row[n] for n in sorted(names)] for row in counts[1]
+        ]
+
+
+def test_lobes_add_up():
+    found = []
+
+    def keep(pair):
+        names = ("direct", "direct_diffuse", "direct_glossy", "indirect", "indirect_diffuse", "indirect_glossy")
+        found.append({name: pair.read(name)[..., :3] for name in names})
+
+    channels = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
+    evaluate_scene(lamp(), Settings(light="path-traced", spp=4, **SMALL), Observers(on_pair=keep, channels=channels))
+    for frame in found:
+        for name in ("direct", "indirect"):
+            assert frame[name].max() > 0
+            assert abs(frame[name] - frame[f"{name}_diffuse"] - frame[f"{name}_glossy"]).max() < 1e-5
+
+
+def test_noise_above_the_thresholds_is_noted():
+    scene = lamp()
+    strict, loose = (
+        run(scene, light="auto", spp=2, exposure=4.0, thresholds={"direct": t, "indirect": t}) for t in (1e-4, 1e3)
+    )
+    assert strict["brightness"]["noisy"] > 0 == loose["brightness"]["noisy"]
+    assert sum("higher --spp" in note for note in strict["notes"]) == 1
+    assert not any("--spp" in note for note in loose["notes"])
+    assert run(lamp(lights=1), light="raster")["brightness"]["noisy"] == 0

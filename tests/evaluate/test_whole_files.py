@@ -1,0 +1,101 @@
+"""A disk that fills up while a run is written: no damaged file, no summary.json without all other files."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from taubench_gl import evaluate
+from taubench_gl.errors import OutputError
+from taubench_gl.outputs import write_arrays
+from taubench_gl.paths import PACKAGE
+from taubench_gl.run import FRAMES_FILE, SUMMARY_FILE, load_run, read_frames
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+OPTIONS = {"size": "64x36", "frames": range(3), "columns": "frustum,position", "save": "masks", "report": True}
+
+
+@contextlib.contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """Inside, no file grows beyond ``size`` bytes: the system error is that of a full disk, but for its number."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def whole_files(out: Path) -> set[str]:
+    """Relative names of the files in ``out``, images and arrays of which are read to the end."""
+    found = {str(path.relative_to(out)): path for path in out.rglob("*") if path.is_file()}
+    for name, path in found.items():
+        if path.suffix in (".png", ".webp"):
+            assert iio.imread(path).size, name
+        elif path.suffix == ".npz":
+            with np.load(path) as arrays:
+                assert all(arrays[key].size for key in arrays), name
+        elif path.suffix in (".html", ".svg"):
+            assert path.read_text().rstrip().endswith((">",)), name
+    return set(found)
+
+
+@pytest.fixture(scope="module")
+def complete(tmp_path_factory) -> dict[str, int]:
+    """Name -> size of every file of a run."""
+    out = tmp_path_factory.mktemp("complete")
+    evaluate(DEMO, out=out, **OPTIONS)
+    return {name: (out / name).stat().st_size for name in whole_files(out)}
+
+
+def test_every_kind_of_file_is_written(complete):
+    assert {SUMMARY_FILE, FRAMES_FILE, "mask.png", "frames.png", "frames.svg", "tables.txt", "report.html"} <= set(
+        complete
+    )
+    assert any(name.startswith("masks/") for name in complete) and any(name.endswith(".webp") for name in complete)
+
+
+@pytest.mark.parametrize("too_large", ["report.html", "frames.png", "mask.png", "masks/mask_00002.png"])
+def test_a_full_disk_leaves_whole_files_and_no_summary(complete, tmp_path, too_large):
+    """The limit is below the size of one file: it, and every larger one, cannot be written.  Sizes vary a little."""
+    evaluate(DEMO, out=tmp_path, **OPTIONS | {"save": (), "report": False})  # whose summary must not survive
+    with largest_file(complete[too_large] * 9 // 10), pytest.raises(OutputError) as caught:
+        evaluate(DEMO, out=tmp_path, **OPTIONS)
+    assert "\n" not in str(caught.value)
+    left = whole_files(tmp_path)
+    assert SUMMARY_FILE not in left and not [name for name in left if "partial" in name]
+    assert len(read_frames(tmp_path / FRAMES_FILE)) in (1, 2)
+    evaluate(DEMO, out=tmp_path, **OPTIONS)
+    assert whole_files(tmp_path) == set(complete) and load_run(tmp_path).summary["pairs"] == 2
+
+
+def test_summary_is_the_last_file(tmp_path, monkeypatch):
+    """In the order in which files get their names; a folder with a summary.json lacks nothing."""
+    names, replace = [], os.replace
+
+    def record(source, target):
+        names.append(Path(target).name)
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", record)
+    evaluate(DEMO, out=tmp_path, **OPTIONS)
+    assert names[-1] == SUMMARY_FILE and names.count(SUMMARY_FILE) == 1
+    others = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert others == set(names)
+
+
+def test_arrays_appear_complete_or_not_at_all(tmp_path):
+    values = np.random.default_rng(0).random(10_000)
+    with largest_file(1000), pytest.raises(OutputError):
+        write_arrays(tmp_path / "a.npz", {"values": values})
+    assert not list(tmp_path.iterdir())
+    write_arrays(tmp_path / "a.npz", {"values": values})
+    with np.load(tmp_path / "a.npz") as arrays:
+        np.testing.assert_array_equal(arrays["values"], values)

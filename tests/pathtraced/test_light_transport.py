@@ -1,0 +1,194 @@
+"""Path-traced light against stored Cycles renders: a statistical test of every 4x4 pixels, and columns of a pair.
+
+tools/cycles_references renders them.  Without Blender.
+
+Left out of the blocks, and counted: silhouettes, where the rasterizer and Cycles see another surface; and single pixels
+on the edge of a hard shadow or of a texel (``EDGE_PIXELS``): Cycles' filter is 0.01 pixels wide, and the rasterizer
+rounds vertices to 1/256 pixel.  Spot cones and skinned normals need no mask: light unit watt has Cycles' cone, and the
+scenes have the normals of faces, which Blender does not rebuild.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from light_transport import BLOCK, FOLDER, FRAMES, KINDS, MAPPING, Reference, references
+
+from taubench_gl.evaluation import Observers, evaluate_scene
+from taubench_gl.metrics.significance import Estimate, block_means, holm_rejected, relative_difference, welch_p_values
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+
+Array = np.ndarray
+SIGNIFICANCE = 0.01
+"""Probability that Holm's test rejects any block, bounce or channel of a scene although the renderers agree."""
+
+MEAN_LIMIT = 0.01
+"""Relative difference of the mean radiance of a frame."""
+
+TOLERANCE = 0.002
+"""Relative difference of a block's mean that is not tested: half floats, texels, float32 light."""
+
+EDGE_PIXELS, SILHOUETTES = 8, 0.05
+SEEDS, SAMPLES = range(8), 8
+COLUMN_SAMPLES, COLUMN_LIMIT, AUTO_LIMIT = 128, 0.3, 1.5
+QUICK = ("foliage", "skinned_movers", "sun_and_sky")
+"""Scenes whose columns converge at COLUMN_SAMPLES; the others take LONG_SAMPLES."""
+
+LONG_SAMPLES = 1024
+BOUNCES = ("direct", "indirect")
+NAMES = sorted(references())
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Renders of the second frame of a pair with several seeds."""
+
+    radiance: Array  # (seed, bounce, h, w, 3)
+    depth: Array  # (h, w), planar; inf: sky
+
+
+def render(reference: Reference) -> Samples:
+    found, depths = [], []
+
+    def keep(pair):
+        found.append(np.stack([pair.read(bounce)[..., :3] for bounce in BOUNCES]))
+        position = pair.read("position")
+        depths.append(np.where(position[..., 3] > 0, -position[..., :3] @ pair.view.world_from_view[:, 2], np.inf))
+
+    for seed in SEEDS:
+        values = {"light": "path-traced", "pattern": "independent", "spp": SAMPLES, "seed": seed}
+        evaluate_scene(reference.scene, reference.settings(**values), Observers(on_pair=keep))
+    return Samples(np.array(found, dtype=np.float64), depths[0])
+
+
+def disagreements(ours: Samples, reference: Reference) -> tuple[Array, Array]:
+    """(rejected blocks without silhouettes, edge pixels left out), each (n, 3): bounce, row, column."""
+    stored = PathTracedSequence.open(f"exr:{reference.frames}", mapping=MAPPING).read(FRAMES[-1])
+    theirs, noise = bounces_of(reference)
+    images = np.stack([stored.radiance[bounce] for bounce in BOUNCES]).astype(np.float64)
+    own = ours.radiance.copy()
+    edges = []
+    for _ in range(BLOCK):  # a block may hold several edge pixels
+        rejected = rejected_blocks(own, images, theirs, noise) & ~silhouettes(ours.depth, stored)
+        if not rejected[0].any():
+            break
+        for row, column in np.argwhere(rejected[0]):
+            inside = np.s_[row * BLOCK : (row + 1) * BLOCK, column * BLOCK : (column + 1) * BLOCK]
+            difference = (own[:, 0].mean(axis=0)[inside] - images[0][inside]).sum(axis=-1)
+            y, x = np.unravel_index(np.argmax(np.abs(difference)), difference.shape)
+            y, x = y + row * BLOCK, x + column * BLOCK
+            own[:, 0, y, x] = images[0, y, x]
+            edges.append((0, y, x))
+    return np.argwhere(rejected), np.array(edges).reshape(-1, 3)
+
+
+def bounces_of(reference: Reference) -> tuple[Estimate, Array]:
+    """The stored blocks of each bounce; the variance of a seed of ours if a sample had that of Cycles."""
+    blocks = reference.blocks()
+    rows = [KINDS.index(bounce) for bounce in BOUNCES]
+    estimate = Estimate(blocks.mean[rows], blocks.variance[rows], blocks.count)
+    return estimate, estimate.variance * (reference.samples / SAMPLES)
+
+
+def rejected_blocks(own: Array, images: Array, theirs: Estimate, noise: Array) -> Array:
+    """(bounce, rows, columns) bool.
+
+    Where few samples find the light, their own variance is too small: it is at least Cycles' for as many samples.
+    """
+    found = Estimate.of(block_means(own, BLOCK))
+    ours = Estimate(found.mean, np.maximum(found.variance, noise), found.count)
+    expected = Estimate(block_means(images, BLOCK), theirs.variance, theirs.count)
+    return holm_rejected(welch_p_values(ours, expected, TOLERANCE * theirs.mean), SIGNIFICANCE).any(axis=-1)
+
+
+def silhouettes(depth: Array, stored) -> Array:
+    """Blocks where a pixel shows another surface than Cycles', by depth.  (rows, columns) bool."""
+    sky = ~np.isfinite(depth)
+    with np.errstate(invalid="ignore"):
+        differs = np.where(sky | stored.sky, sky != stored.sky, np.abs(depth - stored.depth) > 2e-3 * depth)
+    return block_means(differs[..., None], BLOCK)[..., 0] > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_independent_samples_have_the_expectation_of_cycles(name):
+    reference = references()[name]
+    ours = render(reference)
+    stored = PathTracedSequence.open(f"exr:{reference.frames}", mapping=MAPPING).read(FRAMES[-1])
+    assert silhouettes(ours.depth, stored).mean() <= SILHOUETTES
+    rejected, edges = disagreements(ours, reference)
+    assert not len(rejected), f"blocks (bounce, row, column): {rejected.tolist()}"
+    assert len(edges) <= EDGE_PIXELS, edges.tolist()
+    theirs, _ = bounces_of(reference)
+    for i, bounce in enumerate(BOUNCES):
+        a = Estimate.of(block_means(ours.radiance[:, i], BLOCK))
+        difference, error = relative_difference(a, Estimate(theirs.mean[i], theirs.variance[i], theirs.count))
+        assert abs(difference) < MEAN_LIMIT and error < 0.5 * MEAN_LIMIT, (bounce, difference, error)
+
+
+def test_a_bias_of_two_percent_and_a_wrong_block_are_found():
+    """The test of the test: what it accepts is rejected with 2 % more light, or with 20 % more in one block."""
+    reference = references()["sun_and_sky"]
+    ours = render(reference)
+    theirs, _ = bounces_of(reference)
+    brighter = Estimate.of(block_means(1.02 * ours.radiance[:, 0], BLOCK))
+    difference, _ = relative_difference(brighter, Estimate(theirs.mean[0], theirs.variance[0], theirs.count))
+    assert abs(difference) > MEAN_LIMIT
+    ours.radiance[:, :, 40:44, 40:44] *= 1.2
+    rejected, edges = disagreements(ours, reference)
+    assert len(rejected) or len(edges) > EDGE_PIXELS
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in NAMES]
+)
+def test_columns_are_those_of_converged_cycles(name):
+    reference = references()[name]
+    samples = COLUMN_SAMPLES if name in QUICK else LONG_SAMPLES
+    settings = reference.settings(light="path-traced", pattern="fixed", spp=samples)
+    ours, theirs = (run.summary["discard"] for run in (evaluate_scene(reference.scene, settings), reference.evaluate()))
+    for column in BOUNCES:
+        assert theirs[column]["mean_percent"] > 0.5, "too little changes for a comparison"
+        difference = ours[column]["mean_percent"] - theirs[column]["mean_percent"]
+        assert abs(difference) < COLUMN_LIMIT, (column, difference)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in NAMES]
+)
+def test_indirect_column_of_the_default_method(name):
+    """`auto`: raster light of punctual lights, path-traced light of the rest with as many samples as noise needs."""
+    reference = references()[name]
+    ours = evaluate_scene(reference.scene, reference.settings(light="auto")).summary["discard"]
+    difference = ours["indirect"]["mean_percent"] - reference.evaluate().summary["discard"]["indirect"]["mean_percent"]
+    assert abs(difference) < AUTO_LIMIT
+
+
+@pytest.mark.long
+def test_stored_renders_are_those_of_blender(tmp_path, blender, monkeypatch):
+    """tools/cycles_references with fewer samples, other seeds: the same scene, camera and expectation."""
+    monkeypatch.syspath_prepend(str(FOLDER.parents[2] / "tools"))
+    import light_transport_references as tool
+
+    name = "sun_and_sky"
+    for attribute, value in {"FOLDER": tmp_path, "SEEDS": range(101, 109)}.items():
+        monkeypatch.setattr(tool, attribute, value)
+    monkeypatch.setitem(tool.SCENES, name, dataclasses.replace(tool.SCENES[name], samples=32))
+    tool.render(name, blender)
+    reference = references()[name]
+    assert (tmp_path / f"{name}.glb").read_bytes() == reference.scene.read_bytes()
+    assert (tmp_path / name / "camera.json").read_text() == (reference.frames / "camera.json").read_text()
+    with np.load(tmp_path / name / "blocks.npz") as file:
+        again = Estimate(file["mean"].astype(float), file["variance"].astype(float), int(file["count"]))
+    stored = reference.blocks()
+    rejected = holm_rejected(welch_p_values(again, stored, TOLERANCE * stored.mean), SIGNIFICANCE)
+    assert rejected.any(axis=(0, -1)).sum() <= EDGE_PIXELS  # one seed's filter meets a shadow's edge elsewhere
+
+
+def test_stored_renders_are_complete_and_small():
+    assert len(NAMES) >= 6
+    assert sum(p.stat().st_size for p in FOLDER.rglob("*") if p.is_file()) < 1.5e6
+    for reference in references().values():
+        assert reference.blocks().count == 16 and reference.scene.is_file()

@@ -1,0 +1,83 @@
+"""The tree builder: every box in one leaf, bounds that hold, bounded depth, the same bits every time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl.frame.raytracing.bvh import LEAF_TRIANGLES, MAX_DEPTH, Tree, build, heights, skips
+
+Array = np.ndarray
+
+
+def some_boxes(kind: str, count: int) -> tuple[Array, Array]:
+    rng = np.random.default_rng(count)
+    low = rng.normal(size=(count, 3))
+    if kind == "equal":
+        low[:] = low[0]
+    if kind == "line":
+        low[:, 1:] = 0.0
+    if kind == "huge":
+        low *= 1e18
+    if kind == "clustered":
+        low = low[0] + 10.0 ** rng.uniform(-30, 4, (count, 1)) * low
+    return low, low + (0.0 if kind in ("equal", "line") else 0.01) * rng.random((count, 3))
+
+
+def check(tree: Tree, low: Array, high: Array) -> None:
+    assert sorted(tree.order.tolist()) == list(range(len(low)))
+    leaf = tree.count > 0
+    assert (tree.right[leaf] == -1).all() and (tree.count[leaf] <= LEAF_TRIANGLES).all()
+    assert tree.count.sum() == len(low) and len(tree) == 2 * leaf.sum() - 1
+    for node in np.flatnonzero(leaf):
+        inside = tree.order[tree.first[node] : tree.first[node] + tree.count[node]]
+        np.testing.assert_array_equal(tree.low[node], low[inside].astype(np.float32).min(axis=0))
+        np.testing.assert_array_equal(tree.high[node], high[inside].astype(np.float32).max(axis=0))
+    inner = np.flatnonzero(~leaf)
+    left, right = inner + 1, tree.right[inner]
+    np.testing.assert_array_equal(tree.low[inner], np.minimum(tree.low[left], tree.low[right]))
+    np.testing.assert_array_equal(tree.high[inner], np.maximum(tree.high[left], tree.high[right]))
+    skip = skips(tree)
+    assert skip[0] == len(tree) and (skip[left] == right).all() and (skip[right] == skip[inner]).all()
+    assert heights(tree)[0] <= MAX_DEPTH + 32
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 3000])
+@pytest.mark.parametrize("kind", ["cloud", "equal", "line", "huge", "clustered"])
+def test_trees_hold_every_box(kind, count):
+    low, high = some_boxes(kind, count)
+    check(build(low, high), low, high)
+
+
+def test_equal_boxes_are_halved():
+    low, high = some_boxes("equal", 4096)
+    assert heights(build(low, high))[0] <= 12
+
+
+def test_a_tree_is_a_pure_function_of_its_boxes():
+    low, high = some_boxes("cloud", 2000)
+    a, b = build(low, high), build(low.copy(), high.copy())
+    for name in ("low", "high", "right", "first", "count", "order"):
+        assert getattr(a, name).tobytes() == getattr(b, name).tobytes()
+
+
+def test_the_heuristic_beats_halving():
+    """Area of all nodes, relative to the root's: what a random line visits."""
+    rng = np.random.default_rng(1)
+    centers = np.concatenate([rng.normal(size=(1000, 3)) * 0.05 + c for c in rng.normal(size=(8, 3)) * 4])
+
+    def cost(tree: Tree) -> float:
+        x, y, z = (tree.high - tree.low).T
+        area = x * y + y * z + z * x
+        return float(area.sum() / area[0])
+
+    tree = build(centers, centers + 0.01)
+    halved = np.argsort(centers[:, 0])
+    low, high = centers[halved], centers[halved] + 0.01
+    areas = []
+    for size in (2**k for k in range(2, 14)):
+        for first in range(0, len(low), size):
+            x, y, z = high[first : first + size].max(axis=0) - low[first : first + size].min(axis=0)
+            areas.append(x * y + y * z + z * x)
+    x, y, z = high.max(axis=0) - low.min(axis=0)
+    assert cost(tree) < 0.5 * sum(areas) / (x * y + y * z + z * x)

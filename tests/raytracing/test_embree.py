@@ -1,0 +1,72 @@
+"""The same rays answered by Embree: same primitive, or a distance within 1e-5, but for a band around edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ray_tools import compare, some_rays, traced, visible_triangles
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.paths import ASSETS
+from taubench_gl.scene import load_scene
+
+embree = pytest.importorskip("embreex.rtcore_scene")
+meshes = pytest.importorskip("embreex.mesh_construction")
+
+BAND = 4e-6
+"""Distance from an edge, or of two surfaces, below which float32 cannot tell; a share of the largest coordinate."""
+
+SCENES = {
+    "demo": 0.7,
+    "sponza/Sponza.gltf": 0.0,
+    "khronos/CesiumMan/CesiumMan.glb": 0.9,
+    "khronos/MorphStressTest/MorphStressTest.glb": 1.3,
+    "khronos/NegativeScaleTest/NegativeScaleTest.glb": 0.0,
+    "khronos/CesiumMilkTruck/CesiumMilkTruck.glb": 0.5,
+}
+SHORT = ("demo", "khronos/CesiumMan/CesiumMan.glb", "khronos/CesiumMilkTruck/CesiumMilkTruck.glb")
+
+
+def path_of(name, request):
+    if name == "demo":
+        return ASSETS / "demo.glb"
+    folder = (request.getfixturevalue("data") / name).parent
+    found = [p for p in (folder / name.split("/")[-1], *sorted(folder.rglob("*.gl*"))) if p.is_file()]
+    if not found:
+        pytest.skip(f"{name} is not there")
+    return found[0]
+
+
+def check(gpu, path, time, count):
+    scene = load_scene(path)
+    with traced(gpu, scene, choose_camera(scene)) as t:
+        t.at(time)
+        triangles = visible_triangles(t.renderer)
+        o, d = some_rays(triangles, count)
+        hits = t.query(o, d)
+        anything = t.query(o, d, any_hit=True)
+        assert t.structure.unfinished_rays == 0
+    np.testing.assert_array_equal(anything.draw >= 0, hits.draw >= 0)
+    other = embree.EmbreeScene(robust=True)
+    meshes.TriangleMesh(other, np.ascontiguousarray(triangles.corners, dtype=np.float32))
+    answer = other.run(o, d, output=1)
+    mine = triangles.index(hits)
+    low, high = triangles.box
+    band = BAND * max(np.abs(low).max(), np.abs(high).max())
+    found = compare(triangles, o, d, mine, hits.t, answer["primID"], answer["tfar"], band)
+    assert not len(found.unexplained), found.unexplained[:10]
+    assert len(found.rays) <= 6e-4 * count, len(found.rays)
+    assert len(found.theirs) <= 1e-5 * count + 1, found.theirs[:10]
+    assert np.mean(mine >= 0) > 0.01
+    return found
+
+
+@pytest.mark.parametrize("name", SHORT)
+def test_a_hundred_thousand_rays_as_embree(gpu, request, name):
+    check(gpu, path_of(name, request), SCENES[name], 100_000)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SCENES)
+def test_a_million_rays_as_embree(gpu, request, name):
+    check(gpu, path_of(name, request), SCENES[name], 1_000_000)

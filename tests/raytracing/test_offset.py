@@ -1,0 +1,102 @@
+"""Rays that leave rasterized surfaces: convex shapes never shade themselves, at any angle, scale and place; what lies
+close above a surface shades it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from frame_tools import looking_at, make_scene, primitive, quad, still_camera
+from ray_tools import traced
+
+from taubench_gl.scene.model import Camera, Channel
+
+Array = np.ndarray
+
+
+def ball(n: int = 24, m: int = 12):
+    """A convex polyhedron of 2 n (m - 1) triangles around the unit sphere's points."""
+    theta, phi = np.linspace(0, np.pi, m + 1)[:, None], np.linspace(0, 2 * np.pi, n, endpoint=False)
+    p = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta) + 0 * phi, np.sin(theta) * np.sin(phi)], -1).reshape(-1, 3)
+    i, k = np.arange(m)[:, None] * n + np.arange(n), np.arange(m)[:, None] * n + (np.arange(n) + 1) % n
+    faces = np.concatenate([np.stack([i, k, i + n], -1)[1:], np.stack([k, k + n, i + n], -1)[:-1]]).reshape(-1, 3)
+    return primitive(p, faces)
+
+
+def surface(t, size: int) -> tuple[Array, Array]:
+    """Position and geometric normal of the pixels that show something, (N, 3) each.
+
+    Not those at a silhouette whose triangle is drawn although it faces away, because corners snap to 1/256 pixel.
+    """
+    p, n = (t.renderer.read(name)[..., :3].reshape(-1, 3) for name in ("position", "geometric_normal"))
+    seen = np.sum(p * n, axis=1) < 0.0
+    assert seen.sum() > size
+    return p[seen], n[seen]
+
+
+def grazing(n: Array, seed: int) -> Array:
+    """Directions from 0.1 to 90 degrees above the surfaces with normals ``n``, which are stored with 16 bits."""
+    rng = np.random.default_rng(seed)
+    tangent = np.cross(n, rng.normal(size=n.shape))
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    angle = np.radians(10.0 ** rng.uniform(-1, np.log10(90), len(n)))[:, None]
+    return np.cos(angle) * tangent + np.sin(angle) * n
+
+
+@pytest.mark.parametrize("moving", [False, True], ids=["merged", "instance"])
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_convex_shapes_never_shade_themselves(gpu, scale, offset, moving):
+    center = np.full(3, offset)
+    matrix = np.diag([-scale, 0.7 * scale, scale, 1.0])
+    scene = make_scene(ball(), matrices=[matrix], origin=tuple(center))
+    if moving:
+        keys = np.stack([center, center + scale])
+        scene = replace(scene, channels=(Channel("node", 0, "translation", "LINEAR", np.array([0.0, 1.0]), keys),))
+    eye = np.array([1.4, 0.6, 1.2]) * scale
+    camera = still_camera(Camera(znear=0.01 * scale), center + eye, looking_at(eye, np.zeros(3)))
+    with traced(gpu, scene, camera, size=(96, 96)) as t:
+        p, n = surface(t, 2000)
+        for seed in range(8):
+            hits = t.query(p, grazing(n, seed), normals=n, any_hit=True)
+            assert not (hits.draw >= 0).any()
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_a_sheet_close_above_a_floor_shades_it(gpu, scale):
+    """At a ten-thousandth of the distance from the camera; light from above, and at a flat angle."""
+    floor = quad((-5 * scale, 0, -5 * scale), (0, 0, 10 * scale), (10 * scale, 0, 0))
+    distance = 4.0 * scale
+    height = 1e-4 * distance
+    sheet = quad((-5 * scale, height, -5 * scale), (0, 0, 10 * scale), (10 * scale, 0, 0))
+    eye = np.array([0.0, 0.5 * height, 0.0])
+    camera = still_camera(Camera(znear=1e-4 * distance), eye, looking_at(eye, (0.0, -1.0, -1.0)))
+    with traced(gpu, make_scene(floor, sheet), camera, size=(32, 32)) as t:
+        rng = np.random.default_rng(3)
+        p = rng.uniform(-3, 3, (2000, 3)) * scale * (1, 0, 1) - eye
+        n = np.tile([0.0, 1.0, 0.0], (len(p), 1))
+        d = rng.normal(size=p.shape) * (1, 0, 1)
+        up = np.where(np.arange(len(p)) % 2, 1.0, 0.02)[:, None]
+        d = d / np.linalg.norm(d, axis=1, keepdims=True) * np.sqrt(1 - up**2) + up * n
+        hits = t.query(p, d, normals=n)
+        assert (hits.draw == 1).all()
+        np.testing.assert_allclose(hits.t, height / up[:, 0], rtol=0.2)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_wide_terrain_does_not_shade_itself(gpu, tilt):
+    """20 km of terrain, whose corners float32 moves by a millimeter, below a ball of 2 m that needs finer offsets."""
+    side = 1e4
+    plane = quad((-side, -tilt * side - 3, -side), (0, 0, 2 * side), (2 * side, 2 * tilt * side, 0))
+    eye = np.array([1.0, 0.7, 5.0])
+    camera = still_camera(Camera(znear=0.01), eye, looking_at(eye, np.array([0.5, -1.5, 0.0])))
+    with traced(gpu, make_scene(ball(), plane), camera, size=(96, 96)) as t:
+        assert len(t.structure.table.merged) == 2
+        p, n = surface(t, 4000)
+        terrain = t.query(p + 0.1 * n, -n).draw == 1
+        assert 1000 < terrain.sum() < len(p) - 500
+        for seed in range(4):
+            hits = t.query(p, grazing(n, seed), normals=n)
+            assert not ((hits.draw == 1) & terrain).any()  # a plane
+            assert not ((hits.draw == 0) & ~terrain).any()  # convex

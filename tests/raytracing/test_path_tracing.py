@@ -1,0 +1,236 @@
+"""Path-traced light against the float64 path tracer, sample by sample with the same numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.metrics.environment import direction_choice
+from taubench_gl.metrics.lighting import SurfaceMaterial, incident
+from taubench_gl.metrics.path_tracing import PathLight, TraceScene, trace
+from taubench_gl.metrics.stochastic import light_choice
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x, turn_y
+from taubench_gl.settings import FIXED_LIGHTING, Settings
+from taubench_gl.srgb import LUMINANCE
+
+Array = np.ndarray
+SIZE = (24, 16)
+LOBES = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
+
+
+def room(*, lights: int = 0, emitter: float = 0.0, closed: bool = True) -> Scene:
+    """A room or an open stage with a glossy box, a metal board and lights."""
+    b = SceneBuilder()
+    matte = b.material(base_color=(0.8, 0.6, 0.4, 1.0), metallic=0.0, specular=0.0, double_sided=True)
+    glossy = b.material(base_color=(0.3, 0.5, 0.9, 1.0), metallic=0.0, roughness=0.5, double_sided=True)
+    metal = b.material(base_color=(0.9, 0.8, 0.5, 1.0), metallic=1.0, roughness=0.4, double_sided=True)
+    if closed:
+        b.node(mesh=b.mesh(box((3.0, 2.0, 3.0), inside=True, material=matte)))
+    else:
+        b.node(mesh=b.mesh(quad(4.0, 4.0, material=matte)), rotation=turn_x(-90.0), translation=(0.0, -2.0, 0.0))
+    b.node(mesh=b.mesh(box((0.6, 0.8, 0.5), material=glossy)), translation=(-0.9, -1.2, -1.0), rotation=turn_y(30.0))
+    b.node(mesh=b.mesh(quad(0.9, 0.9, material=metal)), translation=(1.2, -0.9, -1.6), rotation=turn_y(-25.0))
+    if emitter:
+        lamp = b.material(base_color=(0.2, 0.2, 0.2, 1.0), metallic=0.0, specular=0.0, emissive=(emitter,) * 3)
+        b.node(mesh=b.mesh(quad(0.7, 0.4, material=lamp)), translation=(0.3, 1.6, -0.5), rotation=turn_x(80.0))
+    for i in range(lights):
+        at = -2.0 + 4.0 * ((i * 0.37) % 1.0), 0.4 + ((i * 0.61) % 1.0), -2.0 + 3.0 * ((i * 0.23) % 1.0)
+        b.light(translation=at, color=(1.0, 0.7 + 0.02 * i, 0.5), intensity=3.0 + i)
+    b.camera(translation=(0.1, 0.2, 2.6), rotation=turn_x(-8.0), yfov=np.radians(60.0))
+    return b.build()
+
+
+def render(gpu, scene: Scene, **given) -> dict[str, Array]:
+    """Channels of the first frame; rows from the top."""
+    options = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), **given}
+    settings = Settings(width=SIZE[0], height=SIZE[1], **options)
+    extra = (*LOBES, "path_info", "geometric_normal", "base_color", "material")
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(extra=extra))
+    try:
+        source.advance(0)
+        names = ("position", "normal", "direct", "indirect", *extra)
+        return {name: source.read(name) for name in names}
+    finally:
+        source.release()
+
+
+def reference(scene: Scene, frame: dict[str, Array], **options) -> tuple[PathLight, Array]:
+    """Sums of the float64 path tracer at the surface pixels of ``frame``, and which pixels those are."""
+    from taubench_gl.animation import Poser
+
+    state = Poser(scene).sample(0.0)
+    view = choose_camera(scene).view_at(state)
+    corners, rows = [], []
+    for node in scene.mesh_nodes.tolist():
+        for primitive in scene.meshes[scene.nodes.mesh[node]].primitives:
+            points = primitive.positions.astype(np.float64) @ state.world[node, :3, :3].T
+            points += state.world[node, :3, 3] - view.position
+            corners.append(points[primitive.triangles])
+            rows += [scene.materials[primitive.material]] * len(primitive.triangles)
+    triangles = np.concatenate(corners)
+    emission = np.array([m.emissive for m in rows])
+    emitters = np.flatnonzero(emission.any(axis=1))
+    area = 0.5 * np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    power = (area * (emission @ LUMINANCE))[emitters]
+    lights = []
+    for node in scene.light_nodes.tolist():
+        light = scene.lights[scene.nodes.light[node]]
+        position = state.world[node, :3, 3] - view.position
+        lights.append(_arriving(light, position))
+    choice = light_choice(np.array([max(light.color) * light.intensity for light in _lights(scene)]))
+    sources = {"sky": np.asarray(options.pop("sky", (0.0, 0.0, 0.0)))}
+    if (image := options.pop("image", None)) is not None:
+        sources |= {"environment": image, "choice": direction_choice(image)}
+    traced = TraceScene(
+        triangles,
+        np.array([m.base_color[:3] for m in rows]),
+        np.array([m.metallic for m in rows]),
+        np.array([m.roughness for m in rows]),
+        np.array([m.specular for m in rows]),
+        emission,
+        tuple(lights),
+        choice,
+        8,
+        emitters,
+        np.cumsum(power) / power.sum() if len(power) else np.zeros(0),
+        **sources,
+    )
+    shown = frame["position"][..., 3] > 0
+    points = frame["position"][shown][:, :3].astype(np.float64)
+    normals = frame["normal"][shown][:, :3].astype(np.float64)
+    m = frame["material"][shown].astype(np.float64)
+    material = SurfaceMaterial(frame["base_color"][shown][:, :3].astype(np.float64), m[:, 0], m[:, 1], m[:, 3])
+    to_viewer = -points / np.linalg.norm(points, axis=1, keepdims=True)
+    return trace(traced, points, normals, to_viewer, material, **options), shown
+
+
+def _lights(scene: Scene):
+    return [scene.lights[scene.nodes.light[node]] for node in scene.light_nodes.tolist()]
+
+
+def _arriving(light, position):
+    def arriving(points: Array) -> tuple[Array, Array, Array]:
+        direction, irradiance = incident(light, position, np.array([0.0, 0.0, -1.0]), points)
+        return direction, irradiance, np.linalg.norm(position - points, axis=1)
+
+    return arriving
+
+
+def assert_same(frame: dict[str, Array], traced: PathLight, shown: Array, samples: int, exact: bool = False) -> None:
+    """Every lobe equals the reference's in all but the few pixels where a ray passes an edge on the other side."""
+    for name in LOBES:
+        if exact and name.startswith("direct"):
+            continue
+        expected = getattr(traced, name) / samples
+        measured = frame[name][shown][:, :3]
+        scale = max(expected.max(), 1e-6)
+        off = np.abs(measured - expected).max(axis=1) / scale
+        assert np.mean(off > 1e-3) <= 0.02, (name, np.mean(off > 1e-3), float(np.median(off)))
+        assert abs(measured.mean() - expected.mean()) <= 5e-3 * max(expected.mean(), 1e-6), name
+
+
+SAMPLES, BOUNCES = 8, 5
+
+
+@pytest.mark.parametrize("lights", [3, 13])
+def test_punctual_lights_all_and_by_power(gpu, lights):
+    scene = room(lights=lights)
+    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES)
+    exact = lights <= SAMPLES
+    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES, first_source=int(exact))
+    assert_same(frame, traced, shown, SAMPLES, exact=exact)
+
+
+def test_emitters(gpu):
+    scene = room(emitter=8.0)
+    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES)
+    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES)
+    assert_same(frame, traced, shown, SAMPLES)
+
+
+def test_uniform_sky(gpu):
+    scene = room(closed=False)
+    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES, environment=(0.5, 0.7, 1.0))
+    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES, sky=(0.5, 0.7, 1.0))
+    assert_same(frame, traced, shown, SAMPLES)
+    assert np.allclose(frame["path_info"][shown][:, 1], SAMPLES)
+    hits = np.maximum(traced.hits, 1)
+    assert np.allclose(frame["path_info"][shown][:, 0], traced.hit_distance / hits, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("lights", [0, 2])
+def test_environment_image(gpu, tmp_path, lights):
+    """A sky of colored patches with a small sun; its directions are drawn by luminance."""
+    import OpenImageIO as oiio
+
+    image = np.random.default_rng(3).random((16, 32, 3)).astype(np.float32)
+    image[3, 22] = 100.0
+    path = str(tmp_path / "sky.exr")
+    out = oiio.ImageOutput.create(path)
+    assert out.open(path, oiio.ImageSpec(32, 16, 3, "float")) and out.write_image(image) and out.close()
+    scene = room(closed=False, lights=lights)
+    frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES, environment=path)
+    first = int(lights > 0)
+    options = {"samples": SAMPLES, "bounces": BOUNCES, "first_source": first, "image": image.astype(np.float64)}
+    traced, shown = reference(scene, frame, **options)
+    assert_same(frame, traced, shown, SAMPLES, exact=bool(lights))
+
+
+def test_lobes_add_up(gpu):
+    frame = render(gpu, room(lights=2, emitter=3.0), spp=4, bounces=3)
+    for name in ("direct", "indirect"):
+        lobes = frame[f"{name}_diffuse"] + frame[f"{name}_glossy"]
+        assert np.allclose(frame[name][..., :3], lobes[..., :3], atol=1e-5, rtol=1e-5)
+
+
+def test_patterns(gpu):
+    """`fixed` repeats itself whatever the frame; `independent` is another estimate of the same mean with each seed."""
+    scene = room(emitter=8.0)
+    first, second = (render(gpu, scene, spp=4, bounces=3) for _ in range(2))
+    assert np.array_equal(first["direct"], second["direct"]) and np.array_equal(first["indirect"], second["indirect"])
+    seeds = [render(gpu, scene, spp=16, bounces=3, pattern="independent", seed=s)["direct"][..., :3] for s in (1, 2)]
+    assert not np.array_equal(*seeds)
+    assert abs(seeds[0].mean() / seeds[1].mean() - 1.0) < 0.05
+    # Neighbors share the numbers of `fixed`: between edges its image is smooth.
+    noisy, smooth = (np.median(np.abs(np.diff(i[..., :3], axis=1))) for i in (seeds[0], first["direct"]))
+    assert noisy > smooth
+
+
+def test_variance_is_that_of_one_sample_over_their_number(gpu):
+    """Stratified samples vary less together, so it is an upper bound of the variance of their mean."""
+    scene, luminance = room(emitter=8.0), LUMINANCE
+    many = render(gpu, scene, spp=64, bounces=3, pattern="independent")
+    single = [render(gpu, scene, spp=1, bounces=3, pattern="independent", seed=s) for s in range(1, 17)]
+    for component, name in ((2, "direct"), (3, "indirect")):
+        spread = np.var([run[name][..., :3] @ luminance for run in single], axis=0, ddof=1).mean()
+        assert 64 * many["path_info"][..., component].mean() == pytest.approx(spread, rel=0.2)
+        assert not single[0]["path_info"][..., component].any()
+
+
+def test_more_samples_come_nearer(gpu):
+    scene = room(emitter=8.0)
+    truth = render(gpu, scene, spp=1024, bounces=3, pattern="independent", seed=5)
+    errors = [
+        np.sqrt(np.mean((render(gpu, scene, spp=n, bounces=3)["indirect"] - truth["indirect"]) ** 2)) for n in (16, 256)
+    ]
+    assert np.log(errors[1] / errors[0]) / np.log(16.0) <= -0.45
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("scene", "environment"),
+    [(room(lights=13), "none"), (room(emitter=8.0), "none"), (room(closed=False), (0.5, 0.7, 1.0))],
+    ids=["lights", "emitter", "sky"],
+)
+def test_error_of_fixed_falls_with_the_samples(gpu, scene, environment):
+    """RMS error of `fixed` against `independent` with four times as many samples: slope of -0.45 or steeper."""
+    options, counts = {"bounces": 6, "environment": environment}, (16, 64, 256, 1024)
+    converged = render(gpu, scene, spp=4 * counts[-1], pattern="independent", seed=9, **options)
+    frames = [render(gpu, scene, spp=n, **options) for n in counts]
+    for name in ("direct", "indirect"):
+        errors = [float(np.sqrt(np.mean((f[name] - converged[name]) ** 2))) for f in frames]
+        if max(errors) > 1e-6:  # direct light of few punctual lights is exact
+            assert np.polyfit(np.log(counts), np.log(errors), 1)[0] <= -0.45, (name, errors)

@@ -1,0 +1,153 @@
+"""Trees of posed draws: renewed bounds hold, and rays are answered as by a tree built for the pose."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from frame_tools import make_scene, primitive
+from ray_caster import cast, gather
+from ray_tools import some_rays, traced, visible_triangles
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.frame.raytracing.texels import LEAF_BIT, ROW_BITS, TRIANGLE_TEXELS
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Channel, MorphTarget
+
+ROW_BYTES = 16 << ROW_BITS
+
+
+def sheet(n: int, target_z: float, bad: bool = False):
+    """A sheet of 2 n^2 triangles that bends away by a morph target; ``bad``: one vertex goes to infinity."""
+    x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
+    p = np.stack([x, y, np.full_like(x, -2.0)], -1).reshape(-1, 3)
+    i = np.arange(n)[:, None] * (n + 1) + np.arange(n)
+    faces = np.stack([i, i + 1, i + n + 2, i, i + n + 2, i + n + 1], -1).reshape(-1, 3)
+    move = np.zeros(p.shape, np.float32)
+    move[:, 2] = target_z * p[:, 0] ** 2
+    if bad:
+        move[0] = 3e38
+    normals = np.tile(np.float32([0, 0, 1]), (len(p), 1))
+    return primitive(p, faces, targets=(MorphTarget(move),), normals=normals)
+
+
+def bending(*primitives):
+    times, values = np.array([0.0, 1.0]), np.array([[0.0], [1.0]])
+    channels = tuple(Channel("node", 1 + i, "weights", "LINEAR", times, values) for i in range(len(primitives)))
+    return make_scene(*primitives, channels=channels)
+
+
+@pytest.mark.parametrize("time", [0.0, 0.4, 1.0])
+def test_a_bending_sheet_against_float64(gpu, time):
+    scene = bending(sheet(12, -3.0), sheet(5, 1.5))
+    with traced(gpu, scene) as t:
+        t.at(time)
+        state = t.renderer.frame.state
+        rng = np.random.default_rng(5)
+        d = np.column_stack([rng.uniform(-0.6, 0.6, (3000, 2)), -np.ones(3000)])
+        d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+        hits = t.query(np.zeros_like(d), d)
+        triangles = gather(scene, state, state)
+        reference = cast(triangles, np.zeros(d.shape), d.astype(np.float64), 0.0, np.inf, cull=False)
+        sure = (reference.triangle < 0) | (reference.weights.min(axis=1) > 1e-4)
+        found = (hits.draw >= 0) & (reference.triangle >= 0) & sure
+        assert ((hits.draw >= 0) == (reference.triangle >= 0))[sure].mean() > 0.999 and found.sum() > 1000
+        np.testing.assert_allclose(hits.t[found], reference.depth[found], rtol=1e-5)
+
+
+def rebuilt(gpu, scene, time, o, d):
+    """Hits on a still copy of the pose, built for it."""
+    with traced(gpu, scene, choose_camera(scene)) as t:
+        triangles = visible_triangles(t.at(time).renderer)
+    copy = make_scene(primitive(triangles.corners.reshape(-1, 3), np.arange(3 * len(triangles.corners))))
+    with traced(gpu, copy) as t:
+        return t.query(o, d)
+
+
+@pytest.mark.parametrize("name", ["CesiumMan", "Fox"])
+def test_refitted_trees_answer_as_rebuilt_ones(gpu, data, name):
+    folder = data / "khronos" / name
+    path = next(iter(sorted(folder.rglob("*.gl*"))), None)
+    if path is None:
+        pytest.skip(f"{name} is not there")
+    scene = load_scene(path)
+    time = 0.6 * scene.duration
+    with traced(gpu, scene, choose_camera(scene)) as t:
+        triangles = visible_triangles(t.at(time).renderer)
+        o, d = some_rays(triangles, 20_000)
+        hits = t.query(o, d)
+        mine = triangles.index(hits)
+    other = rebuilt(gpu, scene, time, o, d)
+    size = np.abs(triangles.corners).max()
+    same = mine == other.triangle
+    close = (mine >= 0) & (other.triangle >= 0) & (np.abs(hits.t - other.t) <= 2e-5 * size)
+    assert np.mean(same | close) > 0.999 and np.mean(mine >= 0) > 0.05
+
+
+def test_bounds_hold_after_a_refit(gpu):
+    """Every node holds its children, every leaf its triangles, in grid units."""
+    with traced(gpu, bending(sheet(9, -3.0))) as t:
+        t.at(0.7)
+        gpu.finish()
+        nodes, corners = (
+            np.frombuffer(t.structure.resources[n].read(), np.uint32).reshape(-1, 4)
+            for n in ("trace_nodes", "trace_triangles")
+        )
+        tree = t.structure._posed[0].trees[0]
+        nodes = nodes[tree.first : tree.first + tree.nodes]
+        low = (nodes[:, :3] << 16).view(np.int32) >> 16
+        high = nodes[:, :3].view(np.int32) >> 16
+        stack, seen = [(0, len(nodes))], 0
+        while stack:
+            node, end = stack.pop()
+            word = int(nodes[node, 3])
+            if word & LEAF_BIT:
+                first, count = word & 0x0FFFFFFF, ((word >> 28) & 7) + 1
+                points = corners[3 * first : 3 * (first + count), :3].view(np.float32)
+                assert (points >= low[node]).all() and (points <= high[node]).all()
+                assert np.ptp(high[node] - points.max(axis=0)) <= 1.0
+                seen += count
+                continue
+            assert word == end
+            left = node + 1
+            right = int(nodes[left, 3]) if not int(nodes[left, 3]) & LEAF_BIT else left + 1
+            stack += [(left, right), (right, end)]
+            np.testing.assert_array_equal(low[node], np.minimum(low[left], low[right]))
+            np.testing.assert_array_equal(high[node], np.maximum(high[left], high[right]))
+        assert seen == 2 * 9 * 9
+
+
+def test_a_vertex_at_infinity_takes_only_its_triangles_away(gpu):
+    with traced(gpu, bending(sheet(8, 0.0, bad=True))) as t:
+        t.at(1.0)
+        p = np.array([[0.6, 0.65, -2.0], [0.1, 0.15, -2.0], [-0.99, -0.98, -2.0]])
+        d = p / np.linalg.norm(p, axis=1, keepdims=True)
+        hits = t.query(np.zeros_like(p), d)
+        assert hits.draw.tolist() == [0, 0, -1] and np.isfinite(hits.weights).all()
+
+
+def write_sequence(folder) -> None:
+    """A square that approaches by half a meter a frame; from frame 2 on it has another triangulation."""
+    for i, faces in enumerate(("f 1 2 3 4\n", "f 1 2 3 4\n", "f 1 2 3\nf 1 3 4\nf 4 3 2 1\n")):
+        corners = "".join(f"v {x} {y} {0.5 * i - 4}\n" for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1)))
+        (folder / f"s{i}.obj").write_text(f"o square\n{corners}{faces}")
+
+
+def test_surfaces_that_replace_one_another(gpu, tmp_path):
+    """A sequence of OBJ files whose topology changes: at each of its times one surface is there."""
+    write_sequence(tmp_path)
+    scene = load_scene(tmp_path)
+    assert scene.replacements
+    d = np.float32([[0.05, 0.1, -1.0]])
+    with traced(gpu, scene) as t:
+        for frame in (0, 1, 2, 1):
+            hits = t.at(frame / 24.0).query(0 * d, d / np.linalg.norm(d))
+            np.testing.assert_allclose(hits.t, (4 - 0.5 * frame) * np.linalg.norm(d), rtol=1e-5)
+
+
+def test_the_frame_before_takes_memory_only_on_request(gpu):
+    scene, used = bending(sheet(48, -3.0)), {}
+    for keep in (False, True):
+        with traced(gpu, scene, keep_previous=keep) as t:
+            used[keep] = t.structure.memory["trace_triangles"]
+    count = 2 * 48 * 48 * TRIANGLE_TEXELS * 16
+    assert used[False] < count + ROW_BYTES and used[True] >= 2 * count

@@ -1,0 +1,129 @@
+"""The reader of JSON, TOML and CSV from outside: each fault is one line, of the error class that the caller names."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import msgspec
+import pytest
+
+from taubench_gl.data_files import MAX_DEPTH, parse_json, parse_toml, read_bytes, read_csv, read_json, read_toml
+from taubench_gl.errors import OutputError, SceneError, SettingsError, printable
+from taubench_gl.outputs import csv_text
+
+DEEP = 100_000
+BAD_JSON = {
+    "deep-list": "[" * DEEP + "]" * DEEP,
+    "deep-object": '{"a":' * DEEP + "1" + "}" * DEEP,
+    "not-so-deep": "[" * (MAX_DEPTH + 1) + "]" * (MAX_DEPTH + 1),
+    "long-integer": "9" * 5000,
+    "large-integer": "1" + "0" * 25,
+    "infinite": "1e400",
+    "nan": '{"a": NaN}',
+    "infinity": "[-Infinity]",
+    "cut": '{"a": [1, 2',
+    "empty": "",
+    "not-text": b"\xff\xfe\x00",
+    "binary": b"\x00" * 100,
+}
+BAD_TOML = {
+    "deep-list": "a = " + "[" * DEEP + "]" * DEEP,
+    "deep-table": "a = " + "{a=" * DEEP + "1" + "}" * DEEP,
+    "deep-key": ".".join("a" * 2000) + " = 1",
+    "deep-header": "[" + ".".join("a" * 2000) + "]",
+    "long-integer": "a = " + "9" * 5000,
+    "large-integer": "a = 1" + "0" * 4000,
+    "infinite": "a = 1e400",
+    "cut": "a = [1, 2",
+    "not-text": b"a = \xff",
+}
+
+
+def write(path, content):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def one_line(error, path) -> None:
+    assert str(path) in error.where and len(str(error)) < 600 and "\n" not in str(error)
+
+
+@pytest.mark.parametrize("name", BAD_JSON)
+def test_bad_json_is_one_line(tmp_path, name):
+    path = write(tmp_path / "a.json", BAD_JSON[name])
+    with pytest.raises(SceneError) as caught:
+        read_json(path, fault=SceneError)
+    one_line(caught.value, path)
+
+
+@pytest.mark.parametrize("name", BAD_TOML)
+def test_bad_toml_is_one_line(tmp_path, name):
+    path = write(tmp_path / "a.toml", BAD_TOML[name])
+    with pytest.raises(SettingsError) as caught:
+        read_toml(path, fault=SettingsError)
+    one_line(caught.value, path)
+
+
+@pytest.mark.parametrize(
+    "content", ['a,b\n1,"' + "x" * 200_000 + '"\n', "a\n\0\xff\n".encode("latin-1")], ids=["cell", "bytes"]
+)
+def test_bad_csv_is_one_line(tmp_path, content):
+    path = write(tmp_path / "a.csv", content)
+    with pytest.raises(OutputError) as caught:
+        list(read_csv(path))
+    one_line(caught.value, path)
+
+
+def test_only_regular_files_of_limited_size_are_read(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)  # opening it as a file waits for ever
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    for path in (pipe, tmp_path, "/dev/zero", loop, tmp_path / "none", tmp_path / "nul\0", tmp_path / ("x" * 300)):
+        with pytest.raises(OutputError) as caught:
+            read_bytes(path)
+        assert "\n" not in str(caught.value)
+    large = write(tmp_path / "large", b"x" * ((1 << 20) + 1))
+    with pytest.raises(OutputError, match="1 MiB"):
+        read_bytes(large, max_bytes=1 << 20)
+    assert len(read_bytes(large)) == (1 << 20) + 1
+
+
+def test_what_is_valid_is_read_as_it_is(tmp_path):
+    values = {"a": [1, -2.5, 2**63 - 1, 1e308, "é\udce9", None, True], "b": {}}
+    path = write(tmp_path / "a.json", json.dumps(values))
+    assert read_json(path) == values == parse_json(json.dumps(values))
+    assert read_toml(write(tmp_path / "a.toml", "a = [1, inf]\nb.c = 0x10")) == {"a": [1, float("inf")], "b": {"c": 16}}
+    assert parse_toml("a = 1_000") == {"a": 1000}
+    rows = list(read_csv(write(tmp_path / "a.csv", '\ufeffa,b\n1,"x,y"\n2,z')))
+    assert rows == [(1, ["a", "b"]), (2, ["1", "x,y"]), (3, ["2", "z"])]
+    assert len(list(read_csv(tmp_path / "a.csv", whole_lines=True))) == 2
+
+
+def test_values_of_another_type_are_named(tmp_path):
+    class Kind(msgspec.Struct):
+        size: tuple[int, int]
+        name: str = ""
+
+    path = tmp_path / "a.json"
+    for text, named in (
+        ('{"size": [1, "x"]}', "size[1] is text, expected an integer"),
+        ('{"size": 5}', "size is an integer, expected a list"),
+        ("[]", "the file is a list, expected an object"),
+        ("{}", "size"),
+    ):
+        with pytest.raises(OutputError) as caught:
+            read_json(write(path, text), Kind)
+        assert named in caught.value.what
+    values = {"size": [1, 2], "more": "kept"}
+    assert read_json(write(path, json.dumps(values)), Kind) == values
+
+
+def test_formulas_in_csv_are_text():
+    cells = ["=1+1", "+cmd", "-2+3", "@sum", "-1.5", "+1e3", "plain", -1.5, None, "a=b"]
+    assert csv_text([cells]) == "'=1+1,'+cmd,'-2+3,'@sum,-1.5,+1e3,plain,-1.5,,a=b\n"
+
+
+def test_control_characters_are_not_printed():
+    assert printable("a\x1b[31mb\x07c\x9bd\re\n\tf") == "a [31mb c d e\n\tf"

@@ -1,0 +1,105 @@
+"""Renders light_transport_scenes.py with Cycles and stores what the tests compare, for tools/cycles_references."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from light_transport import (
+    BLOCK,
+    BLOCKS_FILE,
+    BOUNCES,
+    FOLDER,
+    FPS,
+    FRAMES,
+    LOBES,
+    SCENES_FILE,
+    SEEDS,
+    SIZE,
+    references,
+)
+from light_transport_scenes import SCENES, make
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.metrics.significance import Estimate, block_means
+from taubench_gl.pathtraced.blender.job import FRAME_NAME, Quality
+from taubench_gl.pathtraced.blender.render import render_seeds
+from taubench_gl.pathtraced.cameras import CAMERA_FILE
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.scene import load_scene
+
+
+def quality_of(name: str, path: Path, samples: int | None = None) -> Quality:
+    """Cycles as the path tracer renders: pixel centers, no clamping, light in watts.
+
+    Cycles counts the bounces after the first: at 11, its longest path scatters 12 times, as ours.
+    """
+    environment = SCENES[name].environment
+    sky = environment if isinstance(environment, tuple) else (0.0, 0.0, 0.0)
+    image = str(path.with_suffix(".exr")) if environment == "image" else None
+    return Quality(
+        samples=samples or SCENES[name].samples,
+        bounces=BOUNCES - 1,
+        seed_per_frame=False,
+        crisp=True,
+        sky=sky,
+        image=image,
+        light_unit="watt",
+    )
+
+
+def render(name: str, python: str | None = None) -> str:
+    """Write the references of one scene.  -> a line about it."""
+    FOLDER.mkdir(exist_ok=True)
+    path = make(name, FOLDER)
+    scene = load_scene(path)
+    camera = choose_camera(scene)
+    quality = quality_of(name, path)
+    with tempfile.TemporaryDirectory(prefix="taubench-") as temporary:
+        out = Path(temporary)
+        seconds = render_seeds(scene, camera, FRAMES, out, SEEDS, fps=FPS, size=SIZE, quality=quality, python=python)
+        folders = sorted(out.glob("seed_*"))
+        target = FOLDER / name
+        shutil.rmtree(target, ignore_errors=True)
+        target.mkdir()
+        shutil.copy(folders[0] / CAMERA_FILE, target / CAMERA_FILE)
+        for frame in FRAMES:
+            store(folders, frame, target)
+    size = sum(p.stat().st_size for p in [path, *target.iterdir()])
+    return f"{name}: {size / 1024:.0f} KiB, {sum(seconds.values()):.1f} CPU s"
+
+
+def store(folders: list[Path], frame: int, target: Path) -> None:
+    """The mean over the seeds as an EXR; the statistics of blocks, which each frame overwrites."""
+    frames = [PathTracedSequence.open(f"exr:{folder}").read(frame, ("diffuse", "glossy")) for folder in folders]
+    lobes = np.array([[f.lobes[lobe] for lobe in LOBES] for f in frames], dtype=np.float64)  # seed, lobe, h, w, rgb
+    direct, indirect = lobes[:, 0] + lobes[:, 1], lobes[:, 2] + lobes[:, 3]
+    channels = {"Depth.Z": frames[0].depth}
+    for bounce, radiance in (("Direct", direct.mean(axis=0)), ("Indirect", indirect.mean(axis=0))):
+        for i, letter in enumerate("RGB"):
+            channels[f"{bounce}.{letter}"] = np.ascontiguousarray(radiance[..., i], dtype=np.float16)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, channels).write(str(target / (FRAME_NAME % frame)))
+    kinds = np.concatenate([lobes, direct[:, None], indirect[:, None]], axis=1)
+    blocks = Estimate.of(block_means(kinds, BLOCK))
+    values = {"mean": blocks.mean.astype(np.float32), "variance": blocks.variance.astype(np.float32)}
+    np.savez_compressed(target / BLOCKS_FILE, **values, count=blocks.count)
+
+
+def write_index() -> None:
+    """List the stored scenes, with what a run of them needs to know."""
+    index = {
+        name: {"environment": scene.environment, "samples": scene.samples}
+        for name, scene in SCENES.items()
+        if (FOLDER / f"{name}.glb").is_file()
+    }
+    (FOLDER / SCENES_FILE).write_text(json.dumps(index, indent=1) + "\n")
+
+
+def columns(name: str) -> str:
+    discard = references()[name].evaluate().summary["discard"]
+    return ", ".join(f"{column} {discard[column]['mean_percent']:.2f} %" for column in ("direct", "indirect"))
