@@ -63,7 +63,8 @@ void main() {
     // The triangle's plane from screen-space derivatives; where they vanish (sub-pixel slivers) the vertex normal is used.
     vec3 g = safe_normalize(cross(dFdx(pos_rel), dFdy(pos_rel)));
     if (g == vec3(0.0)) g = safe_normalize(normal_ws) * (gl_FrontFacing ? 1.0 : -1.0);
-    out_geometric_normal = vec4(dot(g, pos_rel) > 0.0 ? -g : g, 1.0);
+    vec3 from_viewer = F.forward.w > 0.5 ? F.forward.xyz : pos_rel; // a parallel camera has no one position
+    out_geometric_normal = vec4(dot(g, from_viewer) > 0.0 ? -g : g, 1.0);
 #endif
 #if OUTPUT_BASE_COLOR
     out_base_color = base;

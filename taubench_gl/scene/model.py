@@ -142,6 +142,10 @@ class Camera:
     znear: float = 0.1
     zfar: float = np.inf
 
+    @property
+    def parallel(self) -> bool:
+        return self.kind == "orthographic"
+
 
 @dataclass(frozen=True, slots=True)
 class Light:

@@ -120,3 +120,16 @@ def test_minification_averages(gpu) -> None:
     assert color.std() < 0.05
     # The mean of black and white light is 0.5; averaging sRGB bytes would give 0.21.
     assert color.mean() == pytest.approx(0.5, abs=0.03)
+
+
+def test_geometric_normals_face_a_parallel_camera(gpu) -> None:
+    """A wall at a grazing angle: it would face away from a viewer at the camera's position."""
+    corners = [[0.5, -1, -2], [0.9, -1, -8], [0.9, 1, -8], [0.5, 1, -2]]
+    scene = make_scene(primitive(corners, [[0, 1, 2], [0, 2, 3]], material=0), materials=(Material(double_sided=True),))
+    channels, _ = draw_frame(gpu, scene, still_camera(LENS), SIZE, ("position", "geometric_normal"))
+    seen = channels["position"][..., 3] > 0
+    assert seen.sum() > 100
+    expected = np.array([6.0, 0.0, 0.4]) / np.hypot(6.0, 0.4)
+    np.testing.assert_allclose(
+        channels["geometric_normal"][seen][:, :3], np.broadcast_to(expected, (seen.sum(), 3)), atol=1e-3
+    )

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 FRAME = Struct(
     "FrameRecord",
     Field("clip_from_relative", "mat4", "clip, reversed Z in [0, 1] <- relative to the current camera, world axes"),
-    Field("forward", "vec4", "xyz: unit, view direction: dot with a relative position is planar depth"),
+    Field(
+        "forward", "vec4", "xyz: unit, view direction: dot with a relative position is planar depth; w: 1 if parallel"
+    ),
 )
 _GLSL_TYPE = {("f4", 4): "vec4", ("f2", 4): "vec4", ("u4", 2): "uvec2"}
 PIXELS_PER_TRIANGLE = 4
@@ -117,7 +119,7 @@ class GBufferPass:
         ctx, hazards, targets, buffers = self._gpu.ctx, self._gpu.hazards, frame.targets, frame.buffers
         record = FRAME.zeros()
         record["clip_from_relative"] = column_major(frame.view.clip_from_relative(*targets.size))
-        record["forward"][:3] = -frame.view.world_from_view[:, 2]
+        record["forward"] = (*-frame.view.world_from_view[:, 2], float(frame.view.camera.parallel))
         self._frame.write(record.tobytes())
         self._frame.bind_to_uniform_block(self._raster.bindings["F"])
         hazards.before((buffer, ATTRIBUTES) for buffer in buffers.posed_buffers)

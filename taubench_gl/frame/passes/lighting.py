@@ -76,10 +76,9 @@ def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
     columns, rows = _tiles(spec)
 
     def values(frame: FrameContext) -> dict:
-        parallel = frame.view.camera.kind != "perspective"
         return {
             "sky": (*spec.environment.radiance, 0.0),
-            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if parallel else view_axis,
+            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if frame.view.camera.parallel else view_axis,
             "size": (*spec.size, columns, len(spec.light_kinds)),
             "tiles": columns * rows,
             "light_error": lighting.light_error,

@@ -99,11 +99,10 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
     counts = Resource.buffer("path_counts", 4 * len(COUNTS), label="paths")
 
     def values(frame: FrameContext) -> dict:
-        parallel = frame.view.camera.kind != "perspective"
         candidates = min(len(spec.light_kinds), CANDIDATES)
         return {
             "sky": (*spec.environment.radiance, 0.0),
-            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if parallel else (0.0,) * 4,
+            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if frame.view.camera.parallel else (0.0,) * 4,
             "footprint": (*pixel_footprint(frame, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
             "numbers": (frame.number & 0xFFFFFFFF, spec.seed, 0, 0),
@@ -175,7 +174,7 @@ def pixel_footprint(frame: FrameContext, size: tuple[int, int]) -> tuple[float, 
     clip_from_relative = frame.view.clip_from_relative(*size)
     scale = np.linalg.norm(clip_from_relative[:2, :3], axis=1)  # 1 / half the image plane's sides
     side = float(np.max(2.0 / (scale * size)))
-    return (0.0, side) if frame.view.camera.kind == "perspective" else (side, 0.0)
+    return (side, 0.0) if frame.view.camera.parallel else (0.0, side)
 
 
 def _resolve(spec: FrameSpec, p: ComputePass) -> ComputePass:
