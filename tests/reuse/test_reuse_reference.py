@@ -17,6 +17,7 @@ from taubench_gl.metrics.shading_rate import shaded
 from taubench_gl.paths import SHADERS
 from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.synthetic import LENS, synthetic_steps
+from taubench_gl.srgb import LUMINANCE
 
 SIZE = (80, 45)
 Array = np.ndarray
@@ -245,7 +246,7 @@ def svgf_temporal(step, illumination: Array, moments: Array, exposure: float) ->
     kept = np.where(alive[..., None], kept, 0.0)
     n = kept[..., 5] + 1
     share = np.where(alive, np.maximum(1 / n, 0.2), 1.0)
-    luminance = now @ reference.LUMINANCE
+    luminance = now @ LUMINANCE
     mixed = reference.exponential_average(now, kept[..., :3], share[..., None])
     both = np.stack([luminance, luminance**2], -1)
     return mixed, np.dstack([reference.exponential_average(both, kept[..., 3:5], share[..., None]), n]), share
@@ -293,7 +294,7 @@ def test_color_transforms(gpu, steps, tmp_path):
         "ycocg_from_rgb(c)": reference.ycocg_from_rgb(image),
         "rgb_from_ycocg(c)": reference.rgb_from_ycocg(image),
         "clip_to_box(vec3(-1.0, 0.0, -0.5), vec3(0.5, 2.0, -0.25), c)": reference.clip_to_box(low, high, image),
-        "vec3(luminance(c))": np.repeat((image @ reference.LUMINANCE)[..., None], 3, axis=-1),
+        "vec3(luminance(c))": np.repeat((image @ LUMINANCE)[..., None], 3, axis=-1),
         "catmull_rom_weights(fract(c.x)).xyz": reference.catmull_rom_weights(image[..., 0] % 1.0)[..., :3],
     }
     for i, (text, expected) in enumerate(expected_values.items()):

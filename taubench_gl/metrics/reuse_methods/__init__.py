@@ -1,0 +1,75 @@
+"""Equations of the built-in reuse methods, in float64, one module per family of methods.
+
+References for taubench_gl/reuse/methods and shaders/common/reuse.glsl.  Images are (h, w, ...) with row 0 at the top,
+colors linear radiance (h, w, 3); outside the image the edge pixels are repeated.  ``at_px`` (h, w, 2) is (column, row)
+of a point's previous position.
+"""
+
+from __future__ import annotations
+
+from taubench_gl.metrics.reuse_methods.caching import cache_hit, refresh_due, timewarp_px
+from taubench_gl.metrics.reuse_methods.history import (
+    catmull_rom_weights,
+    consistent_blend,
+    inside,
+    nearest_surface,
+    neighbors,
+    previous_px,
+    sample_history,
+    shifted,
+)
+from taubench_gl.metrics.reuse_methods.means import exponential_average, running_mean
+from taubench_gl.metrics.reuse_methods.sparse import new_samples, shaded_neighbors, upsample_blend
+from taubench_gl.metrics.reuse_methods.svgf import (
+    DEPTH_FLOOR,
+    KERNEL,
+    LUMINANCE_FLOOR,
+    EdgeStopping,
+    atrous_level,
+    depth_slope,
+    moments_variance,
+    smoothed_variance,
+    spatial_estimate,
+)
+from taubench_gl.metrics.reuse_methods.taa import (
+    clip_to_box,
+    karis_blend,
+    neighborhood_box,
+    rgb_from_ycocg,
+    variance_box,
+    ycocg_from_rgb,
+)
+
+__all__ = [
+    "DEPTH_FLOOR",
+    "KERNEL",
+    "LUMINANCE_FLOOR",
+    "EdgeStopping",
+    "atrous_level",
+    "cache_hit",
+    "catmull_rom_weights",
+    "clip_to_box",
+    "consistent_blend",
+    "depth_slope",
+    "exponential_average",
+    "inside",
+    "karis_blend",
+    "moments_variance",
+    "nearest_surface",
+    "neighborhood_box",
+    "neighbors",
+    "new_samples",
+    "previous_px",
+    "refresh_due",
+    "rgb_from_ycocg",
+    "running_mean",
+    "sample_history",
+    "shaded_neighbors",
+    "shifted",
+    "smoothed_variance",
+    "spatial_estimate",
+    "timewarp_px",
+    "upsample_blend",
+    "variance_box",
+    "ycocg_from_rgb",
+]
