@@ -126,7 +126,8 @@ def describe(method: Method) -> dict[str, Any]:
             for n, s in method.settings.items()
         },
         "passes": [
-            {"shader": p.shader, "reads": list(p.reads), "writes": list(p.writes), "repeat": p.repeat}
+            {"shader": p.shader, "reads": list(p.reads), "writes": list(p.writes), "repeat": p.repeat,
+             "block": list(p.block) if p.block else None}
             for p in method.passes
         ],
         "keyframe": method.keyframe,

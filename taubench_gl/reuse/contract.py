@@ -59,6 +59,12 @@ MAX_WRITES, MAX_READS = 8, 16
 
 MAX_REPEAT = 64
 
+BLOCK_THREADS = 256
+"""Invocations of a work group of a block pass: they share memory and synchronize with ``barrier()``."""
+
+MIN_BLOCK, MAX_BLOCK = 8, 64
+"""Width and height of a block, pixels."""
+
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 _WORDS = (
     "attribute const uniform buffer shared coherent volatile restrict readonly writeonly layout centroid flat smooth "
@@ -74,7 +80,7 @@ _GLSL_WORDS = frozenset(_WORDS.split())
 _OUR_WORDS = (
     "frame iteration result reuse tap luminance inside in_image previous_px reusable reusable_exact in_picture "
     "reusable_in_truth nearest_surface bilinear_tap catmull_rom_weights clip_to_box ycocg_from_rgb rgb_from_ycocg "
-    "non_finite"
+    "non_finite reuse_block block_size block_threads"
 )
 _OURS = frozenset(_OUR_WORDS.split())
 
@@ -147,7 +153,8 @@ class Setting:
 class PassInfo:
     """One dispatch over all pixels, ``repeat`` times.
 
-    ``reads``: inputs, ``prev_<history>``, and histories or buffers written by earlier passes.  A name in both ``reads``
+    ``block``: width and height in pixels of a block pass, which is called once per block with BLOCK_THREADS invocations
+    that share memory; None: once per pixel.  ``reads``: inputs, ``prev_<history>``, and histories or buffers written by earlier passes.  A name in both ``reads``
     and ``writes`` is read as it was before this dispatch.  ``repeat`` can be the name of an int setting.
     """
 
@@ -155,6 +162,7 @@ class PassInfo:
     reads: tuple[str, ...]
     writes: tuple[str, ...]
     repeat: int | str = 1
+    block: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,16 @@ from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct, column_major
 from taubench_gl.gpu.shader import VERSION, Source, compile_compute, resolve
-from taubench_gl.reuse.contract import FORMATS, RESULT, RESULT_FORMAT, Format, Method, PassInfo, Value
+from taubench_gl.reuse.contract import (
+    BLOCK_THREADS,
+    FORMATS,
+    RESULT,
+    RESULT_FORMAT,
+    Format,
+    Method,
+    PassInfo,
+    Value,
+)
 from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, FrameInputs
 
 FRAME = Struct(
@@ -76,6 +85,9 @@ def preamble(method: Method, info: PassInfo) -> str:
         f"bool inside(vec2 at) {{ return all(greaterThanEqual(at, vec2({-GUARD_PX}))) && "
         f"all(lessThanEqual(at, vec2(frame.size.xy - 1) + {GUARD_PX})); }}",
     ]
+    if info.block:
+        lines.append(f"const ivec2 block_size = ivec2({info.block[0]}, {info.block[1]});")
+        lines.append(f"const int block_threads = {BLOCK_THREADS};")
     lines.append("uniform int iteration; // 0 .. repeat - 1")
     for s in method.settings.values():
         glsl = {"float": "float", "bool": "bool"}.get(s.kind, "int")
@@ -151,8 +163,26 @@ def _writer(name: str, form: Format, binding: int) -> list[str]:
     return lines
 
 
+_PIXEL_MAIN = (
+    "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); if (all(lessThan(p, frame.size.xy))) reuse(p); }"
+)
+_BLOCK_MAIN = "void main() { reuse_block(ivec2(gl_WorkGroupID.xy), int(gl_LocalInvocationID.x)); }"
+
+
+def group_size(info: PassInfo, group: tuple[int, int]) -> tuple[int, int]:
+    """Work group of a pass; ``group``: that of passes over pixels."""
+    return (BLOCK_THREADS, 1) if info.block else group
+
+
+def group_count(info: PassInfo, size: tuple[int, int], group: tuple[int, int]) -> tuple[int, int]:
+    """Number of work groups of a pass.  Of blocks one more each way, so that a shifted grid covers the image."""
+    step, more = (info.block, 1) if info.block else (group, 0)
+    return -(-size[0] // step[0]) + more, -(-size[1] // step[1]) + more
+
+
 def build_source(method: Method, info: PassInfo, group: tuple[int, int]) -> Source:
     """The complete shader of one pass.  Errors refer to file and line of the user.  Raises MethodError."""
+    group = group_size(info, group)
     lines = [VERSION.rstrip("\n"), f"layout(local_size_x = {group[0]}, local_size_y = {group[1]}) in;"]
     origin = ["version", "group"]
 
@@ -169,10 +199,7 @@ def build_source(method: Method, info: PassInfo, group: tuple[int, int]) -> Sour
     except GraphicsError as error:
         raise MethodError(error.what, where=method.label) from None
     append("\n".join(own.text.splitlines()[1:]), tuple(f"{method.folder.name}/{o}" for o in own.origin[1:]))
-    append(
-        "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); if (all(lessThan(p, frame.size.xy))) reuse(p); }",
-        ("main",),
-    )
+    append(_BLOCK_MAIN if info.block else _PIXEL_MAIN, ("main",))
     return Source("\n".join(lines) + "\n", tuple(origin))
 
 
@@ -246,7 +273,7 @@ class GlslPasses:
         for binding, name in enumerate(info.writes):
             target = self._spare if name in info.reads else self._now
             target[name].bind_to_image(binding, read=False, write=True)
-        program.run(-(-self._size[0] // self._group[0]), -(-self._size[1] // self._group[1]))
+        program.run(*group_count(info, self._size, self._group))
         self._gpu.ctx.memory_barrier()
         for name in info.writes:
             if name in info.reads:

@@ -11,9 +11,11 @@ from taubench_gl.data_files import read_toml
 from taubench_gl.errors import MethodError
 from taubench_gl.reuse.contract import (
     FORMATS,
+    MAX_BLOCK,
     MAX_READS,
     MAX_REPEAT,
     MAX_WRITES,
+    MIN_BLOCK,
     RESULT,
     RESULT_FORMAT,
     Format,
@@ -29,9 +31,10 @@ from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
 
 FILE = "method.toml"
 _KEYS = ("name", "title", "cite", "reads", "history", "buffers", "settings", "keyframe", "pass")
-_PASS_KEYS = ("shader", "reads", "writes", "repeat")
+_PASS_KEYS = ("shader", "reads", "writes", "repeat", "block")
 _MAX_BYTES = 1 << 20
 _ENTRY = re.compile(r"\bvoid\s+reuse\s*\(\s*(?:in\s+)?ivec2\b")
+_BLOCK_ENTRY = re.compile(r"\bvoid\s+reuse_block\s*\(\s*(?:in\s+)?ivec2\b[^,)]*,\s*(?:in\s+)?int\b")
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"', re.MULTILINE)
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _USE = re.compile(r"\b(fetch|nearest|sample|cubic|write)_([a-z][a-z0-9_]*)\s*\(")
@@ -174,9 +177,11 @@ class _Parser:
             for what, names, most in (("reads", chosen, MAX_READS), ("writes", writes, MAX_WRITES)):
                 if len(names) > most and (what == "writes" or requested is not None):
                     self.errors.append(f"{at}.{what}: {len(names)} textures; the limit per pass is {most}")
-            self.shader(at, entry.get("shader"), chosen, writes, (*reads, *kept, *(f"prev_{n}" for n in history)))
+            block = self.block(f"{at}.block", entry.get("block"))
+            info = PassInfo(str(entry.get("shader")), chosen, writes, repeat or 1, block)
+            self.shader(at, entry.get("shader"), info, (*reads, *kept, *(f"prev_{n}" for n in history)))
             written += [name for name in writes if name not in written]
-            found.append(PassInfo(str(entry.get("shader")), chosen, writes, repeat or 1))
+            found.append(info)
         for name in kept:
             if name not in written:
                 what = "history" if name in history else "buffer" if name in buffers else "the image"
@@ -198,8 +203,18 @@ class _Parser:
                 self.errors.append(f"{key}: unknown name {name!r}{declare}")
         return tuple(dict.fromkeys(name for name in value if name in known))
 
-    def shader(self, at: str, value: Any, reads: tuple[str, ...], writes: tuple[str, ...], known: tuple) -> None:
-        """Check that the shader exists, defines ``reuse``, and uses only what its pass declares."""
+    def block(self, key: str, value: Any) -> tuple[int, int] | None:
+        """Width and height in pixels of the blocks of a block pass."""
+        if value is None:
+            return None
+        sides = value if isinstance(value, list) and len(value) == 2 else [None]
+        if all(isinstance(v, int) and not isinstance(v, bool) and MIN_BLOCK <= v <= MAX_BLOCK for v in sides):
+            return value[0], value[1]
+        self.errors.append(f"{key}: {value!r} is not [width, height] with integers from {MIN_BLOCK} to {MAX_BLOCK}")
+        return None
+
+    def shader(self, at: str, value: Any, info: PassInfo, known: tuple[str, ...]) -> None:
+        """Check that the shader exists, defines its entry function, and uses only what its pass declares."""
         if not isinstance(value, str) or not value:
             self.errors.append(f"{at}.shader: must be the name of a GLSL file in this folder")
             return
@@ -210,12 +225,15 @@ class _Parser:
             why = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             self.errors.append(f"{at}.shader: {value}: cannot be read: {why}")
             return
-        if not any(_ENTRY.search(text) for _, text in texts):
-            self.errors.append(f"{at}.shader: {value} has no function 'void reuse(ivec2 p)'")
+        entry, signature = (_ENTRY, "reuse(ivec2 p)")
+        if info.block:
+            entry, signature = (_BLOCK_ENTRY, "reuse_block(ivec2 block, int thread)")
+        if not any(entry.search(text) for _, text in texts):
+            self.errors.append(f"{at}.shader: {value} has no function 'void {signature}'")
         for file, text in texts:
             for match in _USE.finditer(text):
                 verb, name = match.groups()
-                allowed = writes if verb == "write" else reads
+                allowed = info.writes if verb == "write" else info.reads
                 if name in allowed or name not in (*known, *INPUTS):
                     continue
                 line = text.count("\n", 0, match.start()) + 1
