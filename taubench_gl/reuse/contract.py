@@ -154,8 +154,9 @@ class PassInfo:
     """One dispatch over all pixels, ``repeat`` times.
 
     ``block``: width and height in pixels of a block pass, which is called once per block with BLOCK_THREADS invocations
-    that share memory; None: once per pixel.  ``reads``: inputs, ``prev_<history>``, and histories or buffers written by earlier passes.  A name in both ``reads``
-    and ``writes`` is read as it was before this dispatch.  ``repeat`` can be the name of an int setting.
+    that share memory; None: once per pixel.  ``reads``: inputs, ``prev_<history>``, and histories or buffers written by
+    earlier passes.  A name in both ``reads`` and ``writes`` is read as it was before this dispatch.  ``repeat`` can be
+    the name of an int setting.
     """
 
     shader: str
