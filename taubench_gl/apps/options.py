@@ -187,6 +187,9 @@ def settings_from(options: dict[str, Any], **more: Any) -> Settings:
     ``more``: fields that the command decides.  Raises SettingsError for a value out of range.
     """
     options = dict(options)
+    if options.get("light") == "raster" and options.get("spp") is not None:
+        what = f"spp is {options['spp']} and light is raster, which has no samples"
+        raise SettingsError(what, hint="leave --spp out, or give --light path-traced", setting="spp")
     width, height = options.pop("size")
     return Settings(
         width=width,
@@ -430,7 +433,9 @@ exr_options = (
     click.option("--camera-file", metavar="JSON", help="exr: camera sidecar.  [default: estimated]"),
     click.option("--scene-file", metavar="SCENE", help="exr: glTF file with the camera of the frames."),
     click.option(
-        "--mapping", metavar="NAME|FILE", help="exr: pass names: blender, mitsuba, falcor, taubench or a TOML file."
+        "--mapping",
+        metavar="NAME|FILE",
+        help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.",
     ),
     click.option("--layer", metavar="NAME", help="exr: view layer.  [default: the one with most passes]"),
 )

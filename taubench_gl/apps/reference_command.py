@@ -146,7 +146,11 @@ Examples:
 @click.option("--camera-file", metavar="JSON", help="Camera sidecar.  [default: estimated]")
 @click.option("--scene-file", metavar="SCENE", help="glTF file with the camera of the frames.")
 @click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
-@click.option("--mapping", metavar="NAME|FILE", help="Pass names: blender, mitsuba, falcor, taubench or a TOML file.")
+@click.option(
+    "--mapping",
+    metavar="NAME|FILE",
+    help="Pass names: a preset (blender, falcor, mitsuba, taubench, unity, unreal) or a TOML file.",
+)
 @click.option("--layer", metavar="NAME", help="View layer.  [default: the one with most passes]")
 @click.option("--fps", type=float, default=Settings().sequence.fps, show_default=True, help="Frames per second.")
 def check(spec: str, **options: Any) -> int:

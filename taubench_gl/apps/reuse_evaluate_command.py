@@ -14,6 +14,7 @@ from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.evaluate_command import out_folders
 from taubench_gl.apps.options import (
     OutPath,
+    Words,
     frame_options,
     gpu_options,
     lighting_options,
@@ -23,7 +24,7 @@ from taubench_gl.apps.options import (
     unit_scale_option,
     with_options,
 )
-from taubench_gl.errors import TaubenchError
+from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
@@ -33,7 +34,10 @@ if TYPE_CHECKING:
 
 EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
 FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
-METHODS_HELP = "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1."
+METHODS_HELP = (
+    "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1.  exr:DIR: frames "
+    "made elsewhere, with settings mapping, layer, offset, scale, label."
+)
 
 
 class List(click.ParamType):
@@ -79,7 +83,9 @@ def shared_options(command: Any) -> Any:
         ),
         click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
         click.option(
-            "--mapping", metavar="NAME|FILE", help="exr: pass names; blender, mitsuba, falcor, taubench or TOML."
+            "--mapping",
+            metavar="NAME|FILE",
+            help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.",
         ),
         click.option("--cut", "cuts", type=int, multiple=True, help="Frame declared to have no history; repeatable."),
         threshold_option,
@@ -103,6 +109,7 @@ Examples:
   taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05,taa_clamp@alpha=0.2,./my_method
   taubench-gl reuse evaluate scene.glb --methods svgf --input path-traced@1 --reference path-traced@1024
   taubench-gl reuse evaluate scene.glb --methods svgf --input exr:one-sample --reference exr:many-samples
+  taubench-gl reuse evaluate scene.glb --methods svgf,exr:engine@mapping=unreal@label=TSR --out results --save results
 
 \b
 DIR receives reuse.json, frames.csv, report.html, tables, plots, side_by_side.png (the worst frame) and a video.
@@ -115,6 +122,12 @@ docs/reuse-evaluation.md defines every number."""
 @click.option(
     "--video", type=click.Choice(["mp4", "webm", "none"]), default="mp4", show_default=True, help="With --out."
 )
+@click.option(
+    "--save",
+    type=Words("results"),
+    default="",
+    help="With --out, also write results: linear EXR of input, methods and reference, a folder per method and seed.",
+)
 @shared_options
 def evaluate(
     scenes: tuple[str, ...],
@@ -122,6 +135,7 @@ def evaluate(
     metrics: tuple[str, ...],
     out: Path | None,
     video: str,
+    save: tuple[str, ...],
     **options: Any,
 ) -> int:
     """Run reuse methods over the same frames of SCENE and compare every image with a reference.
@@ -129,10 +143,12 @@ def evaluate(
     A method that fails prints one line and does not affect the others; the exit code is then 2.
     """
     settings, request = split_options(options)
+    if save and out is None:
+        raise SettingsError("there is no folder to save to", hint="give --out DIR")
     failed = False
     for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
         try:
-            done = _evaluate_one(scene, methods, settings, folder, video, request | {"metrics": metrics})
+            done = _evaluate_one(scene, methods, settings, folder, (video, save), request | {"metrics": metrics})
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -150,7 +166,7 @@ def _evaluate_one(
     methods: tuple[str, ...],
     settings: Settings,
     folder: Path | None,
-    video: str,
+    files: tuple[str, tuple[str, ...]],
     request: dict[str, Any],
 ) -> Evaluation:
     from taubench_gl.apps.screen import ProgressBar, show_tables
@@ -158,7 +174,7 @@ def _evaluate_one(
     from taubench_gl.reuse.evaluate import evaluate_methods
     from taubench_gl.reuse.evaluate_output import ReuseFolder
 
-    results = None if folder is None else ReuseFolder(folder, settings.sequence.fps, video)
+    results = None if folder is None else ReuseFolder(folder, settings.sequence.fps, *files)
     on_frame = None if results is None else results.on_frame
     try:
         with results or nullcontext():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,8 @@ import numpy as np
 from taubench_gl.errors import SettingsError
 from taubench_gl.export.channels import channel_named, stored_as
 from taubench_gl.export.frames import ExportFrame
-from taubench_gl.outputs import cannot_write, plain_text, replacing, write_atomically
+from taubench_gl.outputs import cannot_write, plain_text, replacing
+from taubench_gl.pathtraced.exr import write_exr
 
 Array = np.ndarray
 
@@ -96,18 +96,11 @@ class ExrWriter(_PerFrame):
     suffix = ".exr"
 
     def write(self, frame: ExportFrame) -> None:
-        import OpenEXR
-
         planes = {}
         for name, values in self.stored(frame).items():
             for i, exr in enumerate(channel_named(name).exr):
-                planes[exr] = np.ascontiguousarray(values[..., i])
-        header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-        header |= exr_attributes(self.spec, frame)
-        # Written from memory: OpenEXR accepts only UTF-8 paths, and its errors do not say why a write fails.
-        data = io.BytesIO()
-        OpenEXR.File(header, planes).write(data)
-        write_atomically(self.path(frame.number), data.getvalue(), parents=True)
+                planes[exr] = values[..., i]
+        write_exr(self.path(frame.number), planes, exr_attributes(self.spec, frame))
 
 
 def exr_attributes(spec: ExportSpec, frame: ExportFrame) -> dict[str, Any]:

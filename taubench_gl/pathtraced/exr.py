@@ -1,7 +1,7 @@
-"""Reads one OpenEXR file: named planes over its display window.
+"""Reads one OpenEXR file: named planes over its display window; and writes one.
 
-Files are untrusted.  The header's kind and sizes are checked before pixels are decoded, a part that the library drops
-silently is an error, and text that the library prints to the terminal becomes part of the error message.
+Files that are read are untrusted.  The header's kind and sizes are checked before pixels are decoded, a part that the
+library drops silently is an error, and text that the library prints to the terminal becomes part of the error message.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,6 +21,7 @@ import numpy as np
 import OpenEXR
 
 from taubench_gl.errors import PathTracedError
+from taubench_gl.outputs import write_atomically
 
 Array = np.ndarray
 Window = tuple[int, int, int, int]
@@ -118,6 +119,18 @@ def merge(images: Sequence[tuple[str, ExrImage]]) -> ExrImage:
     if len(windows) > 1:
         raise PathTracedError("the files of one frame have different display windows", where=str(first.path))
     return ExrImage(first.path, first.size, planes, first._display)
+
+
+def write_exr(path: Path, planes: Mapping[str, Array], attributes: Mapping[str, Any] | None = None) -> None:
+    """Write planes, (h, w) by channel name, as one part with ZIP compression, completely or not at all.
+
+    Row 0 is the top row.  Missing folders are created.  Raises OutputError.
+    """
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **(attributes or {})}
+    data = io.BytesIO()
+    # Written from memory: OpenEXR accepts only UTF-8 paths, and its errors do not say why a write fails.
+    OpenEXR.File(header, {name: np.ascontiguousarray(plane) for name, plane in planes.items()}).write(data)
+    write_atomically(path, data.getvalue(), parents=True)
 
 
 def _full_name(channel: str, part: str | None) -> str:

@@ -35,15 +35,18 @@ UNIT_ROUNDING = 5e-7
 """Normals whose length differs from 1 by at most this (float32 rounding) are kept bit for bit."""
 
 _LETTERS = {1: ("Z", "V", "T", "Y", "R", "X"), 2: ("XY", "RG", "UV"), 3: ("XYZ", "RGB")}
+_NUMBERS = {"background_depth": 1e9, "meters": 1.0}
+"""Numbers of a mapping above 0, and their defaults."""
 _PRESETS = Path(__file__).parent / "presets"
 _CHOICES = {
-    "up": ("z", "y"),
+    "up": ("z", "y", "z-left", "y-left"),
     "depth": ("planar", "distance"),
     "color": ("linear", "encoded"),
     "positions": ("world", "relative"),
     "motion.unit": ("px", "uv"),
     "motion.direction": ("previous-current", "current-previous"),
     "motion.y": ("up", "down"),
+    "motion.zero": ("0", "0.5"),
 }
 
 
@@ -63,6 +66,8 @@ class PassMap:
     motion_unit: str = "px"
     motion_direction: str = "previous-current"
     motion_y: str = "up"
+    motion_zero: str = "0"  # the stored value of no motion
+    meters: float = 1.0  # per unit of position, depth and background_depth
 
     def file_name(self, name: str) -> str:
         """Name of a pass in files, for messages: its first alternative."""
@@ -92,19 +97,20 @@ def parse_mapping(values: Any, where: str) -> PassMap:
     if not isinstance(values, dict) or not isinstance(values.get("passes"), dict):
         raise PathTracedError("has no [passes]", where=where, hint="see the built-in preset 'blender' for an example")
     motion = values.get("motion", {})
-    flat = {k: v for k, v in values.items() if k not in ("passes", "motion", "name", "background_depth")}
+    flat = {k: v for k, v in values.items() if k not in ("passes", "motion", "name", *_NUMBERS)}
     flat |= {f"motion.{k}": v for k, v in (motion.items() if isinstance(motion, dict) else ())}
     for key, value in flat.items():
         if key not in _CHOICES:
             raise PathTracedError(f"unknown key {key!r}", where=where, hint=f"known: {', '.join(_CHOICES)}")
         if not isinstance(value, str) or value not in _CHOICES[key]:
             raise PathTracedError(f"{key} is {value!r}", where=where, hint=f"choose from {', '.join(_CHOICES[key])}")
-    background = values.get("background_depth", 1e9)
-    if isinstance(background, bool) or not isinstance(background, int | float) or not background > 0:
-        raise PathTracedError(f"background_depth is {background!r}", where=where, hint="give a number above 0")
+    numbers = {name: values.get(name, default) for name, default in _NUMBERS.items()}
+    for name, number in numbers.items():
+        if isinstance(number, bool) or not isinstance(number, int | float) or not 0 < number < np.inf:
+            raise PathTracedError(f"{name} is {number!r}", where=where, hint="give a number above 0")
     passes = {name: _alternatives(name, given, where) for name, given in values["passes"].items()}
     fields = {key.replace(".", "_"): value for key, value in flat.items()}
-    return PassMap(str(values.get("name", where)), passes, background_depth=float(background), **fields)
+    return PassMap(str(values.get("name", where)), passes, **{k: float(v) for k, v in numbers.items()}, **fields)
 
 
 def _alternatives(name: str, given: Any, where: str) -> tuple[Any, ...]:
@@ -202,13 +208,29 @@ class PathTracedFrame:
     relative: bool = False  # position is relative to the frame's camera, prev_position to the previous frame's
 
     def linear_radiance(self, exposure: float, where: str) -> Array:
-        """Combined pass times ``exposure``, linear, (h, w, 3) float32.  Raises PathTracedError if there is none."""
-        if self.combined is None:
-            hint = "switch it on in the renderer, or give --mapping"
-            raise PathTracedError("has no combined pass", where=where, hint=hint)
-        if self.color_encoded:
-            raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
-        return self.combined[..., :3].astype(np.float32) * np.float32(exposure)
+        """``linear_radiance`` of the combined pass."""
+        return linear_radiance(self.combined, self.color_encoded, exposure, where)
+
+
+def linear_radiance(combined: Array | None, encoded: bool, exposure: float, where: str) -> Array:
+    """A combined pass times ``exposure``, linear, (h, w, 3) float32.
+
+    ``combined`` (h, w, 3), or None where the file has none; ``encoded``: it is tone-mapped and sRGB-encoded.  Raises
+    PathTracedError for both.
+    """
+    if combined is None:
+        hint = "switch it on in the renderer, or give --mapping"
+        raise PathTracedError("has no combined pass", where=where, hint=hint)
+    if encoded:
+        raise PathTracedError("its combined pass is display-encoded, not linear radiance", where=where)
+    return combined[..., :3].astype(np.float32) * np.float32(exposure)
+
+
+def read_pass(image: ExrImage, index: ChannelIndex, name: str) -> Array | None:
+    """A pass as the file has it, (h, w, components) float32; None if the file lacks it."""
+    if name not in index:
+        return None
+    return np.stack([image.plane(channel) for channel in index.channels(name)], axis=-1)
 
 
 def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()) -> PathTracedFrame:
@@ -219,9 +241,7 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
     mapping = index.mapping
 
     def take(name: str) -> Array | None:
-        if name not in index:
-            return None
-        return np.stack([image.plane(channel) for channel in index.channels(name)], axis=-1)
+        return read_pass(image, index, name)
 
     position, normal, depth = take("position"), take("normal"), take("depth")
     if position is None and depth is None:
@@ -233,16 +253,17 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         )
     depth = None if depth is None else depth[..., 0]
     sky = find_sky(position, normal, depth, mapping.background_depth)
+    meters = np.float32(mapping.meters)
     radiance, separate = _light(index, take, lobes)
     prev = take("prev_position")
     return PathTracedFrame(
         size=image.size,
         sky=sky,
         normal=None if normal is None else unit(to_y_up(normal, mapping.up)),
-        position=None if position is None else to_y_up(position, mapping.up),
-        depth=depth,
+        position=None if position is None else to_y_up(position, mapping.up) * meters,
+        depth=None if depth is None else depth * meters,
         depth_kind=mapping.depth,
-        prev_position=None if prev is None else to_y_up(prev, mapping.up),
+        prev_position=None if prev is None else to_y_up(prev, mapping.up) * meters,
         motion=_motion(take("motion"), mapping, image.size),
         combined=take("combined"),
         emission=take("emission"),
@@ -267,10 +288,16 @@ def find_sky(position: Array | None, normal: Array | None, depth: Array | None, 
 
 
 def to_y_up(vectors: Array, up: str) -> Array:
-    """Convert (..., 3) vectors from ``up`` = "z" (Blender) to glTF axes: (x, y, z) -> (x, z, -y).  "y": unchanged."""
+    """Convert (..., 3) vectors to glTF axes, which are "y".
+
+    "z" (Blender): (x, y, z) -> (x, z, -y); "z-left" (Unreal, as its glTF exporter): (x, z, y); "y-left" (Unity, as
+    UnityGLTF): (-x, y, z).
+    """
     if up == "y":
         return vectors
-    return np.stack([vectors[..., 0], vectors[..., 2], -vectors[..., 1]], axis=-1)
+    x, y, z = (vectors[..., i] for i in range(3))
+    turned = {"z": (x, z, -y), "z-left": (x, z, y), "y-left": (-x, y, z)}[up]
+    return np.stack(turned, axis=-1)
 
 
 def unit(normals: Array) -> Array:
@@ -286,6 +313,7 @@ def unit(normals: Array) -> Array:
 def _motion(motion: Array | None, mapping: PassMap, size: tuple[int, int]) -> Array | None:
     if motion is None:
         return None
+    motion = motion - np.float32(mapping.motion_zero)
     factor = np.ones(2, dtype=np.float32)
     if mapping.motion_unit == "uv":
         factor *= size

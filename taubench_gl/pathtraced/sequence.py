@@ -8,16 +8,22 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.exr import ExrImage, merge, read_exr, read_header
 from taubench_gl.pathtraced.passes import (
     ChannelIndex,
     PassMap,
     PathTracedFrame,
+    linear_radiance,
     load_mapping,
     missing_columns,
     read_frame,
+    read_pass,
 )
+
+Array = np.ndarray
 
 PREFIX = "exr:"
 _NUMBERED = re.compile(r"^(.*?)(\d+)$")
@@ -124,6 +130,19 @@ class PathTracedSequence:
 
     def read(self, frame: int, lobes: Collection[str] = ()) -> PathTracedFrame:
         """Decode one frame.  Raises PathTracedError if its size or its passes differ from the first frame's."""
+        return read_frame(self._decode(frame), self.index, lobes)
+
+    def radiance(self, frame: int, exposure: float = 1.0) -> Array:
+        """Combined pass of one frame times ``exposure``, linear, (h, w, 3) float32; no other pass is needed.
+
+        Raises PathTracedError, also for a pass that is not linear.
+        """
+        combined = read_pass(self._decode(frame), self.index, "combined")
+        where = f"{self.path}, frame {frame}"
+        return linear_radiance(combined, self.mapping.color == "encoded", exposure, where)
+
+    def _decode(self, frame: int) -> ExrImage:
+        """The channels of one frame.  Raises PathTracedError as ``read`` does."""
         paths = self.files[frame]
         images = [read_exr(path) for path in paths]
         for image in images:
@@ -132,7 +151,7 @@ class PathTracedSequence:
                 raise PathTracedError(f"is {got} pixels, the first frame is {expected}", where=str(image.path))
         image = images[0] if len(images) == 1 else merge([(_prefix(paths, i.path), i) for i in images])
         self._check_passes(image)
-        return read_frame(image, self.index, lobes)
+        return image
 
     def sha256(self) -> str:
         """Hash of the bytes of all files, in frame order."""

@@ -33,6 +33,7 @@ from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.path_traced import PathTracedReference, reference_samples
 from taubench_gl.reuse.quality import CHOICES, MEASURES, display
+from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.scores import CLASSES, Displayed, FrameReference, MethodRecord, classify
@@ -61,12 +62,18 @@ class MethodSpec:
 
     @classmethod
     def parse(cls, text: str) -> MethodSpec:
-        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder or file.  Raises SettingsError."""
+        """``NAME`` or ``NAME@setting=value@setting=value``; NAME can be a folder, a file or ``exr:DIR``.
+
+        The label of ``exr:DIR`` is its setting ``label``, by default the name of the folder.  Raises SettingsError.
+        """
         name, *given = text.split("@")
         pairs = [part.partition("=") for part in given]
         if not name or any(not equals or not key for key, equals, _ in pairs):
             raise SettingsError(f"{text!r} is not a method", hint="give NAME or NAME@setting=value")
-        return cls(text, name, {key.strip(): value for key, _, value in pairs})
+        settings = {key.strip(): value for key, _, value in pairs}
+        if is_sequence(name):
+            text = RecordedFrames.label(name, settings.pop("label", None))
+        return cls(text, name, settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +132,11 @@ class Evaluation:
 
 @dataclass(frozen=True, slots=True)
 class EvaluatedFrame:
-    """One frame of an evaluation: images (h, w, 3) in [0, 1], error maps (h, w), row 0 at the top."""
+    """One frame of an evaluation: images (h, w, 3) in [0, 1], error maps (h, w), row 0 at the top.
+
+    ``radiance``: linear radiance times ``exposure`` of ``input``, of every method and of ``reference``, (h, w, 3);
+    ``classes`` (h, w): index into CLASSES; ``seed``: of the input.
+    """
 
     frame: int
     input: Array
@@ -133,6 +144,10 @@ class EvaluatedFrame:
     images: Mapping[str, Array]
     errors: Mapping[str, Array]
     rows: Mapping[str, Mapping[str, Any]]
+    radiance: Mapping[str, Array] = field(default_factory=dict)
+    classes: Array | None = None
+    exposure: float = 1.0
+    seed: int = 0
 
 
 def evaluate_methods(
@@ -202,12 +217,14 @@ class _Evaluator:
         self._gpu, self._scene, self._settings = inputs.gpu, inputs.scene, inputs.settings
         self._reference = self._inputs = None
         self._shading: list[float] = []
-        self.runners: dict[str, MethodRunner] = {}
+        self.runners: dict[str, MethodRunner | RecordedRunner] = {}
+        self._seed = inputs.kind.seed
         self.records: dict[str, MethodRecord] = {}
         self._facts: dict[str, dict[str, Any]] = {}
         loaded = self._load(specs, frozenset(request.metrics))
         self._require(len(loaded) > 0)
-        reads = {name for _, method in loaded for name in method.reads} | set(_EVALUATION_READS)
+        reads = {name for _, method in loaded if isinstance(method, Method) for name in method.reads}
+        reads |= set(_EVALUATION_READS)
         traced = reference_samples(request.reference)
         try:
             if traced is not None:
@@ -228,7 +245,7 @@ class _Evaluator:
                 self._reference = FileReference(
                     request.reference, self._inputs.size, self.frames, self._settings, request.mapping
                 )
-            self._open_runners(loaded)
+            self._open_runners(loaded, request.mapping)
             self._require(len(self.runners) > 0)
         except BaseException:
             self.release()
@@ -237,12 +254,18 @@ class _Evaluator:
         for record in self.records.values():
             record.exact_mask = self._mask_source == "exact"
 
-    def _load(self, specs: Sequence[MethodSpec], metrics: frozenset[str]) -> list[tuple[MethodSpec, Method]]:
+    def _load(
+        self, specs: Sequence[MethodSpec], metrics: frozenset[str]
+    ) -> list[tuple[MethodSpec, Method | RecordedFrames]]:
         loaded = []
         for spec in specs:
             self.records[spec.label] = MethodRecord(spec.label, metrics, True)
             self._facts[spec.label] = {"title": None, "cite": [], "settings": None, "memory_bytes": None}
             with self._isolated(spec.label):
+                if is_sequence(spec.method):
+                    loaded.append((spec, RecordedFrames.parse(str(spec.method), spec.settings)))
+                    self._facts[spec.label] |= {"title": "frames made elsewhere"}
+                    continue
                 method = load_method(spec.method)
                 self._facts[spec.label] |= {"title": method.title, "cite": list(method.cite)}
                 loaded.append((spec, method))
@@ -259,14 +282,21 @@ class _Evaluator:
             exact = self._reference if inputs.kind.path_samples else True
             self._inputs = RasterInputs(inputs, reads, cuts=request.cuts, exact=exact)
 
-    def _open_runners(self, loaded: Sequence[tuple[MethodSpec, Method]]) -> None:
+    def _open_runners(self, loaded: Sequence[tuple[MethodSpec, Method | RecordedFrames]], mapping: str | None) -> None:
         for spec, method in loaded:
             with self._isolated(spec.label):
-                values = method_settings(method, spec.settings)
-                timer = PassTimer(self._gpu)
-                runner = MethodRunner(self._gpu, method, self._inputs.size, values, timer=timer)
+                runner = self._runner(spec, method, mapping)
                 self.runners[spec.label] = runner
                 self._facts[spec.label] |= {"settings": dict(runner.values), "memory_bytes": runner.bytes}
+
+    def _runner(
+        self, spec: MethodSpec, method: Method | RecordedFrames, mapping: str | None
+    ) -> MethodRunner | RecordedRunner:
+        size = self._inputs.size
+        if isinstance(method, RecordedFrames):
+            return RecordedRunner(self._gpu, method, size, self.frames, mapping=mapping, seed=self._seed)
+        values = method_settings(method, spec.settings)
+        return MethodRunner(self._gpu, method, size, values, timer=PassTimer(self._gpu))
 
     def _require(self, some: bool) -> None:
         """Raises MethodError with the failures of all methods if none is left."""
@@ -335,6 +365,7 @@ class _Evaluator:
         }
         if on_frame is not None:
             given = read_result(inputs.textures["radiance"])[..., :3]
+            linear = {label: results[label][..., :3] for label in scored}
             on_frame(
                 EvaluatedFrame(
                     reference.frame,
@@ -343,11 +374,18 @@ class _Evaluator:
                     {label: colors for label, (colors, _) in scored.items()},
                     {label: error for label, (_, error) in scored.items()},
                     {label: self.records[label].rows[-1] for label in scored},
+                    {"input": given, **linear, "reference": reference.image.radiance},
+                    reference.classes,
+                    inputs.exposure,
+                    self._seed,
                 )
             )
 
     def _time_ms(self, label: str) -> float | None:
-        samples = self.runners[label].timer.samples_ms().get(self.runners[label].method.name)
+        runner = self.runners[label]
+        if isinstance(runner, RecordedRunner):
+            return None  # another program ran
+        samples = runner.timer.samples_ms().get(runner.method.name)
         return None if samples is None or not len(samples) else float(samples[-1])
 
     def summary(self) -> dict[str, Any]:

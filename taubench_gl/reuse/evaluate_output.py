@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
@@ -26,6 +26,7 @@ from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.render import write_tables
 from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation
+from taubench_gl.reuse.recorded import ResultWriter
 from taubench_gl.reuse.scores import ROW_COLUMNS
 
 Array = np.ndarray
@@ -188,6 +189,8 @@ def _first_line(error: OSError) -> str:
 
 
 VIDEOS = (*CODECS, "none")
+SAVED = ("results",)
+"""What ``save`` accepts.  results: linear EXR of input, methods and reference (``recorded.ResultWriter``)."""
 
 
 class ReuseFolder:
@@ -198,7 +201,10 @@ class ReuseFolder:
     rows of the evaluated frames to frames.csv, without reuse.json.
     """
 
-    def __init__(self, out: str | Path, fps: float, video: str = "mp4"):
+    def __init__(self, out: str | Path, fps: float, video: str = "mp4", save: Collection[str] = ()):
+        """Raises SettingsError.  ``save``: of SAVED."""
+        if unknown := sorted(set(save) - set(SAVED)):
+            raise SettingsError(f"cannot save {unknown[0]!r}", hint=f"choose from {', '.join(SAVED)}")
         if video not in VIDEOS:
             raise SettingsError(f"video is {video!r}", hint=f"choose from {', '.join(VIDEOS)}")
         if video != "none" and find_spec("imageio_ffmpeg") is None:
@@ -207,6 +213,7 @@ class ReuseFolder:
         self.out = Path(out)
         self._lock = FolderLock(self.out)
         self._video = None if video == "none" else Video(self.out / f"side_by_side.{video}", fps, video)
+        self._results = ResultWriter(self.out) if "results" in save else None
         self._worst, self._worst_image = -1.0, None
         self._rows: list[dict[str, Any]] = []
         self.written_frames = 0  # frames in frames.csv, once it is written
@@ -217,6 +224,8 @@ class ReuseFolder:
         self._rows += (dict(row) for row in evaluated.rows.values())
         if not evaluated.images:
             return
+        if self._results is not None:
+            self._results.add(evaluated.frame, evaluated.seed, evaluated.exposure, evaluated.radiance)
         if self._video is not None:
             image = side_by_side(evaluated)
             self._shape = self._shape or image.shape

@@ -73,8 +73,7 @@ class FileReference:
 
     def image(self, frame: int) -> Array:
         """Linear radiance x exposure.  (h, w, 3) float32, row 0 at the top."""
-        where = f"{self._sequence.path}, frame {frame}"
-        return self._sequence.read(frame).linear_radiance(self._exposure, where)
+        return self._sequence.radiance(frame, self._exposure)
 
     def describe(self) -> dict[str, Any]:
         return {"kind": "exr", "samples": None, "path": str(self._sequence.path)}

@@ -144,12 +144,43 @@ def test_mapping_files(tmp_path):
 
 
 def test_presets_load():
-    assert presets() == ("blender", "falcor", "mitsuba", "taubench")
+    assert presets() == ("blender", "falcor", "mitsuba", "taubench", "unity", "unreal")
     for name in presets():
         assert "position" in load_mapping(name).passes
     names = ["dd.y.T", "pp.X", "pp.Y", "pp.Z", "my_image.R", "my_image.G", "my_image.B"]
     dotted = ChannelIndex(names, load_mapping("mitsuba"))
     assert dotted.channels("depth") == ("dd.y.T",) and dotted.channels("combined")[0] == "my_image.R"
+
+
+def test_unreal_files(tmp_path):
+    """Epic's names and values: centimeters, left-handed +Z up, motion around 0.5 of the screen."""
+    _, expected = blender_frame()
+    layer = "FinalImageMovieRenderQueue_"
+    shaped = planes(100 * expected["position"][..., [0, 2, 1]], "FinalImageWorldPosition", "RGB")
+    shaped |= planes(0.5 - expected["motion"] / [WIDTH, HEIGHT], f"{layer}MotionVectors", "RG")
+    shaped |= {f"{layer}WorldDepth.R": np.full((HEIGHT, WIDTH), 250.0, np.float32)}
+    shaped |= dict(zip("RGB", (np.full((HEIGHT, WIDTH), value, np.float32) for value in (0.1, 0.2, 0.3))))
+    shaped |= {"ActorHitProxyMask00.R": np.zeros((HEIGHT, WIDTH), np.float32)}
+    frame, _ = frame_of(tmp_path, shaped, mapping=load_mapping("unreal"))
+    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(frame.motion, expected["motion"], atol=1e-5)
+    assert np.unique(frame.depth) == np.float32(2.5) and not frame.sky.any()
+    assert frame.combined[0, 0].tolist() == np.float32([0.1, 0.2, 0.3]).tolist()
+
+
+@pytest.mark.parametrize("multipart", [False, True])
+def test_unity_files(tmp_path, multipart):
+    """The Recorder's names, one layer per AOV; left-handed +Y up, motion normalized to the resolution."""
+    _, expected = blender_frame()
+    shaped = planes(expected["position"] * [-1, 1, 1], "Position", "RGB")
+    shaped |= planes(expected["normal"] * [-1, 1, 1], "Normals", "RGB")
+    shaped |= planes(-expected["motion"] / [WIDTH, HEIGHT], "Motion Vectors" if multipart else "MotionVectors", "RG")
+    shaped |= planes(expected["direct"], "Beauty", "RGB")
+    frame, _ = frame_of(tmp_path, shaped, mapping=load_mapping("unity"))
+    np.testing.assert_allclose(frame.position, expected["position"], rtol=1e-5)
+    np.testing.assert_allclose(frame.normal, expected["normal"], rtol=1e-5)
+    np.testing.assert_allclose(frame.motion, expected["motion"], rtol=1e-5)
+    np.testing.assert_array_equal(frame.combined, expected["direct"])
 
 
 @pytest.mark.parametrize(
@@ -163,6 +194,8 @@ def test_presets_load():
         ({"motion": {"unit": "m"}, "passes": {}}, "motion.unit"),
         ({"rows": "down", "passes": {}}, "rows"),
         ({"background_depth": True, "passes": {}}, "background_depth"),
+        ({"meters": 0, "passes": {}}, "meters"),
+        ({"motion": {"zero": "1"}, "passes": {}}, "motion.zero"),
     ],
 )
 def test_faulty_mappings_name_the_key(values, key):
