@@ -3,6 +3,7 @@ evaluations."""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import srgb_encode
 from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.loading import BUILTIN
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
 
@@ -73,3 +75,12 @@ def write_method(folder: Path, toml: str, **shaders: str) -> Path:
 
 PLAIN_TOML = 'reads = ["radiance"]\n[[pass]]\nshader = "a.glsl"\nwrites = ["result"]\n'
 PLAIN_GLSL = "void reuse(ivec2 p) { write_result(p, fetch_radiance(p).rgb); }\n"
+
+
+def bypassed(folder: Path, method: str, file: str, text: str, replacement: str) -> Path:
+    """A copy of a built-in method in which one stage is bypassed: ``text``, once in ``file``, is replaced."""
+    shutil.copytree(BUILTIN / method, folder)
+    before = (folder / file).read_text(encoding="utf-8")
+    assert before.count(text) == 1, f"{method}/{file}: {text!r} is {before.count(text)} times in it"
+    (folder / file).write_text(before.replace(text, replacement), encoding="utf-8")
+    return folder

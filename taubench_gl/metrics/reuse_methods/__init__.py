@@ -7,6 +7,15 @@ of a point's previous position.
 
 from __future__ import annotations
 
+from taubench_gl.metrics.reuse_methods.bmfr import (
+    accept_taps,
+    block_features,
+    block_offset,
+    block_regression,
+    display_decoded,
+    display_encoded,
+    feature_noise,
+)
 from taubench_gl.metrics.reuse_methods.caching import cache_hit, refresh_due, timewarp_px
 from taubench_gl.metrics.reuse_methods.history import (
     catmull_rom_weights,
@@ -45,13 +54,20 @@ __all__ = [
     "KERNEL",
     "LUMINANCE_FLOOR",
     "EdgeStopping",
+    "accept_taps",
     "atrous_level",
+    "block_features",
+    "block_offset",
+    "block_regression",
     "cache_hit",
     "catmull_rom_weights",
     "clip_to_box",
     "consistent_blend",
     "depth_slope",
+    "display_decoded",
+    "display_encoded",
     "exponential_average",
+    "feature_noise",
     "inside",
     "karis_blend",
     "moments_variance",

@@ -4,7 +4,7 @@
 //          renormalized; weight of the new frame max(1 / n, alpha).  Limits as in their published code: 0.01 m^2 and 1.
 // Reference metrics.reuse_methods.consistent_blend
 // Departs  A moving point is compared at its previous position (prev_position); the scenes of the paper are static.  The
-//          regression of the paper is a spatial filter and not implemented.
+//          stages after it are in the method bmfr.
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     bool surface = fetch_position(p).w > 0.0;

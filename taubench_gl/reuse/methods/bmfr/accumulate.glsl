@@ -1,0 +1,28 @@
+// Accumulation of noisy illumination along the motion, tap by tap.
+//
+// Paper    Koskela et al. 2019, section 3.1: accepted taps are blended, their weights renormalized; weight of the new frame
+//          max(1 / n, alpha).
+// Reference metrics.reuse_methods.consistent_blend, exponential_average
+#include "albedo.glsl"
+#include "taps.glsl"
+
+void reuse(ivec2 p) {
+    vec3 now = fetch_radiance(p).rgb;
+    if (fetch_position(p).w > 0.0)
+        now = (now - frame.exposure * fetch_emission(p).rgb) / albedo_of(fetch_base_color(p));
+    vec2 at = previous_px(p);
+    vec4 sum = vec4(0.0);
+    float total = 0.0;
+    if (frame.has_history == 1u && inside(at)) {
+        for (int i = 0; i < 4; ++i) {
+            Tap t = bilinear_tap(at, i);
+            if (!accepted(p, t)) continue;
+            sum += t.weight * fetch_prev_accumulated(t.at);
+            total += t.weight;
+        }
+    }
+    vec4 mean = total > 0.0 ? sum / total : vec4(0.0);
+    float count = mean.a + 1.0;
+    float share = total > 0.0 ? max(1.0 / count, alpha) : 1.0;
+    write_accumulated(p, vec4(mix(mean.rgb, now, share), min(count, 4096.0)));
+}
