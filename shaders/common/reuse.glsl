@@ -21,6 +21,17 @@ vec3 clip_to_box(vec3 low, vec3 high, vec3 c) {
     return farthest > 1.0 ? middle + offset / farthest : c;
 }
 
+// Moves a color towards ``target``, a point inside the box, until it is inside (Karis 2014: clip the ray from the history
+// towards the average of the neighborhood).
+vec3 clip_towards(vec3 low, vec3 high, vec3 target, vec3 c) {
+    float entry = 0.0;
+    for (int i = 0; i < 3; ++i) {
+        float edge = clamp(c[i], low[i], high[i]);
+        if (edge != c[i]) entry = max(entry, (edge - c[i]) / (target[i] - c[i]));
+    }
+    return mix(c, target, min(entry, 1.0));
+}
+
 // Keys 1981, a = -1/2 (Catmull-Rom): weights of the taps at -1, 0, 1, 2 for a point f in [0, 1) after tap 0.
 vec4 catmull_rom_weights(float f) {
     float f2 = f * f, f3 = f2 * f;

@@ -79,8 +79,8 @@ _WORDS = (
 _GLSL_WORDS = frozenset(_WORDS.split())
 _OUR_WORDS = (
     "frame iteration result reuse tap luminance inside in_image previous_px reusable reusable_exact in_picture "
-    "reusable_in_truth nearest_surface bilinear_tap catmull_rom_weights clip_to_box ycocg_from_rgb rgb_from_ycocg "
-    "non_finite reuse_block block_size block_threads"
+    "reusable_in_truth nearest_surface bilinear_tap catmull_rom_weights clip_to_box clip_towards ycocg_from_rgb "
+    "rgb_from_ycocg non_finite reuse_block block_size block_threads"
 )
 _OURS = frozenset(_OUR_WORDS.split())
 

@@ -42,8 +42,10 @@ from taubench_gl.metrics.reuse_methods.svgf import (
 )
 from taubench_gl.metrics.reuse_methods.taa import (
     clip_to_box,
+    clip_towards,
     karis_blend,
     neighborhood_box,
+    neighborhood_mean,
     rgb_from_ycocg,
     variance_box,
     ycocg_from_rgb,
@@ -62,6 +64,7 @@ __all__ = [
     "cache_hit",
     "catmull_rom_weights",
     "clip_to_box",
+    "clip_towards",
     "consistent_blend",
     "depth_slope",
     "display_decoded",
@@ -73,6 +76,7 @@ __all__ = [
     "moments_variance",
     "nearest_surface",
     "neighborhood_box",
+    "neighborhood_mean",
     "neighbors",
     "new_samples",
     "previous_px",

@@ -58,6 +58,19 @@ def clip_to_box(low: Array, high: Array, color: Array) -> Array:
     return np.where(farthest > 1.0, middle + offset / np.maximum(farthest, 1.0), color)
 
 
+def clip_towards(low: Array, high: Array, target: Array, color: Array) -> Array:
+    """Karis 2014: the first color inside the box on the ray from ``color`` to ``target``, inside it.  All (..., 3)."""
+    edge = np.clip(color, low, high)
+    entry = np.where(edge != color, (edge - color) / np.where(edge != color, target - color, 1.0), 0.0)
+    entry = np.minimum(entry.max(axis=-1, keepdims=True), 1.0)
+    return color + entry * (target - color)
+
+
+def neighborhood_mean(rgb: Array) -> Array:
+    """Mean YCoCg of 3x3 pixels.  (h, w, 3) -> (h, w, 3)."""
+    return np.mean(list(neighbors(ycocg_from_rgb(rgb)).values()), axis=0)
+
+
 def karis_blend(now: Array, history: Array, alpha: float, weighting: bool = True) -> tuple[Array, Array]:
     """Karis 2014: colors weighted by 1 / (1 + luminance).  -> color (..., 3), weight of history (..., 1)."""
     w_now, w_history = np.array(alpha), np.array(1.0 - alpha)

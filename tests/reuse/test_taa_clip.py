@@ -1,0 +1,80 @@
+"""Karis' clip against its float64 reference; each stage, bypassed, is noticed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reuse_tools import bypassed, play
+
+from taubench_gl.metrics import reuse_methods as reference
+from taubench_gl.reuse.synthetic import synthetic_steps
+
+SIZE = (64, 36)
+
+
+@pytest.fixture(scope="module")
+def steps():
+    return list(synthetic_steps(SIZE, 2, speed=3.0, noise=0.4))
+
+
+def check(gpu, method, steps) -> None:
+    before, now = (step.inputs["radiance"][..., :3].astype(np.float32).astype(np.float64) for step in steps)
+    nearest = reference.nearest_surface(steps[1].inputs["position"][..., 3].astype(np.float32))
+    motion = steps[1].inputs["motion"].astype(np.float32)[nearest[..., 1], nearest[..., 0]]
+    at = reference.previous_px(motion)
+    seen = reference.inside(at, SIZE)[..., None]
+    low, high = reference.neighborhood_box(now)
+    history = reference.ycocg_from_rgb(reference.sample_history(before, at))
+    history = reference.rgb_from_ycocg(
+        reference.clip_towards(low, high, reference.neighborhood_mean(now), history))  # fmt: skip
+    blend, kept = reference.karis_blend(now, history, 0.1)
+    expected = np.concatenate([np.where(seen, blend, now), np.where(seen, kept, 0.0)], axis=-1)
+    got = play(gpu, method, steps)[1]
+    wrong = (np.abs(got - expected) > 1e-4).any(axis=-1)
+    assert wrong.mean() <= 1e-3, f"{wrong.sum()} of {wrong.size}, largest {np.abs(got - expected).max()}"
+
+
+def test_taa_clip_agrees_with_its_reference(gpu, steps):
+    check(gpu, "taa_clip", steps)
+
+
+BYPASSES = {
+    "motion of the nearest surface": ("dilate ? nearest_surface(p) : p", "p"),
+    "rounded box": ("if (rounded) {", "if (false) {"),
+    "clip": ("clip_towards(low, high, clamp(mean, low, high), ycocg_from_rgb(history))", "ycocg_from_rgb(history)"),
+    "clip, not clamp": ("clip_towards(low, high, clamp(mean, low, high), ycocg_from_rgb(history))",
+                        "clamp(ycocg_from_rgb(history), low, high)"),
+    "target of the clip": ("clamp(mean, low, high)", "0.5 * (low + high)"),
+    "weights of luminance": ("if (weighting) {", "if (false) {"),
+    "accumulation": ("color = mix(now, history, kept);", ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("stage", BYPASSES)
+def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, stage):
+    folder = bypassed(tmp_path / "taa_clip", "taa_clip", "clip.glsl", *BYPASSES[stage])
+    with pytest.raises(AssertionError, match="largest"):
+        check(gpu, folder, steps)
+
+
+def test_the_clip_enters_the_box_on_the_ray_to_its_target():
+    rng = np.random.default_rng(31)
+    low, high = np.sort(rng.normal(size=(2, 500, 3)), axis=0)
+    target = low + rng.random((500, 3)) * (high - low)
+    color = rng.normal(0, 3, (500, 3))
+    clipped = reference.clip_towards(low, high, target, color)
+    assert (clipped >= low - 1e-12).all() and (clipped <= high + 1e-12).all()
+    np.testing.assert_allclose(np.cross(clipped - target, color - target), 0.0, atol=1e-12)
+    outside = ((color < low) | (color > high)).any(axis=-1)
+    # Nearer to the color by a thousandth of the way it would still be outside.
+    nearer = clipped + 1e-3 * (color - clipped)
+    assert outside.sum() > 400 and ((nearer < low) | (nearer > high)).any(axis=-1)[outside].all()
+    np.testing.assert_array_equal(clipped[~outside], color[~outside])
+
+
+def test_the_mean_of_nine_is_inside_the_rounded_box():
+    rng = np.random.default_rng(32)
+    image = rng.gamma(0.3, 1.0, (64, 64, 3))
+    low, high = reference.neighborhood_box(image)
+    mean = reference.neighborhood_mean(image)
+    assert (mean >= low - 1e-12).all() and (mean <= high + 1e-12).all()
