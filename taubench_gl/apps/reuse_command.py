@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,9 +103,16 @@ def show(name: str, as_json: bool) -> None:
     )
     settings = {n: f"{_short(s['default'])}   {s['allowed']}: {s['doc']}" for n, s in facts["settings"].items()}
     passes = {p["shader"]: f"x {p['repeat']}, writes {', '.join(p['writes'])}" for p in facts["passes"]}
-    for title, lines in (("Settings", settings), ("Passes", passes)):
+    stages = {s["name"]: _stage(s) for s in facts["stages"]}
+    for title, lines in (("Stages of the paper", stages), ("Settings", settings), ("Passes", passes)):
         if lines:
             show_pairs(title, lines)
+
+
+def _stage(stage: dict[str, Any]) -> str:
+    state = "done" if stage["missing"] is None else f"MISSING ({stage['missing']})"
+    where = f", {stage['shader']}" if stage["shader"] else ""
+    return f"{state}{where}: {stage['doc']} ({stage['paper']})"
 
 
 def _short(value: Any) -> str:
@@ -131,6 +139,7 @@ def describe(method: Method) -> dict[str, Any]:
             for p in method.passes
         ],
         "keyframe": method.keyframe,
+        "stages": [asdict(stage) for stage in method.stages],
         "bytes_1080p": method.bytes(FULL_HD),
         "where": method.where,
     }  # fmt: skip

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from taubench_gl.errors import MethodError, note_renamed
 from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
+from taubench_gl.reuse.stages import Stage
 
 Value = float | int | bool | str
 
@@ -172,7 +173,8 @@ class Method:
 
     ``reads``: names of INPUTS.  ``history``, ``buffers``: name -> Format.  ``keyframe``: interval in frames at which
     the current frame becomes the key frame (``frame.key_*`` in GLSL), or the name of an int setting; None: no key
-    frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method.
+    frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
+    its paper.
     """
 
     name: str
@@ -187,6 +189,7 @@ class Method:
     keyframe: int | str | None = None
     factory: type | None = None
     where: str = ""
+    stages: tuple[Stage, ...] = ()
 
     def values(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``given``, else the default.  Raises MethodError, which lists all errors."""

@@ -33,6 +33,11 @@ INPUTS: dict[str, InputInfo] = {
             "rgb: this frame's radiance, linear, exposure applied, with the noise and resolution of the input kind; "
             "a: 1 where the pixel was shaded in this frame, 0 where it was filled from its nearest shaded neighbor",
         ),
+        InputInfo(
+            "direct", 4, "f4", RADIANCE_UNIT,
+            "rgb: the direct light in radiance, with the surface's color, exposure applied; without a surface, "
+            "radiance; a: as radiance",
+        ),
         InputInfo("position", 4, "f4", "m", "as channels.position: relative to this camera, w: planar depth, 0 = sky"),
         InputInfo("normal", 4, "f4", "1", "as channels.normal"),
         InputInfo("prev_position", 4, "f4", "m", "as channels.prev_position: the same point in the previous frame"),

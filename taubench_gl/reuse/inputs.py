@@ -124,6 +124,10 @@ class RasterInputs:
         self._compose = ComposePass(
             self._context, self.size, self.settings, light_channels(self.source), rate=kind.rate
         )
+        self._direct = None
+        if "direct" in self.reads:
+            lit = tuple(c for c in light_channels(self.source) if c == "direct")
+            self._direct = ComposePass(self._context, self.size, self.settings, lit, rate=kind.rate)
         self._masks = self._exact_masks = None
         if {"mask", "motion"} & self.reads:
             self._masks = MaskInputs(self._context, self.source, self.settings, ())
@@ -138,6 +142,8 @@ class RasterInputs:
             self.exact.advance(frame)
         with self.timer.measure("compose"):
             self._compose.run(self.source, frame)
+        if self._direct is not None:
+            self._direct.run(self.source, frame)
         previous = self._previous or view
         declared = _declared(self._previous, frame, self._cuts)
         pair = reprojection(view, previous, *self.size, jitter=False)
@@ -165,6 +171,8 @@ class RasterInputs:
         if self._previous is None:
             history = current  # the first frame has no history, but its inputs must be valid textures
         out = {"radiance": self._compose.radiance}
+        if self._direct is not None:
+            out["direct"] = self._direct.radiance
         out |= {name: current[name] for name in CHANNEL_INPUTS if name in self.reads}
         out |= {name: history[channel] for name, channel in HISTORY_INPUTS.items() if name in self.reads}
         if self._masks is not None:
@@ -190,6 +198,7 @@ class RasterInputs:
     def bytes(self) -> int:
         """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
         own = self.source.describe()["memory"]["gpu_bytes"] + self._compose.bytes
+        own += 0 if self._direct is None else self._direct.bytes
         return own + (0 if self._masks is None else self._masks.bytes)
 
     def describe(self) -> dict[str, Any]:
@@ -207,7 +216,7 @@ class RasterInputs:
         }
 
     def release(self) -> None:
-        for part in (self._compose, self._masks, self._exact_masks, self.source):
+        for part in (self._compose, self._direct, self._masks, self._exact_masks, self.source):
             if part is not None:
                 part.release()
         if self._owns_exact:
@@ -253,6 +262,7 @@ class FileInputs:
         self._context = GpuContext(gpu)
         self._masks = MaskInputs(self._context, self.source, settings, ())
         self._radiance = radiance_texture(gpu, self.size)
+        self._direct = radiance_texture(gpu, self.size) if "direct" in self.reads else None
         self.exact = self._exact_masks = None
         if exact is not None:
             files = PathTracedSequence.open(exact, mapping=mapping)
@@ -285,6 +295,8 @@ class FileInputs:
         radiance = self.source.frame.linear_radiance(self.settings.lighting.exposure_factor, where)
         shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
         write_input(self._radiance, "radiance", np.concatenate([radiance, shaded], axis=-1))
+        if self._direct is not None:
+            write_input(self._direct, "direct", np.concatenate([self._direct_light(radiance), shaded], axis=-1))
         previous = self._previous or view
         pair = reprojection(view, previous, *self.size)
         for masks in (self._masks, self._exact_masks):
@@ -305,6 +317,16 @@ class FileInputs:
         self._index, self._previous = self._index + 1, view
         return out
 
+    def _direct_light(self, radiance: Array) -> Array:
+        """Direct light x exposure, ``radiance`` on sky pixels; without such a pass, all light.  (h, w, 3) float32."""
+        frame, exposure = self.source.frame, np.float32(self.settings.lighting.exposure_factor)
+        if "direct" in frame.radiance:
+            light = frame.radiance["direct"] * exposure
+        else:  # without the emission that methods get
+            sources = [s for s in (self.source, self._rasterized) if s is not None and "emission" in s.channels]
+            light = radiance - (exposure * sources[0].read("emission")[..., :3] if sources else 0.0)
+        return np.where(frame.sky[..., None], radiance, light).astype(np.float32)
+
     def _textures(self) -> dict[str, Any]:
         current, history = dict(self.source.current), dict(self.source.previous)
         if self._rasterized is not None:
@@ -313,6 +335,8 @@ class FileInputs:
         out = {"radiance": self._radiance, "mask": self._masks.mask, "motion": self._masks.motion}
         out |= {name: current[name] for name in CHANNEL_INPUTS if name in current}
         out |= {name: history[c] for name, c in HISTORY_INPUTS.items() if c in history}
+        if self._direct is not None:
+            out["direct"] = self._direct
         if self.exact_mask is not None:
             out["exact_mask"] = self.exact_mask
         return out
@@ -332,6 +356,8 @@ class FileInputs:
         if self._rasterized is not None:
             missing = sorted(set(self._rasterized.channels) & self.reads - set(self.source.channels))
             notes.append(f"rasterized, because the files lack it: {', '.join(missing)}")
+        if self._direct is not None and "direct" in self.source.missing:
+            notes.append("the files have no direct light of its own: all light counts as direct")
         return {
             "kind": self.kind.text, "light_samples": None, "indirect_samples": None, "path_samples": None, "seed": None,
             "gpu_bytes": self.bytes, "effects": {}, "notes": notes,
@@ -342,6 +368,8 @@ class FileInputs:
             if part is not None:
                 part.release()
         self._radiance.release()
+        if self._direct is not None:
+            self._direct.release()
         self._context.release()
 
 

@@ -22,6 +22,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.reuse.contract import Method, Value, name_error, parse_reads, parse_setting
 from taubench_gl.reuse.frame import FrameInputs, frame_arrays
+from taubench_gl.reuse.stages import parse_stages
 
 
 def method_from_class(cls: type, where: str = "") -> Method:
@@ -48,10 +49,12 @@ def method_from_class(cls: type, where: str = "") -> Method:
             settings[name] = setting
     if not callable(getattr(cls, "step", None)):
         errors.append("step: must be a function step(self, frame)")
+    name = str(getattr(cls, "name", cls.__name__))
+    stages, more = parse_stages(getattr(cls, "stages", {}), name, None)
+    errors += more
     if errors:
         raise MethodError("; ".join(errors), where=where)
     cite = getattr(cls, "cite", ())
-    name = str(getattr(cls, "name", cls.__name__))
     return Method(
         name=name,
         title=str(getattr(cls, "title", name)),
@@ -64,6 +67,7 @@ def method_from_class(cls: type, where: str = "") -> Method:
         folder=None,
         factory=cls,
         where=where,
+        stages=stages,
     )
 
 

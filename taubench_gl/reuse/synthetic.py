@@ -79,6 +79,7 @@ def render_view(view: View, time: float, size: tuple[int, int], speed: float = 1
     albedo = np.where(ball[..., None], [0.8, 0.3, 0.2], (0.3 + 0.4 * checker)[..., None])
     light = np.maximum(normal @ (np.array([1.0, 2.0, 1.0]) / math.sqrt(6.0)), 0.0)
     sky = np.array([0.3, 0.5, 0.9])
+    direct = np.where(surface[..., None], albedo * light[..., None], sky)
     radiance = np.where(surface[..., None], albedo * (0.2 + light)[..., None], sky)
     return {
         "position": np.concatenate([relative, np.where(surface, relative @ forward, 0.0)[..., None]], axis=-1),
@@ -87,6 +88,7 @@ def render_view(view: View, time: float, size: tuple[int, int], speed: float = 1
         "emission": np.zeros((height, width, 3)),
         "ids": np.where(surface[..., None], np.where(ball[..., None], [2, 2], [1, 1]), 0).astype(np.uint32),
         "radiance": radiance,
+        "direct": direct,
         "world": world,
         "ball": ball,
     }
@@ -122,7 +124,9 @@ def synthetic_steps(
         clean = now["radiance"]
         if noise > 0:
             shape = 1.0 / noise**2
-            inputs["radiance"][..., :3] = clean * rng.gamma(shape, 1.0 / shape, clean.shape[:2])[..., None]
+            factor = rng.gamma(shape, 1.0 / shape, clean.shape[:2])[..., None]
+            inputs["radiance"][..., :3] = clean * factor
+            inputs["direct"][..., :3] = now["direct"] * factor
         yield Step(index, inputs, clean, pair, view, prev_view, cut)
         before = now
 
@@ -142,9 +146,9 @@ def _inputs(
         if cut or first:
             mask = np.full_like(mask, Reason.CUT if cut else Reason.FIRST)
         masks.append(mask)
-    radiance = np.concatenate([now["radiance"], np.ones((*now["ball"].shape, 1))], axis=-1)
+    shaded = np.ones((*now["ball"].shape, 1))
     return {
-        "radiance": radiance,
+        **{n: np.concatenate([now[n], shaded], axis=-1) for n in ("radiance", "direct")},
         **geometry,
         "base_color": now["base_color"],
         "emission": now["emission"],

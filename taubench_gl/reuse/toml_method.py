@@ -28,9 +28,10 @@ from taubench_gl.reuse.contract import (
     suggestion,
 )
 from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
+from taubench_gl.reuse.stages import parse_stages
 
 FILE = "method.toml"
-_KEYS = ("name", "title", "cite", "reads", "history", "buffers", "settings", "keyframe", "pass")
+_KEYS = ("name", "title", "cite", "reads", "history", "buffers", "settings", "keyframe", "stages", "pass")
 _PASS_KEYS = ("shader", "reads", "writes", "repeat", "block")
 _MAX_BYTES = 1 << 20
 _ENTRY = re.compile(r"\bvoid\s+reuse\s*\(\s*(?:in\s+)?ivec2\b")
@@ -56,6 +57,7 @@ class _Parser:
     def __init__(self, folder: Path, raw: Mapping[str, Any]):
         self.folder, self.raw = folder, raw
         self.errors: list[str] = []
+        self.files: set[str] = set()  # shaders of the passes, and their includes
 
     def run(self) -> tuple[Method | None, list[str]]:
         for key in self.raw:
@@ -69,10 +71,12 @@ class _Parser:
         settings = self.settings({**history, **buffers})
         keyframe = self.count("keyframe", self.raw.get("keyframe"), settings, 1 << 20)
         passes = self.passes(reads, history, buffers, settings)
+        stages, errors = parse_stages(self.raw.get("stages", {}), name, self.files)
+        self.errors += errors
         if self.errors:
             return None, self.errors
         method = Method(name, title, cite, reads, settings, history, buffers, passes, self.folder, keyframe,
-                        where=str(self.folder))  # fmt: skip
+                        where=str(self.folder), stages=stages)  # fmt: skip
         return method, []
 
     # ------------------------------------------------------------------------------------------------ simple values
@@ -225,6 +229,7 @@ class _Parser:
             why = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             self.errors.append(f"{at}.shader: {value}: cannot be read: {why}")
             return
+        self.files |= {file for file, _ in texts}
         entry, signature = (_ENTRY, "reuse(ivec2 p)")
         if info.block:
             entry, signature = (_BLOCK_ENTRY, "reuse_block(ivec2 block, int thread)")

@@ -23,7 +23,10 @@ Array = np.ndarray
 
 
 def still_steps(size: tuple[int, int], radiances: Iterable[Array]) -> list[Step]:
-    """A still camera in the still synthetic scene, with the given radiance per frame: (h, w, 3 or 4)."""
+    """A still camera in the still synthetic scene, with the given radiance per frame, half of it direct light.
+
+    ``radiances``: (h, w, 3 or 4).
+    """
     radiances = list(radiances)
     steps = list(synthetic_steps(size, 2, speed=0.0, noise=0.0))
     out = []
@@ -31,7 +34,9 @@ def still_steps(size: tuple[int, int], radiances: Iterable[Array]) -> list[Step]
         step = steps[min(index, 1)]
         if radiance.shape[-1] == 3:
             radiance = np.concatenate([radiance, np.ones((*radiance.shape[:2], 1))], axis=-1)
-        out.append(replace(step, index=index, inputs=step.inputs | {"radiance": radiance}))
+        surface = step.inputs["position"][..., 3:] > 0
+        direct = np.where(surface, radiance * [0.5, 0.5, 0.5, 1.0], radiance)
+        out.append(replace(step, index=index, inputs=step.inputs | {"radiance": radiance, "direct": direct}))
     return out
 
 

@@ -161,6 +161,23 @@ def test_radiance_is_exposed_light_and_sky(gpu):
     np.testing.assert_array_equal(got[~sky], 2.0 * direct[~sky])
 
 
+@pytest.mark.parametrize("kind", ["full", "checkerboard", "path-traced@1"])
+def test_direct_is_the_direct_part_of_radiance(gpu, kind):
+    """Light of two bounces or more is the rest; sky pixels are radiance; unshaded pixels are filled alike."""
+    more = {"settings": {"exposure": 2.0, "environment": (0.1, 0.2, 0.3), "indirect": "auto"}}
+    with inputs_of(gpu, still(), kind, reads=("radiance", "direct", "position"), **more) as inputs:
+        inputs.advance(0)
+        got = arrays(inputs.advance(1))
+        at = nearest_shaded("checkerboard" if kind == "checkerboard" else "full", SIZE, 1)
+        indirect = 2.0 * inputs.source.read("indirect")[at[..., 1], at[..., 0], :3]
+    surface = got["position"][at[..., 1], at[..., 0], 3] > 0
+    assert indirect[surface].max() > 0.01
+    np.testing.assert_array_equal(got["direct"][~surface], got["radiance"][~surface])
+    np.testing.assert_array_equal(got["direct"][..., 3], got["radiance"][..., 3])
+    rest = (got["radiance"] - got["direct"])[surface, :3]
+    np.testing.assert_allclose(rest, indirect[surface], atol=2e-6)
+
+
 @pytest.mark.parametrize("kind", ["noisy", "jittered+noisy"])
 def test_emission_is_part_of_noisy_radiance(gpu, kind):
     """In a scene with emission only, radiance is the emission of the samples, without noise."""
@@ -322,7 +339,7 @@ def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
     request = InputRequest(gpu, scene, choose_camera(scene), settings(exposure=0.5), kind)
     files = FileInputs(request, ALL, exact=spec)
     missing = ("base_color", "ids", "emission", "prev_position", "history_ids")  # rasterized: not in the files
-    reads = ("radiance", "position", "normal", "motion", "mask", *missing)
+    reads = ("radiance", "direct", "position", "normal", "motion", "mask", *missing)
     with inputs_of(gpu, scene, reads=reads, settings={"exposure": 0.5}) as rendered:
         assert list(files.frames((1, None))) == [1, 2, 3]
         for number in range(3):

@@ -42,7 +42,7 @@ def test_converged_still_image_is_unchanged(gpu, name):
     """Details of single pixels: within 1/255 in display colors, in every later frame."""
     rng = np.random.default_rng(3)
     image = rng.random((SIZE[1], SIZE[0], 3)) ** 2
-    results = play(gpu, name, still_steps(SIZE, [image] * 40))
+    results = play(gpu, name, still_steps(SIZE, [image] * 100))
     for result in results[-3:]:
         assert np.abs(display(result) - display(image)).max() <= 1 / 255
     assert np.isfinite(results).all()
@@ -243,9 +243,9 @@ def test_svgf_tests_each_feature_separately(gpu, setting, spoil):
     else:
         half[...] += 7
     steps = [step[0], replace(step[1], inputs=step[1].inputs | {spoil: spoiled})]
-    kept = play(gpu, "svgf", steps)[1][..., 3]
+    kept = play(gpu, "svgf", steps, {"taa_alpha": 1.0})[1][..., 3]
     assert (kept[left] == 0).all() and (kept[right] > 0.4).all()
     lax = {"depth_limit": 1.0, "normal_limit": 0.0, "check_ids": False}[setting]
-    kept = play(gpu, "svgf", steps, {setting: lax})[1][..., 3]
+    kept = play(gpu, "svgf", steps, {setting: lax, "taa_alpha": 1.0})[1][..., 3]
     # Opposite normals have cosine -1, which even the laxest limit of 0 refuses.
     assert (kept[left] == 0).all() if spoil == "history_normal" else (kept[left] > 0.4).all()

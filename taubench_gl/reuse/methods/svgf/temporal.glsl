@@ -1,60 +1,67 @@
-// SVGF's temporal filter: demodulated radiance and the moments of its luminance, along the motion, tap by tap.
+// SVGF's temporal filter: direct and indirect light apart, divided by albedo, and the moments of their luminance, along
+// the motion, tap by tap.
 //
-// Paper    Schied et al. 2017, section 4.1: 2x2 taps with bilinear weights, each tested for depth, normal and object; if
-//          none passes, a 3x3 neighborhood is used; exponential moving average with alpha.
-// Reference metrics.reuse_methods.consistent_blend, exponential_average
-// Departs  The paper filters direct and indirect light separately; here their sum.  Weight of the new frame
-//          max(1 / n, alpha), as in the authors' later code, so that the first frames have equal weights.
+// Paper    Schied et al. 2017, section 4: demodulation; section 4.1: 2x2 taps with bilinear weights, each tested for
+//          depth, normal and object; if none passes, a 3x3 neighborhood is used; exponential moving average with alpha.
+// Reference metrics.reuse_methods.demodulated, reprojected, new_weight, luminance_moments
+// Departs  Weight of the new frame max(1 / n, alpha), as in the authors' later code, so that the first frames have equal
+//          weights; the paper's alpha is constant.
 #include "albedo.glsl"
+#include "consistent.glsl"
 
-bool consistent(ivec2 q, bool surface, float expected, vec3 normal, uint id) {
-    if (!in_image(q)) return false;
-    float depth = fetch_history_position(q).w;
-    if ((depth > 0.0) != surface) return false;
-    if (!surface) return true;
-    if (abs(depth - expected) > depth_limit * expected) return false;
-    if (dot(fetch_history_normal(q).xyz, normal) < normal_limit) return false;
-    return !check_ids || fetch_history_ids(q).x == id;
+struct History { vec4 direct; vec3 indirect; vec4 moments; float total; }; // sums; direct.a: frames
+
+void add(inout History h, ivec2 q, float weight) {
+    h.direct += weight * fetch_prev_direct_light(q);
+    h.indirect += weight * fetch_prev_indirect_light(q).rgb;
+    h.moments += weight * fetch_prev_moments(q);
+    h.total += weight;
 }
 
-void reuse(ivec2 p) {
-    bool surface = fetch_position(p).w > 0.0;
-    vec3 now = fetch_radiance(p).rgb;
-    if (surface) now = (now - frame.exposure * fetch_emission(p).rgb) / albedo_of(fetch_base_color(p));
+History history_of(ivec2 p, bool surface) {
+    History h = History(vec4(0.0), vec3(0.0), vec4(0.0), 0.0);
+    vec2 at = previous_px(p);
+    if (frame.has_history == 0u || !inside(at)) return h;
     float expected = dot(frame.prev_forward.xyz, fetch_prev_position(p).xyz);
     vec3 normal = fetch_normal(p).xyz;
     uint id = fetch_ids(p).x;
-    vec2 at = previous_px(p);
-    vec3 color = vec3(0.0), moments = vec3(0.0);
-    float total = 0.0;
-    if (frame.has_history == 1u && inside(at)) {
-        for (int i = 0; i < 4; ++i) {
-            Tap t = bilinear_tap(at, i);
-            if (t.weight <= 0.0 || !consistent(t.at, surface, expected, normal, id)) continue;
-            color += t.weight * fetch_prev_illumination(t.at).rgb;
-            moments += t.weight * fetch_prev_moments(t.at).xyz;
-            total += t.weight;
-        }
-        if (total <= 0.0) {
-            ivec2 middle = ivec2(floor(at + 0.5));
-            for (int i = 0; i < 9; ++i) {
-                ivec2 q = middle + ivec2(i % 3 - 1, i / 3 - 1);
-                if (!consistent(q, surface, expected, normal, id)) continue;
-                color += fetch_prev_illumination(q).rgb;
-                moments += fetch_prev_moments(q).xyz;
-                total += 1.0;
-            }
+    for (int i = 0; i < 4; ++i) {
+        Tap t = bilinear_tap(at, i);
+        if (t.weight > 0.0 && consistent(t.at, surface, expected, normal, id)) add(h, t.at, t.weight);
+    }
+    if (h.total <= 0.0) {
+        ivec2 middle = ivec2(floor(at + 0.5));
+        for (int i = 0; i < 9; ++i) {
+            ivec2 q = middle + ivec2(i % 3 - 1, i / 3 - 1);
+            if (consistent(q, surface, expected, normal, id)) add(h, q, 1.0);
         }
     }
-    if (total > 0.0) {
-        color /= total;
-        moments /= total;
+    if (h.total > 0.0) {
+        h.direct /= h.total;
+        h.indirect /= h.total;
+        h.moments /= h.total;
     }
-    float l = luminance(now), count = moments.z + 1.0;
-    float share = total > 0.0 ? max(1.0 / count, alpha) : 1.0;
-    float share_moments = total > 0.0 ? max(1.0 / count, alpha_moments) : 1.0;
-    color = mix(color, now, share);
-    moments.xy = mix(moments.xy, vec2(l, l * l), share_moments);
-    write_moments(p, vec4(moments.xy, min(count, 256.0), share));
-    write_filtered(p, vec4(color, max(moments.y - moments.x * moments.x, 0.0)));
+    return h;
+}
+
+float variance_of(vec2 moments) { return max(moments.y - moments.x * moments.x, 0.0); }
+
+void reuse(ivec2 p) {
+    bool surface = fetch_position(p).w > 0.0;
+    vec3 direct = fetch_direct(p).rgb, indirect = vec3(0.0);
+    if (surface) {
+        vec3 albedo = albedo_of(fetch_base_color(p));
+        indirect = (fetch_radiance(p).rgb - frame.exposure * fetch_emission(p).rgb - direct) / albedo;
+        direct /= albedo;
+    }
+    History h = history_of(p, surface);
+    float count = h.direct.a + 1.0;
+    float share = h.total > 0.0 ? max(1.0 / count, alpha) : 1.0;
+    float share_moments = h.total > 0.0 ? max(1.0 / count, alpha_moments) : 1.0;
+    float l_d = luminance(direct), l_i = luminance(indirect);
+    vec4 moments = mix(h.moments, vec4(l_d, l_d * l_d, l_i, l_i * l_i), share_moments);
+    write_moments(p, moments);
+    write_frames(p, vec2(min(count, 256.0), share));
+    write_direct_filtered(p, vec4(mix(h.direct.rgb, direct, share), variance_of(moments.xy)));
+    write_indirect_filtered(p, vec4(mix(h.indirect, indirect, share), variance_of(moments.zw)));
 }

@@ -1,0 +1,74 @@
+"""Methods with a bypassed stage, and moving frames that need every stage."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.reuse.loading import BUILTIN
+from taubench_gl.reuse.synthetic import Step, synthetic_steps
+
+Array = np.ndarray
+Bypass = Sequence[tuple[str, str, str]]
+"""(file, text that is in it once, replacement)."""
+
+
+def bypassed(name: str, changes: Bypass, folder: Path) -> Path:
+    """The built-in method with ``changes``, as a folder."""
+    copy = folder / name
+    shutil.copytree(BUILTIN / name, copy)
+    for file, text, replacement in changes:
+        source = (copy / file).read_text(encoding="utf-8")
+        assert source.count(text) == 1, f"{name}/{file}: {source.count(text)} times: {text}"
+        (copy / file).write_text(source.replace(text, replacement), encoding="utf-8")
+    return copy
+
+
+def noisy_steps(size: tuple[int, int], moving: int = 3, still: int = 3, noise: float = 0.4) -> list[Step]:
+    """``moving`` frames of a fast camera, then ``still`` ones; inputs rounded to the types of their textures.
+
+    Direct light and the rest have noise of their own; surfaces emit a little.
+    """
+    rng = np.random.default_rng(11)
+    steps = []
+    for step in synthetic_steps(size, moving, speed=3.0, noise=noise):
+        steps.append(replace(step, inputs=_rounded(step.inputs, rng)))
+    for index in range(moving, moving + still):
+        last = steps[-1].inputs
+        changed = _still(last) | {n: _noise(last[n], rng) for n in ("radiance", "direct")}
+        steps.append(replace(steps[-1], index=index, inputs=last | changed))
+    return steps
+
+
+def _rounded(inputs: Mapping[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+    out = {n: np.asarray(v, dtype=np.uint32 if "mask" in n or "ids" in n else np.float32) for n, v in inputs.items()}
+    out["base_color"] = out["base_color"].astype(np.float16).astype(np.float32)
+    out["emission"] = (0.1 * rng.random(out["emission"].shape)).astype(np.float32)
+    out["direct"] = _noise(out["direct"], rng)
+    return out
+
+
+def _noise(image: Array, rng: np.random.Generator) -> Array:
+    factor = rng.gamma(16.0, 1 / 16.0, image.shape[:2])[..., None]
+    return np.concatenate([image[..., :3] * factor, image[..., 3:]], axis=-1).astype(np.float32)
+
+
+def _still(inputs: Mapping[str, Array]) -> dict[str, Array]:
+    """The same geometry in the frame before."""
+    return {
+        "motion": np.zeros_like(inputs["motion"]),
+        "prev_position": inputs["position"],
+        "history_position": inputs["position"],
+        "history_normal": inputs["normal"],
+        "history_ids": inputs["ids"],
+    }
+
+
+def differing(got: Array, expected: Array, atol: float = 3e-4) -> float:
+    """Share of pixels whose color differs by more than rounding."""
+    wrong = np.abs(got[..., :3] - expected[..., :3]) > atol + 1e-4 * np.abs(expected[..., :3])
+    return float(wrong.any(axis=-1).mean())

@@ -1,0 +1,66 @@
+"""Stages of papers: what a method declares, what ``reuse show`` prints, and names of incomplete methods."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+from reuse_tools import PLAIN_GLSL, PLAIN_TOML, write_method
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.errors import MethodError
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.python_method import method_from_class
+
+DONE = '[stages.blend]\ndoc = "mean"\npaper = "Eq. (1)"\nshader = "a.glsl"\n'
+MISSING = '[stages.clip]\ndoc = "clip"\npaper = "section 2"\nmissing = "no color box"\n'
+
+
+def test_stages_are_loaded_and_shown(tmp_path):
+    folder = write_method(tmp_path / "plain_without_clip", PLAIN_TOML + DONE + MISSING, a=PLAIN_GLSL)
+    blend, clip = load_method(folder).stages
+    assert (blend.name, blend.paper, blend.shader, blend.done) == ("blend", "Eq. (1)", "a.glsl", True)
+    assert (clip.missing, clip.shader, clip.done) == ("no color box", None, False)
+    shown = CliRunner().invoke(cli, ["reuse", "show", str(folder)])
+    assert shown.exit_code == 0 and "MISSING (no color box)" in shown.output and "done, a.glsl" in shown.output
+    shown = CliRunner().invoke(cli, ["reuse", "show", str(folder), "--json"])
+    assert [s["missing"] for s in json.loads(shown.output)["stages"]] == [None, "no color box"]
+
+
+def test_a_missing_stage_is_in_the_name(tmp_path):
+    with pytest.raises(MethodError, match="plain_without_clip"):
+        load_method(write_method(tmp_path / "plain", PLAIN_TOML + MISSING, a=PLAIN_GLSL))
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("stages = 3\n", "stages: "),
+        ("[stages]\nblend = 3\n", "stages.blend: "),
+        ("[stages.Blend]\n", "stages.Blend: "),
+        (DONE.replace("a.glsl", "b.glsl"), "stages.blend.shader: 'b.glsl'"),
+        (DONE.replace("paper", "page"), "stages.blend.page: "),
+        (DONE.replace('"Eq. (1)"', "1"), "stages.blend.paper: 1"),
+        (DONE + 'missing = "x"\n', "stages.blend: "),
+    ],
+)
+def test_wrong_stages(tmp_path, text, part):
+    toml = text + PLAIN_TOML if text.startswith("stages") else PLAIN_TOML + text
+    with pytest.raises(MethodError) as caught:
+        load_method(write_method(tmp_path / "m", toml, a=PLAIN_GLSL))
+    assert part in caught.value.what and "\n" not in str(caught.value)
+
+
+def test_stages_of_a_class():
+    class Plain:
+        reads = ("radiance",)
+        stages = {"mean": {"doc": "mean", "paper": "Eq. (1)"}}  # noqa: RUF012
+
+        def step(self, frame):
+            return frame["radiance"]
+
+    assert [stage.name for stage in method_from_class(Plain).stages] == ["mean"]
+    Plain.stages = {"mean": {"doc": "mean", "paper": "Eq. (1)", "shader": "a.glsl"}}
+    with pytest.raises(MethodError, match=r"stages\.mean\.shader"):
+        method_from_class(Plain)
