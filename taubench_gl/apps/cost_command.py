@@ -36,7 +36,7 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
 
     for parameter in PARAMETERS.values():
         values = ", ".join(map(str, parameter.values))
-        note = {"grid": "  (other pixels or pairs)", "definition": "  (another metric)"}.get(parameter.kind, "")
+        note = "  (other pixels or pairs)" if parameter.kind == "grid" else ""
         click.echo(f"{parameter.name}: {values}{note}\n    {parameter.doc}")
     click.echo("levels\n    the named levels of 'evaluate --quality'\neffects\n    each effect left out")
     click.echo(

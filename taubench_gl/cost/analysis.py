@@ -127,14 +127,13 @@ class Point:
 
     name: str
     label: str
-    role: str  # baseline | level | highest_quality | single | combined | path_traced | effect | grid | definition
+    role: str  # baseline | level | highest_quality | single | combined | path_traced | effect | grid
     values: Mapping[str, Any]
     masks: Mapping[str, MaskError] = field(default_factory=dict)  # by column and OVERALL; {}: not comparable
     columns: Mapping[str, ColumnDifference] = field(default_factory=dict)
     time: Time | None = None
     clock: str = ""
     usable: bool = True  # whether ``evaluate`` can run it from a preset
-    passes: Mapping[str, float] = field(default_factory=dict)
     bytes: int | None = None
 
     def error(self, column: str = OVERALL) -> float | None:

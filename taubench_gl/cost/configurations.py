@@ -54,7 +54,7 @@ class Configuration:
     @property
     def comparable(self) -> bool:
         """Whether its masks are of the same pixels as the baseline's."""
-        return self.role not in ("grid", "definition")
+        return self.role != "grid"
 
     @property
     def traced(self) -> bool:
@@ -93,9 +93,9 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *,
     if LEVEL_SET in chosen:
         found = _levels(context)
     found.append(_highest_quality(active, context))
+    found += _combinations(active, context)
     for name in active:
         found += _single_changes(name, context, inapplicable)
-    found += _combinations(active, context)
     if EFFECT_SET in chosen:
         found += [
             Configuration(f"without {e}", "effect", {}, context.baseline, without=(e,), title=f"without {e}")
@@ -105,9 +105,19 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *,
     if len(found) == 2 and not bare:
         why = "; ".join(f"{name}: {reason}" for name, reason in inapplicable.items())
         raise SettingsError("no parameter changes anything in this scene", hint=why or "choose other parameters")
-    order = ("path_traced", "grid", "definition")  # last: they take long
-    found.sort(key=lambda c: 1 + order.index(c.role) if c.role in order else 0)
+    found = _without_repetition(found)
+    found.sort(key=lambda c: (not c.comparable, c.traced and c.role != BASELINE))  # last: they take long
     return Plan(tuple(found), active, inapplicable)
+
+
+def _without_repetition(found: Sequence[Configuration]) -> list[Configuration]:
+    """The first of those that have the same settings: a level may be a single change.  The highest quality stays."""
+    out: list[Configuration] = []
+    for c in found:
+        known = any((c.settings, c.without, c.on_cpu) == (o.settings, o.without, o.on_cpu) for o in out)
+        if c.name == HIGHEST or not known:
+            out.append(c)
+    return out
 
 
 def _levels(context: StudyContext) -> list[Configuration]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from taubench_gl.animation import CameraTrack
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost.analysis import ColumnDifference
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, expected_half_width, sample_pairs
 from taubench_gl.run import Run
@@ -23,9 +23,11 @@ Record = Mapping[str, Any]
 """A record of kind ``columns``: per column the mean and every pair's percentage."""
 
 
-def measure_columns(scene: Scene, camera: CameraTrack, settings: Settings) -> dict[str, Any]:
-    """One full run: per column the mean and every pair's percentage of w * h, and bytes allocated on the GPU."""
-    return from_run(evaluate_scene(scene, settings, camera=camera))
+def measure_columns(
+    scene: Scene, camera: CameraTrack, settings: Settings, check: Callable[[], None] = lambda: None
+) -> dict[str, Any]:
+    """One full run: per column the mean and every pair's percentage of w * h.  ``check``: called after each pair."""
+    return from_run(evaluate_scene(scene, settings, Observers(on_counts=lambda _: check()), camera=camera))
 
 
 def from_run(run: Run) -> dict[str, Any]:
@@ -44,8 +46,8 @@ def from_run(run: Run) -> dict[str, Any]:
     return {"columns": columns, "settings": run.summary["settings"]}
 
 
-def column_differences(record: Record, baseline: Record, same_pairs: bool) -> dict[str, ColumnDifference]:
-    """Every column of ``record`` less the baseline's.  ``same_pairs``: both are of the same frames.
+def column_differences(record: Record, baseline: Record) -> dict[str, ColumnDifference]:
+    """Every column of ``record`` less the baseline's.
 
     The half width is that of the sample of pairs, and at least the one expected of such samples from the pairs of the
     baseline: a sample whose pairs happen to be alike is not exact.  Where all pairs are measured, it is that of the
@@ -57,7 +59,7 @@ def column_differences(record: Record, baseline: Record, same_pairs: bool) -> di
         if here["percent"] is None or there["percent"] is None:
             out[column] = ColumnDifference(here["percent"], reason=here.get("reason") or there.get("reason"))
             continue
-        half = _half_width(record, here, there) if same_pairs else None
+        half = _half_width(record, here, there)
         out[column] = ColumnDifference(here["percent"], here["percent"] - there["percent"], half)
     return out
 

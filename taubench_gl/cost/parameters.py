@@ -1,9 +1,8 @@
 """Parameters that trade accuracy for time: their values, the columns they may change, and when they are inapplicable.
 
 A parameter of kind ``accuracy`` approximates the same masks better or worse.  One of kind ``grid`` changes the pixels
-or the pairs, so that masks cannot be compared pixel by pixel: its columns are compared.  One of kind ``definition``
-changes the metric: at twice the frame rate other discards are measured, not the same ones more exactly.  Configurations
-of the last two kinds are timed and have their own table.  They are on no Pareto front and in no preset.
+or the pairs, so that masks cannot be compared pixel by pixel: its columns are compared, in a table of their own.  It is
+on no Pareto front and in no preset.  What changes the metric itself, such as the frame rate, is no parameter.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ class Parameter:
     best: Any
     columns: tuple[str, ...]  # columns of Table 4 that it may change
     phrase: Callable[[Any], str]  # a value in words
-    kind: str = "accuracy"  # accuracy | grid | definition
+    kind: str = "accuracy"  # accuracy | grid
     inapplicable: Callable[[StudyContext], str | None] = lambda c: None  # why no value changes anything
     inapplicable_value: Callable[[StudyContext, Any], str | None] = lambda c, v: None  # why one value does not
 
@@ -81,8 +80,6 @@ class Parameter:
             sequence = settings.sequence
             width, height = (max(1, round(side * value)) for side in (sequence.width, sequence.height))
             return settings.replace(width=width, height=height)
-        if self.name == "fps":
-            return _at_rate(settings, value)
         if self.name == "light":
             return with_light(settings, value)
         if self.name == "storage" and value == CPU_FLOAT64:
@@ -96,15 +93,6 @@ def with_light(settings: Settings, value: str) -> Settings:
     if method != TRACED:
         return settings.replace(light=method)
     return settings.replace(light=method, spp=int(samples), pattern="fixed", indirect="auto")
-
-
-def _at_rate(settings: Settings, fps: float) -> Settings:
-    """The same time span at another frame rate."""
-    first, stop = settings.sequence.frames
-    factor = fps / settings.sequence.fps
-    start = None if first is None else round(first * factor)
-    end = None if stop is None else round((stop - 1) * factor) + 1
-    return settings.replace(fps=fps, frames=(start, end))
 
 
 def _bad_pair_sample(context: StudyContext, value: str) -> str | None:
@@ -205,12 +193,12 @@ PARAMETERS: dict[str, Parameter] = {
             "bilinear", LIGHT, lambda v: f"{v} shadow filter", inapplicable=_without("shadows"),
         ),
         Parameter(
-            "shadow_lights", "lights with shadows, the most significant first", (1, 4, 8, 16, 24), 24, LIGHT,
+            "shadow_lights", "lights with shadows, the most significant first", (4, 24), 24, LIGHT,
             lambda v: f"{v} light{'s' * (v != 1)} with shadows", inapplicable=_without("shadows"),
             inapplicable_value=_more_than_all_lights,
         ),
         Parameter(
-            "light_error", "radiance that light culling may leave out of a tile", (0.1, 0.01, 0.001, 0.0), 0.0, LIGHT,
+            "light_error", "radiance that light culling may leave out of a tile", (0.1, 0.001, 0.0), 0.0, LIGHT,
             lambda v: f"light error {v:g}" if v else "no light culled", inapplicable=_without("light_culling"),
         ),
         Parameter(
@@ -230,18 +218,6 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter(
             "probes", "irradiance probes", (96, 768, 3072), 3072, INDIRECT, lambda v: f"{v} probes",
             inapplicable=_without_probes,
-        ),
-        Parameter(
-            "fps", "frames per second: other steps between frames", (12.0, 24.0, 48.0), None, COLUMNS,
-            lambda v: f"{v:g} fps", kind="definition",
-        ),
-        Parameter(
-            "sampling", "reconstruction filter of the history lookup", ("nearest", "bilinear"), None, COLUMNS,
-            lambda v: f"{v} history", kind="definition",
-        ),
-        Parameter(
-            "reprojection", "history position: camera motion alone, or all motion", ("camera", "motion"), None, COLUMNS,
-            lambda v: f"{v} reprojection", kind="definition",
         ),
     )
 }  # fmt: skip

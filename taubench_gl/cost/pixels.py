@@ -30,7 +30,7 @@ Array = np.ndarray
 Light = Callable[[int], tuple[Array, Array]]
 """Frame -> direct and indirect radiance, (h, w, 3) each; only the pixels that are looked up need to be right."""
 
-PAIRS, PIXELS, SEED = 8, 4096, 20
+PAIRS, PIXELS, SEED = 4, 4096, 20
 """Pairs of frames, pixels of all pairs together, and the seed that draws them."""
 
 BITS = {"frustum": FRUSTUM, **FEATURE_BIT}
@@ -88,8 +88,13 @@ def at_pixel_centers(settings: Settings) -> Settings:
     return settings.replace(pairs="all", samples_per_pixel=1)
 
 
-def rendered_masks(subject: Subject, settings: Settings, without: Sequence[str] = ()) -> Array:
-    """Mask words that the renderer itself writes with ``settings`` (n,) uint32; ``without``: effects left out."""
+def rendered_masks(
+    subject: Subject, settings: Settings, without: Sequence[str] = (), check: Callable[[], None] = lambda: None
+) -> Array:
+    """Mask words that the renderer itself writes with ``settings`` (n,) uint32.
+
+    ``without``: effects left out.  ``check`` is called before each frame and may raise.
+    """
     settings, words = at_pixel_centers(settings), []
     with subject.gpu:
         context = GpuContext(subject.gpu)
@@ -100,7 +105,9 @@ def rendered_masks(subject: Subject, settings: Settings, without: Sequence[str] 
         try:
             for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
                 evaluator.restart()
+                check()
                 evaluator.step(frame - 1, False)
+                check()
                 evaluator.step(frame)
                 words.append(evaluator.mask()[at[:, 1], at[:, 0]])
         finally:
@@ -121,8 +128,11 @@ class _Pair:
 class PairChannels:
     """Channels of the sampled pairs, from the rasterizer at 32-bit floats, for masks in float64 on the CPU."""
 
-    def __init__(self, subject: Subject, settings: Settings, light: bool = False):
-        """``light``: keep the radiance of ``settings`` too, for ``masks`` without another light."""
+    def __init__(
+        self, subject: Subject, settings: Settings, light: bool = False, check: Callable[[], None] = lambda: None
+    ):
+        """``light``: keep the radiance of ``settings`` too, for ``masks`` without another light.  ``check``: as of
+        ``rendered_masks``."""
         settings = at_pixel_centers(settings)
         self._settings, self._pairs = settings, []
         every = decide(subject.scene, settings)
@@ -134,16 +144,20 @@ class PairChannels:
             self._columns = tuple(c for c in RADIANCE_FEATURES if c in settings.metrics.columns)
             names = ["position", "normal", *extra]
             names += source.radiance if light else [c for c in ("color",) if c in source.radiance]
-            for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
-                views, found = [], []
-                for k in (frame - 1, frame):
-                    views.append(source.advance(k))
-                    here = [*names, *(["prev_position"] if self._mode == "motion" else [])]
-                    here += ["ids"] if source.cuts else []
-                    found.append({n: source.read(n) for n in here})
-                self._pairs.append(_Pair(frame, at, reprojection(views[1], views[0], *source.size), tuple(found)))
-            source.release()
-            subject.gpu.collect()
+            try:
+                for frame, at in zip(subject.sample.frames, subject.sample.at, strict=True):
+                    views, found = [], []
+                    for k in (frame - 1, frame):
+                        check()
+                        views.append(source.advance(k))
+                        here = [*names, *(["prev_position"] if self._mode == "motion" else [])]
+                        here += ["ids"] if source.cuts else []
+                        found.append({n: source.read(n) for n in here})
+                    moved = reprojection(views[1], views[0], *source.size)
+                    self._pairs.append(_Pair(frame, at, moved, tuple(found)))
+            finally:
+                source.release()
+                subject.gpu.collect()
 
     def looked_up(self) -> dict[int, Array]:
         """Frame -> its pixels whose light the masks depend on, (n, 2): the sample, and its history."""

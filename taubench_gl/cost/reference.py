@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,8 @@ from taubench_gl.settings import MAX_BOUNCES, Settings
 
 Array = np.ndarray
 SUMS_FILE = "reference.npz"
-FIRST, MOST = 4, 64
-"""Samples of the first part that is traced, and most of a part: each doubles the one before."""
+MOST = 64
+"""Samples of the largest part that is traced at once; the first has one, and each doubles the one before."""
 
 HALVES = (0, 1)
 HALF_START = 1 << 16
@@ -53,14 +53,18 @@ class TracedPixels:
         """Per pixel, both halves."""
         return sum(self._counts.values())
 
-    def trace(self, half: int, count: int) -> None:
-        """Add ``count`` samples to ``half``."""
+    def trace(self, half: int, count: int, check: Callable[[], None] = lambda: None) -> None:
+        """Add ``count`` samples to ``half``.  ``check`` is called before each frame; if it raises, nothing is added."""
+        added = {}
         with self._subject.gpu:
             for frame, at in self._lists.items():
+                check()
                 self._source.draw(frame)
                 self._source.trace(frame, half * HALF_START + self._counts[half], count, at)
                 found = [self._read(name, at) for name in ("direct", "indirect")]
-                self._sums[half][frame] += count * np.concatenate(found, axis=-1)
+                added[frame] = count * np.concatenate(found, axis=-1)
+        for frame, sums in added.items():
+            self._sums[half][frame] += sums
         self._counts[half] += count
 
     def _read(self, name: str, at: Array) -> Array:
@@ -105,11 +109,13 @@ class TracedPixels:
             self._subject.gpu.collect()
 
 
-def traced_masks(subject: Subject, pairs: PairChannels, settings: Settings) -> Array:
+def traced_masks(
+    subject: Subject, pairs: PairChannels, settings: Settings, check: Callable[[], None] = lambda: None
+) -> Array:
     """Mask words of path-traced ``settings`` with their own samples per pixel and pattern: (n,) uint32."""
     traced = TracedPixels(subject, pairs, at_pixel_centers(settings))
     try:
-        traced.trace(0, settings.lighting.path_samples)
+        traced.trace(0, settings.lighting.path_samples, check)
         return pairs.masks(traced.light((0,)))
     finally:
         traced.release()

@@ -24,7 +24,7 @@ from taubench_gl.cost.errors import column_differences
 from taubench_gl.cost.methods import MethodPoint, against, methods_json
 from taubench_gl.cost.pixels import discarded, unpack
 from taubench_gl.cost.preset import save_preset
-from taubench_gl.cost.timing import median_passes, rounds_of
+from taubench_gl.cost.timing import rounds_of
 from taubench_gl.outputs import output_folder, write_atomically
 
 COST_SCHEMA = "taubench-gl/cost/3"
@@ -107,7 +107,6 @@ class CostStudy:
             "clock": p.clock,
             "against_baseline": against(p.time, self.point(BASELINE).time),
             "usable": p.usable,
-            "passes": dict(p.passes),
             "bytes": p.bytes,
         }
 
@@ -175,7 +174,6 @@ def assemble(about: Mapping[str, Any], plan: Plan, records: Sequence[Record], re
 
     for c in plan.configurations:
         timed = rounds_of(of_kind["time"], c.name)[:repeats]
-        same = c.role != "definition"
         known = c.name in measured and BASELINE in measured
         points.append(
             Point(
@@ -184,11 +182,10 @@ def assemble(about: Mapping[str, Any], plan: Plan, records: Sequence[Record], re
                 c.role,
                 c.values,
                 errors(c.name),
-                column_differences(measured[c.name], measured[BASELINE], same) if known else {},
+                column_differences(measured[c.name], measured[BASELINE]) if known else {},
                 time_of([r["frame_ms"] for r in timed]) if timed else None,
                 about["clock"],
                 usable=not c.on_cpu and c.comparable and not c.without,
-                passes=median_passes(timed),
                 bytes=timed[0]["bytes"] if timed else None,
             )
         )

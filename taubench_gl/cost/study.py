@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import date
 from itertools import product
@@ -24,7 +25,7 @@ from taubench_gl.cost.pixels import PairChannels, PixelSample, draw_pixels, pack
 from taubench_gl.cost.pixels import Subject as PixelSubject
 from taubench_gl.cost.records import RECORDS_FILE, Records
 from taubench_gl.cost.reference import (
-    FIRST,
+    HALVES,
     MOST,
     SUMS_FILE,
     TracedPixels,
@@ -33,7 +34,7 @@ from taubench_gl.cost.reference import (
     traced_masks,
 )
 from taubench_gl.cost.result import CostStudy, assemble
-from taubench_gl.cost.timing import Clock, OpenConfiguration, Pool, StudyTimer, due_visits
+from taubench_gl.cost.timing import Clock, Deadline, OpenConfiguration, OutOfTime, Pool, due_visits
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError, note_renamed
@@ -42,7 +43,7 @@ from taubench_gl.folder_lock import FolderLock
 from taubench_gl.frame.plan import FramePlan
 from taubench_gl.frame.spec import SceneFacts, ranked_with_sun
 from taubench_gl.gpu.context import Gpu, open_gpu
-from taubench_gl.gpu.timing import WALL_CLOCK, TimerVerdict, probe_timer
+from taubench_gl.gpu.timing import WALL_CLOCK
 from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
 from taubench_gl.pathtraced.series import Render, SampleCountSeries, find_series
 from taubench_gl.provenance import provenance
@@ -105,7 +106,6 @@ class Subject:
     """What a study measures."""
 
     gpu: Gpu
-    verdict: TimerVerdict  # whether the GPU's timer queries are usable
     scene: Scene
     camera: CameraTrack
     frames: range
@@ -150,7 +150,8 @@ def cost(
     images on ``method_inputs``.  ``reference``: "path-traced", "path-traced@M" with M samples per pixel,
     "highest-quality", or ``exr:DIR``, path-traced renders; None: path-traced where anything is lit.  ``within`` percent
     of the pixels and ``budget_ms`` limit the recommendation, for one column or the overall error (``choose_for``).
-    ``repeats``: interleaved rounds of timing.  ``time_limit``: seconds, after which no measurement is started.  ``out``
+    ``repeats``: interleaved rounds of timing.  ``time_limit``: seconds; what is not measured by then is left to a later
+    run (the least that an answer needs is always measured, and reuse methods to their end).  ``out``
     holds the records: called again, the study resumes; ``fresh`` starts from scratch.  Interrupted by the keyboard, it
     returns what is measured so far.
     ``now``: the clock of frames.  Raises TaubenchError.
@@ -210,10 +211,8 @@ def _subject(
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
     kind, samples = ("exr", None) if series is not None else _reference_kind(reference, context)
     plan = make_plan(context, names, bare=bool(chosen_methods))
-    with gpu:
-        verdict = probe_timer(gpu)
     sample = draw_pixels(frames, (baseline.sequence.width, baseline.sequence.height))
-    return Subject(gpu, verdict, scene, camera, frames, plan, sample, chosen_methods, series, kind, samples)
+    return Subject(gpu, scene, camera, frames, plan, sample, chosen_methods, series, kind, samples)
 
 
 def _reference_kind(reference: str | None, context: StudyContext) -> tuple[str, int | None]:
@@ -266,7 +265,6 @@ def _about(subject: Subject, reference: str | None) -> dict[str, Any]:
         "provenance": provenance(gpu, WALL_CLOCK),
         "date": date.today().isoformat(),
         "clock": WALL_CLOCK,  # of frames: their time includes work of the CPU
-        "pass_clock": StudyTimer(gpu, subject.verdict).clock,
         "parameters": list(subject.plan.parameters),
         "inapplicable": dict(subject.plan.inapplicable),
     }
@@ -303,17 +301,15 @@ class Measurements:
     ):
         self._subject, self._records, self._request, self._out, self._now = subject, records, request, out, now
         self._progress = progress or (lambda step: None)
-        self._started = time.monotonic()
+        self._deadline = Deadline(request.time_limit)
         plan = subject.plan.configurations
         renders = () if subject.series is None else subject.series.renders
         masks = {r["configuration"] for r in records.of("masks")}
         self._masks_due = [c for c in plan if c.comparable and c.name not in masks]
         self._renders_due = [r for r in renders if r.name not in masks]
-        grid = any(not c.comparable for c in plan)
         columns = {r["configuration"] for r in records.of("columns")}
-        self._columns_due = [
-            c for c in plan if c.name not in columns and (not c.comparable or (grid and c.name == BASELINE))
-        ]
+        grid = [c for c in plan if not c.comparable]
+        self._columns_due = [c for c in (plan[:1] + tuple(grid) if grid else ()) if c.name not in columns]
         self._inputs = {c.input: [o for o in subject.methods if o.input == c.input] for c in subject.methods}
         methods_due = len(self._inputs) * (1 + request.repeats)
         methods_due -= len(records.of("images")) + len(records.of("image_time"))
@@ -325,20 +321,12 @@ class Measurements:
     def run(self) -> None:
         """The reference, masks in the order of the plan, times in rounds, reuse methods, columns."""
         self._measure_reference()
-        self._measure_masks()
-        self._measure_times()
-        self._measure_methods()
-        for configuration in self._columns_due:
-            if self._over(1.0):
-                return
-            self._report(f"columns: {configuration.name}")
-            found = measure_columns(self._subject.scene, self._subject.camera, configuration.settings)
-            self._add("columns", {"configuration": configuration.name} | found)
+        for measure in (self._measure_masks, self._measure_times, self._measure_methods, self._measure_columns):
+            with suppress(OutOfTime):
+                measure()
 
-    def _over(self, share: float) -> bool:
-        """Whether this share of the time limit has passed."""
-        limit = self._request.time_limit
-        return limit is not None and time.monotonic() - self._started > share * limit
+    def _check_masks(self) -> None:
+        self._deadline.check(MASK_SHARE)
 
     @property
     def _pairs(self) -> PairChannels:
@@ -368,32 +356,27 @@ class Measurements:
     def _trace_reference(self, known: Mapping[str, Any]) -> None:
         """Trace until the samples that were asked for, or the reference's share of the time, are reached."""
         subject, limit = self._subject, self._request.time_limit
-        wanted = subject.samples or (SAMPLES if limit is None else None)
+        wanted = subject.samples or (SAMPLES if limit is None else math.inf)
+        share = math.inf if limit is None else REFERENCE_SHARE * limit
         seconds = known["seconds"]
-
-        def complete(samples: int) -> bool:
-            if wanted is not None and samples >= wanted:
-                return True
-            timed_out = limit is not None and seconds >= REFERENCE_SHARE * limit
-            return samples > 0 and timed_out
-
-        if complete(known["samples"]):
+        if known["samples"] and (known["samples"] >= wanted or seconds >= share):
             return
         started = time.monotonic() - seconds
         self._report("reference: channels of the sampled pairs")
         traced = TracedPixels(subject.pixels, self._pairs, reference_light(subject.baseline))
         try:
             traced.load(self._out)
-            part = FIRST
-            while not complete(traced.samples):
+            part = 1
+            while part and traced.samples < wanted:
                 self._report(f"reference: {traced.samples} samples per pixel", count=False)
-                part = part if wanted is None else min(part, max((wanted - traced.samples) // 2, 1))
-                for half in (0, 1):
-                    traced.trace(half, part)
+                before, began = traced.samples, time.monotonic()
+                for half in HALVES:
+                    traced.trace(half, int(min(part, max((wanted - before) // 2, 1))))
                 traced.save(self._out)
-                part = min(2 * part, MOST)
                 seconds = time.monotonic() - started
-            halves = [pack(self._pairs.masks(traced.light((half,)))) for half in (0, 1)]
+                rate = (traced.samples - before) / (time.monotonic() - began)
+                part = min(2 * part, MOST, int(min((share - seconds) * rate, 2 * MOST)) // 2)
+            halves = [pack(self._pairs.masks(traced.light((half,)))) for half in HALVES]
             words = pack(self._pairs.masks(traced.light()))
             self._add("reference", {"samples": traced.samples, "seconds": seconds, "words": words, "halves": halves})
         finally:
@@ -404,19 +387,27 @@ class Measurements:
             self._report(f"masks: {render.name}")
             self._add("masks", self._masks_of_render(render))
         for configuration in self._masks_due:
-            if configuration.name != BASELINE and self._over(MASK_SHARE):
-                return
+            first = configuration.name == BASELINE  # without it there is no answer
+            if not first and self._deadline.left(MASK_SHARE) < self._seconds_of_masks(configuration):
+                continue
             self._report(f"masks: {configuration.name}")
-            words = pack(self._masks(configuration))
-            self._add("masks", {"configuration": configuration.name, "words": words})
+            words = self._masks(configuration, (lambda: None) if first else self._check_masks)
+            self._add("masks", {"configuration": configuration.name, "words": pack(words)})
 
-    def _masks(self, configuration: Configuration) -> Any:
+    def _seconds_of_masks(self, configuration: Configuration) -> float:
+        """How long path-traced masks take, by the reference, which traces the same pixels; 0 of others."""
+        known = self._records.of("reference")[-1]
+        if not configuration.traced or not known.get("seconds"):
+            return 0.0
+        return configuration.settings.lighting.path_samples * known["seconds"] / known["samples"]
+
+    def _masks(self, configuration: Configuration, check: Callable[[], None]) -> Any:
         subject = self._subject.pixels
         if configuration.on_cpu:
-            return PairChannels(subject, configuration.settings, light=True).masks()
+            return PairChannels(subject, configuration.settings, light=True, check=check).masks()
         if configuration.traced and self._subject.reference != HIGHEST_QUALITY:
-            return traced_masks(subject, self._pairs, configuration.settings)
-        return rendered_masks(subject, configuration.settings, configuration.without)
+            return traced_masks(subject, self._pairs, configuration.settings, check)
+        return rendered_masks(subject, configuration.settings, configuration.without, check)
 
     def _masks_of_render(self, render: Render) -> dict[str, Any]:
         light = render_light(render, self._subject.baseline, self._subject.sample.frames)
@@ -425,35 +416,39 @@ class Measurements:
 
     def _measure_times(self) -> None:
         """The visits that are due, round by round, all configurations in turn, of those whose masks are known."""
-        masks = {r["configuration"] for r in self._records.of("masks")}
-        plan = [c for c in self._subject.plan.configurations if c.name in masks or not c.comparable]
-        due = due_visits(plan, self._request.repeats, self._records.of("time"))
-        if not due:
-            return
-        with self._subject.gpu, self._pool() as pool:
-            for number, configuration in due:
-                if self._over(1.0):
-                    return
-                if self._too_long(configuration) or (not configuration.comparable and self._over(0.85)):
+        masks, subject = {r["configuration"] for r in self._records.of("masks")}, self._subject
+        plan = [c for c in subject.plan.configurations if c.name in masks or not c.comparable]
+
+        def open_one(c: Configuration) -> OpenConfiguration:
+            return OpenConfiguration(subject.gpu, subject.scene, subject.camera, c, self._now, self._deadline.check)
+
+        with subject.gpu, Pool(open_one, subject.gpu.software) as pool:
+            for number, configuration in due_visits(plan, self._request.repeats, self._records.of("time")):
+                self._deadline.check()
+                if self._too_long(configuration) or (not configuration.comparable and self._deadline.left(0.85) < 0.0):
                     continue
                 self._report(f"round {number + 1} of {self._request.repeats}: {configuration.name}")
-                visit = pool.visit(configuration, passes=number == 0)
                 tag = {"configuration": configuration.name, "round": number, "load": _load_average()}
-                bytes_ = pool.bytes_of(configuration)
-                self._add("time", tag | visit | {"bytes": bytes_})
+                self._add("time", tag | pool.visit(configuration))
 
     def _too_long(self, configuration: Configuration) -> bool:
         """Whether a visit of path-traced light would end after the time limit, as far as other visits tell."""
-        limit = self._request.time_limit
-        if limit is None or not configuration.traced:
+        if not configuration.traced:
             return False
         known = {r["configuration"]: r["frame_ms"] for r in self._records.of("time")}
-        spp = configuration.settings.lighting.path_samples
         counts = {c.name: c.settings.lighting.path_samples for c in self._subject.plan.configurations if c.traced}
         per_sample = [known[name] / n for name, n in counts.items() if name in known]
-        ms = known.get(configuration.name, spp * max(per_sample) if per_sample else 0.0)
+        ms = known.get(configuration.name, counts[configuration.name] * max(per_sample, default=0.0))
         frames = 2 if configuration.name in known else 4  # a first visit also compiles
-        return 1e-3 * frames * ms > limit - (time.monotonic() - self._started)
+        return 1e-3 * frames * ms > self._deadline.left()
+
+    def _measure_columns(self) -> None:
+        for configuration in self._columns_due:
+            self._deadline.check()
+            self._report(f"columns: {configuration.name}")
+            check = self._deadline.check
+            found = measure_columns(self._subject.scene, self._subject.camera, configuration.settings, check)
+            self._add("columns", {"configuration": configuration.name} | found)
 
     def _measure_methods(self) -> None:
         """Reuse methods: image errors once per input, then times, all inputs in turn."""
@@ -478,13 +473,6 @@ class Measurements:
         if subject.series is not None:
             return f"{PREFIX}{subject.series.reference.folder}"
         return f"path-traced@{subject.samples or SAMPLES}" if parse_input(kind).path_samples else "max"
-
-    def _pool(self) -> Pool:
-        s = self._subject
-        return Pool(
-            lambda c: OpenConfiguration(s.gpu, s.scene, s.camera, c, StudyTimer(s.gpu, s.verdict), self._now),
-            s.gpu.software,
-        )
 
     def _add(self, kind: str, record: Mapping[str, Any]) -> None:
         self._records.add({"kind": kind, **record})

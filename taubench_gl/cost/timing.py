@@ -1,16 +1,15 @@
 """Interleaved timing: configurations are kept open and visited in turn, so that drift of the machine affects all alike.
 
-A round visits all configurations once, A B C A B C.  A visit
-runs the evaluation loop (``evaluation.PairEvaluator``, counts read one pair late) over the same few frames.
+A round visits all configurations once, A B C A B C.  A visit runs the evaluation loop (``evaluation.PairEvaluator``,
+counts read one pair late) over the same few frames.
 """
 
 from __future__ import annotations
 
-import statistics
+import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from taubench_gl.animation import CameraTrack, Poser
@@ -20,13 +19,13 @@ from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.memory import available_bytes
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.gpu.timing import PassTimer, TimerVerdict
 from taubench_gl.scene.model import Scene
-
-GPU_CLOCK = "GPU timer query, checked against the wall clock"
 
 TIMED, WARM = 4, 2
 """Frames timed in a visit, and frames drawn before them that are not timed."""
+
+SLOW_MS = 250.0
+"""Frames that take longer are timed one at a time, after one that is not timed."""
 
 VISIT_MS, TURNS = 100.0, 16
 """The frames of a visit are drawn repeatedly until they took this long, at most so often.  The fastest turn counts:
@@ -41,28 +40,24 @@ Clock = Callable[[], float]
 """Seconds of a monotonic clock."""
 
 
-class StudyTimer(PassTimer):
-    """Times passes only while ``enabled``, so that frames are timed without waits between passes.
+class OutOfTime(Exception):
+    """A time limit passed in the middle of a measurement, which is abandoned."""
 
-    Uses the GPU's timer queries where ``verdict`` found them usable, else ``finish()`` and the wall clock.
-    """
 
-    def __init__(self, gpu: Gpu, verdict: TimerVerdict):
-        super().__init__(gpu, enabled=False)
-        self._queries = verdict.usable
-        if verdict.usable:
-            self.clock = GPU_CLOCK
+class Deadline:
+    """``limit`` seconds from now; None: no limit."""
 
-    @contextmanager
-    def measure(self, name: str) -> Iterator[None]:
-        if not (self.enabled and self._queries):
-            with super().measure(name):
-                yield
-        else:
-            query = self._gpu.ctx.query(time=True)
-            with query:
-                yield
-            self._samples[name].append(query.elapsed * 1e-6)  # nanoseconds; reading it waits for the pass
+    def __init__(self, limit: float | None):
+        self._started, self._limit = time.monotonic(), math.inf if limit is None else limit
+
+    def left(self, share: float = 1.0) -> float:
+        """Seconds until this share of the limit has passed; negative afterwards."""
+        return self._started + share * self._limit - time.monotonic()
+
+    def check(self, share: float = 1.0) -> None:
+        """Raises OutOfTime once this share of the limit has passed.  Called between the frames of a measurement."""
+        if self.left(share) < 0.0:
+            raise OutOfTime
 
 
 class OpenConfiguration:
@@ -74,67 +69,68 @@ class OpenConfiguration:
         scene: Scene,
         camera: CameraTrack,
         configuration: Configuration,
-        timer: StudyTimer,
         now: Clock = time.perf_counter,
+        check: Callable[[], None] = lambda: None,
     ):
+        """``check`` is called between frames and may raise."""
         settings = configuration.settings
-        self._gpu, self._timer, self._now = gpu, timer, now
+        self._gpu, self._now, self._check = gpu, now, check
         frames = frame_range(scene, camera, settings)
         schedule = frame_schedule(frames, settings)
         start = max(0, (len(schedule) - TIMED - WARM) // 2)
         window = schedule[start : start + TIMED + WARM]
         if not any(evaluated for _, evaluated in window[WARM:]):
             window = schedule[-(TIMED + WARM) :]
-        if configuration.traced:  # a frame takes long, and always the same
-            window = window[WARM - 1 : WARM + 1]
         warm = min(WARM, len(window) - 1, len(window) // 2)
         self._warm, self._timed = window[:warm], window[warm:]
+        self._every = all(evaluated for _, evaluated in window)
         self._drawn_share = len(schedule) / len(frames)
-        self._context = GpuContext(gpu, timer=timer)
+        self._context = GpuContext(gpu)
         options = SourceOptions(without=configuration.without)
-        self._source = RasterSource(gpu, scene, camera, settings, options, timer=timer, poser=Poser(scene))
+        self._source = RasterSource(gpu, scene, camera, settings, options, poser=Poser(scene))
         self._evaluator = PairEvaluator(self._context, self._source, settings)
         self._compiled = False
+        if configuration.traced:  # a frame always takes long
+            self._shorten()
 
     @property
     def bytes(self) -> int:
         return self._source.describe()["memory"]["gpu_bytes"]
 
-    def visit(self, passes: bool = False) -> dict[str, Any]:
-        """``frame_ms``: milliseconds per frame of the sequence; ``passes``: milliseconds per drawn frame by pass.
+    def visit(self) -> float:
+        """Milliseconds per frame of the sequence.
 
-        Sampled pairs draw fewer frames than the sequence has, or two per pair: ``frame_ms`` is the mean time of a drawn
-        frame times the share of frames that are drawn.  ``passes``: time one more turn, pass by pass.
+        Sampled pairs draw fewer frames than the sequence has, or two per pair: the mean time of a drawn frame times the
+        share of frames that are drawn.
         """
         if not self._compiled:  # shaders are compiled at their first use, some in the second frame
-            self._turn()
+            if self._turn(self._timed[:1]) > SLOW_MS:
+                self._shorten()
             self._compiled = True
         turns: list[float] = []
         while not turns or (len(turns) < TURNS and sum(turns) < VISIT_MS):
-            turns.append(self._turn())
-        found: dict[str, Any] = {"frame_ms": min(turns) / len(self._timed) * self._drawn_share}
-        if passes:
-            self._timer.reset()
-            self._turn(passes=True)
-            samples = self._timer.samples_ms()
-            found["passes"] = {name: float(ms.sum()) / len(self._timed) for name, ms in samples.items()}
-        return found
+            turns.append(self._turn(self._timed))
+        return min(turns) / len(self._timed) * self._drawn_share
 
-    def _turn(self, passes: bool = False) -> float:
-        """Evaluate the warm and the timed frames; milliseconds of the timed ones.
+    def _shorten(self) -> None:
+        """Time one frame; of sampled pairs all, as not every frame is evaluated."""
+        if self._every:
+            self._warm, self._timed = self._warm[-1:], self._timed[:1]
+
+    def _turn(self, timed: list[tuple[int, bool]]) -> float:
+        """Evaluate the warm frames and ``timed``; milliseconds of the latter.
 
         The time starts and ends with one pair not read yet, as in the middle of a long run.
         """
         self._evaluator.restart()
         for frame, evaluate in self._warm:
+            self._check()
             self._evaluator.step(frame, evaluate)
-        self._timer.enabled = passes
         start = self._now()
-        for frame, evaluate in self._timed:
+        for frame, evaluate in timed:
+            self._check()
             self._evaluator.step(frame, evaluate)
-        milliseconds = 1e3 * (self._now() - start)
-        self._timer.enabled = False
-        return milliseconds
+        return 1e3 * (self._now() - start)
 
     def release(self) -> None:
         self._evaluator.release()
@@ -162,18 +158,14 @@ class Pool:
         while self._open:
             self._open.popitem()[1].release()
 
-    def visit(self, configuration: Configuration, passes: bool = False) -> dict[str, Any]:
-        """Open ``configuration`` if it is not open, and visit it."""
+    def visit(self, configuration: Configuration) -> dict[str, Any]:
+        """Open ``configuration`` if it is not open, and visit it: ``frame_ms``, and ``bytes`` that it allocates."""
         name = configuration.name
         opened = self._open.pop(name, None) or self._open_one(configuration)
         while self._open and opened.bytes + sum(o.bytes for o in self._open.values()) > self._budget:
             self._open.popitem()[1].release()
         self._open[name] = opened
-        return opened.visit(passes)
-
-    def bytes_of(self, configuration: Configuration) -> int:
-        """Allocated by the configuration visited last."""
-        return self._open[configuration.name].bytes
+        return {"frame_ms": opened.visit(), "bytes": opened.bytes}
 
 
 def due_visits(
@@ -186,12 +178,5 @@ def due_visits(
 
 
 def rounds_of(visits: Iterable[Mapping[str, Any]], name: str) -> list[Mapping[str, Any]]:
-    """Visits of one configuration in the order of their rounds: ``frame_ms``, and ``passes`` of the first."""
+    """Visits of one configuration in the order of their rounds."""
     return sorted((v for v in visits if v["configuration"] == name), key=lambda v: v["round"])
-
-
-def median_passes(rounds: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Milliseconds of a drawn frame by pass, medians over rounds; 0 where a round lacks the pass."""
-    timed = [r["passes"] for r in rounds if r.get("passes")]
-    names = sorted({name for passes in timed for name in passes})
-    return {n: statistics.median(passes.get(n, 0.0) for passes in timed) for n in names}

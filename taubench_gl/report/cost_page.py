@@ -31,7 +31,7 @@ def cost_html(study: Study) -> str:
 
 def _figure_data(study: Study) -> dict[str, Any]:
     """What the figure needs.  Measures of reuse methods are in the same chooser as the columns."""
-    fields = ("name", "label", "role", "ms", "clock", "against_baseline", "passes", "bytes")
+    fields = ("name", "label", "role", "ms", "clock", "against_baseline", "bytes")
     measured = (OVERALL, *study["columns"])
     points = [{k: p[k] for k in fields} | {"masks": p["masks"]} for p in study["points"] if p["role"] != "effect"]
     colors = {c: hex_of(c) for c in study["columns"]} | {OVERALL: OVERALL_COLOR}
@@ -47,6 +47,5 @@ def _figure_data(study: Study) -> dict[str, Any]:
 
 
 def _method(p: Study) -> dict[str, Any]:
-    passes = {} if p["ms"] is None else {"shading": p["shading_ms"], "method": p["method_ms"]}
     kept = {k: p[k] for k in ("name", "label", "role", "ms", "clock", "against_baseline", "bytes")}
-    return kept | {"masks": {m: {"percent": e} for m, e in p["errors"].items() if e is not None}, "passes": passes}
+    return kept | {"masks": {m: {"percent": e} for m, e in p["errors"].items() if e is not None}}

@@ -70,13 +70,13 @@ def heading(study: Study) -> list[str]:
     lines += [f"light: {lighting}"] if lighting else []
     machine = study["machine"]
     lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {machine['processor']}")
-    lines.append(f"clock: frames by {study['clock']}; passes by {study['pass_clock']}")
+    lines.append(f"clock: {study['clock']}")
     return lines
 
 
 def tables(study: Study) -> list[Table]:
     """All tables, in reading order; those without rows are left out."""
-    found = [_front(study), _configurations(study), _effects(study), _columns(study), _numerics(study), _passes(study)]
+    found = [_front(study), _configurations(study), _effects(study), _columns(study), _numerics(study)]
     found = [t for t in found if t.rows]
     return found if study["methods"] is None else found + _methods(study["methods"])
 
@@ -144,15 +144,14 @@ def _columns(study: Study) -> Table:
     """Signed column differences: parameters of other pixels, pairs or metrics, which have no mask error."""
     rows = []
     for p in study["points"]:
-        if p["role"] in ("grid", "definition") and p["columns"]:
+        if p["role"] == "grid" and p["columns"]:
             cells = [_difference(p["columns"][c]) for c in study["columns"]]
             rows.append((p["label"], *cells, ms_text(p), ratio_text(p)))
     heads = ("configuration", *study["columns"], "ms/frame", "against the baseline")
     notes = (
         "points: the column's mean less the baseline's, ± half the 95 % interval; wrong and missing discards cancel",
-        "other frame rates, filters and reprojections measure something else: a difference is no error",
     )
-    return Table("Other pixels, other pairs, other definitions: difference of each column", heads, tuple(rows), notes)
+    return Table("Other pixels, other pairs: difference of each column", heads, tuple(rows), notes)
 
 
 def _difference(d: Mapping[str, Any]) -> str:
@@ -176,14 +175,6 @@ def _numerics(study: Study) -> Table:
         tuple(rows),
         (note,),
     )
-
-
-def _passes(study: Study) -> Table:
-    points = [p for p in study["points"] if p["passes"]]
-    names = list(dict.fromkeys(n for p in points for n in p["passes"]))
-    rows = [(p["label"], *(three(p["passes"].get(n, 0.0)) for n in names)) for p in points]
-    note = "passes are timed separately, which removes their overlap: they may add up to more than a frame"
-    return Table("Milliseconds of a drawn frame by pass", ("configuration", *names), tuple(rows), (note,))
 
 
 def _methods(block: Study) -> list[Table]:

@@ -15,7 +15,7 @@ SMALL: dict[str, Any] = {
     "frames": (20, 27),
     "columns": ("frustum", "position", "normal"),
     "repeats": 3,
-    "parameters": ("storage", "scale", "pairs", "fps"),
+    "parameters": ("storage", "scale", "pairs"),
 }
 """A study of geometry alone, which needs no light."""
 

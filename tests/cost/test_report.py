@@ -126,4 +126,4 @@ def test_tables_list_the_front_first(small_study):
     baseline = next(row for row in configurations.rows if row[0] == "baseline")
     assert baseline[-2] == "1x"
     (grid,) = [t for t in others if t.title.startswith("Other pixels")]
-    assert {row[0] for row in grid.rows} == {p.label for p in study.points if p.role in ("grid", "definition")}
+    assert {row[0] for row in grid.rows} == {p.label for p in study.points if p.role == "grid"}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from taubench_gl.animation import choose_camera
@@ -10,17 +12,16 @@ from taubench_gl.cost.timing import (
     TIMED,
     TURNS,
     WARM,
+    Deadline,
     OpenConfiguration,
+    OutOfTime,
     Pool,
-    StudyTimer,
     due_visits,
-    median_passes,
     rounds_of,
 )
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.frame.passes.masks import MaskPass
 from taubench_gl.gpu.context import open_gpu
-from taubench_gl.gpu.timing import probe_timer
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -53,12 +54,12 @@ def visit(scene):
     """Visits one configuration with a clock of ``Turns``: the result, and the number of timed turns."""
     gpu = open_gpu("auto", None)
 
-    def visit(*ms, passes=False, **values):
+    def visit(*ms, **values):
         clock = Turns(0.5, *ms)  # the first turn compiles shaders
         with gpu:
-            camera, timer = choose_camera(scene, None), StudyTimer(gpu, probe_timer(gpu))
-            opened = OpenConfiguration(gpu, scene, camera, configuration("single", values, SMALL), timer, clock)
-            found = opened.visit(passes)
+            camera = choose_camera(scene, None)
+            opened = OpenConfiguration(gpu, scene, camera, configuration("single", values, SMALL), clock)
+            found = opened.visit()
             opened.release()
         return found, clock.drawn - 1
 
@@ -67,7 +68,7 @@ def visit(scene):
 
 def test_fastest_turn_counts(visit):
     found, turns = visit(5.0, 9.0, 2.0, 3.0, 100.0)
-    assert found["frame_ms"] == pytest.approx(2.0)
+    assert found == pytest.approx(2.0)
     assert turns == 5
 
 
@@ -78,13 +79,54 @@ def test_number_of_turns_depends_on_their_time(visit):
 
 def test_sampled_pairs_cost_the_frames_that_are_drawn(visit):
     # Of 10 frames every third pair draws six: pairs 1, 4 and 7.
-    assert visit(20.0, pairs="every:3")[0]["frame_ms"] == pytest.approx(20.0 * 6 / 10)
+    assert visit(20.0, pairs="every:3")[0] == pytest.approx(20.0 * 6 / 10)
 
 
-def test_passes_are_timed_on_request(visit):
-    assert "passes" not in visit(80.0)[0]
-    found, turns = visit(80.0, passes=True)
-    assert found["passes"]["masks"] > 0.0 and turns == 2
+def test_long_frames_are_timed_one_at_a_time(scene):
+    """A frame of 1 s: one of two that are drawn is timed, after a first turn that compiles."""
+    steps = []
+
+    class Slow:
+        seconds = 0.0
+
+        def __call__(self):
+            self.seconds += 1.0
+            return self.seconds
+
+    gpu = open_gpu("auto", None)
+    with gpu:
+        given = configuration("single", {}, SMALL)
+        opened = OpenConfiguration(gpu, scene, choose_camera(scene, None), given, Slow(), lambda: steps.append(1))
+        assert opened.visit() == opened.visit() == pytest.approx(1000.0)
+        opened.release()
+    assert len(steps) == WARM + 1 + 2 + 2
+
+
+def test_a_deadline_ends_a_visit_between_frames(scene):
+    gpu, left = open_gpu("auto", None), [3]
+
+    def check():
+        left[0] -= 1
+        if left[0] < 0:
+            raise OutOfTime
+
+    with (
+        gpu,
+        Pool(
+            lambda c: OpenConfiguration(gpu, scene, choose_camera(scene, None), c, check=check), software=True
+        ) as pool,
+        pytest.raises(OutOfTime),
+    ):
+        pool.visit(configuration("single", {}, SMALL))
+    assert left == [-1], "no frame is drawn after the deadline"
+
+
+def test_a_deadline_passes_by_share():
+    whole = Deadline(1000.0)
+    assert 0.0 < whole.left(0.5) <= 500.0 and Deadline(None).left() == math.inf
+    whole.check()
+    with pytest.raises(OutOfTime):
+        Deadline(1000.0).check(share=-1.0)
 
 
 def test_timed_loop_reads_counts_one_pair_late(scene, monkeypatch):
@@ -102,8 +144,7 @@ def test_timed_loop_reads_counts_one_pair_late(scene, monkeypatch):
     lags.clear()
     gpu = open_gpu("auto", None)
     with gpu:
-        camera, timer = choose_camera(scene, None), StudyTimer(gpu, probe_timer(gpu))
-        opened = OpenConfiguration(gpu, scene, camera, configuration("single", {}, settings), timer)
+        opened = OpenConfiguration(gpu, scene, choose_camera(scene, None), configuration("single", {}, settings))
         opened.visit()
         opened.release()
     assert len(lags) >= 2 * (WARM + TIMED - 2) and set(lags) == {1}
@@ -115,8 +156,8 @@ class Opened:
     def __init__(self):
         self.released = False
 
-    def visit(self, passes):
-        return {"frame_ms": 1.0}
+    def visit(self):
+        return 1.0
 
     def release(self):
         self.released = True
@@ -150,8 +191,3 @@ def test_masks_on_the_cpu_are_not_timed():
 def test_rounds_are_in_order():
     visits = [{"configuration": n, "round": r, "frame_ms": 10.0 * r} for r in (1, 0) for n in "ab"]
     assert [v["frame_ms"] for v in rounds_of(visits, "a")] == [0.0, 10.0]
-
-
-def test_median_of_passes():
-    rounds = [{"passes": p} for p in ({"masks": 1.0}, {"masks": 3.0, "color": 6.0}, {"masks": 2.0})]
-    assert median_passes([*rounds, {"frame_ms": 1.0}]) == {"color": 0.0, "masks": 2.0}

@@ -24,8 +24,6 @@ function describe(p, column) {
       : `${column}: ${short(e.percent)} % of the masks are wrong: ${short(e.false_positive)} % discarded wrongly, ${short(e.false_negative)} % kept wrongly; difference ${e.points >= 0 ? "+" : ""}${short(e.points)} points`,
     `${short(p.ms.median)}${spread} ms per frame, ${p.ms.samples} rounds${against}; clock: ${p.clock}`,
   ];
-  const passes = Object.entries(p.passes).filter(([, ms]) => ms > 0).map(([name, ms]) => `${name} ${short(ms)}`);
-  if (passes.length) lines.push(`ms by pass: ${passes.join(", ")}`);
   if (p.bytes !== null) lines.push(`${short(p.bytes / 1e6)} MB allocated`);
   return lines.join("\n");
 }
