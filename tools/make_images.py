@@ -60,7 +60,7 @@ def viewer(scratch: Path) -> None:
 
 
 def reuse(scratch: Path) -> None:
-    methods = "none,accumulate,taa_variance,svgf,oracle"
+    methods = "none,accumulate,taa_variance,svgf,ideal-masks"
     options = ("--input", "noisy+jittered", "--size", "320x180", "--frames", "0:12", "--indirect", "none")
     taubench("reuse", "evaluate", DEMO, "--methods", methods, *options, "--video", "none", "--out", scratch / "reuse")
     keep(scratch / "reuse" / "side_by_side.png", "reuse.jpg")

@@ -87,6 +87,16 @@ def shared_options(command: Any) -> Any:
             metavar="NAME|FILE",
             help="exr: pass names: blender, falcor, mitsuba, taubench, unity, unreal or TOML.",
         ),
+        click.option(
+            "--seeds",
+            type=int,
+            default=1,
+            show_default=True,
+            help="Repeat the frames with this many seeds, from --seed on; five or more give intervals over seeds.",
+        ),
+        click.option(
+            "--warmup", type=int, default=1, show_default=True, help="First frames that means and intervals leave out."
+        ),
         click.option("--cut", "cuts", type=int, multiple=True, help="Frame declared to have no history; repeatable."),
         threshold_option,
         unit_scale_option,
@@ -104,7 +114,7 @@ def shared_options(command: Any) -> Any:
 @click.command(
     epilog="""\b
 Examples:
-  taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,oracle --size 640x360
+  taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,ideal-masks --size 640x360
   taubench-gl reuse evaluate scene.glb --methods accumulate,svgf --input noisy+jittered --out results
   taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05,taa_clamp@alpha=0.2,./my_method
   taubench-gl reuse evaluate scene.glb --methods svgf --input path-traced@1 --reference path-traced@1024
@@ -250,7 +260,9 @@ def fit(
 
 def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
     """Options of ``shared_options`` as Settings and as an ``EvaluationRequest``'s fields."""
-    request = {name: options.pop(name) for name in ("reference", "reference_samples", "cuts", "mapping")}
+    request = {
+        name: options.pop(name) for name in ("reference", "reference_samples", "cuts", "mapping", "seeds", "warmup")
+    }
     request["input"] = _input(options)
     return settings_from(options, reprojection="motion"), request
 

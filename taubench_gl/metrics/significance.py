@@ -75,6 +75,19 @@ def holm_rejected(p_values: Array, significance: float = 0.01) -> Array:
     return rejected.reshape(np.shape(p_values))
 
 
+def holm_adjusted(p_values: Array) -> Array:
+    """Holm's adjusted p-values: ``holm_rejected`` rejects at every significance from them on.  -> float64, same shape.
+
+    The i-th smallest of m values becomes the largest of (m - j + 1) p_j over j <= i, at most 1 (Holm 1979).
+    """
+    flat = np.asarray(p_values, dtype=np.float64).ravel()
+    order = np.argsort(flat, kind="stable")
+    raised = np.maximum.accumulate(flat[order] * (len(flat) - np.arange(len(flat))))
+    adjusted = np.empty(len(flat))
+    adjusted[order] = np.minimum(raised, 1.0)
+    return adjusted.reshape(np.shape(p_values))
+
+
 def relative_difference(a: Estimate, b: Estimate) -> tuple[float, float]:
     """(mean of a) / (mean of b) - 1 over all elements, and its standard error from the elements' variances.
 

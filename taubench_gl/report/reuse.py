@@ -1,4 +1,7 @@
-"""Tables, plots and HTML page of a reuse evaluation (schema ``taubench-gl/reuse/2``) and of a parameter fit."""
+"""Tables, plots and HTML page of a reuse evaluation (schema ``taubench-gl/reuse/3``) and of a parameter fit.
+
+Files of schema 2 lack the bound, the seeds and some measures, and are read as far as they go.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +27,22 @@ _QUALITY = (
 )  # fmt: skip
 _REUSE = (
     ("reused_percent", Column("reused", "%", 2)), ("mean_weight", Column("mean weight", "", 3)),
+    ("effective_weight", Column("effective weight", "", 3)),
     ("wrongly_reused_percent", Column("wrongly reused", "%", 2)),
     ("wrongly_rejected_percent", Column("wrongly rejected", "%", 2)),
 )  # fmt: skip
+_BOUND = (
+    ("method_linear_mse", Column("linear MSE", "", 6)), ("linear_mse", Column("bound", "", 6)),
+    ("headroom_db", Column("headroom", "dB", 2)), ("weight", Column("weight of the bound", "", 3)),
+    ("blended_percent", Column("blended", "%", 2)),
+)  # fmt: skip
+_HEADLINES = ("flip", "psnr_db", "relmse")
+"""Measures of the table of paired differences: the first that was measured."""
+
+_BOUND_NOTE = (
+    "Bound: the method's own reprojected history and input, blended by the weight of each pixel nearest to the "
+    "reference. A method whose every pixel is a blend of the two cannot be better; others can."
+)
 
 
 def reuse_tables(summary: Summary) -> list[Table]:
@@ -43,7 +59,36 @@ def reuse_tables(summary: Summary) -> list[Table]:
     clock += "not measured." if shading is None else f"{shading:.2f} ms."
     tables.append(Table(2, "Reuse, time and memory", columns, tuple(rows), (clock, _class_source(summary))))
     tables.append(_class_table(summary))
-    return tables
+    if any("bound" in m for m in methods.values()):  # schema 3
+        rows = [_bound_row(label, m) for label, m in methods.items()]
+        tables.append(Table(4, "Bound and headroom", tuple(c for _, c in _BOUND), tuple(rows), (_BOUND_NOTE,)))
+    return tables + comparison_tables(summary)
+
+
+def comparison_tables(summary: Summary) -> list[Table]:
+    """Paired differences of all methods and the ranking, by ``_HEADLINES``; none for one method or schema 2."""
+    statistics = summary.get("statistics")
+    name = next((n for n in _HEADLINES if statistics and n in statistics["measures"]), None)
+    if name is None or not statistics["measures"][name]["differences"]:
+        return []
+    found, measure = statistics["measures"][name], summary["measures"][name]
+    unit, digits = measure["unit"], 3 if measure["unit"] else 5
+    columns = (Column("difference", unit, digits), Column("low", unit, digits), Column("high", unit, digits),
+               Column("p (Holm)", "", 4))  # fmt: skip
+    rows = []
+    for entry in found["differences"]:
+        values = tuple(entry[n] for n in ("difference", "low", "high", "p_holm"))
+        rows.append(Row(f"{entry['a']} - {entry['b']}", values, reasons={0: entry["verdict"]}))
+    interval = f"{100 * statistics['confidence']:g} % intervals; {statistics['frames']} frames, "
+    interval += f"seeds: {statistics['seeds']}; blocks of {found['block_length']} frames; {statistics['rule']}."
+    notes = (interval if found["reason"] is None else f"No intervals: {found['reason']}.", _ranking_text(found))
+    return [Table(5, f"Paired differences of {name} ({measure['better']} is better)", columns, tuple(rows), notes)]
+
+
+def _ranking_text(found: Summary) -> str:
+    """``Ranking (...): 1 svgf (0.05); 2 taa_clamp (0.07)``, in the order of the means."""
+    entries = [f"{e['rank'] or '-'} {e['method']} ({e['mean']:.4g})" for e in found["ranking"]]
+    return f"Ranking (1 + the number of methods that are better beyond Holm's correction): {'; '.join(entries)}."
 
 
 def reuse_notes(summary: Summary) -> tuple[str, ...]:
@@ -56,7 +101,9 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     if reference.get("noise"):
         against += f", standard error {reference['noise']}"
     first = f"{summary['scene']['name']}: {s['width']}x{s['height']}, {s['fps']:g} fps, "
-    first += f"means over frames {s['first_frame'] + 1} to {s['last_frame']} (N = {summary['evaluated_frames']}); "
+    first += f"means over frames {s['first_frame'] + summary.get('warmup', 1)} to {s['last_frame']} "
+    seeds = len(summary.get("seeds", ()))
+    first += f"(N = {summary['evaluated_frames']}{f', {seeds} seeds' if seeds > 1 else ''}); "
     text = lighting_text(summary)
     lighting = (f"{text}.",) if text else ()
     return (f"{first}input: {kind}; reference: {reference['kind']}, {against}.", *lighting, *given["notes"])
@@ -81,8 +128,17 @@ def _row(label: str, method: Summary, block: str, names: list[str]) -> Row:
         return Row(label, (None,) * len(names), reasons={0: method["failed"]})
     values = method[block]
     why = method["reasons"]
-    reasons = {i: why.get(n, "not measured") for i, n in enumerate(names) if values[n] is None}
-    return Row(label, tuple(values[n] for n in names), reasons=reasons)
+    reasons = {i: why.get(n, "not measured") for i, n in enumerate(names) if values.get(n) is None}
+    return Row(label, tuple(values.get(n) for n in names), reasons=reasons)
+
+
+def _bound_row(label: str, method: Summary) -> Row:
+    if method["failed"] or method["bound"] is None:
+        reason = method["failed"] or method["reasons"]["bound"]
+        return Row(label, (None,) * len(_BOUND), reasons={0: reason})
+    bound, why = method["bound"], method["reasons"]
+    reasons = {i: why.get(f"bound.{n}", "not measured") for i, (n, _) in enumerate(_BOUND) if bound[n] is None}
+    return Row(label, tuple(bound[n] for n, _ in _BOUND), reasons=reasons)
 
 
 def _cost_row(label: str, method: Summary) -> Row:

@@ -55,6 +55,18 @@ RESULT_FORMAT = FORMATS["rgba32f"]
 """rgb: linear radiance, exposure applied.  a: weight of history in the pixel, 0 .. 1, or -1 where the method does not
 report it (``write_result(p, vec3)``)."""
 
+REPORTS: dict[str, str] = {
+    "reprojected_history": "rgb: the color history as it was fetched along the motion, before any rectification; "
+    "a: 1 with history, 0 without",
+    "rectified_history": "rgb: the history that was used, after rectification (clamp, clip); default: derived from "
+    "the result and its weight",
+    "blend_input": "rgb: the color that history was blended with; default: radiance",
+}
+"""Outputs that a pass may write for the evaluation, linear radiance, exposure applied, in the space of the result: what
+the method blended.  They are stored only where ``MethodRunner.reported`` asks for them."""
+
+REPORT_FORMAT = FORMATS["rgba32f"]
+
 MAX_WRITES, MAX_READS = 8, 16
 """Images and textures that every GL 4.5 driver provides to a compute shader."""
 
@@ -83,7 +95,7 @@ _OUR_WORDS = (
     "reusable_in_truth nearest_surface bilinear_tap catmull_rom_weights clip_to_box clip_towards ycocg_from_rgb "
     "rgb_from_ycocg non_finite reuse_block block_size block_threads"
 )
-_OURS = frozenset(_OUR_WORDS.split())
+_OURS = frozenset((*_OUR_WORDS.split(), *REPORTS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +186,7 @@ class Method:
     ``reads``: names of INPUTS.  ``history``, ``buffers``: name -> Format.  ``keyframe``: interval in frames at which
     the current frame becomes the key frame (``frame.key_*`` in GLSL), or the name of an int setting; None: no key
     frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
-    its paper.
+    its paper; ``reports``: names of REPORTS that the method writes.
     """
 
     name: str
@@ -190,6 +202,7 @@ class Method:
     factory: type | None = None
     where: str = ""
     stages: tuple[Stage, ...] = ()
+    reports: tuple[str, ...] = ()
 
     def values(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``given``, else the default.  Raises MethodError, which lists all errors."""

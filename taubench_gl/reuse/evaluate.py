@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -26,11 +26,13 @@ from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import provenance
+from taubench_gl.reuse.bound import Blended
+from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import Method, Value
-from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.frame import FrameInputs, read_result, write_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import current_name, load_method
 from taubench_gl.reuse.path_traced import PathTracedReference, reference_samples
 from taubench_gl.reuse.quality import CHOICES, MEASURES, display
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
@@ -44,12 +46,19 @@ from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
-SCHEMA = "taubench-gl/reuse/2"
+SCHEMA = "taubench-gl/reuse/3"
 
 REQUIRED = {"ssim": ("skimage", "scikit-image"), "flip": ("flip_evaluator", "flip-evaluator")}
 """Metrics that need another package: module and package."""
 
 _EVALUATION_READS = ("mask", "motion", "exact_mask")
+REFERENCE_INPUT = "reference"
+"""The input that the evaluation itself provides: what methods are compared with."""
+
+KEPT_REFERENCE_BYTES = 1 << 31
+"""Reference images are kept in memory for further seeds up to this size, else made again."""
+
+MAX_SEED = 65535
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +76,14 @@ class MethodSpec:
         The label of ``exr:DIR`` is its setting ``label``, by default the name of the folder.  Raises SettingsError.
         """
         name, *given = text.split("@")
+        name = current_name(name)
         pairs = [part.partition("=") for part in given]
         if not name or any(not equals or not key for key, equals, _ in pairs):
             raise SettingsError(f"{text!r} is not a method", hint="give NAME or NAME@setting=value")
         settings = {key.strip(): value for key, _, value in pairs}
         if is_sequence(name):
-            text = RecordedFrames.label(name, settings.pop("label", None))
-        return cls(text, name, settings)
+            return cls(RecordedFrames.label(name, settings.pop("label", None)), name, settings)
+        return cls("@".join((name, *given)), name, settings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +92,9 @@ class EvaluationRequest:
 
     ``input``: an InputKind, or text for ``parse_input``; ``reference``: ``max`` (exact light, ``reference_samples`` per
     pixel), ``path-traced@M`` (M samples per pixel, stored) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``:
-    frames declared to have no history; ``mapping``: names of the passes of EXR files.
+    frames declared to have no history; ``mapping``: names of the passes of EXR files; ``seeds``: the sequence is
+    repeated with this many seeds of the random numbers, from that of ``input`` on; ``warmup``: first frames of the
+    sequence that means leave out.
     """
 
     input: str | InputKind = "full"
@@ -91,6 +103,8 @@ class EvaluationRequest:
     metrics: Collection[str] = CHOICES
     cuts: Collection[int] = ()
     mapping: str | None = None
+    seeds: int = 1
+    warmup: int = 1
 
     @property
     def kind(self) -> InputKind:
@@ -105,6 +119,7 @@ class EvaluationRequest:
             if module and find_spec(module) is None:
                 hint = f"pip install 'taubench-gl[reuse]', or choose metrics other than {name}, such as psnr,relmse"
                 raise SettingsError(f"metric {name} needs {package}", hint=hint)
+        self._check_repetition()
         traced = reference_samples(self.reference) is not None
         if self.reference != "max" and not traced and not is_sequence(self.reference):
             hint = "give max, path-traced@M or exr:DIR"
@@ -116,10 +131,21 @@ class EvaluationRequest:
             what = f"path-traced input has no {self.reference!r} reference"
             raise SettingsError(what, hint="give --reference path-traced@M")
 
+    def _check_repetition(self) -> None:
+        if self.warmup < 1:
+            raise SettingsError(f"warmup is {self.warmup}", hint="give 1 or more: the first frame has no history")
+        if self.seeds < 1:
+            raise SettingsError(f"seeds is {self.seeds}", hint="give 1 or more")
+        if self.seeds > 1 and not (self.kind.noisy or self.kind.path_samples):
+            what = f"input {self.kind.text!r} is the same for every seed"
+            raise SettingsError(what, hint="--seeds goes with noisy or path-traced@N input")
+        if self.kind.seed + self.seeds - 1 > MAX_SEED:
+            raise SettingsError(f"the last seed is above {MAX_SEED}", hint="give a smaller --seed or fewer --seeds")
+
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """``summary``: reuse.json (schema ``SCHEMA``); ``rows``: frames.csv, one per frame and method."""
+    """``summary``: reuse.json (schema ``SCHEMA``); ``rows``: frames.csv, one per seed, frame and method."""
 
     summary: dict[str, Any]
     rows: list[dict[str, Any]]
@@ -135,7 +161,7 @@ class EvaluatedFrame:
     """One frame of an evaluation: images (h, w, 3) in [0, 1], error maps (h, w), row 0 at the top.
 
     ``radiance``: linear radiance times ``exposure`` of ``input``, of every method and of ``reference``, (h, w, 3);
-    ``classes`` (h, w): index into CLASSES; ``seed``: of the input.
+    ``classes`` (h, w): index into CLASSES; ``seed``: of the input. ``repetition``: 0 for the first seed.
     """
 
     frame: int
@@ -148,6 +174,7 @@ class EvaluatedFrame:
     classes: Array | None = None
     exposure: float = 1.0
     seed: int = 0
+    repetition: int = 0
 
 
 def evaluate_methods(
@@ -188,8 +215,10 @@ def evaluate_methods(
         try:
             run.run(progress, on_frame)
             gpu.check("reuse evaluation")
-            summary = run.summary() | {"lighting": reasons, "provenance": provenance(gpu, PassTimer.clock)}
             rows = [row for step in zip(*(r.rows for r in run.records.values() if not r.failed)) for row in step]
+            statistics = {"statistics": compare_methods(rows, run.frames[options.warmup :], options.cuts)}
+            further = {"lighting": reasons, "provenance": provenance(gpu, PassTimer.clock)}
+            summary = run.summary() | statistics | further
         finally:
             run.release()
             gpu.collect()
@@ -204,8 +233,16 @@ def _check_labels(labels: Sequence[str]) -> None:
         raise SettingsError(f"method {twice!r} is given twice", hint="use other settings, NAME@setting=value")
 
 
+@dataclass(frozen=True, slots=True)
+class _Output:
+    """What a method made of one frame: its result (h, w, 4) and its reports, of ``MethodRunner.reported``."""
+
+    result: Array
+    reported: Mapping[str, Array]
+
+
 class _Evaluator:
-    """The inputs, the reference and the runners of one evaluation, and the loop over its frames."""
+    """The reference and, seed by seed, the inputs and the runners of one evaluation, and the loop over its frames."""
 
     def __init__(
         self,
@@ -215,26 +252,23 @@ class _Evaluator:
         announce: Callable[[str], None] | None = None,
     ):
         self._gpu, self._scene, self._settings = inputs.gpu, inputs.scene, inputs.settings
-        self._reference = self._inputs = None
+        self._input_request, self._request = inputs, request
+        self._reference = self._inputs = self._reference_texture = None
+        self._images: dict[int, Array] = {}
         self._shading: list[float] = []
         self.runners: dict[str, MethodRunner | RecordedRunner] = {}
-        self._seed = inputs.kind.seed
+        self._seed = inputs.kind.seed  # of the sequence that is open
         self.records: dict[str, MethodRecord] = {}
         self._facts: dict[str, dict[str, Any]] = {}
-        loaded = self._load(specs, frozenset(request.metrics))
-        self._require(len(loaded) > 0)
-        reads = {name for _, method in loaded if isinstance(method, Method) for name in method.reads}
-        reads |= set(_EVALUATION_READS)
+        self._loaded = self._load(specs, frozenset(request.metrics), request.warmup)
+        self._require(len(self._loaded) > 0)
+        self.seeds = tuple(inputs.kind.seed + k for k in range(request.seeds))
         traced = reference_samples(request.reference)
         try:
             if traced is not None:
                 self._reference = PathTracedReference(inputs, traced)
-            self._open_inputs(inputs, reads, request)
-            if unknown := sorted(set(request.cuts) - set(self.frames)):
-                ends = f"{self.frames[0]} to {self.frames[-1]}"
-                raise SettingsError(f"cut {unknown[0]} is not among the frames", hint=f"the frames are {ends}")
-            if len(self.frames) < 2:
-                raise SettingsError("one frame has no history to reuse", hint="select at least two --frames")
+            self._open_inputs(self.seeds[0])
+            self._check_frames()
             if isinstance(self._reference, PathTracedReference):
                 estimate = self._reference.references.estimate(self.frames)
                 if announce is not None and estimate.seconds is not None:
@@ -245,7 +279,7 @@ class _Evaluator:
                 self._reference = FileReference(
                     request.reference, self._inputs.size, self.frames, self._settings, request.mapping
                 )
-            self._open_runners(loaded, request.mapping)
+            self._open_runners()
             self._require(len(self.runners) > 0)
         except BaseException:
             self.release()
@@ -254,12 +288,22 @@ class _Evaluator:
         for record in self.records.values():
             record.exact_mask = self._mask_source == "exact"
 
+    def _check_frames(self) -> None:
+        if unknown := sorted(set(self._request.cuts) - set(self.frames)):
+            ends = f"{self.frames[0]} to {self.frames[-1]}"
+            raise SettingsError(f"cut {unknown[0]} is not among the frames", hint=f"the frames are {ends}")
+        if len(self.frames) < 2:
+            raise SettingsError("one frame has no history to reuse", hint="select at least two --frames")
+        if len(self.frames) <= self._request.warmup:
+            what = f"warmup is {self._request.warmup}, and there are {len(self.frames)} frames"
+            raise SettingsError(what, hint="select more --frames or a smaller --warmup")
+
     def _load(
-        self, specs: Sequence[MethodSpec], metrics: frozenset[str]
+        self, specs: Sequence[MethodSpec], metrics: frozenset[str], warmup: int
     ) -> list[tuple[MethodSpec, Method | RecordedFrames]]:
         loaded = []
         for spec in specs:
-            self.records[spec.label] = MethodRecord(spec.label, metrics, True)
+            self.records[spec.label] = MethodRecord(spec.label, metrics, True, warmup)
             self._facts[spec.label] = {"title": None, "cite": [], "settings": None, "memory_bytes": None}
             with self._isolated(spec.label):
                 if is_sequence(spec.method):
@@ -271,7 +315,11 @@ class _Evaluator:
                 loaded.append((spec, method))
         return loaded
 
-    def _open_inputs(self, inputs: InputRequest, reads: Collection[str], request: EvaluationRequest) -> None:
+    def _open_inputs(self, seed: int) -> None:
+        request, self._seed = self._request, seed
+        inputs = replace(self._input_request, kind=replace(self._input_request.kind, seed=seed))
+        wanted = {name for _, method in self._loaded if isinstance(method, Method) for name in method.reads}
+        reads = (wanted | set(_EVALUATION_READS)) - {REFERENCE_INPUT}
         if inputs.kind.files is not None:
             self._inputs = FileInputs(
                 inputs, reads, cuts=request.cuts, exact=request.reference, mapping=request.mapping
@@ -281,20 +329,22 @@ class _Evaluator:
             self.frames = frame_range(inputs.scene, inputs.camera, self._settings)
             exact = self._reference if inputs.kind.path_samples else True
             self._inputs = RasterInputs(inputs, reads, cuts=request.cuts, exact=exact)
+        if REFERENCE_INPUT in wanted and self._reference_texture is None:
+            self._reference_texture = self._gpu.ctx.texture(self._inputs.size, 4, dtype="f4")
 
-    def _open_runners(self, loaded: Sequence[tuple[MethodSpec, Method | RecordedFrames]], mapping: str | None) -> None:
-        for spec, method in loaded:
+    def _open_runners(self) -> None:
+        for spec, method in self._loaded:
+            if self.records[spec.label].failed is not None:
+                continue
             with self._isolated(spec.label):
-                runner = self._runner(spec, method, mapping)
+                runner = self._runner(spec, method)
                 self.runners[spec.label] = runner
                 self._facts[spec.label] |= {"settings": dict(runner.values), "memory_bytes": runner.bytes}
 
-    def _runner(
-        self, spec: MethodSpec, method: Method | RecordedFrames, mapping: str | None
-    ) -> MethodRunner | RecordedRunner:
+    def _runner(self, spec: MethodSpec, method: Method | RecordedFrames) -> MethodRunner | RecordedRunner:
         size = self._inputs.size
         if isinstance(method, RecordedFrames):
-            return RecordedRunner(self._gpu, method, size, self.frames, mapping=mapping, seed=self._seed)
+            return RecordedRunner(self._gpu, method, size, self.frames, mapping=self._request.mapping, seed=self._seed)
         values = method_settings(method, spec.settings)
         return MethodRunner(self._gpu, method, size, values, timer=PassTimer(self._gpu))
 
@@ -317,7 +367,24 @@ class _Evaluator:
     def run(
         self, progress: Callable[[Progress], None] | None, on_frame: Callable[[EvaluatedFrame], None] | None
     ) -> None:
+        """All frames with every seed.  The inputs and runners of the first seed are open already."""
+        for repetition, seed in enumerate(self.seeds):
+            if repetition:
+                self._release_sequence()
+                self._open_inputs(seed)
+                self._open_runners()
+            self._run_sequence(repetition, progress, on_frame)
+
+    def _run_sequence(
+        self,
+        repetition: int,
+        progress: Callable[[Progress], None] | None,
+        on_frame: Callable[[EvaluatedFrame], None] | None,
+    ) -> None:
         previous: Displayed | None = None
+        pairs = len(self.frames) - 1
+        for record in self.records.values():
+            record.begin(self.seeds[repetition])
         for done, frame in enumerate(self.frames):
             if not self.runners:
                 return  # all methods have failed
@@ -326,25 +393,46 @@ class _Evaluator:
             shading = self._inputs.shading_ms()
             if shading is not None and done:
                 self._shading.append(shading)
-            results = self._step_all(inputs, done)
             reference = self._frame_reference(frame, inputs, previous)
             previous = reference.image
-            self._score(reference, inputs, results, on_frame)
+            outputs = self._step_all(self._with_reference(inputs, reference), done)
+            evaluated = self._score(reference, inputs, outputs, repetition)
+            if on_frame is not None:
+                on_frame(evaluated)
             if progress is not None and done:
-                progress(Progress(self._scene.name, done, len(self.frames) - 1, time.perf_counter() - started))
+                seconds = time.perf_counter() - started
+                progress(Progress(self._scene.name, repetition * pairs + done, len(self.seeds) * pairs, seconds))
 
-    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, Array]:
-        """Results of all methods, (h, w, 4).  The order rotates by one method per frame."""
+    def _with_reference(self, inputs: FrameInputs, reference: FrameReference) -> FrameInputs:
+        """``inputs`` and the reference image, where a method reads it."""
+        if self._reference_texture is None:
+            return inputs
+        image = np.concatenate([reference.image.radiance, reference.image.valid[..., None]], axis=-1)
+        write_input(self._reference_texture, REFERENCE_INPUT, image)
+        return replace(inputs, textures={**inputs.textures, REFERENCE_INPUT: self._reference_texture})
+
+    def _step_all(self, inputs: FrameInputs, turn: int) -> dict[str, _Output]:
+        """Outputs of all methods.  The order rotates by one method per frame."""
         labels = list(self.runners)
         shift = turn % len(labels)
         out = {}
         for label in labels[shift:] + labels[:shift]:
             with self._isolated(label):
-                out[label] = read_result(self.runners[label].step(inputs))
+                runner = self.runners[label]
+                result = read_result(runner.step(inputs))
+                out[label] = _Output(result, runner.reported(inputs))
         return out
 
+    def _reference_image(self, frame: int) -> Array:
+        if frame in self._images:
+            return self._images[frame]
+        image = self._reference.image(frame)
+        if len(self.seeds) > 1 and image.nbytes * len(self.frames) <= KEPT_REFERENCE_BYTES:
+            self._images[frame] = image
+        return image
+
     def _frame_reference(self, frame: int, inputs: FrameInputs, previous: Displayed | None) -> FrameReference:
-        radiance = self._reference.image(frame)
+        radiance = self._reference_image(frame)
         valid = np.isfinite(radiance).all(axis=-1)
         mask = read_channel(self._inputs.exact_mask or inputs.textures["mask"], "mask")[..., 0]
         motion = read_channel(self._inputs.exact_motion or inputs.textures["motion"], "motion")
@@ -352,34 +440,29 @@ class _Evaluator:
         return FrameReference(frame, image, previous, mask, classify(mask), motion)
 
     def _score(
-        self,
-        reference: FrameReference,
-        inputs: FrameInputs,
-        results: Mapping[str, Array],
-        on_frame: Callable[[EvaluatedFrame], None] | None,
-    ) -> None:
+        self, reference: FrameReference, inputs: FrameInputs, outputs: Mapping[str, _Output], repetition: int
+    ) -> EvaluatedFrame:
         curve = self._settings.lighting.tone_map
-        scored = {
-            label: self.records[label].add(reference, results[label], curve, self._time_ms(label))
-            for label in self.runners
-        }
-        if on_frame is not None:
-            given = read_result(inputs.textures["radiance"])[..., :3]
-            linear = {label: results[label][..., :3] for label in scored}
-            on_frame(
-                EvaluatedFrame(
-                    reference.frame,
-                    display(np.nan_to_num(given), curve),
-                    reference.image.colors,
-                    {label: colors for label, (colors, _) in scored.items()},
-                    {label: error for label, (_, error) in scored.items()},
-                    {label: self.records[label].rows[-1] for label in scored},
-                    {"input": given, **linear, "reference": reference.image.radiance},
-                    reference.classes,
-                    inputs.exposure,
-                    self._seed,
-                )
-            )
+        given = read_result(inputs.textures["radiance"])
+        scored = {}
+        for label in self.runners:
+            output = outputs[label]
+            blended = Blended.of(given, output.reported)
+            scored[label] = self.records[label].add(reference, output.result, curve, self._time_ms(label), blended)
+        linear = {label: outputs[label].result[..., :3] for label in scored}
+        return EvaluatedFrame(
+            reference.frame,
+            display(np.nan_to_num(given[..., :3]), curve),
+            reference.image.colors,
+            {label: colors for label, (colors, _) in scored.items()},
+            {label: error for label, (_, error) in scored.items()},
+            {label: self.records[label].rows[-1] for label in scored},
+            {"input": given[..., :3], **linear, "reference": reference.image.radiance},
+            reference.classes,
+            inputs.exposure,
+            self.seeds[repetition],
+            repetition,
+        )
 
     def _time_ms(self, label: str) -> float | None:
         runner = self.runners[label]
@@ -393,14 +476,19 @@ class _Evaluator:
         methods = {label: self._facts[label] | record.summary() for label, record in self.records.items()}
         clock = PassTimer.clock
         shading = float(np.median(self._shading)) if self._shading else None
+        given = self._inputs.describe()
+        if given["seed"] is not None:
+            given["seed"] = self.seeds[0]
         return {
             "schema": SCHEMA,
             "scene": {"name": scene.name, "path": None if scene.path is None else str(scene.path),
                       "sha256": scene.sha256, "stand_in": scene.stand_in},
             "settings": settings.as_summary(self.frames),
             "frames": len(self.frames),
-            "evaluated_frames": len(self.frames) - 1,
-            "input": self._inputs.describe() | {"shading_ms": shading, "clock": clock},
+            "evaluated_frames": len(self.frames) - self._request.warmup,
+            "seeds": list(self.seeds),
+            "warmup": self._request.warmup,
+            "input": given | {"shading_ms": shading, "clock": clock},
             "reference": self._reference.describe(),
             "mask_source": self._mask_source,
             "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
@@ -409,10 +497,18 @@ class _Evaluator:
             "methods": methods,
         }  # fmt: skip
 
-    def release(self) -> None:
+    def _release_sequence(self) -> None:
+        """Inputs and runners of one seed."""
         for runner in self.runners.values():
             runner.release()
-        for part in (self._inputs, self._reference):
+        self.runners = {}
+        if self._inputs is not None:
+            self._inputs.release()
+            self._inputs = None
+
+    def release(self) -> None:
+        self._release_sequence()
+        for part in (self._reference, self._reference_texture):
             if part is not None:
                 part.release()
 

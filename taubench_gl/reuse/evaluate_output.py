@@ -226,6 +226,8 @@ class ReuseFolder:
             return
         if self._results is not None:
             self._results.add(evaluated.frame, evaluated.seed, evaluated.exposure, evaluated.radiance)
+        if evaluated.repetition:  # the images of the page are those of the first seed
+            return
         if self._video is not None:
             image = side_by_side(evaluated)
             self._shape = self._shape or image.shape

@@ -16,7 +16,7 @@ from taubench_gl.provenance import git_commit
 from taubench_gl.reuse.contract import Method, Setting, Value
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
 from taubench_gl.reuse.loading import load_method
-from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.reuse.quality import CHOICES, MEASURES
 from taubench_gl.reuse.scores import EQUAL
 from taubench_gl.run import Progress
 from taubench_gl.scene import load_scene
@@ -24,7 +24,7 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
 SCHEMA = "taubench-gl/reuse-fit/2"
-METRICS = {name.removesuffix("_db"): name for name in MEASURES}
+METRICS = {name.removesuffix("_db"): name for name in MEASURES if name.removesuffix("_db") in CHOICES}
 """Names of metrics for users -> keys of MEASURES."""
 
 DEFAULT_METRIC = "flip"

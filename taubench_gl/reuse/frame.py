@@ -62,6 +62,10 @@ INPUTS: dict[str, InputInfo] = {
             "mask of the exact frames (noise-free, at pixel centers), also with DIRECT, INDIRECT, COLOR, LIT and "
             "SHADOWED: unknown to a renderer",
         ),
+        InputInfo(
+            "reference", 4, "f4", RADIANCE_UNIT,
+            "rgb: the reference image, linear, exposure applied; a: 1 where it is finite: unknown to a renderer",
+        ),
     )
 }  # fmt: skip
 """Textures by name.  All have the size of the image; row 0 of GL memory is the bottom."""

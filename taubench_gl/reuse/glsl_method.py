@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import moderngl
 import numpy as np
@@ -16,6 +16,8 @@ from taubench_gl.gpu.shader import VERSION, Source, compile_compute, resolve
 from taubench_gl.reuse.contract import (
     BLOCK_THREADS,
     FORMATS,
+    REPORT_FORMAT,
+    REPORTS,
     RESULT,
     RESULT_FORMAT,
     Format,
@@ -23,7 +25,7 @@ from taubench_gl.reuse.contract import (
     PassInfo,
     Value,
 )
-from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, FrameInputs
+from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, FrameInputs, read_result
 
 FRAME = Struct(
     "ReuseFrame",
@@ -72,12 +74,17 @@ def format_of(method: Method, name: str) -> Format:
     """Format of anything that a pass can read or write."""
     if name in INPUTS:
         return _INPUT_FORMAT[INPUTS[name].components, INPUTS[name].dtype]
+    if name in REPORTS:
+        return REPORT_FORMAT
     kept = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
     return kept[name if name in kept else name.removeprefix("prev_")]
 
 
-def preamble(method: Method, info: PassInfo) -> str:
-    """GLSL text before the shader of ``info``: frame, settings, and functions to read and write by name."""
+def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
+    """GLSL text before the shader of ``info``: frame, settings, and functions to read and write by name.
+
+    ``report``: store the outputs of REPORTS; without it, writing them does nothing.
+    """
     lines = [FRAME.glsl, "layout(std430, binding = 0) readonly buffer FrameBlock { ReuseFrame frame; };"]
     lines += [f"const uint {bit.name} = {bit.value}u;" for bit in Reason]
     lines += [
@@ -95,8 +102,12 @@ def preamble(method: Method, info: PassInfo) -> str:
         lines += [f"const int {s.name.upper()}_{c.upper()} = {i};" for i, c in enumerate(s.choices)]
     for name in info.reads:
         lines += _reader(name, format_of(method, name))
-    for binding, name in enumerate(info.writes):
+    for binding, name in enumerate(_stored(info, report)):
         lines += _writer(name, format_of(method, name), binding)
+    if not report:
+        lines += [
+            f"void write_{name}(ivec2 p, vec{n} v) {{}}" for name in info.writes if name in REPORTS for n in (3, 4)
+        ]
     for name, bits in (("mask", _REJECT), ("exact_mask", _REJECT | _CHANGED)):
         if name in info.reads:
             suffix = "" if name == "mask" else "_exact"
@@ -158,6 +169,8 @@ def _writer(name: str, form: Format, binding: int) -> list[str]:
         f"layout({form.name}, binding = {binding}) writeonly uniform {prefix}image2D {image};",
         f"void write_{name}(ivec2 p, {form.glsl} v) {{ imageStore({image}, p, {padded}); }}",
     ]
+    if name in REPORTS:
+        lines.append(f"void write_{name}(ivec2 p, vec3 v) {{ imageStore({image}, p, vec4(v, 1.0)); }}")
     if name == RESULT:  # a = -1: the weight of history is not reported
         lines.append(f"void write_{name}(ivec2 p, vec3 v) {{ imageStore({image}, p, vec4(v, -1.0)); }}")
     return lines
@@ -180,7 +193,12 @@ def group_count(info: PassInfo, size: tuple[int, int], group: tuple[int, int]) -
     return -(-size[0] // step[0]) + more, -(-size[1] // step[1]) + more
 
 
-def build_source(method: Method, info: PassInfo, group: tuple[int, int]) -> Source:
+def _stored(info: PassInfo, report: bool) -> tuple[str, ...]:
+    """The outputs of a pass that have a texture."""
+    return tuple(name for name in info.writes if report or name not in REPORTS)
+
+
+def build_source(method: Method, info: PassInfo, group: tuple[int, int], report: bool = False) -> Source:
     """The complete shader of one pass.  Errors refer to file and line of the user.  Raises MethodError."""
     group = group_size(info, group)
     lines = [VERSION.rstrip("\n"), f"layout(local_size_x = {group[0]}, local_size_y = {group[1]}) in;"]
@@ -192,7 +210,7 @@ def build_source(method: Method, info: PassInfo, group: tuple[int, int]) -> Sour
 
     common = resolve("common/reuse.glsl")
     append("\n".join(common.text.splitlines()[1:]), common.origin[1:])
-    generated = preamble(method, info)
+    generated = preamble(method, info, report)
     append(generated, tuple(f"generated for {info.shader}, line {i}" for i in range(1, generated.count("\n") + 2)))
     try:
         own = resolve(info.shader, root=method.folder)
@@ -210,6 +228,7 @@ class GlslPasses:
         self._gpu, self._method, self._size = gpu, method, size
         self._group = Tuning(gpu.software).shading_group
         self._programs: list[moderngl.ComputeShader] = []
+        self._reporting: list[moderngl.ComputeShader] = []  # the same passes, storing REPORTS; compiled on demand
         self._parameters: moderngl.Buffer | None = None
         self._now: dict[str, moderngl.Texture] = {}
         self._before: dict[str, moderngl.Texture] = {}
@@ -230,8 +249,8 @@ class GlslPasses:
             self.release()
             raise
 
-    def _compile(self, info: PassInfo) -> moderngl.ComputeShader:
-        source = build_source(self._method, info, self._group)
+    def _compile(self, info: PassInfo, report: bool = False) -> moderngl.ComputeShader:
+        source = build_source(self._method, info, self._group, report)
         try:
             return compile_compute(self._gpu.ctx, source)
         except GraphicsError as error:
@@ -253,24 +272,51 @@ class GlslPasses:
     def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
         """All passes of one frame.  -> the result.  Swaps the histories: they are ``prev_`` in the next frame."""
         self._write_frame(frame, values, has_history)
+        self._run_passes(self._programs, frame, values)
+        self._swap()
+        return self._now[RESULT]
+
+    def _run_passes(
+        self, programs: Sequence[moderngl.ComputeShader], frame: FrameInputs, values: Mapping[str, Value],
+        report: bool = False,
+    ) -> None:  # fmt: skip
         self._parameters.bind_to_storage_buffer(0)
-        for info, program in zip(self._method.passes, self._programs, strict=True):
+        for info, program in zip(self._method.passes, programs, strict=True):
             self._set(program, {name: s.number(values[name]) for name, s in self._method.settings.items()})
             for iteration in range(self._method.number(info.repeat, values)):
                 self._set(program, {"iteration": iteration})
-                self._dispatch(info, program, frame)
+                self._dispatch(info, program, frame, report)
+
+    def _swap(self) -> None:
+        """Histories of this frame become those of the previous frame."""
         for name in self._method.history:
             self._now[name], self._before[name] = self._before[name], self._now[name]
-        return self._now[RESULT]
 
-    def _dispatch(self, info: PassInfo, program: moderngl.ComputeShader, frame: FrameInputs) -> None:
+    def reported(self, frame: FrameInputs, values: Mapping[str, Value]) -> dict[str, np.ndarray]:
+        """The outputs of REPORTS of the last ``run``, (h, w, 4) float32, row 0 at the top.
+
+        Runs the passes once more over the same histories, so that storing the outputs takes no time from ``run``.
+        """
+        if not self._method.reports:
+            return {}
+        if not self._reporting:
+            self._reporting = [self._compile(info, report=True) for info in self._method.passes]
+            self._now |= {name: self._texture(REPORT_FORMAT) for name in self._method.reports}
+        self._swap()
+        self._run_passes(self._reporting, frame, values, report=True)
+        self._swap()
+        return {name: read_result(self._now[name]) for name in self._method.reports}
+
+    def _dispatch(
+        self, info: PassInfo, program: moderngl.ComputeShader, frame: FrameInputs, report: bool = False
+    ) -> None:
         unit = 0
         for name in info.reads:
             if f"{name}_texture" in program:  # GL removes unused uniforms
                 self._readable(name, frame).use(unit)
                 program[f"{name}_texture"] = unit
                 unit += 1
-        for binding, name in enumerate(info.writes):
+        for binding, name in enumerate(_stored(info, report)):
             target = self._spare if name in info.reads else self._now
             target[name].bind_to_image(binding, read=False, write=True)
         program.run(*group_count(info, self._size, self._group))
@@ -313,10 +359,16 @@ class GlslPasses:
         self._parameters.write(record.tobytes())
 
     def release(self) -> None:
-        for item in (*self._programs, *self._now.values(), *self._before.values(), *self._spare.values()):
+        for item in (
+            *self._programs,
+            *self._reporting,
+            *self._now.values(),
+            *self._before.values(),
+            *self._spare.values(),
+        ):
             item.release()
         if self._parameters is not None:
             self._parameters.release()
-        self._programs, self._parameters = [], None
+        self._programs, self._reporting, self._parameters = [], [], None
         for textures in (self._now, self._before, self._spare):
             textures.clear()

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
-from taubench_gl.errors import MethodError
+from taubench_gl.errors import MethodError, note_renamed
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import Method, suggestion
 from taubench_gl.reuse.python_method import method_from_class
@@ -19,6 +19,8 @@ from taubench_gl.reuse.toml_method import FILE, load_folder
 
 ENTRY_POINTS = "taubench_gl.methods"
 BUILTIN = PACKAGE / "reuse" / "methods"
+FORMER_METHODS = {"oracle": "ideal-masks"}
+"""Former names of built-in methods, accepted for one release."""
 
 
 def builtin_methods() -> tuple[str, ...]:
@@ -31,6 +33,14 @@ def installed_methods() -> dict[str, str]:
     return {point.name: point.value for point in importlib.metadata.entry_points(group=ENTRY_POINTS)}
 
 
+def current_name(name: str) -> str:
+    """``name``, or the name that replaces it, with a note."""
+    if name not in FORMER_METHODS:
+        return name
+    note_renamed(f"method {name}", f"method {FORMER_METHODS[name]}")
+    return FORMER_METHODS[name]
+
+
 def load_method(source: str | Path | type | Method) -> Method:
     """A validated method, without any GL call.
 
@@ -41,6 +51,7 @@ def load_method(source: str | Path | type | Method) -> Method:
         return source
     if isinstance(source, type):
         return method_from_class(source)
+    source = current_name(source) if isinstance(source, str) else source
     text = str(source)
     if isinstance(source, str):
         if text in builtin_methods():

@@ -6,6 +6,8 @@ class MyMethod:
 
     def __init__(self, size, settings): ...            # (width, height), {name: value}; created again after a cut
     def step(self, frame): ...                         # dict (frame.frame_arrays) -> (h, w, 3) or (h, w, 4)
+
+A class that declares ``reports``, names of contract.REPORTS, returns a dict from ``step``: ``result`` and these names.
 """
 
 from __future__ import annotations
@@ -20,7 +22,16 @@ import numpy as np
 from taubench_gl.errors import MethodError
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.timing import PassTimer
-from taubench_gl.reuse.contract import Method, Value, name_error, parse_reads, parse_setting
+from taubench_gl.reuse.contract import (
+    REPORTS,
+    RESULT,
+    Method,
+    Value,
+    name_error,
+    parse_reads,
+    parse_setting,
+    suggestion,
+)
 from taubench_gl.reuse.frame import FrameInputs, frame_arrays
 from taubench_gl.reuse.stages import parse_stages
 
@@ -47,6 +58,11 @@ def method_from_class(cls: type, where: str = "") -> Method:
         errors += [f"settings.{name}.{error}" for error in more]
         if setting:
             settings[name] = setting
+    reports = getattr(cls, "reports", ())
+    if not isinstance(reports, (tuple, list)):
+        errors.append('reports: must be a tuple of names, such as ("reprojected_history",)')
+        reports = ()
+    errors += [f"reports: there is no report {n!r}{suggestion(str(n), REPORTS)}" for n in reports if n not in REPORTS]
     if not callable(getattr(cls, "step", None)):
         errors.append("step: must be a function step(self, frame)")
     name = str(getattr(cls, "name", cls.__name__))
@@ -68,6 +84,7 @@ def method_from_class(cls: type, where: str = "") -> Method:
         factory=cls,
         where=where,
         stages=stages,
+        reports=tuple(reports),
     )
 
 
@@ -77,6 +94,7 @@ class PythonSteps:
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], timer: PassTimer):
         self._method, self._size, self._timer = method, size, timer
         self._instance = None
+        self._reported: dict[str, np.ndarray] = {}
         self._result = gpu.ctx.texture(size, 4, dtype="f4")
         self._result.filter = (moderngl.NEAREST, moderngl.NEAREST)
 
@@ -92,10 +110,26 @@ class PythonSteps:
             if self._instance is None:
                 self._instance = self._call("__init__", lambda: self._method.factory(self._size, dict(values)))
             image = self._call("step", lambda: self._instance.step(arrays))
-        image = self._checked(image)
+        image = self._checked(self._split(image))
         with self._timer.measure(f"{name}: upload"):
             self._result.write(np.ascontiguousarray(image[::-1]))
         return self._result
+
+    def _split(self, returned: object) -> object:
+        """The result; keeps the reports of a class that declares some."""
+        declared = self._method.reports
+        if not declared:
+            return returned
+        missing = [n for n in (RESULT, *declared) if not isinstance(returned, Mapping) or n not in returned]
+        if missing:
+            what = f"step returned no {', '.join(missing)}"
+            raise MethodError(what, where=self._method.label, hint="return a dict with result and the reports")
+        self._reported = {name: self._checked(returned[name], alpha=1.0) for name in declared}
+        return returned[RESULT]
+
+    def reported(self, frame: FrameInputs, values: Mapping[str, Value]) -> dict[str, np.ndarray]:
+        """The declared reports of the last frame, (h, w, 4) float32, row 0 at the top."""
+        return dict(self._reported)
 
     def _call(self, what: str, function):
         try:
@@ -108,8 +142,8 @@ class PythonSteps:
             why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             raise MethodError(f"{what} raised {why}{at}", where=self._method.label) from error
 
-    def _checked(self, image: object) -> np.ndarray:
-        """-> (h, w, 4) float32; alpha is -1 if the class does not report the weight of history."""
+    def _checked(self, image: object, alpha: float = -1.0) -> np.ndarray:
+        """-> (h, w, 4) float32; ``alpha`` where the class returned three components: -1, no reported weight."""
         width, height = self._size
         try:
             image = np.asarray(image, dtype=np.float32)
@@ -122,7 +156,7 @@ class PythonSteps:
             )
         if image.shape[2] == 4:
             return image
-        return np.concatenate([image, np.full((height, width, 1), -1.0, dtype=np.float32)], axis=2)
+        return np.concatenate([image, np.full((height, width, 1), alpha, dtype=np.float32)], axis=2)
 
     def release(self) -> None:
         self._instance = None

@@ -28,29 +28,39 @@ DISCARDS = int(NOT_COMPARABLE) | sum(int(bit) for bit in FEATURE_BIT.values())
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One number of a frame.  ``better``: higher or lower; ``digits`` after the point in tables."""
+    """One number of a frame.  ``better``: higher or lower; ``digits`` after the point in tables; ``metric``: the name
+    of CHOICES that requests it, empty: always computed."""
 
     name: str
     unit: str
     better: str
     digits: int
     doc: str
+    metric: str = ""
 
 
 MEASURES: dict[str, Measure] = {
     m.name: m
     for m in (
         Measure("psnr_db", "dB", "higher", 2, "10 log10(1 / MSE) of display colors; over frames: of the mean MSE"),
-        Measure("ssim", "", "higher", 4, "mean structural similarity of display colors (Wang et al. 2004)"),
-        Measure("flip", "", "lower", 4, "mean LDR-FLIP of display colors, 67 pixels per degree (Andersson 2020)"),
+        Measure("ssim", "", "higher", 4, "mean structural similarity of display colors (Wang et al. 2004)", "ssim"),
+        Measure("flip", "", "lower", 4, "mean LDR-FLIP of display colors, 67 pixels per degree (Andersson 2020)",
+                "flip"),
         Measure("relmse", "", "lower", 5, "mean of (image - reference)^2 / (reference^2 + 0.01), linear radiance"),
-        Measure("tpsnr_db", "dB", "higher", 2, "PSNR of the change from frame to frame against that of the reference"),
-        Measure("flicker", "", "lower", 5, "mean |change along motion - that of the reference| where history is valid"),
+        Measure(
+            "tpsnr_db", "dB", "higher", 2, "PSNR of the change from frame to frame against that of the reference",
+            "tpsnr",
+        ),
+        Measure(
+            "flicker", "", "lower", 5, "mean |change along motion - that of the reference| where history is valid",
+            "flicker",
+        ),
+        Measure("linear_mse", "", "lower", 6, "mean of (image - reference)^2, linear radiance"),
     )
 }  # fmt: skip
 
 CHOICES = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
-"""Names of metrics for users.  PSNR and relMSE are always computed."""
+"""Names of metrics for users.  PSNR, relMSE and the linear MSE are always computed."""
 
 
 def display(radiance: Array, curve: str = "linear") -> Array:
@@ -66,6 +76,12 @@ def psnr(mse: float) -> float | None:
 def squared_error(shown: Array, reference: Array) -> Array:
     """Mean over channels of the squared difference of display colors.  -> (h, w) float64."""
     return np.mean((shown - reference) ** 2, axis=-1)
+
+
+def linear_squared_error(image: Array, reference: Array) -> Array:
+    """Mean over channels of (image - reference)^2 of linear radiance.  -> (h, w) float64."""
+    image, reference = (np.asarray(x, dtype=np.float64) for x in (image, reference))
+    return np.mean((image - reference) ** 2, axis=-1)
 
 
 def relative_squared_error(image: Array, reference: Array) -> Array:

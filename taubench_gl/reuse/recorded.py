@@ -146,6 +146,10 @@ class RecordedRunner:
         self._texture.write(np.ascontiguousarray(np.concatenate([radiance, weight], axis=-1)[::-1]))
         return self._texture
 
+    def reported(self, frame: FrameInputs) -> dict[str, Array]:
+        """Nothing: how the files were made is unknown."""
+        return {}
+
     def release(self) -> None:
         self._texture.release()
 

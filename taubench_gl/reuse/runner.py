@@ -90,6 +90,13 @@ class MethodRunner:
             self._check.run(result, frame, self.method)
         return result
 
+    def reported(self, frame: FrameInputs) -> dict[str, np.ndarray]:
+        """What the method blended in the step of ``frame``, the last one; not timed.
+
+        -> names of contract.REPORTS that the method declares: (h, w, 4) float32, row 0 at the top.
+        """
+        return self._backend.reported(frame, self.values)
+
     def _check_inputs(self, frame: FrameInputs) -> None:
         missing = [name for name in self.method.reads if name not in frame.textures]
         if missing:

@@ -10,19 +10,22 @@ import numpy as np
 
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.reuse import quality
+from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
 
 Array = np.ndarray
 
 ROW_COLUMNS = (
-    "frame", "method", "psnr_db", "ssim", "flip", "relmse", "tpsnr_db", "flicker", "reused_percent", "mean_weight",
-    "wrongly_reused_percent", "wrongly_rejected_percent", "time_ms", "invalid_pixels",
+    "seed", "frame", "method", *quality.MEASURES, "reused_percent", "mean_weight", "effective_weight",
+    "wrongly_reused_percent", "wrongly_rejected_percent", "bound_linear_mse", "headroom_db", "bound_weight",
+    "blended_percent", "time_ms", "invalid_pixels",
 )  # fmt: skip
-"""frames.csv, one row per frame and method.  An empty cell was not measured."""
+"""frames.csv, one row per seed, frame and method.  An empty cell was not measured."""
 
 NO_WEIGHT = "the method does not report the weight of history (alpha of its result is -1)"
 NO_EXACT_MASK = "there is no exact mask of these frames"
 NOT_REQUESTED = "not requested"
 EQUAL = "equal to the reference: infinite"
+BLACK = "image and reference are black"
 
 CLASSES: dict[str, tuple[int, str]] = {
     "not_classified": (int(Reason.FIRST | Reason.CUT | Reason.INVALID), "no history: first frame, cut, or invalid"),
@@ -109,99 +112,156 @@ class FrameReference:
 
 @dataclass(slots=True)
 class MethodRecord:
-    """Scores of one method, frame by frame.
+    """Scores of one method, frame by frame, seed by seed.
 
-    ``metrics`` of quality.CHOICES; ``exact_mask``: whether the masks are those of the exact frames.
+    ``metrics`` of quality.CHOICES; ``exact_mask``: whether the masks are those of the exact frames; ``warmup``: first
+    frames of every seed that means leave out, at least the first, which has no history.
     """
 
     label: str
     metrics: frozenset[str]
     exact_mask: bool
+    warmup: int = 1
     rows: list[dict[str, Any]] = field(default_factory=list)
+    counted: list[dict[str, Any]] = field(default_factory=list)  # the rows that means are over
     classes: ClassErrors = field(default_factory=ClassErrors)
+    bounds: BoundRecord = field(default_factory=BoundRecord)
     failed: str | None = None
+    _seed: int = 0
+    _index: int = 0
     _mse: list[float] = field(default_factory=list)
     _temporal_mse: list[float] = field(default_factory=list)
     _previous: Displayed | None = None
 
-    def add(self, reference: FrameReference, result: Array, curve: str, time_ms: float | None) -> tuple[Array, Array]:
-        """Evaluate one frame.  ``result`` (h, w, 4): radiance and weight of history.
+    def begin(self, seed: int) -> None:
+        """The next frame is the first of the sequence of ``seed``."""
+        self._seed, self._index, self._previous = seed, 0, None
+
+    def add(
+        self,
+        reference: FrameReference,
+        result: Array,
+        curve: str,
+        time_ms: float | None,
+        blended: Blended | None = None,
+    ) -> tuple[Array, Array]:
+        """Evaluate one frame.  ``result`` (h, w, 4): radiance and weight of history; ``blended``: what it blended.
 
         -> display colors (h, w, 3) and an error map (h, w) in [0, 1]: FLIP, or without it 4 |error|.
         """
         valid = reference.image.valid & np.isfinite(result).all(axis=-1)
         shown, expected = Displayed.of(result[..., :3], valid, curve), reference.image.masked(valid)
-        square = quality.squared_error(shown.colors, expected.colors)
-        relative = quality.relative_squared_error(shown.radiance, expected.radiance)
-        errors = {"mse": square, "relmse": relative}
+        errors = {
+            "mse": quality.squared_error(shown.colors, expected.colors),
+            "relmse": quality.relative_squared_error(shown.radiance, expected.radiance),
+            "linear_mse": quality.linear_squared_error(shown.radiance, expected.radiance),
+        }
+        counted = self._index >= self.warmup
         row: dict[str, Any] = dict.fromkeys(ROW_COLUMNS)
-        row |= {"frame": reference.frame, "method": self.label, "time_ms": time_ms}
-        row |= {"psnr_db": quality.psnr(float(square.mean())), "relmse": float(relative.mean())}
+        row |= {"seed": self._seed, "frame": reference.frame, "method": self.label, "time_ms": time_ms}
         row["invalid_pixels"] = int(np.count_nonzero(~valid))
-        if "ssim" in self.metrics:
-            row["ssim"] = quality.ssim(shown.colors, expected.colors)
-        if "flip" in self.metrics:
-            errors["flip"] = quality.flip_map(shown.colors, expected.colors)
-            row["flip"] = float(errors["flip"].mean())
+        if not (_black(shown) and _black(expected)):
+            row |= self._image_measures(shown, expected, errors)
+        if blended is not None:
+            bound = bound_of_frame(blended, result, expected.radiance, valid)
+            row |= bound.row
+            if counted:
+                self.bounds.frames.append(bound)
         if self._previous is not None:  # the first frame has no history
             allowed = quality.reusable(reference.mask)
-            self._mse.append(float(square.mean()))
-            self.classes.add(reference.classes, errors)
-            row |= self._temporal(shown, expected, reference, allowed)
+            row |= self._temporal(shown, expected, reference, allowed, counted)
             row |= weights(result[..., 3], allowed if self.exact_mask else None)
-        self._previous = shown
+        if counted:
+            self._mse.append(float(errors["mse"].mean()))
+            self.classes.add(reference.classes, errors)
+            self.counted.append(row)
+        self._previous, self._index = shown, self._index + 1
         self.rows.append(row)
-        return shown.colors, errors.get("flip", np.clip(4.0 * np.sqrt(square), 0.0, 1.0))
+        return shown.colors, errors.get("flip", np.clip(4.0 * np.sqrt(errors["mse"]), 0.0, 1.0))
+
+    def _image_measures(self, shown: Displayed, expected: Displayed, errors: dict[str, Array]) -> dict[str, Any]:
+        """Measures of one image; adds the map of FLIP to ``errors``."""
+        out: dict[str, Any] = {name: float(errors[name].mean()) for name in ("relmse", "linear_mse")}
+        out["psnr_db"] = quality.psnr(float(errors["mse"].mean()))
+        if "ssim" in self.metrics:
+            out["ssim"] = quality.ssim(shown.colors, expected.colors)
+        if "flip" in self.metrics:
+            errors["flip"] = quality.flip_map(shown.colors, expected.colors)
+            out["flip"] = float(errors["flip"].mean())
+        return out
 
     def _temporal(
-        self, shown: Displayed, expected: Displayed, reference: FrameReference, allowed: Array
+        self, shown: Displayed, expected: Displayed, reference: FrameReference, allowed: Array, counted: bool
     ) -> dict[str, float | None]:
         out: dict[str, float | None] = {}
-        images = shown.colors, self._previous.colors, expected.colors, reference.previous.colors
+        before, expected_before = self._previous, reference.previous
+        if all(_black(image) for image in (shown, before, expected, expected_before)):
+            return out
+        images = shown.colors, before.colors, expected.colors, expected_before.colors
         if "tpsnr" in self.metrics:
             error = quality.temporal_squared_error(*images)
-            self._temporal_mse.append(float(np.where(shown.valid & self._previous.valid, error, 0.0).mean()))
-            out["tpsnr_db"] = quality.psnr(self._temporal_mse[-1])
+            mse = float(np.where(shown.valid & before.valid, error, 0.0).mean())
+            out["tpsnr_db"] = quality.psnr(mse)
+            if counted:
+                self._temporal_mse.append(mse)
         if "flicker" in self.metrics:
-            valid = shown.valid & quality.history_of(self._previous.valid, reference.motion_px)
+            valid = shown.valid & quality.history_of(before.valid, reference.motion_px)
             out["flicker"] = quality.flicker(*images, reference.motion_px, allowed & valid)
         return out
 
     def summary(self) -> dict[str, Any]:
-        """Means over all frames except the first; ``reasons`` explains every None."""
-        rows = self.rows[1:]
+        """Means over the counted frames of all seeds; ``reasons`` explains every None."""
+        rows = self.counted
         if self.failed is not None or not rows:
             return {"failed": self.failed or "fewer than two frames", "frames": len(self.rows)}
-        mean = {n: _mean(rows, n) for n in ("ssim", "flip", "relmse", "flicker")}
-        mean |= {"psnr_db": quality.psnr(float(np.mean(self._mse)))}
-        mean["tpsnr_db"] = quality.psnr(float(np.mean(self._temporal_mse))) if self._temporal_mse else None
-        mean = {name: mean[name] for name in quality.MEASURES}
-        reuse = {n: _mean(rows, n) for n in ("reused_percent", "mean_weight")}
-        reuse |= {n: _mean(rows, n) for n in ("wrongly_reused_percent", "wrongly_rejected_percent")}
+        mean = {name: _mean(rows, name) for name in quality.MEASURES}
+        if mean["relmse"] is not None:  # else all frames are black
+            mean["psnr_db"] = quality.psnr(float(np.mean(self._mse)))
+            mean["tpsnr_db"] = quality.psnr(float(np.mean(self._temporal_mse))) if self._temporal_mse else None
+        reuse = {n: _mean(rows, n) for n in REUSE}
+        bound = self.bounds.summary()
         times = [row["time_ms"] for row in rows if row["time_ms"] is not None]
         return {
             "failed": None,
             "frames": len(self.rows),
             "mean": mean,
             "reuse": reuse,
+            "bound": bound,
             "classes": self.classes.summary(),
             "time_ms": statistics.median(times) if times else None,
             "invalid_pixels": sum(row["invalid_pixels"] for row in self.rows),
-            "reasons": self._reasons(mean, reuse),
+            "black_frames": sum(row["relmse"] is None for row in self.rows),
+            "reasons": self._reasons(mean, reuse, bound),
         }
 
-    def _reasons(self, mean: dict[str, Any], reuse: dict[str, Any]) -> dict[str, str]:
+    def _reasons(self, mean: dict[str, Any], reuse: dict[str, Any], bound: dict[str, Any] | None) -> dict[str, str]:
         out = {}
         for name, value in mean.items():
             if value is None:
-                requested = name.removesuffix("_db") in self.metrics or name in ("psnr_db", "relmse")
+                metric = quality.MEASURES[name].metric
                 small = f"the image is smaller than SSIM's window of {quality.SSIM_SIDE} pixels"
                 known = {"ssim": small, "flicker": "no pixel is reusable by the exact mask"}
-                out[name] = NOT_REQUESTED if not requested else known.get(name, EQUAL)
+                black = all(row["relmse"] is None for row in self.counted)
+                measured = BLACK if black else known.get(name, EQUAL)
+                out[name] = NOT_REQUESTED if metric and metric not in self.metrics else measured
         for name, value in reuse.items():
             if value is None:
                 out[name] = NO_WEIGHT if reuse["mean_weight"] is None else NO_EXACT_MASK
+        if bound is None:
+            out |= {"bound": NO_HISTORY}
+            if reuse["mean_weight"] is not None:
+                out["effective_weight"] = NO_HISTORY
+        elif bound["headroom_db"] is None:
+            out["bound.headroom_db"] = EXACT
         return out
+
+
+REUSE = ("reused_percent", "mean_weight", "effective_weight", "wrongly_reused_percent", "wrongly_rejected_percent")
+"""Columns of a method's block ``reuse``."""
+
+
+def _black(image: Displayed) -> bool:
+    return not image.radiance.any()
 
 
 def weights(weight: Array, allowed: Array | None) -> dict[str, float | None]:

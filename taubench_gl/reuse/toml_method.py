@@ -16,6 +16,7 @@ from taubench_gl.reuse.contract import (
     MAX_REPEAT,
     MAX_WRITES,
     MIN_BLOCK,
+    REPORTS,
     RESULT,
     RESULT_FORMAT,
     Format,
@@ -76,7 +77,7 @@ class _Parser:
         if self.errors:
             return None, self.errors
         method = Method(name, title, cite, reads, settings, history, buffers, passes, self.folder, keyframe,
-                        where=str(self.folder), stages=stages)  # fmt: skip
+                        where=str(self.folder), stages=stages, reports=_reports(passes))  # fmt: skip
         return method, []
 
     # ------------------------------------------------------------------------------------------------ simple values
@@ -171,7 +172,7 @@ class _Parser:
             at = f"pass[{number}]"
             self.errors += [f"{at}.{key}: unknown key{suggestion(key, _PASS_KEYS)}"
                             for key in entry if key not in _PASS_KEYS]  # fmt: skip
-            writes = self.names(f"{at}.writes", entry.get("writes"), list(kept))
+            writes = self.names(f"{at}.writes", entry.get("writes"), [*kept, *REPORTS])
             readable = [*reads, *(f"prev_{name}" for name in history), *written]
             requested = entry.get("reads")
             chosen = tuple(readable) if requested is None else self.names(f"{at}.reads", requested, readable, kept)
@@ -183,8 +184,9 @@ class _Parser:
                     self.errors.append(f"{at}.{what}: {len(names)} textures; the limit per pass is {most}")
             block = self.block(f"{at}.block", entry.get("block"))
             info = PassInfo(str(entry.get("shader")), chosen, writes, repeat or 1, block)
-            self.shader(at, entry.get("shader"), info, (*reads, *kept, *(f"prev_{n}" for n in history)))
-            written += [name for name in writes if name not in written]
+            known = (*reads, *kept, *REPORTS, *(f"prev_{n}" for n in history))
+            self.shader(at, entry.get("shader"), info, known)
+            written += [name for name in writes if name not in written and name not in REPORTS]
             found.append(info)
         for name in kept:
             if name not in written:
@@ -243,6 +245,10 @@ class _Parser:
                     continue
                 line = text.count("\n", 0, match.start()) + 1
                 self.errors.append(f"{file}:{line}: {match.group(0)[:-1]}: {_missing(verb, name, at)}")
+
+
+def _reports(passes: tuple[PassInfo, ...]) -> tuple[str, ...]:
+    return tuple(name for name in REPORTS if any(name in info.writes for info in passes))
 
 
 def _missing(verb: str, name: str, at: str) -> str:

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taubench_gl.metrics.significance import Estimate, block_means, holm_rejected, relative_difference, welch_p_values
+from taubench_gl.metrics.significance import (
+    Estimate,
+    block_means,
+    holm_adjusted,
+    holm_rejected,
+    relative_difference,
+    welch_p_values,
+)
 
 SHAPE = (14, 24, 3)
 
@@ -69,3 +76,18 @@ def test_block_means_leave_out_incomplete_blocks():
     means = block_means(image, 2)
     assert means.shape == (2, 3, 1) and means[0, 0, 0] == np.mean([0, 1, 7, 8])
     assert block_means(np.zeros((4, 6, 8, 3)), 4).shape == (4, 1, 2, 3)
+
+
+def test_holm_by_hand():
+    # Sorted 0.005, 0.01, 0.03, 0.04 times 4, 3, 2, 1: 0.02, 0.03, 0.06, 0.04, the last not below the one before.
+    p_values = np.array([[0.01, 0.04], [0.03, 0.005]])
+    np.testing.assert_allclose(holm_adjusted(p_values), [[0.03, 0.06], [0.06, 0.02]])
+    np.testing.assert_array_equal(holm_rejected(p_values, 0.05), [[True, False], [False, True]])
+    np.testing.assert_allclose(holm_adjusted(np.array([0.6, 0.9])), [1.0, 1.0])
+    assert holm_adjusted(np.array([0.2])) == 0.2
+
+
+def test_holm_adjusted_values_reject_where_holm_does():
+    p_values = np.random.default_rng(8).random(40) ** 6
+    for significance in (0.001, 0.01, 0.05):
+        np.testing.assert_array_equal(holm_adjusted(p_values) <= significance, holm_rejected(p_values, significance))

@@ -25,11 +25,11 @@ def test_ghosting_of_variance_clip_clamp_and_none(kind):
     assert whole[0] < whole[1] < whole[2]
 
 
-def test_ghosting_of_accumulation_and_oracle():
-    done = evaluate(passing_box(), ["accumulate", "oracle", "none"], (0, 14))
+def test_ghosting_of_accumulation_and_ideal_masks():
+    done = evaluate(passing_box(), ["accumulate", "ideal-masks", "none"], (0, 14))
     assert class_mse(done, "accumulate", "disoccluded") > 0.02
-    assert class_mse(done, "oracle", "disoccluded") == 0.0
-    reuse = done.summary["methods"]["oracle"]["reuse"]
+    assert class_mse(done, "ideal-masks", "disoccluded") == 0.0
+    reuse = done.summary["methods"]["ideal-masks"]["reuse"]
     assert reuse["wrongly_reused_percent"] == reuse["wrongly_rejected_percent"] == 0.0
     assert reuse["reused_percent"] > 90
     assert done.summary["methods"]["accumulate"]["reuse"]["wrongly_reused_percent"] > 1
@@ -81,7 +81,7 @@ def test_scores_of_the_reference_itself():
     done = evaluate(passing_box(), ["none"], (0, 4), metrics=("ssim", "flip", "tpsnr", "flicker"))
     scores = done.summary["methods"]["none"]
     assert scores["mean"] == {
-        "psnr_db": None, "ssim": 1.0, "flip": 0.0, "relmse": 0.0, "tpsnr_db": None, "flicker": 0.0,
+        "psnr_db": None, "ssim": 1.0, "flip": 0.0, "relmse": 0.0, "tpsnr_db": None, "flicker": 0.0, "linear_mse": 0.0,
     }  # fmt: skip
     assert scores["reasons"]["psnr_db"] == scores["reasons"]["tpsnr_db"] == EQUAL
     assert sum(c["pixels"] for c in scores["classes"].values()) == 3 * SIZE[0] * SIZE[1]
@@ -98,7 +98,7 @@ def test_means_are_over_frames_with_history():
 
 def test_results_are_independent_of_other_methods():
     alone = evaluate(passing_box(), ["taa_clamp"], (0, 6), input="noisy")
-    among = evaluate(passing_box(), ["accumulate", "taa_clamp", "oracle"], (0, 6), input="noisy")
+    among = evaluate(passing_box(), ["accumulate", "taa_clamp", "ideal-masks"], (0, 6), input="noisy")
     untimed = [
         [{k: v for k, v in row.items() if k != "time_ms"} for row in e.rows if row["method"] == "taa_clamp"]
         for e in (alone, among)

@@ -28,7 +28,9 @@ def written(tmp_path_factory):
             frames.append(frame)
             folder.on_frame(frame)
 
-        done = evaluate(passing_box(), ["accumulate", "oracle", "nosuch"], (8, 13), metrics=("flip",), on_frame=seen)
+        done = evaluate(
+            passing_box(), ["accumulate", "ideal-masks", "nosuch"], (8, 13), metrics=("flip",), on_frame=seen
+        )
         files = folder.finish(done)
     return out, done, files, frames
 
@@ -37,7 +39,7 @@ def test_output_folder_is_complete(written):
     out, done, files, _ = written
     assert {f.name for f in files} == {f.name for f in out.iterdir()} and not list(out.glob(".*"))
     stored = json.loads((out / "reuse.json").read_text())
-    assert stored == done.summary and stored["schema"] == "taubench-gl/reuse/2"
+    assert stored == done.summary and stored["schema"] == "taubench-gl/reuse/3"
     assert set(stored["measures"]) == set(MEASURES) and set(stored["classes"]) == set(CLASSES)
     assert stored["provenance"]["clock"] == stored["clock"] and stored["methods"]["nosuch"]["failed"]
     with open(out / "frames.csv", newline="") as file:
@@ -77,7 +79,7 @@ def test_video_has_every_frame_at_its_size(written):
 def test_detail_window_is_where_methods_differ(written):
     frames = written[3]
     top, left, h, w = detail_window(frames[-1])
-    spread = np.abs(frames[-1].errors["accumulate"] - frames[-1].errors["oracle"])
+    spread = np.abs(frames[-1].errors["accumulate"] - frames[-1].errors["ideal-masks"])
     assert spread[top : top + h, left : left + w].sum() == pytest.approx(
         max(spread[y : y + h, x : x + w].sum() for y in range(SIZE[1] - h + 1) for x in range(SIZE[0] - w + 1))
     )

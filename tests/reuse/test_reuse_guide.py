@@ -72,7 +72,7 @@ def test_guide_functions_exist(gpu):
     method = load_method("svgf")
     text = build_source(method, method.passes[0], (8, 8)).text
     text += "".join(
-        build_source(load_method(n), load_method(n).passes[0], (8, 8)).text for n in ("oracle", "checkerboard")
+        build_source(load_method(n), load_method(n).passes[0], (8, 8)).text for n in ("ideal-masks", "checkerboard")
     )
     names = set(re.findall(r"`(?:\w+ )?(\w+)\(", section)) | {"ycocg_from_rgb", "rgb_from_ycocg"}
     for name in names:

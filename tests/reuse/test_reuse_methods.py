@@ -24,7 +24,7 @@ def test_builtin_methods_are_documented():
     assert set(builtin_methods()) == {
         "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_clip", "taa_variance", "svgf", "bmfr",
         "bmfr_temporal",
-        "timewarp", "checkerboard", "upsample_2x2", "oracle",
+        "timewarp", "checkerboard", "upsample_2x2", "ideal-masks", "greedy",
     }  # fmt: skip
     for name in builtin_methods():
         method = load_method(name)
@@ -197,12 +197,12 @@ def test_published_ranking_of_ghosting(gpu):
     assert fresh.sum() > 50
     error = {}
     for name, settings in (
-        ("accumulate", {}), ("taa_clamp", {"weighting": False}), ("taa_variance", {}), ("oracle", {}),
+        ("accumulate", {}), ("taa_clamp", {"weighting": False}), ("taa_variance", {}), ("ideal-masks", {}),
     ):  # fmt: skip
         result = play(gpu, name, steps, settings)[-1]
         error[name] = float(np.abs(result[..., :3] - steps[-1].clean)[fresh].mean())
     assert error["taa_variance"] < error["taa_clamp"] < error["accumulate"], error
-    assert error["oracle"] < 1e-4
+    assert error["ideal-masks"] < 1e-4
 
 
 def test_bilinear_history_blurs_more_than_catmull_rom(gpu):

@@ -35,7 +35,7 @@ METHODS = {
     ),
     "clamped to neighborhood colors": (f"taa_clamp@alpha={ALPHA}", PINK, "s"),
     "position and normal tested": ("bmfr_temporal", BLUE, "^"),
-    "oracle: the paper's masks": ("oracle", GREEN, "D"),
+    "ideal masks: those of the exact frames": ("ideal-masks", GREEN, "D"),
 }
 MARKER_PT = (6, 14, 9, 4)
 """Sizes in the order of METHODS: three curves coincide, so each marker is visible around the next."""
@@ -123,7 +123,7 @@ def run(stage: Stage, out: Path) -> Result:
         note(axes, f"{100 * trail.weights.get(AGE, np.nan):.1f} % of the ball after {AGE} frames")
     _plot(sheet, trails)
     path = sheet.save(out / "10-ghosting.png")
-    first, clamped, tested, oracle = trails
+    first, clamped, tested, ideal = trails
     left = 100 * (1 - ALPHA) ** AGE
     findings = (
         Finding(100 * trails[first].weights[AGE], "%", f"of the ball's radiance remains {AGE} frames after it left",
@@ -132,7 +132,7 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.between(-np.inf, 0.5 * left, "less than half: no neighbor has the color of the ball")),
         Finding(100 * trails[tested].weights[AGE], "%", "remains with position and normal tested",
                 Expected.near(0.0, 0.1, "disoccluded pixels restart without history")),
-        Finding(100 * trails[oracle].weights[AGE], "%", "remains with the masks of the noise-free frames",
+        Finding(100 * trails[ideal].weights[AGE], "%", "remains with the masks of the noise-free frames",
                 Expected.near(0.0, 0.1, "every pixel that the ball left is discarded by position")),
     )  # fmt: skip
     caption = f"A moving ball after {FRAMES - 1} frames with four reuse methods, and the decay of its ghost."

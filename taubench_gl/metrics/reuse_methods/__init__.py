@@ -16,6 +16,13 @@ from taubench_gl.metrics.reuse_methods.bmfr import (
     display_encoded,
     feature_noise,
 )
+from taubench_gl.metrics.reuse_methods.blending import (
+    blend,
+    effective_weight,
+    nearest_weight,
+    on_segment,
+    used_history,
+)
 from taubench_gl.metrics.reuse_methods.caching import cache_hit, refresh_due, timewarp_px
 from taubench_gl.metrics.reuse_methods.history import (
     catmull_rom_weights,
@@ -74,6 +81,7 @@ __all__ = [
     "albedo_of",
     "antialiased",
     "atrous_level",
+    "blend",
     "block_features",
     "block_offset",
     "block_regression",
@@ -87,6 +95,7 @@ __all__ = [
     "depth_slope",
     "display_decoded",
     "display_encoded",
+    "effective_weight",
     "exponential_average",
     "feature_noise",
     "inside",
@@ -95,11 +104,13 @@ __all__ = [
     "modulated",
     "moments_variance",
     "nearest_surface",
+    "nearest_weight",
     "neighborhood_box",
     "neighborhood_mean",
     "neighbors",
     "new_samples",
     "new_weight",
+    "on_segment",
     "previous_px",
     "refresh_due",
     "reprojected",
@@ -114,6 +125,7 @@ __all__ = [
     "tone_mapped",
     "tone_unmapped",
     "upsample_blend",
+    "used_history",
     "variance_box",
     "ycocg_from_rgb",
 ]

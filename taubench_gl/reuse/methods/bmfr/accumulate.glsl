@@ -6,6 +6,15 @@
 #include "albedo.glsl"
 #include "taps.glsl"
 
+// The history of noisy illumination as a color.  It is not rectified; the regression comes after the blend.
+void report(ivec2 p, vec3 history, float known) {
+    if (fetch_position(p).w > 0.0)
+        history = history * albedo_of(fetch_base_color(p)) + frame.exposure * fetch_emission(p).rgb;
+    vec4 color = known > 0.0 ? vec4(history, 1.0) : vec4(0.0);
+    write_reprojected_history(p, color);
+    write_rectified_history(p, color);
+}
+
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     if (fetch_position(p).w > 0.0)
@@ -22,6 +31,7 @@ void reuse(ivec2 p) {
         }
     }
     vec4 mean = total > 0.0 ? sum / total : vec4(0.0);
+    report(p, mean.rgb, total);
     float count = mean.a + 1.0;
     float share = total > 0.0 ? max(1.0 / count, alpha) : 1.0;
     write_accumulated(p, vec4(mix(mean.rgb, now, share), min(count, 4096.0)));

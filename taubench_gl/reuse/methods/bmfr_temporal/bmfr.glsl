@@ -27,6 +27,7 @@ void reuse(ivec2 p) {
         }
     }
     vec4 mean = total > 0.0 ? sum / total : vec4(0.0);
+    write_reprojected_history(p, vec4(mean.rgb, total > 0.0 ? 1.0 : 0.0));
     float count = mean.a + 1.0;
     float share = total > 0.0 ? max(1.0 / count, alpha) : 1.0;
     mean.rgb += share * (now - mean.rgb);

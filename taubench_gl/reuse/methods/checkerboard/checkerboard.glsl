@@ -7,6 +7,8 @@ void reuse(ivec2 p) {
     vec4 own = fetch_radiance(p);
     vec3 color = own.rgb;
     float kept = 0.0;
+    vec4 fetched = vec4(0.0), used = vec4(0.0);
+    vec3 spatial = own.rgb;
     if (own.a < 0.5) {
         vec3 low = vec3(1.0e30), high = vec3(-1.0e30), sum = vec3(0.0);
         float count = 0.0;
@@ -19,13 +21,19 @@ void reuse(ivec2 p) {
             count += 1.0;
         }
         if (count > 0.0) color = sum / count;
+        spatial = color;
         vec2 at = previous_px(p);
         if (reusable(p) && inside(at)) {
             color = max(sample_prev_resolved(at, filtering).rgb, 0.0);
+            fetched = vec4(color, 1.0);
             if (clamping && count > 0.0) color = clamp(color, low - slack * (high - low), high + slack * (high - low));
+            used = vec4(color, 1.0);
             kept = 1.0;
         }
     }
+    write_reprojected_history(p, fetched);
+    write_rectified_history(p, used);
+    write_blend_input(p, spatial);
     write_resolved(p, vec4(color, 1.0));
     write_result(p, vec4(color, kept));
 }

@@ -23,6 +23,8 @@ void reuse(ivec2 p) {
         float expected = sky ? 0.0 : dot(frame.prev_forward.xyz, fetch_prev_position(p).xyz);
         hit = cache_hit(expected, sample_history_position(at, filtering).w);
     }
+    vec4 fetched = frame.has_history == 1u && inside(at) ? vec4(sample_prev_cached(at, filtering).rgb, 1.0) : vec4(0.0);
+    write_reprojected_history(p, fetched);
     vec4 kept = hit ? sample_prev_cached(at, filtering) : vec4(shaded, 0.0);
     write_cached(p, vec4(kept.rgb, hit ? kept.a + 1.0 : 0.0));
     write_result(p, vec4(kept.rgb, hit ? 1.0 : 0.0));

@@ -46,6 +46,15 @@ History history_of(ivec2 p, bool surface) {
 
 float variance_of(vec2 moments) { return max(moments.y - moments.x * moments.x, 0.0); }
 
+// The history of light as a color.  It is not rectified; filter and anti-aliasing come after the blend.
+void report(ivec2 p, bool surface, History h) {
+    vec3 color = h.direct.rgb + h.indirect;
+    if (surface) color = color * albedo_of(fetch_base_color(p)) + frame.exposure * fetch_emission(p).rgb;
+    vec4 history = h.total > 0.0 ? vec4(color, 1.0) : vec4(0.0);
+    write_reprojected_history(p, history);
+    write_rectified_history(p, history);
+}
+
 void reuse(ivec2 p) {
     bool surface = fetch_position(p).w > 0.0;
     vec3 direct = fetch_direct(p).rgb, indirect = vec3(0.0);
@@ -55,6 +64,7 @@ void reuse(ivec2 p) {
         direct /= albedo;
     }
     History h = history_of(p, surface);
+    report(p, surface, h);
     float count = h.direct.a + 1.0;
     float share = h.total > 0.0 ? max(1.0 / count, alpha) : 1.0;
     float share_moments = h.total > 0.0 ? max(1.0 / count, alpha_moments) : 1.0;

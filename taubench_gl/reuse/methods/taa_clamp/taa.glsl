@@ -28,13 +28,16 @@ void reuse(ivec2 p) {
     vec2 at = vec2(p) + fetch_motion(dilate ? nearest_surface(p) : p);
     vec3 color = now;
     float kept = 0.0;
+    vec4 fetched = vec4(0.0), used = vec4(0.0);
     if (frame.has_history == 1u && inside(at)) {
         vec3 history = max(sample_prev_accumulated(at, filtering).rgb, 0.0); // cubic sampling can undershoot
+        fetched = vec4(history, 1.0);
         if (clamping) {
             vec3 low, high;
             neighborhood_box(p, low, high);
             history = rgb_from_ycocg(clamp(ycocg_from_rgb(history), low, high));
         }
+        used = vec4(history, 1.0);
         float w_now = alpha, w_history = 1.0 - alpha;
         if (weighting) {
             w_now /= 1.0 + max(luminance(now), 0.0);
@@ -43,6 +46,8 @@ void reuse(ivec2 p) {
         kept = w_history / (w_now + w_history);
         color = mix(now, history, kept);
     }
+    write_reprojected_history(p, fetched);
+    write_rectified_history(p, used);
     write_accumulated(p, vec4(color, 1.0));
     write_result(p, vec4(color, kept));
 }

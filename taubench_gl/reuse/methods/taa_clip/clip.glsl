@@ -9,6 +9,7 @@ void reuse(ivec2 p) {
     vec2 at = vec2(p) + fetch_motion(dilate ? nearest_surface(p) : p);
     vec3 color = now;
     float kept = 0.0;
+    vec4 fetched = vec4(0.0), used = vec4(0.0);
     if (frame.has_history == 1u && inside(at)) {
         vec3 low = vec3(1.0e30), high = vec3(-1.0e30), cross_low = low, cross_high = high, mean = vec3(0.0);
         for (int y = -1; y <= 1; ++y)
@@ -27,7 +28,9 @@ void reuse(ivec2 p) {
             high = 0.5 * (high + cross_high);
         }
         vec3 history = max(sample_prev_accumulated(at, filtering).rgb, 0.0); // cubic sampling can undershoot
+        fetched = vec4(history, 1.0);
         history = rgb_from_ycocg(clip_towards(low, high, clamp(mean, low, high), ycocg_from_rgb(history)));
+        used = vec4(history, 1.0);
         float w_now = alpha, w_history = 1.0 - alpha;
         if (weighting) {
             w_now /= 1.0 + max(luminance(now), 0.0);
@@ -36,6 +39,8 @@ void reuse(ivec2 p) {
         kept = w_history / (w_now + w_history);
         color = mix(now, history, kept);
     }
+    write_reprojected_history(p, fetched);
+    write_rectified_history(p, used);
     write_accumulated(p, vec4(color, 1.0));
     write_result(p, vec4(color, kept));
 }

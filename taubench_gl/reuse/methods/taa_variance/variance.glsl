@@ -29,14 +29,18 @@ void reuse(ivec2 p) {
     vec2 at = vec2(p) + fetch_motion(dilate ? nearest_surface(p) : p);
     vec3 color = now;
     float kept = 0.0;
+    vec4 fetched = vec4(0.0), used = vec4(0.0);
     if (frame.has_history == 1u && inside(at)) {
         vec3 low, high;
         variance_box(p, low, high);
-        vec3 history = ycocg_from_rgb(max(sample_prev_accumulated(at, filtering).rgb, 0.0));
-        history = rgb_from_ycocg(clip_to_box(low, high, history));
+        fetched = vec4(max(sample_prev_accumulated(at, filtering).rgb, 0.0), 1.0);
+        vec3 history = rgb_from_ycocg(clip_to_box(low, high, ycocg_from_rgb(fetched.rgb)));
+        used = vec4(history, 1.0);
         kept = 1.0 - alpha;
         color = mix(now, history, kept);
     }
+    write_reprojected_history(p, fetched);
+    write_rectified_history(p, used);
     write_accumulated(p, vec4(color, 1.0));
     write_result(p, vec4(color, kept));
 }

@@ -14,6 +14,7 @@ void reuse(ivec2 p) {
     if (frame.is_key == 1u) {
         vec4 now = vec4(fetch_radiance(p).rgb, 1.0);
         write_shaded(p, now);
+        write_reprojected_history(p, vec4(0.0));
         write_result(p, vec4(now.rgb, 0.0));
         return;
     }
@@ -21,5 +22,7 @@ void reuse(ivec2 p) {
     vec2 at = key_px(p);
     bool seen = inside(at);
     vec3 warped = max(sample_prev_shaded(clamp(at, vec2(0.0), vec2(frame.size.xy - 1)), filtering).rgb, 0.0);
-    write_result(p, vec4(seen || border == BORDER_CLAMP ? warped : vec3(0.0), 1.0));
+    vec4 shown = vec4(seen || border == BORDER_CLAMP ? warped : vec3(0.0), 1.0);
+    write_reprojected_history(p, shown);
+    write_result(p, shown);
 }

@@ -29,13 +29,17 @@ void reuse(ivec2 p) {
     vec2 at = previous_px(p);
     vec4 color = now;
     float kept = 0.0;
+    vec4 fetched = vec4(0.0);
     if (reusable(p) && inside(at)) {
         vec3 history = max(sample_prev_accumulated(at, filtering).rgb, 0.0);
+        fetched = vec4(history, 1.0);
         float gathered = nearest_prev_accumulated(at).a + now.a;
         float share = gathered > 0.0 ? max(now.a / gathered, alpha * now.a) : 0.5;
         kept = 1.0 - share;
         color = vec4(mix(now.rgb, history, kept), min(gathered, 1.0 / alpha));
     }
+    write_reprojected_history(p, fetched);
+    write_blend_input(p, now.rgb);
     write_accumulated(p, color);
     write_result(p, vec4(color.rgb, kept));
 }

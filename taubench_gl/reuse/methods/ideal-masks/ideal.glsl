@@ -5,9 +5,12 @@
 void reuse(ivec2 p) {
     vec3 now = fetch_radiance(p).rgb;
     vec2 at = previous_px(p);
+    bool known = frame.has_history == 1u && inside(at);
+    vec4 fetched = known ? max(sample_prev_accumulated(at, filtering), 0.0) : vec4(0.0);
+    write_reprojected_history(p, vec4(fetched.rgb, known ? 1.0 : 0.0)); // also where the masks reject it
     vec4 mean = vec4(0.0);
-    if (reusable_exact(p) && inside(at)) {
-        mean = max(sample_prev_accumulated(at, filtering), 0.0);
+    if (known && reusable_exact(p)) {
+        mean = fetched;
         mean.a = min(nearest_prev_accumulated(at).a, float(cap - 1)); // a count is not filtered
     }
     mean.a += 1.0;

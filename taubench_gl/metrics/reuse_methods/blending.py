@@ -1,0 +1,61 @@
+"""The bound of methods that blend a frame with reprojected history, and how much of the history they use.
+
+A pixel has three colors, linear radiance (..., 3): the input I of this frame, the history H that the method fetched
+along the motion, and the result P.  A method blends if P = I + w (H - I) with one weight w in [0, 1] for all channels:
+P is on the segment from I to H.  No point of the segment is nearer to the reference R than the projection of R on it,
+so no such method can have a smaller squared error, in any pixel, than I + w* (H - I) with w* of ``nearest_weight``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+ON_SEGMENT = 1e-5
+"""A result is on the segment within this share of its largest color: a few roundings of float32, also after YCoCg."""
+
+
+def nearest_weight(reference: Array, now: Array, history: Array) -> Array:
+    """w* = clamp(<R - I, H - I> / <H - I, H - I>, 0, 1); 0 where H equals I.  (..., 3) each -> (...) float64."""
+    reference, now, history = (np.asarray(x, dtype=np.float64) for x in (reference, now, history))
+    way = history - now
+    square = (way**2).sum(axis=-1)
+    along = ((reference - now) * way).sum(axis=-1)
+    return np.clip(np.divide(along, square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
+
+
+def blend(now: Array, history: Array, weight: Array) -> Array:
+    """I + w (H - I).  (..., 3), (..., 3), (...) -> (..., 3) float64."""
+    now = np.asarray(now, dtype=np.float64)
+    return now + np.asarray(weight, dtype=np.float64)[..., None] * (np.asarray(history, dtype=np.float64) - now)
+
+
+def on_segment(result: Array, now: Array, history: Array) -> Array:
+    """Whether a result is a blend of input and history, up to rounding (ON_SEGMENT).  (..., 3) each -> (...) bool."""
+    distance = np.linalg.norm(result - blend(now, history, nearest_weight(result, now, history)), axis=-1)
+    largest = np.max(np.abs(np.stack(np.broadcast_arrays(result, now, history))), axis=(0, -1))
+    return distance <= ON_SEGMENT * largest + 1e-9
+
+
+def effective_weight(weight: Array, now: Array, fetched: Array, used: Array) -> Array:
+    """The weight of history less what rectification replaced.  (...), 3 x (..., 3) -> (...) float64 in [0, ``weight``].
+
+    w (1 - min(1, |H' - H| / |H - I|)), H the fetched and H' the used history: w where H' = H, 0 where rectification
+    moved the history as far as the input is away, such as onto the input.  Where H = I there is nothing to lose: w.
+    """
+    now, fetched, used = (np.asarray(x, dtype=np.float64) for x in (now, fetched, used))
+    moved, away = (np.linalg.norm(x, axis=-1) for x in (used - fetched, fetched - now))
+    moved = np.maximum(moved - ON_SEGMENT * np.abs(fetched).max(axis=-1), 0.0)  # rounding is no rectification
+    share = np.divide(moved, away, out=np.zeros_like(away), where=away > 0)
+    return np.asarray(weight, dtype=np.float64) * (1.0 - np.minimum(share, 1.0))
+
+
+def used_history(result: Array, now: Array, fetched: Array, weight: Array) -> Array:
+    """H' = I + (P - I) / w, the history that a blend with weight w used; the fetched one where w is 0.
+
+    (..., 3) x 3, (...) -> (..., 3) float64.
+    """
+    result, now, fetched = (np.asarray(x, dtype=np.float64) for x in (result, now, fetched))
+    weight = np.asarray(weight, dtype=np.float64)[..., None]
+    return np.where(weight > 0, now + (result - now) / np.where(weight > 0, weight, 1.0), fetched)

@@ -1,0 +1,121 @@
+"""The bound of a method: its own reprojected history and input, blended by the best weight of every pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.metrics.reuse_methods.blending import blend, effective_weight, nearest_weight, on_segment, used_history
+
+Array = np.ndarray
+
+NO_HISTORY = "the method does not report reprojected_history, the color that it fetched along the motion"
+EXACT = "the bound equals the reference"
+NO_PIXEL = "no pixel has history"
+
+
+def decibels(error: float, bound: float) -> float | None:
+    """10 log10(error / bound); None where the bound is 0 or nothing is left to gain from 0."""
+    return float(10.0 * np.log10(error / bound)) if bound > 0 and error > 0 else None
+
+
+@dataclass(frozen=True, slots=True)
+class Blended:
+    """What one method blended in one frame, linear radiance (h, w, 3).
+
+    ``known`` (h, w) bool: the method fetched history there; ``fetched`` is the input elsewhere.  ``used``: history
+    after rectification, None where the method does not report it.
+    """
+
+    now: Array
+    fetched: Array
+    known: Array
+    used: Array | None
+
+    @classmethod
+    def of(cls, radiance: Array, reported: Mapping[str, Array]) -> Blended | None:
+        """``radiance`` (h, w, 4) of the frame; ``reported`` of ``MethodRunner.reported``; None without history."""
+        history = reported.get("reprojected_history")
+        if history is None:
+            return None
+        now = reported.get("blend_input", radiance)[..., :3].astype(np.float64)
+        known = history[..., 3] > 0.5
+        used = reported.get("rectified_history")
+        used = None if used is None else np.where(known[..., None], used[..., :3], now)
+        return cls(now, np.where(known[..., None], history[..., :3], now), known, used)
+
+
+@dataclass(frozen=True, slots=True)
+class BoundFrame:
+    """The bound of one frame.  Mean squared errors are means over channels and all pixels, linear radiance.
+
+    ``mse`` of the bound, ``method_mse`` of the method over the same pixels; ``weight``: mean of the best weight;
+    ``blended_percent``: pixels whose result is a blend of input and history; ``effective_weight``: mean over all
+    pixels, None where the method reports no weight.
+    """
+
+    mse: float
+    method_mse: float
+    weight: float
+    blended_percent: float
+    effective_weight: float | None
+
+    @property
+    def row(self) -> dict[str, float | None]:
+        """The columns of frames.csv."""
+        return {
+            "bound_linear_mse": self.mse,
+            "headroom_db": decibels(self.method_mse, self.mse),
+            "bound_weight": self.weight,
+            "blended_percent": self.blended_percent,
+            "effective_weight": self.effective_weight,
+        }
+
+
+def bound_of_frame(blended: Blended, result: Array, reference: Array, valid: Array) -> BoundFrame:
+    """``result`` (h, w, 4): radiance and weight of history; ``reference`` (h, w, 3); ``valid`` (h, w) bool."""
+    shown = result[..., :3].astype(np.float64)
+    finite = np.isfinite(blended.now).all(axis=-1) & np.isfinite(blended.fetched).all(axis=-1)
+    keep = (valid & finite)[..., None]
+    shown, reference, now, fetched = (
+        np.where(keep, x, 0.0) for x in (shown, reference, blended.now, blended.fetched)
+    )  # fmt: skip
+    best = nearest_weight(reference, now, fetched)
+    error = np.mean((blend(now, fetched, best) - reference) ** 2)
+    own = np.mean((shown - reference) ** 2)
+    effective = None
+    if not (result[..., 3] < 0).any():
+        weight = np.where(keep[..., 0] & blended.known, result[..., 3], 0.0).astype(np.float64)
+        used = used_history(shown, now, fetched, weight) if blended.used is None else np.where(keep, blended.used, 0.0)
+        effective = float(effective_weight(weight, now, fetched, used).mean())
+    share = 100.0 * float(np.mean(on_segment(shown, now, fetched)))
+    return BoundFrame(float(error), float(own), float(best.mean()), share, effective)
+
+
+@dataclass(slots=True)
+class BoundRecord:
+    """Bounds of the counted frames of one method, all seeds."""
+
+    frames: list[BoundFrame] = field(default_factory=list)
+
+    def summary(self) -> dict[str, Any] | None:
+        """The block ``bound`` of a method in reuse.json; None where it reports no history.
+
+        ``blends``: every pixel of every frame is a blend, so the method cannot be better than its bound.
+        """
+        if not self.frames:
+            return None
+        bound, own = (float(np.mean([getattr(f, name) for f in self.frames])) for name in ("mse", "method_mse"))
+        share = float(np.mean([f.blended_percent for f in self.frames]))
+        return {
+            "linear_mse": bound,
+            "method_linear_mse": own,
+            "headroom_linear_mse": own - bound,
+            "headroom_db": decibels(own, bound),
+            "weight": float(np.mean([f.weight for f in self.frames])),
+            "blended_percent": share,
+            "blends": all(f.blended_percent == 100.0 for f in self.frames),
+        }

@@ -1,0 +1,241 @@
+"""Statistics of an evaluation: intervals, paired differences between methods, rankings, and convergence after a cut.
+
+Takes the rows of frames.csv, no images.  Of every measure, the values of a frame are averaged over the seeds, and
+blocks of frames are drawn (``metrics.bootstrap``): all seeds of a block stay together, and all methods get the same
+blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.metrics.bootstrap import (
+    CONFIDENCE,
+    MIN_FRAMES,
+    RESAMPLES,
+    Interval,
+    block_length,
+    interval,
+    resampled_means,
+    student_interval,
+)
+from taubench_gl.metrics.significance import holm_adjusted
+from taubench_gl.reuse.quality import MEASURES
+
+Array = np.ndarray
+Row = Mapping[str, Any]
+
+MIN_SEEDS = 5
+"""Fewer seeds give no interval over seeds."""
+
+RULE = (
+    "moving-block bootstrap over frames, all seeds of a block together, the same blocks for all methods; Student's t "
+    "with one degree of freedom less than there are blocks; p-values of all pairs of a measure corrected by Holm's "
+    "method"
+)
+FEW_FRAMES = f"fewer than {MIN_FRAMES} frames"
+FEW_SEEDS = f"fewer than {MIN_SEEDS} seeds"
+NO_VALUE = "not measured in every frame"
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Values of one measure that average over frames and seeds.  ``values``: label -> (seeds, frames).
+
+    ``decibels``: the values are mean squared errors, and the measure is 10 log10(1 / mean).  ``left_out``: methods
+    without a value in some frame.
+    """
+
+    measure: str
+    values: Mapping[str, Array]
+    decibels: bool
+    left_out: tuple[str, ...] = ()
+
+    def of_mean(self, mean: Array) -> Array:
+        """The measure from a mean of values."""
+        return -10.0 * np.log10(mean) if self.decibels else mean
+
+
+def compare_methods(rows: Sequence[Row], frames: Collection[int], cuts: Collection[int] = ()) -> dict[str, Any]:
+    """The block ``statistics`` of reuse.json.
+
+    ``rows``: of all methods that have not failed; ``frames``: those that means are over; ``cuts``: frames declared to
+    have no history.
+    """
+    counted = [row for row in rows if row["frame"] in set(frames)]
+    seeds = sorted({row["seed"] for row in rows})
+    measures = {}
+    for name in MEASURES:
+        series = series_of(counted, name)
+        if series.values:
+            measures[name] = _measure(series)
+    return {
+        "rule": RULE,
+        "confidence": CONFIDENCE,
+        "resamples": RESAMPLES,
+        "frames": len(set(frames)),
+        "seeds": len(seeds),
+        "measures": measures,
+        "convergence": convergence(rows, cuts),
+    }
+
+
+def series_of(rows: Sequence[Row], measure: str) -> Series:
+    """The values of ``measure``, without methods that lack one in some frame."""
+    decibels = MEASURES[measure].unit == "dB"
+    grouped: dict[str, dict[int, list[float | None]]] = {}
+    for row in rows:
+        grouped.setdefault(row["method"], {}).setdefault(row["seed"], []).append(row[measure])
+    values, left_out = {}, []
+    for label, by_seed in grouped.items():
+        table = list(by_seed.values())
+        if any(v is None for one in table for v in one) or len({len(one) for one in table}) > 1:
+            left_out.append(label)
+            continue
+        array = np.array(table, dtype=np.float64)
+        values[label] = 10.0 ** (-array / 10.0) if decibels else array
+    return Series(measure, values, decibels, tuple(left_out))
+
+
+def _measure(series: Series) -> dict[str, Any]:
+    """Intervals, differences and ranking of one measure."""
+    labels = list(series.values)
+    columns = np.stack([series.values[label].mean(axis=0) for label in labels], axis=-1)
+    enough = len(columns) >= MIN_FRAMES
+    length = max(block_length(column) for column in _series_of_blocks(columns)) if enough else None
+    drawn = resampled_means(columns, length) if enough else None
+
+    def found(*indices: int) -> Interval | None:
+        if not enough:
+            return None
+        return interval(columns, lambda m: _difference(series.of_mean(m), indices), length, means=drawn)
+
+    means = {
+        label: {"mean": float(series.of_mean(columns[:, i].mean()))} | _ends(found(i)) | _over_seeds(series, label)
+        for i, label in enumerate(labels)
+    }
+    differences = _differences(series, labels, columns, found)
+    return {
+        "block_length": length,
+        "reason": None if enough else FEW_FRAMES,
+        "left_out": dict.fromkeys(series.left_out, NO_VALUE),
+        "means": means,
+        "differences": differences,
+        "ranking": _ranking(series.measure, means, differences),
+    }
+
+
+def _series_of_blocks(columns: Array) -> list[Array]:
+    """What the block length has to fit: the values of every method and their paired differences."""
+    pairs = combinations(range(columns.shape[1]), 2)
+    return [*columns.T, *(columns[:, a] - columns[:, b] for a, b in pairs)]
+
+
+def _difference(values: Array, indices: Sequence[int]) -> Array:
+    """Column ``indices[0]``, less column ``indices[1]`` if there is one."""
+    first = values[..., indices[0]]
+    return first if len(indices) == 1 else first - values[..., indices[1]]
+
+
+def _ends(found: Interval | None) -> dict[str, float | None]:
+    return {"low": None if found is None else found.low, "high": None if found is None else found.high}
+
+
+def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
+    """Mean and interval over seeds, each seed averaged over frames: what other random numbers would change."""
+    by_seed = [series.of_mean(series.values[label].mean(axis=1)) for label in labels]
+    values = by_seed[0] if len(labels) == 1 else by_seed[0] - by_seed[1]
+    if len(values) < MIN_SEEDS:
+        return {"over_seeds": None, "over_seeds_reason": FEW_SEEDS}
+    found = student_interval(values)
+    return {"over_seeds": {"mean": found.estimate, "low": found.low, "high": found.high}, "over_seeds_reason": None}
+
+
+def _differences(series: Series, labels: Sequence[str], columns: Array, found: Any) -> list[dict[str, Any]]:
+    """Every pair of methods: a - b, its interval, p-value with and without Holm's correction, and the verdict."""
+    mean = series.of_mean(columns.mean(axis=0))
+    pairs = list(combinations(range(len(labels)), 2))
+    intervals = [found(a, b) for a, b in pairs]
+    known = all(one is not None for one in intervals)
+    adjusted = holm_adjusted(np.array([one.p_value for one in intervals])) if pairs and known else [None] * len(pairs)
+    out = []
+    for (a, b), one, p_holm in zip(pairs, intervals, adjusted, strict=True):
+        entry = {"a": labels[a], "b": labels[b], "difference": float(mean[a] - mean[b])} | _ends(one)
+        entry |= {"p_value": None if one is None else one.p_value, "p_holm": None if one is None else float(p_holm)}
+        entry |= _over_seeds(series, labels[a], labels[b])
+        out.append(entry | {"verdict": verdict(series.measure, entry)})
+    return out
+
+
+def verdict(measure: str, entry: Mapping[str, Any]) -> str:
+    """Which method of a pair is better, or that they are indistinguishable, in words."""
+    unit = f" {MEASURES[measure].unit}".rstrip()
+    if entry["low"] is None:
+        return f"no interval: {FEW_FRAMES}"
+    ends = f"interval {entry['low']:.3g} to {entry['high']:.3g}{unit}"
+    if entry["low"] <= 0.0 <= entry["high"]:
+        return f"statistically indistinguishable ({ends})"
+    if entry["p_holm"] >= 1.0 - CONFIDENCE:
+        return f"statistically indistinguishable after Holm's correction ({ends})"
+    higher = MEASURES[measure].better == "higher"
+    better = entry["a"] if (entry["difference"] > 0) == higher else entry["b"]
+    return f"{better} is better ({ends})"
+
+
+def _ranking(
+    measure: str, means: Mapping[str, Mapping[str, Any]], differences: Sequence[Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """Methods from the best mean on.  ``rank``: 1 + the methods that are better beyond Holm's correction.
+
+    ``indistinguishable``: methods from which it differs by no more than chance; None: there are no intervals.
+    """
+    sign = -1.0 if MEASURES[measure].better == "higher" else 1.0
+    beaten: dict[str, int] = dict.fromkeys(means, 0)
+    alike: dict[str, list[str]] = {label: [] for label in means}
+    known = all(entry["p_holm"] is not None for entry in differences)
+    for entry in differences if known else ():
+        a, b = entry["a"], entry["b"]
+        if entry["p_holm"] < 1.0 - CONFIDENCE:
+            beaten[a if sign * entry["difference"] > 0 else b] += 1
+        else:
+            alike[a].append(b)
+            alike[b].append(a)
+    return [
+        {
+            "method": label,
+            "mean": means[label]["mean"],
+            "rank": 1 + beaten[label] if known else None,
+            "indistinguishable": alike[label] if known else None,
+        }
+        for label in sorted(means, key=lambda m: sign * means[m]["mean"])
+    ]
+
+
+def convergence(rows: Sequence[Row], cuts: Collection[int] = ()) -> dict[str, Any]:
+    """Linear MSE by the number of frames since history began: at the first frame and after every cut.
+
+    -> ``starts``: these frames; ``methods``: label -> means over starts and seeds, one per age from 0 on; only ages
+    that every start reaches.
+    """
+    frames = sorted({row["frame"] for row in rows})
+    starts = sorted({*frames[:1], *(cut for cut in cuts if cut in frames)})
+    ends = [*starts[1:], frames[-1] + 1] if frames else []
+    reach = min((end - start for start, end in zip(starts, ends, strict=True)), default=0)
+    curves: dict[str, list[float | None]] = {}
+    for label in dict.fromkeys(row["method"] for row in rows):
+        by_frame: dict[int, list[float | None]] = {}
+        for row in rows:
+            if row["method"] == label:
+                by_frame.setdefault(row["frame"], []).append(row["linear_mse"])
+        curves[label] = [_mean([v for start in starts for v in by_frame[start + age]]) for age in range(reach)]
+    return {"measure": "linear_mse", "starts": starts, "methods": curves}
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None
