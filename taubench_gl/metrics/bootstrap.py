@@ -92,15 +92,11 @@ def interval(
     *,
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
-    means: Array | None = None,
 ) -> Interval:
-    """The interval of ``statistic`` of the column means of ``series`` (n, k).
-
-    ``statistic``: (..., k) -> (...); ``means``: of ``resampled_means``, computed if None.
-    """
+    """The interval of ``statistic`` of the column means of ``series`` (n, k).  ``statistic``: (..., k) -> (...)."""
     x = np.asarray(series, dtype=np.float64)
     estimate = float(statistic(x.mean(axis=0)))
-    drawn = statistic(resampled_means(x, length, resamples) if means is None else means)
+    drawn = statistic(resampled_means(x, length, resamples))
     blocks = len(x) / length
     error = float(np.std(drawn)) * math.sqrt(blocks / (blocks - 1.0))
     return _student(estimate, error, blocks - 1.0, confidence)

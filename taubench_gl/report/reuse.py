@@ -80,7 +80,9 @@ def comparison_tables(summary: Summary) -> list[Table]:
         values = tuple(entry[n] for n in ("difference", "low", "high", "p_holm"))
         rows.append(Row(f"{entry['a']} - {entry['b']}", values, reasons={0: entry["verdict"]}))
     interval = f"{100 * statistics['confidence']:g} % intervals; {statistics['frames']} frames, "
-    interval += f"seeds: {statistics['seeds']}; blocks of {found['block_length']} frames; {statistics['rule']}."
+    lengths = sorted({e["block_length"] for e in found["differences"] if e["block_length"] is not None})
+    blocks = "-".join(str(n) for n in dict.fromkeys((*lengths[:1], *lengths[-1:])))
+    interval += f"seeds: {statistics['seeds']}; blocks of {blocks} frames; {statistics['rule']}."
     notes = (interval if found["reason"] is None else f"No intervals: {found['reason']}.", _ranking_text(found))
     return [Table(5, f"Paired differences of {name} ({measure['better']} is better)", columns, tuple(rows), notes)]
 

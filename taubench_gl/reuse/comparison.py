@@ -1,8 +1,8 @@
 """Statistics of an evaluation: intervals, paired differences between methods, rankings, and convergence after a cut.
 
 Takes the rows of frames.csv, no images.  Of every measure, the values of a frame are averaged over the seeds, and
-blocks of frames are drawn (``metrics.bootstrap``): all seeds of a block stay together, and all methods get the same
-blocks.
+blocks of frames are drawn (``metrics.bootstrap``): all seeds of a block, and both methods of a difference, stay
+together.
 """
 
 from __future__ import annotations
@@ -18,10 +18,8 @@ from taubench_gl.metrics.bootstrap import (
     CONFIDENCE,
     MIN_FRAMES,
     RESAMPLES,
-    Interval,
     block_length,
     interval,
-    resampled_means,
     student_interval,
 )
 from taubench_gl.metrics.significance import holm_adjusted
@@ -34,7 +32,7 @@ MIN_SEEDS = 5
 """Fewer seeds give no interval over seeds."""
 
 RULE = (
-    "moving-block bootstrap over frames, all seeds of a block together, the same blocks for all methods; Student's t "
+    "moving-block bootstrap over frames, all seeds and both methods of a block together; Student's t "
     "with one degree of freedom less than there are blocks; p-values of all pairs of a measure corrected by Holm's "
     "method"
 )
@@ -104,25 +102,14 @@ def series_of(rows: Sequence[Row], measure: str) -> Series:
 
 def _measure(series: Series) -> dict[str, Any]:
     """Intervals, differences and ranking of one measure."""
-    labels = list(series.values)
-    columns = np.stack([series.values[label].mean(axis=0) for label in labels], axis=-1)
-    enough = len(columns) >= MIN_FRAMES
-    length = max(block_length(column) for column in _series_of_blocks(columns)) if enough else None
-    drawn = resampled_means(columns, length) if enough else None
-
-    def found(*indices: int) -> Interval | None:
-        if not enough:
-            return None
-        return interval(columns, lambda m: _difference(series.of_mean(m), indices), length, means=drawn)
-
     means = {
-        label: {"mean": float(series.of_mean(columns[:, i].mean()))} | _ends(found(i)) | _over_seeds(series, label)
-        for i, label in enumerate(labels)
+        label: {"mean": float(series.of_mean(values.mean()))} | _over_frames(series, label) | _over_seeds(series, label)
+        for label, values in series.values.items()
     }
-    differences = _differences(series, labels, columns, found)
+    differences = _differences(series)
+    frames = next(iter(series.values.values())).shape[1]
     return {
-        "block_length": length,
-        "reason": None if enough else FEW_FRAMES,
+        "reason": None if frames >= MIN_FRAMES else FEW_FRAMES,
         "left_out": dict.fromkeys(series.left_out, NO_VALUE),
         "means": means,
         "differences": differences,
@@ -130,20 +117,19 @@ def _measure(series: Series) -> dict[str, Any]:
     }
 
 
-def _series_of_blocks(columns: Array) -> list[Array]:
-    """What the block length has to fit: the values of every method and their paired differences."""
-    pairs = combinations(range(columns.shape[1]), 2)
-    return [*columns.T, *(columns[:, a] - columns[:, b] for a, b in pairs)]
+def _over_frames(series: Series, *labels: str) -> dict[str, Any]:
+    """Interval over frames of one method, or of the difference of two; its block length, frames, and p-value of 0."""
+    columns = np.stack([series.values[label].mean(axis=0) for label in labels], axis=-1)
+    if len(columns) < MIN_FRAMES:
+        return {"low": None, "high": None, "p_value": None, "block_length": None}
 
+    def statistic(means: Array) -> Array:
+        values = series.of_mean(means)
+        return values[..., 0] if len(labels) == 1 else values[..., 0] - values[..., 1]
 
-def _difference(values: Array, indices: Sequence[int]) -> Array:
-    """Column ``indices[0]``, less column ``indices[1]`` if there is one."""
-    first = values[..., indices[0]]
-    return first if len(indices) == 1 else first - values[..., indices[1]]
-
-
-def _ends(found: Interval | None) -> dict[str, float | None]:
-    return {"low": None if found is None else found.low, "high": None if found is None else found.high}
+    length = block_length(columns[:, 0] if len(labels) == 1 else columns[:, 0] - columns[:, 1])
+    found = interval(columns, statistic, length)
+    return {"low": found.low, "high": found.high, "p_value": found.p_value, "block_length": length}
 
 
 def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
@@ -156,19 +142,19 @@ def _over_seeds(series: Series, *labels: str) -> dict[str, Any]:
     return {"over_seeds": {"mean": found.estimate, "low": found.low, "high": found.high}, "over_seeds_reason": None}
 
 
-def _differences(series: Series, labels: Sequence[str], columns: Array, found: Any) -> list[dict[str, Any]]:
+def _differences(series: Series) -> list[dict[str, Any]]:
     """Every pair of methods: a - b, its interval, p-value with and without Holm's correction, and the verdict."""
-    mean = series.of_mean(columns.mean(axis=0))
-    pairs = list(combinations(range(len(labels)), 2))
-    intervals = [found(a, b) for a, b in pairs]
-    known = all(one is not None for one in intervals)
-    adjusted = holm_adjusted(np.array([one.p_value for one in intervals])) if pairs and known else [None] * len(pairs)
-    out = []
-    for (a, b), one, p_holm in zip(pairs, intervals, adjusted, strict=True):
-        entry = {"a": labels[a], "b": labels[b], "difference": float(mean[a] - mean[b])} | _ends(one)
-        entry |= {"p_value": None if one is None else one.p_value, "p_holm": None if one is None else float(p_holm)}
-        entry |= _over_seeds(series, labels[a], labels[b])
-        out.append(entry | {"verdict": verdict(series.measure, entry)})
+    mean = {label: float(series.of_mean(values.mean())) for label, values in series.values.items()}
+    out = [
+        {"a": a, "b": b, "difference": mean[a] - mean[b]} | _over_frames(series, a, b) | _over_seeds(series, a, b)
+        for a, b in combinations(series.values, 2)
+    ]
+    p_values = [entry["p_value"] for entry in out]
+    known = None not in p_values
+    adjusted = holm_adjusted(np.array(p_values)).tolist() if known else [None] * len(out)
+    for entry, p_holm in zip(out, adjusted, strict=True):
+        entry["p_holm"] = p_holm
+        entry["verdict"] = verdict(series.measure, entry)
     return out
 
 

@@ -159,7 +159,7 @@ def _inputs(
         "motion": np.nan_to_num(motion, nan=FAR_AWAY_PX),
         "mask": masks[0],
         "exact_mask": masks[1],
-        "reference": radiance.copy(),  # noise is added to radiance
+        "reference": np.concatenate([now["radiance"], shaded], axis=-1),
     }
 
 

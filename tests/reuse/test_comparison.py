@@ -72,7 +72,7 @@ def test_decibels_are_of_the_mean_squared_error():
 def test_few_frames_and_few_seeds_have_no_interval():
     values = 1.0 + 0.1 * noise(1, 4, 5)
     found = compare_methods(rows_of({"a": values, "b": values + 1.0}), range(1, 6))["measures"]["flip"]
-    assert found["reason"] == FEW_FRAMES and found["block_length"] is None
+    assert found["reason"] == FEW_FRAMES and found["means"]["a"]["block_length"] is None
     assert found["means"]["a"]["low"] is None and found["ranking"][0]["rank"] is None
     assert found["means"]["a"]["over_seeds"] is None and found["means"]["a"]["over_seeds_reason"] == FEW_SEEDS
     five = 1.0 + 0.1 * noise(1, 5, 5)

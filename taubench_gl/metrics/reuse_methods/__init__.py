@@ -7,6 +7,13 @@ of a point's previous position.
 
 from __future__ import annotations
 
+from taubench_gl.metrics.reuse_methods.blending import (
+    blend,
+    effective_weight,
+    nearest_weight,
+    on_segment,
+    used_history,
+)
 from taubench_gl.metrics.reuse_methods.bmfr import (
     accept_taps,
     block_features,
@@ -15,13 +22,6 @@ from taubench_gl.metrics.reuse_methods.bmfr import (
     display_decoded,
     display_encoded,
     feature_noise,
-)
-from taubench_gl.metrics.reuse_methods.blending import (
-    blend,
-    effective_weight,
-    nearest_weight,
-    on_segment,
-    used_history,
 )
 from taubench_gl.metrics.reuse_methods.caching import cache_hit, refresh_due, timewarp_px
 from taubench_gl.metrics.reuse_methods.history import (
