@@ -67,6 +67,11 @@ def pack(words: Array) -> str:
     return base64.b64encode(words.astype("<u2").tobytes()).decode()
 
 
+def pack_bits(flags: Array) -> str:
+    """(n,) bool as text, eight to a byte."""
+    return base64.b64encode(np.packbits(flags).tobytes()).decode()
+
+
 def unpack(text: str) -> Array:
     """(n,) uint32."""
     return np.frombuffer(base64.b64decode(text), "<u2").astype(np.uint32)

@@ -22,7 +22,7 @@ from taubench_gl.cost.analysis import (
 from taubench_gl.cost.configurations import BASELINE, Plan
 from taubench_gl.cost.errors import column_differences
 from taubench_gl.cost.methods import MethodPoint, against, methods_json
-from taubench_gl.cost.pixels import discarded, unpack
+from taubench_gl.cost.pixels import discarded, pack_bits, unpack
 from taubench_gl.cost.preset import save_preset
 from taubench_gl.cost.timing import rounds_of
 from taubench_gl.outputs import output_folder, write_atomically
@@ -108,6 +108,7 @@ class CostStudy:
             "against_baseline": against(p.time, self.point(BASELINE).time),
             "usable": p.usable,
             "bytes": p.bytes,
+            "wrong": pack_bits(p.masks[OVERALL].wrong) if p.masks else None,
         }
 
     def table(self) -> Any:

@@ -371,11 +371,11 @@ class Measurements:
                 self._report(f"reference: {traced.samples} samples per pixel", count=False)
                 before, began = traced.samples, time.monotonic()
                 for half in HALVES:
-                    traced.trace(half, int(min(part, max((wanted - before) // 2, 1))))
+                    traced.trace(half, int(min(part, max(0.5 * (wanted - before), 1))))
                 traced.save(self._out)
                 seconds = time.monotonic() - started
                 rate = (traced.samples - before) / (time.monotonic() - began)
-                part = min(2 * part, MOST, int(min((share - seconds) * rate, 2 * MOST)) // 2)
+                part = int(min(2 * part, MOST, max(0.0, 0.5 * rate * (share - seconds))))
             halves = [pack(self._pairs.masks(traced.light((half,)))) for half in HALVES]
             words = pack(self._pairs.masks(traced.light()))
             self._add("reference", {"samples": traced.samples, "seconds": seconds, "words": words, "halves": halves})

@@ -9,6 +9,7 @@ from typing import Any
 
 from taubench_gl.outputs import csv_text
 from taubench_gl.report.labels import lighting_text
+from taubench_gl.report.numerics import recorded
 
 Study = Mapping[str, Any]
 Point = Mapping[str, Any]
@@ -76,9 +77,9 @@ def heading(study: Study) -> list[str]:
 
 def tables(study: Study) -> list[Table]:
     """All tables, in reading order; those without rows are left out."""
-    found = [_front(study), _configurations(study), _effects(study), _columns(study), _numerics(study)]
-    found = [t for t in found if t.rows]
-    return found if study["methods"] is None else found + _methods(study["methods"])
+    found = [_front(study), _configurations(study), _effects(study), _columns(study), _signed(study), _storage(study)]
+    found += [] if study["methods"] is None else _methods(study["methods"])
+    return [t for t in (*found, _arithmetic()) if t.rows]
 
 
 def _front(study: Study) -> Table:
@@ -160,21 +161,49 @@ def _difference(d: Mapping[str, Any]) -> str:
     return f"{d['points']:+.2f}" + ("" if d["half_width"] is None else f" ± {d['half_width']:.2f}")
 
 
-def _numerics(study: Study) -> Table:
-    """Signed differences, which cancel, beside the errors, which do not; storage and float64 masks."""
-    rows = []
-    for p in study["points"]:
-        if p["masks"] and (
-            p["role"] in ("baseline", "level", "highest_quality", "render", "path_traced") or "storage" in p["values"]
-        ):
-            rows.append((p["label"], *(f"{p['masks'][c]['points']:+.2f}" for c in study["columns"])))
+def _signed(study: Study) -> Table:
+    """Signed differences, which cancel, beside the errors, which do not."""
+    rows = [
+        (p["label"], *(f"{p['masks'][c]['points']:+.2f}" for c in study["columns"]))
+        for p in study["points"]
+        if p["masks"] and p["role"] != "effect"
+    ]
     note = "points: discarded less the reference's; wrong and missing discards cancel"
-    return Table(
-        "Signed difference of each column at the same pixels",
-        ("configuration", *study["columns"]),
-        tuple(rows),
-        (note,),
+    title = "Signed difference of each column at the same pixels"
+    return Table(title, ("configuration", *study["columns"]), tuple(rows), (note,))
+
+
+def _storage(study: Study) -> Table:
+    """Half floats, 32-bit floats and float64: the same settings but for the numbers."""
+    rows = [
+        ("32-bit floats" if p["role"] == "baseline" else p["label"], *_row(p, (OVERALL, *study["columns"]))[1:])
+        for p in study["points"]
+        if p["masks"] and (p["role"] == "baseline" or set(p["values"]) == {"storage"})
+    ]
+    heads = (
+        "channels",
+        *(f"{c}, % wrong" for c in (OVERALL, *study["columns"])),
+        "ms/frame",
+        "against the baseline",
+        "MB",
     )
+    note = "float64 masks are computed on the CPU and not timed"
+    return Table("Numerics: storage of channels", heads, tuple(rows) if len(rows) > 1 else (), (note,))
+
+
+def _arithmetic() -> Table:
+    """What the renderer's arithmetic avoids on the hard cases, as recorded: no variant without it is in the package."""
+    found = recorded()
+    rows = [
+        (r["rule"], r["what"], three(r["error_without"]), three(r["error"]), three(r["tolerance"]))
+        for r in found["rows"]
+    ]
+    notes = (
+        f"recorded {found['date']} on {found['renderer']}, {found['driver']} (tools/make_numerics.py)",
+        "errors are in the unit of their case: pixels, relative errors or percentage points",
+    )
+    heads = ("rule", "hard case", "error without it", "error with it", "tolerance")
+    return Table("Numerics: the error that each rule avoids on the hard cases", heads, tuple(rows), notes)
 
 
 def _methods(block: Study) -> list[Table]:

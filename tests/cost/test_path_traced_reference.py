@@ -91,3 +91,11 @@ def test_a_study_against_the_path_traced_reference(demo, tmp_path, monkeypatch):
     again = cost(demo, out=tmp_path, reference="path-traced@16", **given)
     assert (tmp_path / SUMS_FILE).read_bytes() == stored, "the reference is not traced again"
     assert [p.error() for p in again.points] == [p.error() for p in study.points]
+
+
+def test_a_short_limit_gives_the_least_reference(demo, tmp_path):
+    """One sample in each half; parts are never longer than the time that is left."""
+    given = {"width": 8, "height": 5, "frames": (20, 22), "bounces": 1, "indirect": "none", "shadow_lights": 1}
+    study = cost(demo, out=tmp_path, time_limit=1e-6, parameters=("light",), **given)
+    assert study.about["reference"]["samples"] == 2 and study.point(BASELINE).masks
+    assert len(study.answer()) == 3

@@ -1,0 +1,37 @@
+"""The recorded table of taubench_gl/report/numerics.json belongs to the guards and cases that there are."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+from guards import GUARDS
+from make_numerics import NUMERIC, row
+
+from taubench_gl.gpu.context import open_gpu
+from taubench_gl.report.numerics import recorded
+from taubench_gl.selftest import cases
+
+GUARD = {g.name: g for g in GUARDS}
+
+
+def test_every_row_is_of_a_guard_and_a_case():
+    case, found = {c.name: c for c in cases()}, recorded()
+    assert [r["guard"] for r in found["rows"]] == list(NUMERIC), "run: tools/make_numerics.py"
+    assert found["driver"] and found["renderer"] and found["date"]
+    for r in found["rows"]:
+        assert r["case"] in GUARD[r["guard"]].detected_by and r["rule"] == GUARD[r["guard"]].what
+        assert (r["what"], r["tolerance"]) == (case[r["case"]].what, case[r["case"]].tolerance)
+        assert r["error"] <= r["tolerance"] < r["error_without"]
+
+
+@pytest.mark.parametrize("name", ["stable-variance", "chord-angle", "frame-tolerance"])
+def test_the_recorded_errors_are_measured(name):
+    """Of guards that do not depend on the driver."""
+    (there,) = [r for r in recorded()["rows"] if r["guard"] == name]
+    again = row(GUARD[name], open_gpu())
+    assert again["case"] == there["case"] and again["error"] == pytest.approx(there["error"], rel=1e-6, abs=1e-15)
+    assert again["error_without"] == pytest.approx(there["error_without"], rel=1e-6)
