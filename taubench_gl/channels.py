@@ -95,6 +95,11 @@ CHANNELS: dict[str, ChannelInfo] = {
         ChannelInfo(
             "motion", 2, "f4", "px", "previous - current, +x right", ("Motion.X", "Motion.Y"), attachment=False
         ),
+        ChannelInfo(
+            "prev_visibility", 1, "u4", "bits",
+            "whether the previous camera saw this surface point, by a ray (conventions.Visibility)", ("PrevVisibility",),
+            attachment=False,
+        ),
         ChannelInfo("mask", 1, "u4", "bits", "reason bits (conventions.Reason)", ("Mask",), attachment=False),
     )
 }  # fmt: skip

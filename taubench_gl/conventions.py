@@ -60,6 +60,23 @@ class Reason(enum.IntFlag):
     SHADOWED = 1 << 15  # darkened: direct radiance decreased by more than its threshold
 
 
+class Visibility(enum.IntFlag):
+    """Bits of the channel ``prev_visibility``: what a ray from the previous camera to a pixel's surface point found.
+
+    A pixel has exactly one of VISIBLE, OCCLUDED, OUTSIDE, BEHIND, NEW and INVALID.  The pixels of the previous image
+    decide nothing: the point itself is traced, at the place it had.
+    """
+
+    VISIBLE = 1 << 0  # inside the previous image, and nothing drawn before it
+    OCCLUDED = 1 << 1  # inside the previous image, behind another surface: disoccluded since
+    OUTSIDE = 1 << 2  # off-screen: Eq. (3) of the point's own previous position
+    BEHIND = 1 << 3  # behind the previous camera
+    NEW = 1 << 4  # the surface was not there: it replaced another one, or its object was hidden
+    INVALID = 1 << 5  # NaN or Inf in a position
+    SKY = 1 << 6  # no surface at this pixel: the view direction is traced
+    MOVED = 1 << 7  # the point itself moved by more than the position threshold
+
+
 NO_HISTORY = 1 << 31
 """Bit of the second component of ``ids``: the surface replaced another one in this frame, so its pixels are CUT."""
 

@@ -71,6 +71,27 @@ vec3 meet_triangle(GridRay r, vec3 v0, vec3 v1, vec3 v2, float slack) {
     return vec3(met ? t : -1.0, vec2(v, w) / total);
 }
 
+#if TRACE_SIGHT
+// Rays of sight end at a surface point, at t = 1.  A triangle whose plane holds that point, give or take ``sight_slack``
+// (rounding of coordinates, meters; < 0: the ray has no end), does not hide it, however grazing the ray; nor does a side that
+// is not drawn.  draw_sides: bits SIDE_* of each draw.
+float sight_slack = -1.0;
+
+bool blocks_sight(GridRay r, int instance, vec3 v0, vec3 v1, vec3 v2, int draw) {
+    vec3 normal = cross(v1 - v0, v2 - v0);
+    uint sides = draw_sides[draw];
+    bool front = (dot(r.direction, normal) < 0.0) != ((sides & SIDE_FLIPPED) != 0u);
+    if (!front && (sides & SIDE_CULLED) != 0u) return false;
+    if (sight_slack < 0.0) return true;
+    vec3 x = uintBitsToFloat(trace_instances_at(trace_texel(4 * instance)).xyz);
+    vec3 y = uintBitsToFloat(trace_instances_at(trace_texel(4 * instance + 1)).xyz);
+    vec3 z = uintBitsToFloat(trace_instances_at(trace_texel(4 * instance + 2)).xyz);
+    vec3 relative = abs(normal.x * x + normal.y * y + normal.z * z); // the normal, camera-relative
+    float beyond = dot(v0 - (r.origin + r.direction), normal);
+    return abs(beyond) > sight_slack * (relative.x + relative.y + relative.z);
+}
+#endif
+
 // The structure from ``top_instance`` on, a tree over instances.  ``any_hit``: stop at the first triangle met.
 //
 // Loops are shaped for lanes in lockstep (llvmpipe runs both sides of a branch, and a loop until its last lane is done): first
@@ -126,6 +147,10 @@ Hit trace(Ray ray, const int top_instance, const bool any_hit) {
             bool lower = draw < hit.instance || (draw == hit.instance && triangle < hit.triangle);
             bool closer = met.x > 0.0 && (met.x < hit.t || (met.x == hit.t && lower));
             Hit found = Hit(met.x, draw, triangle, met.yz);
+#if TRACE_SIGHT
+            closer = closer && blocks_sight(r, instance, uintBitsToFloat(t0.xyz), uintBitsToFloat(t1.xyz),
+                                            uintBitsToFloat(t2.xyz), draw);
+#endif
             slot++;
             steps++;
 #if TRACE_ALPHA

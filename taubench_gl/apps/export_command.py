@@ -36,7 +36,8 @@ Examples:
 \b
 Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance (direct,
 indirect, color), lobes (direct_diffuse, direct_glossy, indirect_diffuse, indirect_glossy), flow (motion,
-motion_forward), masks (mask, mask_forward), prev_position, path_info, all."""
+motion_forward), masks (mask, mask_forward), prev_position,
+prev_visibility, path_info, all."""
 )
 @click.argument("scene_path", metavar="SCENE")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the files.")

@@ -37,7 +37,7 @@ CV_FROM_VIEW = np.diag([1.0, -1.0, -1.0])
 """glTF view axes (+Y up, camera looks along -Z) -> computer vision axes (+Y down, camera looks along +Z)."""
 
 FORWARD = ("motion_forward", "mask_forward")
-_ALL_COMPONENTS = ("base_color", "material", "ids", "path_info", "mask", "mask_forward")
+_ALL_COMPONENTS = ("base_color", "material", "ids", "path_info", "mask", "mask_forward", "prev_visibility")
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +156,8 @@ class FrameSource:
         arrays = {name: image.get() for name, image in submitted.images.items()}
         arrays = _arrays(arrays) | {name: _motion(*images) for name, images in submitted.moved.items()}
         out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
+        if submitted.number == 0 and "prev_visibility" in out:
+            out["prev_visibility"] = np.zeros_like(out["prev_visibility"])  # no frame before: no bit
         if self.training is not None:
             out |= self.training.channels(submitted.number)
         number, view = submitted.number, submitted.view

@@ -21,6 +21,7 @@ from taubench_gl.frame.passes.lighting import color, direct_light, light_lists, 
 from taubench_gl.frame.passes.masks import masks
 from taubench_gl.frame.passes.pathtracing import path_traced_light
 from taubench_gl.frame.passes.shadows import shadow_maps
+from taubench_gl.frame.passes.visibility import visibility
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.spec import ON_GPU, FrameSpec, SceneFacts
 from taubench_gl.frame.targets import history_bytes
@@ -43,7 +44,7 @@ def geometry(spec: FrameSpec) -> Sequence[Pass]:
 LIGHT = (shadow_maps, light_lists, direct_light, indirect_light, stochastic_light, path_traced_light, color)
 """Stages that light a frame."""
 
-AFTER_GEOMETRY = (*LIGHT, masks)
+AFTER_GEOMETRY = (visibility, *LIGHT, masks)
 FRAME = (deform, geometry, *AFTER_GEOMETRY)
 """All stages of a frame, in order."""
 

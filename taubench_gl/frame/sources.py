@@ -19,6 +19,8 @@ from taubench_gl.effects.decide import force as force_on
 from taubench_gl.effects.path_tracing import notes as light_notes
 from taubench_gl.frame.light_stage import LightStage
 from taubench_gl.frame.materials import with_blend
+from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
+from taubench_gl.frame.passes.visibility import VisibilityPass
 from taubench_gl.frame.plan import DEPENDS, LIGHT, frame_channels, frame_spec
 from taubench_gl.frame.renderer import RasterOptions, Renderer
 from taubench_gl.frame.shading import Shading
@@ -123,6 +125,7 @@ class RasterSource:
         self._previous_time = 0.0  # seconds
         self.current_view: View | None = None
         self.previous_view: View | None = None
+        self.visibility = VisibilityPass(self.renderer, spec) if VISIBILITY in options.extra else None
         self.light = LightStage(self.renderer, spec) if any(declare(spec) for declare in LIGHT) else None
 
     def advance(self, frame: int) -> View:
@@ -141,6 +144,8 @@ class RasterSource:
         self._history = self.renderer.history
         self._previous_time = previous_frame / self._fps
         self.renderer.draw(frame / self._fps, self._previous_time, views=(view, previous_view))
+        if self.visibility is not None:
+            self.visibility.run(self.renderer.frame)
         if self.light is not None:
             self.light.run(frame)
         return view
@@ -171,6 +176,8 @@ class RasterSource:
     def _rasterize(self, frame: int, offset: np.ndarray | None) -> View:
         self._previous_time = (frame - 1) / self._fps
         self.renderer.draw(frame / self._fps, self._previous_time, offset, history=self._history)
+        if self.visibility is not None:
+            self.visibility.run(self.renderer.frame)
         return self.renderer.frame.view
 
     @property
@@ -202,12 +209,14 @@ class RasterSource:
     def describe(self) -> dict[str, Any]:
         size = self.renderer.bytes + (0 if self.light is None else self.light.bytes)
         size += sum(history.bytes for history in self._more)
+        size += 0 if self.visibility is None else sum(self.visibility.memory.values())
         enabled = frozenset(name for name, effect in self.effects.items() if effect.enabled)
         notes = light_notes(self.renderer.scene, self._settings, enabled)
         notes += [] if self.light is None else self.light.notes()
+        notes += [] if self.visibility is None else self.visibility.notes()
         return {"effects": as_summary(self.effects), "memory": {"gpu_bytes": size}, "notes": notes}
 
     def release(self) -> None:
-        for item in (self.light, *self._more, self.renderer, self.context):
+        for item in (self.light, self.visibility, *self._more, self.renderer, self.context):
             if item is not None:
                 item.release()

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.animation import View
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment, seen_of
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW
@@ -103,7 +104,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         return {
             "sky": (*spec.environment.radiance, 0.0),
             "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if frame.view.camera.parallel else (0.0,) * 4,
-            "footprint": (*pixel_footprint(frame, spec.size), 0.0, 0.0),
+            "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
             "numbers": (frame.number & 0xFFFFFFFF, spec.seed, 0, 0),
             "lights": (len(spec.light_kinds), candidates, 0, 0),
@@ -169,12 +170,12 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
     return out
 
 
-def pixel_footprint(frame: FrameContext, size: tuple[int, int]) -> tuple[float, float]:
+def pixel_footprint(view: View, size: tuple[int, int]) -> tuple[float, float]:
     """Larger side of a pixel: meters of a parallel camera, meters for each meter of depth of a perspective one."""
-    clip_from_relative = frame.view.clip_from_relative(*size)
+    clip_from_relative = view.clip_from_relative(*size)
     scale = np.linalg.norm(clip_from_relative[:2, :3], axis=1)  # 1 / half the image plane's sides
     side = float(np.max(2.0 / (scale * size)))
-    return (side, 0.0) if frame.view.camera.parallel else (0.0, side)
+    return (side, 0.0) if view.camera.parallel else (0.0, side)
 
 
 def _resolve(spec: FrameSpec, p: ComputePass) -> ComputePass:
