@@ -97,7 +97,8 @@ CHANNELS: dict[str, ChannelInfo] = {
         ),
         ChannelInfo(
             "prev_visibility", 1, "u4", "bits",
-            "whether the previous camera saw this surface point, by a ray (conventions.Visibility)", ("PrevVisibility",),
+            "whether the previous camera saw this surface point, by a ray (conventions.Visibility)",
+            ("PrevVisibility",),
             attachment=False,
         ),
         ChannelInfo("mask", 1, "u4", "bits", "reason bits (conventions.Reason)", ("Mask",), attachment=False),

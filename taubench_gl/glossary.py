@@ -36,6 +36,7 @@ class Term:
 
 _MASKS = "docs/conventions.md, Masks"
 _REUSABLE = "docs/conventions.md, Reusable pixels"
+_EXACT = "docs/conventions.md, Exact visibility"
 _REPROJECTION = "docs/conventions.md, Reprojection"
 _CAMERA = "docs/conventions.md, Camera activity"
 _EQ_1, _EQ_2, _EQ_3, _EQ_4 = (f"paper, Eq. {n}" for n in (1, 2, 3, 4))
@@ -263,6 +264,40 @@ STATISTICS: Mapping[str, Term] = _by_key(
 )  # fmt: skip
 """Statistics of summary.json and the tables."""
 
+EXACT: Mapping[str, Term] = _by_key(
+    Term(
+        "visible", "visible",
+        "The previous camera saw the surface point of the pixel, by a ray to the place the point had",
+        "% of all pixels", _EXACT,
+    ),
+    Term(
+        "occluded", "occluded", "The surface point was inside the previous image, but behind another surface",
+        "% of all pixels", _EXACT,
+    ),
+    Term(
+        "misregistered", "misregistered",
+        "A pixel that position or normal discards although the previous camera saw its surface point, and no motion of "
+        "the point explains it: the history pixel is another sample of the surface", "% of all pixels", _EXACT,
+    ),
+    Term(
+        "share_percent", "share misregistered",
+        "Misregistered pixels divided by the pixels that the column discards, over all pairs", "%", _EXACT,
+    ),
+    Term(
+        "missed", "missed",
+        "A pixel whose point was occluded, and that no frustum, position or normal discard rules out",
+        "% of all pixels", _EXACT,
+    ),
+    Term(
+        "misregistered_position", "misregistered, position", "Misregistered pixels of the column position", "pixels",
+        _EXACT,
+    ),
+    Term(
+        "misregistered_normal", "misregistered, normal", "Misregistered pixels of the column normal", "pixels", _EXACT
+    ),
+)  # fmt: skip
+"""Exact visibility: columns of Table 4 and of frames.csv, where it was asked for."""
+
 CENSUS: Mapping[str, Term] = _by_key(
     Term(
         "dynamic_rigid_objects", "dynamic rigid objects",
@@ -384,6 +419,7 @@ def page() -> str:
             ),
             *_section("Camera activity (Tables 2 and 3)", CAMERA.values()),
             *_section("Statistics", STATISTICS.values()),
+            *_section("Exact visibility", EXACT.values()),
             *_section("Scene statistics (Table 1)", CENSUS.values()),
             *_section(
                 "Columns of frames.csv",

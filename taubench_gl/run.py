@@ -39,7 +39,10 @@ FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut
 ``None`` here and an empty cell in the file.
 """
 
-_INTEGERS = frozenset({"frame", *COUNT_COLUMNS, "camera_cut", "gimbal"})
+EXACT_COLUMNS = ("visible", "occluded", "misregistered_position", "misregistered_normal")
+"""More columns of a run with exact visibility: pixel counts (``evaluation.exact``)."""
+
+_INTEGERS = frozenset({"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, "camera_cut", "gimbal"})
 
 
 def total_discards(row: Mapping[str, Any]) -> int:

@@ -57,6 +57,18 @@ class Reusable(Struct):
     color_only: Rate | None = None
 
 
+class ExactRate(Rate):
+    share_percent: float | None = None
+
+
+class Exact(Struct):
+    visible: Rate | None = None
+    occluded: Rate | None = None
+    misregistered: dict[str, ExactRate] | None = None
+    missed: ExactRate | None = None
+    reprojection: str | None = None
+
+
 class SceneFacts(Struct):
     name: str | None = None
     path: str | None = None
@@ -151,6 +163,7 @@ class Summary(Struct):
     reusable: Reusable | None = None
     discard: Columns | None = None
     noise_floor: Columns | None = None
+    exact: Exact | None = None
     census: Census | None = None
     camera: CameraFacts | None = None
     curves: dict[str, Curve | None] | None = None

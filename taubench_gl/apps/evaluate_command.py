@@ -41,6 +41,7 @@ Examples:
   taubench-gl evaluate scene.glb --out results --report
   taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
   taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
+  taubench-gl evaluate scene.glb --exact --reprojection motion
   taubench-gl evaluate scene.glb --columns frustum,position,direct --environment 0.2,0.3,0.5 --exposure 0.5
   taubench-gl evaluate scene.glb --preset study/preset.toml
   taubench-gl evaluate bart-museum --size 960x540
@@ -61,12 +62,20 @@ Columns of Table 4 (all terms: docs/glossary.md):
     "--save", type=Words(*SAVE), default="", help="Also write masks and/or channels of each pair, comma-separated."
 )
 @click.option("--report", is_flag=True, help="Also write report.html and its images.")
+@click.option(
+    "--exact",
+    is_flag=True,
+    help="Compare the masks with exact visibility, a ray to every surface point: Table 4 gains the columns visible and "
+    "occluded, and the share of each geometric column that is misregistration.",
+)
 @preset_option
 @light_options
 @accuracy_options
 @path_traced_options
 @gpu_options
-def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, **options: Any) -> int:
+def evaluate(
+    scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, exact: bool, **options: Any
+) -> int:
     """Measure how much of each frame the next one can reuse, and print the paper's Tables 1 to 4.
 
     SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or a quoted pattern of numbered OBJ
@@ -88,7 +97,7 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
     failed = 0
     for scene, folder in zip(scenes, folders, strict=True):
         try:
-            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report))
+            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report=report, exact=exact))
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -157,7 +166,7 @@ def _evaluate_one(
     folder: Path | None,
     save: tuple[str, ...],
     path_traced: dict[str, Any],
-    report: bool,
+    **how: bool,
 ) -> Run:
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.named_scenes import resolve, row_settings
@@ -178,7 +187,7 @@ def _evaluate_one(
             what = f"--{given.replace('_', '-')} is for path-traced files"
             raise SettingsError(what, where=scene, hint="give them as exr:DIR")
     with ProgressBar(Path(scene).name) as progress:
-        run = evaluate_scene(scene, settings, out=folder, save=save, progress=progress, report=report, **more)
+        run = evaluate_scene(scene, settings, out=folder, save=save, progress=progress, **how, **more)
     if not run.summary["pairs"]:
         raise SettingsError("there is one frame and no pair", where=scene, hint=_way_to_a_pair(run, settings))
     return run

@@ -9,17 +9,19 @@ from pathlib import Path
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import describe_brightness
+from taubench_gl.evaluation.exact import GEOMETRY, ExactColumns, require_exact
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
+from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.provenance import provenance
-from taubench_gl.run import FRAME_COLUMNS, Run, RunWriter
+from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, Run, RunWriter
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -60,36 +62,43 @@ def evaluate_scene(
     out: str | Path | None = None,
     camera: CameraTrack | None = None,
     lobes: Collection[str] = (),
+    exact: bool = False,
 ) -> Run:
     """Evaluate every frame pair of one scene.
 
     ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``;
-    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary.
+    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary;
+    ``exact`` compares the masks with exact visibility, in ``exact`` of the summary and EXACT_COLUMNS of frames.csv.
     Raises TaubenchError.
     """
     require_lobes(lobes)
     if lobes and (settings or Settings()).metrics.samples_per_pixel > 1:
         raise SettingsError("lobes are measured at one sample per pixel", hint="leave samples per pixel at 1")
+    if exact:
+        require_exact(settings or Settings())
     given = open_scene(scene, settings or Settings(), camera)
     observers = replace(observers or Observers(), scene=given.scene.name)
     if out is None:
-        return _run(given, observers, tuple(lobes))
-    with RunWriter(out, FRAME_COLUMNS) as writer:
-        return _run(given, replace(observers, writer=writer), tuple(lobes))
+        return _run(given, observers, tuple(lobes), exact)
+    with RunWriter(out, FRAME_COLUMNS + EXACT_COLUMNS * exact) as writer:
+        return _run(given, replace(observers, writer=writer), tuple(lobes), exact)
 
 
-def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run:
+def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...], exact: bool) -> Run:
     scene, camera, frames, settings = given.scene, given.camera, given.frames, given.settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
         context = GpuContext(gpu, timer=timer)
-        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes))))
+        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes), *(VISIBILITY,) * exact)))
         source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=extra), timer=timer, poser=poser)
         untimed, missing = GpuContext(gpu, context.shaders), missing_of_scene(lobes, source.unmeasured)
         apart = LobeColumns(untimed, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if lobes:
             observers = replace(observers, on_pair=apart.observer(observers.on_pair))
+        if exact:
+            confirmed = ExactColumns({c: source.unmeasured.get(c, "") for c in GEOMETRY}, source.reprojection)
+            observers = replace(observers, on_pair=confirmed.observer(observers.on_pair))
         try:
             schedule = frame_schedule(frames, settings)
             results = evaluate_pairs(context, source, settings, schedule, observers)
@@ -105,6 +114,8 @@ def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run
             describe_brightness(summary, results.brightness, settings)
             if lobes:
                 summary["lobes"] = apart.summary()
+            if exact:
+                summary["exact"] = confirmed.summary()
         finally:
             apart.release()
             source.release()

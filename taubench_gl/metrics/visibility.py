@@ -72,7 +72,8 @@ def blocked(
 ) -> Array:
     """Whether any triangle meets the rays (N, 3) between ``first`` and ``last`` (N,), in lengths of the directions.
 
-    Möller and Trumbore's test.  ``slack``: planes that hold the rays' ends within it do not count; None: no ends.  (N,).
+    Möller and Trumbore's test.  ``slack``: planes that hold the rays' ends within it do not count; None: no
+    ends.  (N,).
     """
     a = surfaces.corners[:, 0]
     e1, e2 = surfaces.corners[:, 1] - a, surfaces.corners[:, 2] - a

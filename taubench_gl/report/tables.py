@@ -10,7 +10,7 @@ from importlib import resources
 from typing import Any
 
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.glossary import CAMERA, CENSUS, STATISTICS
+from taubench_gl.glossary import CAMERA, CENSUS, EXACT, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report.labels import lighting_text, run_labels
 
@@ -134,8 +134,12 @@ def _camera_column(quantity: str, statistic: str, name: str, unit: str) -> Colum
     return Column(name, f"{unit}²" if statistic == "variance" else unit, 3, definition)
 
 
+SEEN = ("visible", "occluded")
+"""Columns of exact visibility in Table 4."""
+
+
 def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -> Table:
-    rows = []
+    rows, seen = [], SEEN if any(summary.get("exact") for summary in summaries) else ()
     for label, summary in zip(labels, summaries, strict=True):
         discard = summary.get("discard") or {}
         entries = [discard.get(name) or {} for name in COLUMNS]
@@ -151,22 +155,27 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
                 why[0] = why[0] or "pixels discarded by frustum are not comparable"
             left_out = len(cuts) if key == "without_cuts_mean_percent" else 0
             values = [entry.get(key) for entry in entries]
+            values += _seen_values(summary, seen, key)
+            why += ["run with --exact" if not summary.get("exact") else "of all pixels only"] * len(seen)
             row = table_row(f"{label}, {basis}", values, summary, *why, left_out=left_out)
             rows.append(replace(row, percent_of=basis.split(",")[0]))
             if key == "mean_percent" and summary.get("noise_floor"):
-                rows.append(replace(_noise_floor(label, summary), percent_of=all_pixels))
+                rows.append(replace(_noise_floor(label, summary, len(seen)), percent_of=all_pixels))
+        if summary.get("exact"):
+            rows.append(_misregistered(label, summary))
     if paper:
         fps = float(paper_numbers()["settings"]["render_fps"])
         rows += [
             Row(
                 scene["name"],
-                (*(scene["discard"][name] for name in COLUMNS), fps, None),
+                (*(scene["discard"][name] for name in COLUMNS), *(None for _ in seen), fps, None),
                 paper=True,
                 percent_of=STATISTICS["mean_percent"].label,
             )
             for scene in paper_numbers()["scenes"]
         ]
-    columns = (*(Column(name, "%", 2, COLUMN_TERMS[name].tooltip) for name in COLUMNS), *SAMPLING_COLUMNS)
+    named = [*((name, COLUMN_TERMS[name]) for name in COLUMNS), *((name, EXACT[name]) for name in seen)]
+    columns = (*(Column(name, "%", 2, term.tooltip) for name, term in named), *SAMPLING_COLUMNS)
     notes = tuple(
         f"{_prefix(label, labels)}{_conditions(summary)}" for label, summary in zip(labels, summaries, strict=True)
     )
@@ -181,12 +190,31 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
     return Table(4, "Discarded pixels, mean over the animation", columns, tuple(rows), notes)
 
 
-def _noise_floor(label: str, summary: Summary) -> Row:
+def _seen_values(summary: Summary, seen: Sequence[str], key: str) -> list[float | None]:
+    exact = summary.get("exact") or {}
+    return [(exact.get(name) or {}).get("mean_percent") if key == "mean_percent" else None for name in seen]
+
+
+def _misregistered(label: str, summary: Summary) -> Row:
+    """Of the discards of each geometric column, the share whose surface point was visible."""
+    wrong = summary["exact"].get("misregistered") or {}
+    values = [(wrong.get(name) or {}).get("share_percent") for name in COLUMNS]
+    light = "light of a visible point may have changed by itself"
+    why = [(wrong.get(name) or {}).get("reason") or "nothing discarded" if name in wrong else light for name in COLUMNS]
+    why[0] = "the frustum test is the same"
+    row = table_row(
+        f"{label}, share misregistered", [*values, *(None for _ in SEEN)], summary, *why, *("no discard" for _ in SEEN)
+    )
+    return replace(row, percent_of="% of discards")
+
+
+def _noise_floor(label: str, summary: Summary, more: int) -> Row:
     """Discard rates between two renders of the same frames: one pair per frame, hence N + 1 pairs."""
     floor = summary["noise_floor"]
     entries = [floor.get(name) or {} for name in COLUMNS]
     why = [entry.get("reason") or "geometry is assumed to be free of noise" for entry in entries]
-    return table_row(f"{label}, noise floor", [e.get("mean_percent") for e in entries], summary, *why, left_out=-1)
+    values = [e.get("mean_percent") for e in entries] + [None] * more
+    return table_row(f"{label}, noise floor", values, summary, *why, *("no noise" for _ in range(more)), left_out=-1)
 
 
 def _camera_rows(

@@ -70,9 +70,7 @@ def test_a_board_seen_from_its_undrawn_back_hides_nothing(gpu):
     wall = quad((-30, -30, -WALL), (60, 0, 0), (0, 60, 0))
     for double_sided, expected in ((False, 0), (True, 1)):
         scene = make_scene(turned, wall, materials=(Material(double_sided=double_sided),))
-        meshes = tuple(
-            replace(m, primitives=tuple(replace(p, material=0) for p in m.primitives)) for m in scene.meshes
-        )
+        meshes = tuple(replace(m, primitives=tuple(replace(p, material=0) for p in m.primitives)) for m in scene.meshes)
         sight = look(gpu, replace(scene, meshes=meshes), sideways(), (96, 54))
         assert bool((sight.kind == Visibility.OCCLUDED).any()) == bool(expected)
 

@@ -43,7 +43,7 @@ PARAMETERS = Struct(
 )
 
 SIDE_CULLED, SIDE_FLIPPED, SIDE_ABSENT = 1, 2, 4
-"""Bits per draw: back faces are not drawn; the triangles of its tree are wound the other way; not in the frame before."""
+"""Bits per draw: undrawn back faces; the triangles of its tree are wound the other way; absent in the frame before."""
 
 
 def declaration(spec: FrameSpec) -> ComputePass:

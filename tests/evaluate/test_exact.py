@@ -1,0 +1,110 @@
+"""``evaluate --exact``: counts of channel and masks, a floor whose discards are all misregistration, and the tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taubench_gl import evaluate
+from taubench_gl.conventions import Reason, Visibility
+from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation.exact import CLASSES, ExactColumns, misregistered
+from taubench_gl.paths import ASSETS
+from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, load_run
+from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
+from taubench_gl.settings import Settings
+
+DEMO = ASSETS / "demo.glb"
+OWN = {"columns": ("frustum", "position", "normal"), "reprojection": "motion"}
+
+
+def settings(**more) -> Settings:
+    return Settings(**({"width": 64, "height": 36} | OWN | more))
+
+
+def floor():
+    """A floor that nothing hides, seen at a grazing angle by a camera that moves forward."""
+    b = SceneBuilder()
+    b.node(mesh=b.mesh(quad(400.0, 400.0)), rotation=turn_x(-90.0))
+    camera = b.camera(translation=(0.0, 1.0, 0.0), yfov=1.0, znear=0.1)
+    b.animate(camera, "translation", [0.0, 1.0], [(0.0, 1.0, 0.0), (0.0, 1.0, -10.0)])
+    return b.build()
+
+
+def test_all_discards_of_an_open_floor_are_misregistration():
+    run = evaluate_scene(floor(), settings(fps=24.0, frames=(0, 4)), exact=True)
+    exact, discard = run.summary["exact"], run.summary["discard"]
+    assert discard["position"]["mean_percent"] > 1.0  # half a pixel is more than the threshold far away
+    # Sky on floor at the horizon is a position discard of a visible point too: nothing is ever before anything.
+    assert exact["occluded"]["mean_percent"] < 0.5 and exact["new"]["mean_percent"] == 0.0
+    assert exact["misregistered"]["position"]["share_percent"] > 97.0
+    assert exact["visible"]["mean_percent"] + exact["outside"]["mean_percent"] + exact["behind"][
+        "mean_percent"
+    ] == pytest.approx(100.0 - exact["occluded"]["mean_percent"])
+
+
+def test_columns_are_counts_of_channel_and_mask(tmp_path):
+    seen = []
+
+    def on_pair(pair):
+        seen.append((pair.mask.copy(), pair.read("prev_visibility")[..., 0].copy(), dict(pair.row)))
+
+    run = evaluate(DEMO, settings(frames=(20, 24)), exact=True, on_pair=on_pair, out=tmp_path)
+    assert len(seen) == 3
+    for mask, bits, row in seen:
+        assert np.isin(bits & ~np.uint32(Visibility.SKY | Visibility.MOVED), list(CLASSES.values())).all()
+        assert row["visible"] == np.count_nonzero(bits & Visibility.VISIBLE)
+        wrong = ((mask & Reason.POSITION) != 0) & ((bits & Visibility.VISIBLE) != 0)
+        assert row["misregistered_position"] == np.count_nonzero(wrong) > 0
+    stored = load_run(tmp_path)
+    assert [[r[c] for c in EXACT_COLUMNS] for r in stored.frames] == [[r[c] for c in EXACT_COLUMNS] for *_, r in seen]
+    exact = run.summary["exact"]
+    assert sum(exact[name]["mean_percent"] for name in CLASSES) == pytest.approx(100.0)
+    discards = sum(r["position"] for *_, r in seen)
+    share = 100.0 * sum(r["misregistered_position"] for *_, r in seen) / discards
+    assert exact["misregistered"]["position"]["share_percent"] == pytest.approx(share)
+    (table,) = [t for t in stored.tables() if t.number == 4]
+    names = [c.name for c in table.columns]
+    row = next(r for r in table.rows if "all pixels" in r.label)
+    assert row.values[names.index("visible")] == pytest.approx(exact["visible"]["mean_percent"])
+    assert all(len(r.values) == len(names) for r in table.rows)
+
+
+def test_without_exact_nothing_is_added():
+    run = evaluate_scene(DEMO, settings(frames=(0, 2)))
+    assert "exact" not in run.summary and set(run.frames[0]) == set(FRAME_COLUMNS)
+    (table,) = [t for t in run.tables() if t.number == 4]
+    assert "visible" not in [c.name for c in table.columns]
+
+
+def test_a_moving_object_is_not_misregistered_under_camera_reprojection():
+    """Its own motion explains the discard: the previous camera saw the point elsewhere."""
+    moved = np.uint32(Visibility.VISIBLE | Visibility.MOVED)
+    mask = np.full((1, 2), Reason.POSITION | Reason.NORMAL, dtype=np.uint32)
+    bits = np.array([[moved, Visibility.VISIBLE]], dtype=np.uint32)
+    assert misregistered(mask, bits, "position", "camera").tolist() == [[False, True]]
+    assert misregistered(mask, bits, "position", "motion").tolist() == [[True, True]]
+    assert misregistered(mask, bits, "normal", "motion").tolist() == [[False, True]]
+
+
+def test_a_column_that_was_not_measured_is_null():
+    columns = ExactColumns({"position": "", "normal": "not asked for"}, "motion")
+    row = columns.add(np.zeros((2, 2), np.uint32), np.full((2, 2), Visibility.VISIBLE, np.uint32))
+    assert row["misregistered_normal"] is None and row["visible"] == 4
+    block = columns.summary()
+    assert block["misregistered"]["normal"] == {
+        "mean_percent": None, "max_percent": None, "share_percent": None, "reason": "not asked for",
+    }  # fmt: skip
+    assert block["misregistered"]["position"]["share_percent"] is None and block["missed"]["mean_percent"] is None
+
+
+@pytest.mark.parametrize("more", [{"storage": "half"}, {"samples_per_pixel": 4}])
+def test_settings_without_one_exact_position_are_refused(more):
+    with pytest.raises(SettingsError):
+        evaluate_scene(DEMO, settings(frames=(0, 2), **more), exact=True)
+
+
+def test_path_traced_files_have_no_surfaces(tmp_path):
+    with pytest.raises(SettingsError):
+        evaluate(f"exr:{tmp_path}", exact=True)
