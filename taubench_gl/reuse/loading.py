@@ -24,8 +24,8 @@ FORMER_METHODS = {"oracle": "ideal-masks"}
 
 
 def builtin_methods() -> tuple[str, ...]:
-    """Names of the built-in methods, in alphabetical order."""
-    return tuple(sorted(path.parent.name for path in BUILTIN.glob(f"*/{FILE}")))
+    """Names of the built-in methods, in alphabetical order: folders with method.toml, or with ``NAME/NAME.py``."""
+    return tuple(sorted(p.name for p in BUILTIN.iterdir() if (p / FILE).is_file() or (p / f"{p.name}.py").is_file()))
 
 
 def installed_methods() -> dict[str, str]:
@@ -55,7 +55,7 @@ def load_method(source: str | Path | type | Method) -> Method:
     text = str(source)
     if isinstance(source, str):
         if text in builtin_methods():
-            return load_folder(BUILTIN / text)
+            return _builtin(text)
         if text in installed_methods():
             return _from_entry_point(text)
     path = Path(text)
@@ -71,6 +71,11 @@ def load_method(source: str | Path | type | Method) -> Method:
     known = [*builtin_methods(), *installed_methods()]
     raise MethodError(f"there is no method, folder or file {text!r}{suggestion(text, known)}",
                       hint="a folder needs a method.toml; see 'taubench-gl reuse list'")  # fmt: skip
+
+
+def _builtin(name: str) -> Method:
+    folder = BUILTIN / name
+    return load_folder(folder) if (folder / FILE).is_file() else _from_file(folder / f"{name}.py", None)
 
 
 def _from_entry_point(name: str) -> Method:

@@ -10,6 +10,7 @@ from reuse_tools import bypassed, play, still_steps
 
 from taubench_gl.metrics import reuse_methods as reference
 from taubench_gl.metrics.reuse_methods.bmfr import BLOCK, FEATURES, feature_noise, mirrored
+from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 
 SIZE = (80, 45)
@@ -82,20 +83,25 @@ def test_bmfr_agrees_with_its_reference(gpu, steps, expected):
 
 
 BYPASSES = {
-    "accumulation of noisy data": ("accumulate.glsl", "mix(mean.rgb, now, share)", "now"),
-    "rejection of taps": ("taps.glsl", "return !surface || (", "return true || ("),
+    "accumulation": ("accumulate.glsl", "mix(mean.rgb, now, share)", "now"),
+    "tap_rejection": ("taps.glsl", "return !surface || (", "return true || ("),
     "demodulation": ("albedo.glsl", "return max(base_color.rgb, vec3(0.01));", "return vec3(1.0);"),
     "regression": ("regression.glsl", "write_fitted(p, vec4(color, 1.0))", "write_fitted(p, fetch_accumulated(p))"),
-    "scaling": ("regression.glsl", "vec3 range = max(", "vec3 range = vec3(1.0); vec3 unused = max("),
-    "second order": ("regression.glsl", "f[7 + i] = scaled[i] * scaled[i];", "f[7 + i] = 0.0;"),
-    "noise of features": ("regression.glsl", "vec4 more = noise *", "vec4 more = 0.0 *"),
-    "mirrored border": ("regression.glsl", "i = i < 0 ? -i - 1 : i;", "i = max(i, 0);"),
-    "block offsets": ("noise.glsl", "if (!shift_blocks) return", "return"),
-    "accumulation of filtered data": ("accumulate_filtered.glsl", "if (total > 0.0) color =", "if (false) color ="),
-    "anti-aliasing": ("taa.glsl", "share = alpha_taa;", "share = 1.0;"),
-    "clamp of the anti-aliasing": ("taa.glsl", "before = rgb_from_ycocg(clamp(before, 0.5 * (low + cross_low), "
+    "feature_scaling": ("regression.glsl", "vec3 range = max(", "vec3 range = vec3(1.0); vec3 unused = max("),
+    "second_order_features": ("regression.glsl", "f[7 + i] = scaled[i] * scaled[i];", "f[7 + i] = 0.0;"),
+    "feature_noise": ("regression.glsl", "vec4 more = noise *", "vec4 more = 0.0 *"),
+    "mirrored_border": ("regression.glsl", "i = i < 0 ? -i - 1 : i;", "i = max(i, 0);"),
+    "block_offsets": ("noise.glsl", "if (!shift_blocks) return", "return"),
+    "filtered_accumulation": ("accumulate_filtered.glsl", "if (total > 0.0) color =", "if (false) color ="),
+    "modulation": ("accumulate_filtered.glsl", "color * albedo_of(fetch_base_color(p)) + ", "color + "),
+    "taa": ("taa.glsl", "share = alpha_taa;", "share = 1.0;"),
+    "taa_clamp": ("taa.glsl", "before = rgb_from_ycocg(clamp(before, 0.5 * (low + cross_low), "
                                    "0.5 * (high + cross_high)));", "before = rgb_from_ycocg(before);"),
 }  # fmt: skip
+
+
+def test_every_stage_has_a_bypass():
+    assert {stage.name for stage in load_method("bmfr").stages if stage.done} <= set(BYPASSES)
 
 
 @pytest.mark.parametrize("stage", BYPASSES)

@@ -24,7 +24,7 @@ def test_builtin_methods_are_documented():
     assert set(builtin_methods()) == {
         "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_clip", "taa_variance", "svgf", "bmfr",
         "bmfr_temporal",
-        "timewarp", "checkerboard", "upsample_2x2", "ideal-masks", "greedy",
+        "timewarp", "checkerboard", "upsample_2x2", "ideal-masks", "greedy", "oidn",
     }  # fmt: skip
     for name in builtin_methods():
         method = load_method(name)
@@ -37,7 +37,7 @@ def test_builtin_methods_are_documented():
             assert (method.folder / info.shader).read_text().startswith("//")
 
 
-@pytest.mark.parametrize("name", sorted(set(builtin_methods()) - {"bmfr"}))  # its fit is no identity
+@pytest.mark.parametrize("name", sorted(set(builtin_methods()) - {"bmfr", "oidn"}))  # filters that are no identity
 def test_converged_still_image_is_unchanged(gpu, name):
     """Details of single pixels: within 1/255 in display colors, in every later frame."""
     rng = np.random.default_rng(3)

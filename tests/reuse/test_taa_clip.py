@@ -7,6 +7,7 @@ import pytest
 from reuse_tools import bypassed, play
 
 from taubench_gl.metrics import reuse_methods as reference
+from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
 
 SIZE = (64, 36)
@@ -39,15 +40,19 @@ def test_taa_clip_agrees_with_its_reference(gpu, steps):
 
 
 BYPASSES = {
-    "motion of the nearest surface": ("dilate ? nearest_surface(p) : p", "p"),
-    "rounded box": ("if (rounded) {", "if (false) {"),
+    "nearest_motion": ("dilate ? nearest_surface(p) : p", "p"),
+    "rounded_box": ("if (rounded) {", "if (false) {"),
     "clip": ("clip_towards(low, high, clamp(mean, low, high), ycocg_from_rgb(history))", "ycocg_from_rgb(history)"),
-    "clip, not clamp": ("clip_towards(low, high, clamp(mean, low, high), ycocg_from_rgb(history))",
+    "clip_not_clamp": ("clip_towards(low, high, clamp(mean, low, high), ycocg_from_rgb(history))",
                         "clamp(ycocg_from_rgb(history), low, high)"),
-    "target of the clip": ("clamp(mean, low, high)", "0.5 * (low + high)"),
-    "weights of luminance": ("if (weighting) {", "if (false) {"),
+    "clip_target": ("clamp(mean, low, high)", "0.5 * (low + high)"),
+    "luminance_weights": ("if (weighting) {", "if (false) {"),
     "accumulation": ("color = mix(now, history, kept);", ""),
 }  # fmt: skip
+
+
+def test_every_stage_has_a_bypass():
+    assert {stage.name for stage in load_method("taa_clip").stages if stage.done} <= set(BYPASSES)
 
 
 @pytest.mark.parametrize("stage", BYPASSES)

@@ -14,7 +14,7 @@ BLOCK = 32
 """Width and height of a block, pixels."""
 
 FEATURES = 10
-"""1, normal (3), scaled position (3), its squares (3): section 3.2."""
+"""1, normal (3), scaled position (3), its squares (3): feature fitting."""
 
 FEWEST = 2 * FEATURES
 """Surface pixels in a block for a fit of all features; with fewer, the constant alone is fitted."""
@@ -29,7 +29,7 @@ _OFFSET_NUMBER = 3
 def accept_taps(
     inputs: Mapping[str, Array], position_limit: float, normal_limit: float
 ) -> Callable[[Array, Array], Array]:
-    """Section 3.1: taps whose previous position and normal are near those of the pixel; for ``consistent_blend``.
+    """Pre-processing: taps whose previous position and normal are near those of the pixel; for ``consistent_blend``.
 
     ``inputs``: position, prev_position, normal, history_position, history_normal, (h, w, >= 3).
     """
@@ -52,7 +52,7 @@ def _random(x: Array, up: Array, frame: int, number: int) -> Array:
 
 
 def block_offset(frame: int) -> tuple[int, int]:
-    """Section 3.2: pixels by which the grid of blocks is shifted to the left and down in a frame."""
+    """Feature fitting: pixels by which the grid of blocks is shifted to the left and down in a frame."""
     zero = np.zeros(1, dtype=np.int64)
     x, up = np.floor(_random(zero, zero, frame, _OFFSET_NUMBER)[0, :2] * BLOCK).astype(int)
     return int(x), int(up)
@@ -65,7 +65,7 @@ def feature_noise(x: Array, up: Array, frame: int) -> Array:
 
 
 def block_features(position: Array, normal: Array) -> Array:
-    """Section 3.2: features of the surface pixels of one block; positions are scaled to [0, 1] within it.
+    """Feature fitting: features of the surface pixels of one block; positions are scaled to [0, 1] within it.
 
     ``position``, ``normal`` (n, 3) -> (n, 10).
     """
@@ -84,7 +84,7 @@ def mirrored(index: Array, size: int) -> Array:
 def block_regression(
     color: Array, position: Array, normal: Array, frame: int, noise: float = 0.01, shift: bool = True
 ) -> Array:
-    """Section 3.2: least-squares fit of the color by the features of each block, evaluated without noise, at least 0.
+    """Feature fitting: least-squares fit of the color by the features of each block, evaluated without noise, at least 0.
 
     ``color`` (h, w, 3); ``position`` (h, w, 4), w = 0 for sky, which keeps its color; ``normal`` (h, w, 3).
     -> (h, w, 3).

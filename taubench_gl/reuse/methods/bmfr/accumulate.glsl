@@ -1,6 +1,6 @@
 // Accumulation of noisy illumination along the motion, tap by tap.
 //
-// Paper    Koskela et al. 2019, section 3.1: accepted taps are blended, their weights renormalized; weight of the new frame
+// Paper    Koskela et al. 2019, pre-processing: accepted taps are blended, their weights renormalized; weight of the new frame
 //          max(1 / n, alpha).
 // Reference metrics.reuse_methods.consistent_blend, exponential_average
 #include "albedo.glsl"

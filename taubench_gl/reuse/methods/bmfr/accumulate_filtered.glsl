@@ -1,6 +1,6 @@
 // Accumulation of the fitted illumination with the taps of the first accumulation; then modulation by albedo.
 //
-// Paper    Koskela et al. 2019, section 3.3: weight of the new frame max(1 / n, alpha_filtered), n frames of noisy data in
+// Paper    Koskela et al. 2019, post-processing: weight of the new frame max(1 / n, alpha_filtered), n frames of noisy data in
 //          the pixel; color = albedo x illumination, display-encoded for the anti-aliasing that follows.
 // Reference metrics.reuse_methods.consistent_blend, exponential_average, display_encoded
 // Departs  The encoding x^(1 / 2.2) is not clamped at 1, so that the result is linear radiance again.

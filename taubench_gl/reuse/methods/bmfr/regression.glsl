@@ -1,6 +1,6 @@
 // Blockwise regression: in each block of pixels the illumination is fitted by a linear combination of features.
 //
-// Paper    Koskela et al. 2019, section 3.2: features 1, normal, world position, and squares of the position; positions
+// Paper    Koskela et al. 2019, feature fitting: features 1, normal, world position, and squares of the position; positions
 //          scaled to [0, 1] in the block; QR factorization of features and color; zero-mean noise on the features
 //          against rank deficiency, without noise in the reconstruction; blocks at a pseudo-random offset per frame;
 //          pixels outside the image are mirrored into it.

@@ -1,6 +1,6 @@
 // Temporal anti-aliasing of the display-encoded image.
 //
-// Paper    Koskela et al. 2019, section 3.3, after Karis 2014: history is clamped to the YCoCg box of the 3x3 neighborhood,
+// Paper    Koskela et al. 2019, post-processing, after Karis 2014: history is clamped to the YCoCg box of the 3x3 neighborhood,
 //          averaged with that of the plus-shaped five pixels; weight of the new frame alpha_taa.
 // Reference metrics.reuse_methods.neighborhood_box, exponential_average, display_decoded
 void reuse(ivec2 p) {
