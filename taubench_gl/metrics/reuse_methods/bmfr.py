@@ -84,7 +84,7 @@ def mirrored(index: Array, size: int) -> Array:
 def block_regression(
     color: Array, position: Array, normal: Array, frame: int, noise: float = 0.01, shift: bool = True
 ) -> Array:
-    """Feature fitting: least-squares fit of the color by the features of each block, evaluated without noise, at least 0.
+    """Feature fitting: least-squares fit of the color in each block, evaluated without the noise, at least 0.
 
     ``color`` (h, w, 3); ``position`` (h, w, 4), w = 0 for sky, which keeps its color; ``normal`` (h, w, 3).
     -> (h, w, 3).
