@@ -1,7 +1,8 @@
 // Displays a channel under mask colors, optionally compared with the same channel of another source.
 //
-// Reads      one channel, position, mask (reason bits); with COMPARE the same channel of another source; with OBSERVER
-//            mask and position of the frozen camera, which is viewed from outside.
+// Reads      one channel, position, mask (reason bits); with COMPARE the same channel of another source or of history, at
+//            the same pixel or, with REPROJECTED, where motion leads; with OBSERVER mask and position of the frozen
+//            camera, which is viewed from outside.
 // Writes     display colors, RGBA8.
 // Reference  metrics.display (channel_rgb, masked), report.mask_images.mask_overlay (stripes)
 #include "common/numbers.glsl"
@@ -19,8 +20,12 @@ uniform usampler2D other;
 #else
 uniform sampler2D other;
 #endif
+uniform sampler2D other_position;
 uniform float split_px; // this source on the left, the other on the right
 uniform float gain;     // factor of the difference
+#if REPROJECTED
+uniform sampler2D motion;
+#endif
 #endif
 uniform sampler2D position;
 uniform usampler2D mask;
@@ -30,7 +35,8 @@ uniform vec3 colors[MAX_REASONS];
 uniform int reasons;
 uniform uint all_bits; // union of bits
 uniform float opacity;
-uniform ivec2 size;
+uniform ivec2 size;   // of the image
+uniform ivec2 origin; // image pixel of the first fragment: a part of the image can be drawn
 #if KIND == KIND_OBJECT_MOTION
 uniform mat4 prev_clip_from_prev;
 uniform vec3 camera_delta;
@@ -107,19 +113,36 @@ vec3 with_masks(vec3 color, uint word, ivec2 at) {
     return color;
 }
 
+bool in_image(ivec2 at) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
+
+#if COMPARE
+vec3 other_color(ivec2 at) {
+    ivec2 from = at;
+#if REPROJECTED
+    if ((texelFetch(mask, at, 0).r & NOT_COMPARABLE) != 0u) return NOTHING;
+    from = ivec2(floor(vec2(at) + texelFetch(motion, at, 0).xy + 0.5));
+#endif
+    if (!in_image(from)) return NOTHING;
+    return clamp(display_color(texelFetch(other, from, 0), texelFetch(other_position, from, 0)), 0.0, 1.0);
+}
+#endif
+
 void main() {
-    ivec2 at = ivec2(gl_FragCoord.xy);
+    ivec2 at = ivec2(gl_FragCoord.xy) + origin;
+    out_color = vec4(vec3(0.0), 1.0);
+    if (!in_image(at)) return;
     vec4 p = texelFetch(position, at, 0);
-    VALUE v = texelFetch(channel, at, 0);
-    vec3 color;
+    vec3 color = clamp(display_color(texelFetch(channel, at, 0), p), 0.0, 1.0);
 #if COMPARE == COMPARE_SPLIT
-    bool right = float(at.x) >= split_px;
-    color = clamp(display_color(right ? texelFetch(other, at, 0) : v, p), 0.0, 1.0);
+    if (float(at.x) >= split_px) color = other_color(at);
     if (abs(float(at.x) + 0.5 - split_px) < 1.0) color = vec3(1.0);
 #elif COMPARE == COMPARE_DIFFERENCE
-    color = clamp(gain * abs(display_color(v, p) - display_color(texelFetch(other, at, 0), p)), 0.0, 1.0);
-#else
-    color = clamp(display_color(v, p), 0.0, 1.0);
+    color = clamp(gain * abs(color - other_color(at)), 0.0, 1.0);
+#elif COMPARE == COMPARE_ERROR
+    vec3 difference = abs(color - other_color(at));
+    color = color_scale(gain * max(difference.r, max(difference.g, difference.b)));
+#elif COMPARE == COMPARE_OTHER
+    color = other_color(at);
 #endif
 #if OBSERVER
     // Points that the frozen camera sees carry its masks; all others are dark.
@@ -127,7 +150,7 @@ void main() {
     vec4 clip = frozen_clip * vec4(point, 1.0);
     vec2 there = (clip.xy / clip.w * 0.5 + 0.5) * vec2(size);
     ivec2 pixel = ivec2(floor(there));
-    bool seen = p.w > 0.0 && clip.w > 0.0 && all(greaterThanEqual(pixel, ivec2(0))) && all(lessThan(pixel, size));
+    bool seen = p.w > 0.0 && clip.w > 0.0 && in_image(pixel);
     if (seen) {
         vec4 frozen = texelFetch(frozen_position, pixel, 0);
         seen = frozen.w > 0.0 && length(point) <= length(frozen.xyz) * 1.02 + 1e-4;

@@ -91,6 +91,8 @@ class Viewer(ViewerModel):
         imgui.new_frame()
         self.panels.draw(layout)
         imgui.render()
+        if self.engine.magnified is not None:
+            self._renderer.show(self.engine.magnified)
         framebuffer.use()
         framebuffer.scissor = None
         framebuffer.clear(*BACKGROUND, 1.0)

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
+from taubench_gl.conventions import NOT_COMPARABLE
 from taubench_gl.effects.decide import Effect
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import column_major
@@ -16,11 +17,14 @@ from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.display import BACKGROUND, KINDS, scale_glsl
 from taubench_gl.report.mask_images import STRIPE_PX
 from taubench_gl.report.palette import color_of
-from taubench_gl.viewer.state import COMPARISONS, OVERLAYS
+from taubench_gl.viewer.state import OVERLAYS
 
 Array = np.ndarray
+Area = tuple[int, int, int, int]  # x, y, width, height
 ARROW_STEP_PX = 20
 ARROW_COLOR = (1.0, 0.92, 0.35, 1.0)
+MODES = ("off", "split", "difference", "error", "other")
+"""How an image and another are combined; other: that one alone."""
 
 
 @dataclass(slots=True)
@@ -32,9 +36,21 @@ class FrozenCamera:
     delta: Array  # viewing camera - frozen camera, (3,) world, scene units
 
 
+@dataclass(frozen=True, slots=True)
+class Other:
+    """What an image is compared with.  ``motion``: the other image is history, looked up where motion leads."""
+
+    channel: moderngl.Texture
+    position: moderngl.Texture
+    motion: moderngl.Texture | None = None
+
+
 @dataclass(slots=True)
 class Content:
-    """Inputs of one image.  ``channel`` is displayed as ``kind`` in the range ``low`` to ``high``."""
+    """Inputs of one image.  ``channel`` is displayed as ``kind`` in the range ``low`` to ``high``.
+
+    ``comparison``: of MODES.
+    """
 
     kind: str
     channel: moderngl.Texture
@@ -45,7 +61,7 @@ class Content:
     shown: tuple[str, ...] = ()
     opacity: float = 1.0
     comparison: str = "off"
-    other: moderngl.Texture | None = None
+    other: Other | None = None
     split: float = 0.5
     gain: float = 1.0
     frozen: FrozenCamera | None = None
@@ -65,27 +81,51 @@ class Display:
         self._arrays: dict[int, moderngl.VertexArray] = {}
         self._lines = gpu.ctx.buffer(reserve=4 * 24 * 64, dynamic=True)
 
-    def draw(self, content: Content) -> None:
+    def draw(self, content: Content, area: Area | None = None, first: tuple[int, int] = (0, 0)) -> None:
+        """Draw ``content`` into ``area`` of the texture (x, y, width, height, y up), all of it for None.
+
+        ``first``: image pixel, y up, that the first pixel of the area shows; pixels outside the image are black.
+        """
+        area = area or (0, 0, *self.size)
+        program, textures, values = self._prepared(content)
+        values["origin"] = (first[0] - area[0], first[1] - area[1])
+        for unit, (name, texture) in enumerate(textures.items()):
+            if name in program:
+                texture.use(unit)
+                program[name] = unit
+        for name, value in values.items():
+            if name in program:  # compilers remove unused uniforms
+                program[name] = value
+        self._begin()
+        self._gpu.ctx.viewport = area
+        self._array(program).render(moderngl.TRIANGLES, vertices=3)
+
+    def _prepared(self, content: Content) -> tuple[moderngl.Program, dict[str, Any], dict[str, Any]]:
+        """Program, textures and uniforms of ``content``."""
         other = content.other if content.comparison != "off" else None
+        size = content.position.size
         defines: dict[str, Any] = {f"KIND_{kind.upper()}": i for i, kind in enumerate(KINDS)}
-        defines |= {f"COMPARE_{name.upper()}": i for i, name in enumerate(COMPARISONS)}
+        defines |= {f"COMPARE_{name.upper()}": i for i, name in enumerate(MODES)}
         defines |= {
             "KIND": KINDS.index(content.kind),
-            "COMPARE": 0 if other is None else COMPARISONS.index(content.comparison),
+            "COMPARE": 0 if other is None else MODES.index(content.comparison),
+            "REPROJECTED": other is not None and other.motion is not None,
             "OBSERVER": content.frozen is not None,
             "MAX_REASONS": len(OVERLAYS),
             "STRIPE": STRIPE_PX,
             "BACKGROUND": BACKGROUND,
         }
-        program = self._shaders.render("viewer/fullscreen.vert.glsl", "viewer/display.frag.glsl", defines, scale_glsl())
+        lines = f"{scale_glsl()}\nconst uint NOT_COMPARABLE = {int(NOT_COMPARABLE)}u;"
+        program = self._shaders.render("viewer/fullscreen.vert.glsl", "viewer/display.frag.glsl", defines, lines)
         textures = {"channel": content.channel, "position": content.position, "mask": content.mask}
         if other is not None:
-            textures["other"] = other
+            textures |= {"other": other.channel, "other_position": other.position}
+            textures |= {} if other.motion is None else {"motion": other.motion}
         values: dict[str, Any] = {
             "value_range": (content.low, content.high),
-            "size": self.size,
+            "size": size,
             "opacity": content.opacity,
-            "split_px": content.split * self.size[0],
+            "split_px": content.split * size[0],
             "gain": content.gain,
             "reasons": len(content.shown),
         }
@@ -101,15 +141,7 @@ class Display:
         if content.prev_clip_from_prev is not None:
             values["prev_clip_from_prev"] = column_major(content.prev_clip_from_prev).ravel().tolist()
             values["camera_delta"] = tuple(map(float, content.camera_delta))
-        for unit, (name, texture) in enumerate(textures.items()):
-            if name in program:
-                texture.use(unit)
-                program[name] = unit
-        for name, value in values.items():
-            if name in program:  # compilers remove unused uniforms
-                program[name] = value
-        self._begin()
-        self._array(program).render(moderngl.TRIANGLES, vertices=3)
+        return program, textures, values
 
     def lines(self, points: Array, colors: Array, view: View, position: moderngl.Texture) -> None:
         """Draw lines over the image.  ``points`` (2 K, 3) float64 world space, ``colors`` (2 K, 3) in [0, 1]."""

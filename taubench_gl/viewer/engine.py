@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import Reason
+from taubench_gl.conventions import FEATURES, Reason
 from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
@@ -23,23 +25,14 @@ from taubench_gl.metrics.reprojection import Reprojection, reproject
 from taubench_gl.metrics.reuse_rate import RATE_COLUMNS, RATES, disjoint_reasons, unmeasured_rates
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
-from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, FrozenCamera
+from taubench_gl.viewer.comparisons import Comparison
+from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
-from taubench_gl.viewer.state import ViewerState
+from taubench_gl.viewer.magnifier import Magnifier
+from taubench_gl.viewer.state import HISTORY, ViewerState
 
 Array = np.ndarray
 CURRENT_COLOR, PREVIOUS_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
-
-
-class Comparison(Protocol):
-    """Images to compare with: a path-traced reference, or the result of a reuse method for the same frames."""
-
-    name: str
-
-    def texture(self, channel: str, frame: int) -> moderngl.Texture | None:
-        """The same channel of the same frame in the size of the image; None if it has none."""
-
-    def release(self) -> None: ...
 
 
 @dataclass(slots=True)
@@ -59,9 +52,10 @@ class ViewerEngine:
     gpu: Gpu
     feed: Feed
     timer: Any
-    comparison: Comparison | None = None
+    comparisons: dict[str, Comparison] = field(default_factory=dict)  # by name of what is compared with
     counts: dict[str, int] = field(default_factory=dict)
     reasons: dict[str, dict[str, int]] = field(default_factory=dict)  # rate -> disjoint reason -> pixels
+    histograms: dict[str, Array] = field(default_factory=dict)  # feature -> (bins,) pixels per bin of its distance
     drawn: Drawn = field(default_factory=Drawn)
     pair: Reprojection | None = None
     shots: tuple[Shot, Shot] | None = None  # previous, current
@@ -73,6 +67,9 @@ class ViewerEngine:
     _display: Display | None = None
     _mask_key: Any = None
     _image_key: Any = None
+    _content: Content | None = None  # of the image, without comparison
+    _magnifier: Magnifier | None = None
+    _magnified: Any = None
     _range_key: Any = None
     _last: Shot | None = None  # of the user's camera at the last update
     _before: Shot | None = None  # the previous shot of that update
@@ -81,6 +78,7 @@ class ViewerEngine:
     def __post_init__(self) -> None:
         self._context = GpuContext(self.gpu, timer=self.timer)
         self._display = Display(self.gpu, self.feed.size)
+        self._magnifier = Magnifier(self.gpu)
         self.user = UserCamera(self.feed.file_shot(self.feed.frames[0]).view, self.feed.center, self.feed.radius)
 
     @property
@@ -163,6 +161,7 @@ class ViewerEngine:
         counts = self._evaluator.compare(self.pair, declared=declared, thresholds=state.thresholds)
         self.counts = counts_of(counts.mask_histogram)
         self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
+        self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
         self.drawn.masks += 1
 
     def _update_image(self, state: ViewerState) -> None:
@@ -170,61 +169,110 @@ class ViewerEngine:
         shown = self._last if observed else self.shots[1]
         key = (
             self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
-            state.opacity, state.comparison, state.split, state.gain, state.arrows, state.frusta, observed,
-            state.switched_off, state.freeze_previous,
+            state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
+            state.frusta, observed, state.switched_off, state.freeze_previous,
         )  # fmt: skip
         if key == self._image_key:
             return
-        source = self.feed.source
-        frozen = None
+        source, frozen = self.feed.source, None
         if observed:
-            source = self._render_observer(state, shown)
-            current = self.shots[1].view
-            frozen = FrozenCamera(
-                self.feed.source.current["position"],
-                current.clip_from_relative(*self.feed.size),
-                shown.view.position - current.position,
-            )
-        visual = VISUALIZATIONS[state.channel]
-        texture = self._evaluator.motion_texture if visual.channel == "motion" else source.current[visual.channel]
+            source, frozen = self._observe(state, shown)
         self._set_range(state, source, shown)
-        other = None
-        if self.comparison is not None and state.comparison != "off" and not observed and state.camera == "file":
-            other = self.comparison.texture(visual.channel, state.frame)
-        if state.comparison != "off" and other is None:
-            state.message = self._no_comparison(state)
+        self._content = self._content_of(state, source, frozen)
         with self.timer.measure("image"):
-            self._display.draw(
-                Content(
-                    visual.kind,
-                    texture,
-                    source.current["position"],
-                    self._evaluator.mask_texture,
-                    low=state.low,
-                    high=state.high,
-                    shown=state.active_overlays(),
-                    opacity=state.opacity,
-                    comparison=state.comparison,
-                    other=other,
-                    split=state.split,
-                    gain=state.gain,
-                    frozen=frozen,
-                    prev_clip_from_prev=self.pair.prev_clip_from_prev,
-                    camera_delta=self.pair.camera_delta,
-                )
-            )
+            self._display.draw(self._compared(state, self._content, observed))
             self._lines(state, shown.view, source)
             if state.arrows and not observed:
                 self._display.arrows(self._evaluator.motion_texture)
         self.drawn.images += 1
         self._image_key = key[:3] + (state.low, state.high) + key[5:]
 
+    def _observe(self, state: ViewerState, shown: Shot) -> tuple[Any, FrozenCamera]:
+        """Source and frozen camera of a view from outside."""
+        current = self.shots[1].view
+        clip = current.clip_from_relative(*self.feed.size)
+        frozen = self.feed.source.current["position"]
+        return self._render_observer(state, shown), FrozenCamera(frozen, clip, shown.view.position - current.position)
+
+    def _content_of(self, state: ViewerState, source: Any, frozen: FrozenCamera | None) -> Content:
+        """The image without comparison."""
+        visual = VISUALIZATIONS[state.channel]
+        texture = self._evaluator.motion_texture if visual.channel == "motion" else source.current[visual.channel]
+        return Content(
+            visual.kind,
+            texture,
+            source.current["position"],
+            self._evaluator.mask_texture,
+            low=state.low,
+            high=state.high,
+            shown=state.active_overlays(),
+            opacity=state.opacity,
+            split=state.split,
+            gain=state.gain,
+            frozen=frozen,
+            prev_clip_from_prev=self.pair.prev_clip_from_prev,
+            camera_delta=self.pair.camera_delta,
+        )
+
+    def _compared(self, state: ViewerState, content: Content, observed: bool) -> Content:
+        """``content`` with the comparison of the state; a message says where there is nothing to compare with."""
+        if state.comparison == "off":
+            return content
+        other = None if observed else self.other(state)
+        if other is None:
+            state.message = self._no_comparison(state)
+            return content
+        mode = state.comparison if state.comparison != "flicker" else "other" if state.flicker_other else "off"
+        return replace(content, comparison=mode, other=other)
+
+    def other(self, state: ViewerState) -> Other | None:
+        """What the image is compared with: history, or a comparison; None where that has no such image."""
+        channel = VISUALIZATIONS[state.channel].channel
+        if state.against in HISTORY:
+            return self._history_of(channel, state.against == "reprojected")
+        comparison = self.comparisons.get(state.against)
+        if comparison is None or state.camera != "file":
+            return None
+        texture = comparison.texture(channel, state.frame)
+        return None if texture is None else Other(texture, self.feed.source.current["position"])
+
+    def _history_of(self, channel: str, reprojected: bool) -> Other | None:
+        """A channel of the previous frame; None for a channel that only pairs have."""
+        previous = self.feed.source.previous
+        if channel not in previous:
+            return None
+        return Other(previous[channel], previous["position"], self._evaluator.motion_texture if reprojected else None)
+
     def _no_comparison(self, state: ViewerState) -> str:
-        if self.comparison is None:
-            return "no reference: start with --reference exr:DIR"
+        what = state.channel.replace("_", " ")
+        if state.freeze_current:
+            return "a view from outside is not compared: press C"
+        if state.against in HISTORY:
+            return f"history has no {what}"
+        if state.against not in self.comparisons:
+            return f"there is no {state.against} to compare with"
         if state.camera != "file":
-            return "the reference was rendered with the file's camera: press V"
-        return f"{self.comparison.name} has no {state.channel.replace('_', ' ')} of this frame"
+            return f"the {state.against} has the file's camera: press V"
+        return f"{self.comparisons[state.against].name} has no {what} of this frame"
+
+    @property
+    def magnified(self) -> moderngl.Texture | None:
+        """What ``magnify`` drew last."""
+        return self._magnifier.texture
+
+    def magnify(self, state: ViewerState, found: Explanation) -> moderngl.Texture:
+        """The images of ``magnifier.TILES`` around an explained pixel of the pair."""
+        key = (self._image_key, found.pixel, state.magnified)
+        if key != self._magnified:
+            height = self.feed.size[1]
+            channel = VISUALIZATIONS[state.channel].channel
+            at = None  # rounded as the masks do, y up
+            if found.at is not None:
+                at = math.floor(found.at[0] + 0.5), math.floor(height - 1 - found.at[1] + 0.5)
+            pixel = (found.pixel[0], height - 1 - found.pixel[1])
+            self._magnifier.draw(state.magnified, self._content, self._history_of(channel, True), pixel, at)
+            self._magnified = key
+        return self._magnifier.texture
 
     def _render_observer(self, state: ViewerState, shot: Shot) -> Any:
         """Render the scene from the user's camera while the current camera is frozen; its source."""
@@ -319,7 +367,8 @@ class ViewerEngine:
         return rate, percent, sentence(percent, shares, rate)
 
     def release(self) -> None:
-        for part in (self._evaluator, self._context, self._display, self._observer, self.comparison, self.feed):
+        drawing = (self._evaluator, self._context, self._display, self._magnifier, self._observer)
+        for part in (*drawing, *self.comparisons.values(), self.feed):
             if part is not None:
                 part.release()
         self.gpu.collect()

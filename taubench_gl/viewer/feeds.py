@@ -11,14 +11,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
-import moderngl
 import numpy as np
 
 from taubench_gl.animation import CameraTrack, Poser, View, bounding_sphere, camera_of_run
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
-from taubench_gl.errors import OutputError, SettingsError, TaubenchError
+from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.spec import bound_times
@@ -31,6 +30,7 @@ from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 from taubench_gl.viewer.display import visualizations_of_channels, visualizations_of_scene
+from taubench_gl.viewer.names import PixelNames, names_at
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,9 @@ class Feed(Protocol):
 
     def show(self, previous: Shot, current: Shot) -> bool:
         """Hold the channels of this pair; whether anything was rendered."""
+
+    def names_at(self, x: int, row: int) -> PixelNames | None:
+        """What pixel (x, row from the top) of the current frame shows; None where that is not known."""
 
     def release(self) -> None: ...
 
@@ -111,6 +114,7 @@ class SceneFeed:
         return Shot(frame, self.camera.view_at(self._poser.sample(frame / self.settings.sequence.fps)))
 
     def plan(self, extra: frozenset[str], off: frozenset[str]) -> bool:
+        extra = extra | {"ids"}  # which object and material a pixel shows
         have = () if self.source is None else self.source.channels
         if self.source is not None and off == self._off and extra <= {*have, *self._extra}:
             return False
@@ -139,6 +143,9 @@ class SceneFeed:
         self.source.draw_pair(current.frame, previous.frame, current.view, previous.view)
         self._held = keys
         return True
+
+    def names_at(self, x: int, row: int) -> PixelNames | None:
+        return names_at(self._gpu, self.source, x, row)
 
     def show_one(self, shot: Shot) -> bool:
         """Render ``shot`` alone, without a pair; whether anything was rendered."""
@@ -195,6 +202,9 @@ class PathTracedFeed:
             self._read(current.frame)
         self._shown = keys
         return True
+
+    def names_at(self, x: int, row: int) -> PixelNames | None:
+        return None  # path-traced files have no names
 
     def _read(self, frame: int) -> None:
         self._views[frame] = self.source.advance(frame)
@@ -311,31 +321,3 @@ def _run_note(run: Run, sha256: str | None) -> str:
     changed = scene.get("sha256") is not None and scene["sha256"] != sha256
     note = "the scene has changed since" if changed else "worst frame"
     return f"run of {scene.get('name', '?')}: {note}"
-
-
-class PathTracedComparison:
-    """Path-traced frames to compare with: frame n, or n + 1 if the files count from 1.  Raises SettingsError."""
-
-    def __init__(self, feed: PathTracedFeed, size: tuple[int, int], first: int):
-        if feed.size != size:
-            got = "x".join(map(str, feed.size))
-            feed.release()
-            raise SettingsError(f"the reference is {got} pixels", hint=f"give --size {got}")
-        self._feed, self.name = feed, "reference"
-        self._offset = 1 if feed.frames[0] == 1 and first == 0 else 0
-        self._read: int | None = None
-
-    def texture(self, channel: str, frame: int) -> moderngl.Texture | None:
-        number = frame + self._offset
-        if channel not in self._feed.source.channels or number not in self._feed.frames:
-            return None
-        if number != self._read:
-            try:
-                self._feed.source.advance(number)
-            except TaubenchError:
-                return None
-            self._read = number
-        return self._feed.source.current[channel]
-
-    def release(self) -> None:
-        self._feed.release()

@@ -27,6 +27,7 @@ class ImguiRenderer:
         self._vertices = gpu.ctx.buffer(reserve=1 << 16, dynamic=True)
         self._indices = gpu.ctx.buffer(reserve=1 << 16, dynamic=True)
         self._textures: dict[int, moderngl.Texture] = {}
+        self._shown: dict[int, moderngl.Texture] = {}  # of others, by number, until the frame is drawn
         imgui.get_io().backend_flags |= imgui.BackendFlags_.renderer_has_textures.value
         self._array = self._make_array()
 
@@ -54,6 +55,10 @@ class ImguiRenderer:
                 texture.set_tex_id(0)
                 texture.set_status(status.destroyed)
 
+    def show(self, texture: moderngl.Texture) -> None:
+        """Let panels draw ``texture`` by its number; the caller keeps it."""
+        self._shown[texture.glo] = texture
+
     def render(self, framebuffer: moderngl.Framebuffer) -> None:
         """Draw the lists of ``imgui.render()`` over the content of ``framebuffer``."""
         data, ctx = imgui.get_draw_data(), self._gpu.ctx
@@ -74,7 +79,8 @@ class ImguiRenderer:
                 x0, y0, x1, y1 = command.clip_rect
                 left, top = max(int(x0 * scale_x), 0), max(int(y0 * scale_y), 0)
                 right, bottom = min(int(x1 * scale_x), width), min(int(y1 * scale_y), height)
-                texture = self._textures.get(command.tex_ref.get_tex_id())
+                number = command.tex_ref.get_tex_id()
+                texture = self._textures.get(number) or self._shown.get(number)
                 if right <= left or bottom <= top or texture is None:
                     continue
                 framebuffer.scissor = (left, height - bottom, right - left, bottom - top)
@@ -83,6 +89,7 @@ class ImguiRenderer:
                 self._array.render(moderngl.TRIANGLES, vertices=command.elem_count, first=command.idx_offset)
         framebuffer.scissor = None
         ctx.disable(moderngl.BLEND)
+        self._shown.clear()
 
     def _upload(self, commands: imgui.ImDrawList) -> None:
         for name, source, size in (

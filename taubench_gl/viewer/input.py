@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from imgui_bundle import imgui
 
 from taubench_gl.viewer.actions import KEYS, MOVEMENT, chord
@@ -9,6 +11,8 @@ from taubench_gl.viewer.model import ViewerModel
 
 SPLIT_REACH = 8.0
 """Distance from the split line, screen points, within which it can be dragged."""
+CLICK_REACH = 3.0
+"""Screen points that the mouse may move between press and release of a click."""
 _EDIT = ("BACKSPACE", "ENTER", "LEFT_ARROW", "RIGHT_ARROW", "TAB", "ESCAPE")
 
 
@@ -20,6 +24,7 @@ class Input:
         self.mouse = (-1.0, -1.0)
         self.held: set[str] = set()
         self._drag: str | None = None
+        self._pressed_at: tuple[float, float] | None = None  # on the image, left button
 
     def resize(self, width: int, height: int) -> None:
         """The window has a new size; 0 x 0 while it is minimized."""
@@ -44,9 +49,21 @@ class Input:
     def mouse_button(self, button: int, pressed: bool) -> None:
         """``button``: 0 left, 1 right, 2 middle."""
         imgui.get_io().add_mouse_button_event(button, pressed)
+        if not pressed and button == 0 and self._drag == "camera":
+            self._click()
         self._drag = None
         if pressed and self._on_image():
-            self._drag = "split" if self._on_split() else "camera"
+            self._drag, self._pressed_at = "split" if self._on_split() else "camera", self.mouse
+
+    def _click(self) -> None:
+        """Pin the pixel under the mouse; a click on the pinned pixel releases it."""
+        viewer, s = self._viewer, self._viewer.state
+        if math.dist(self.mouse, self._pressed_at) > CLICK_REACH:
+            return
+        pixel = viewer.layout.pixel(*self.mouse, viewer.engine.feed.size)
+        if pixel is not None:
+            s.probe_pinned = not (s.probe_pinned and s.probe == pixel)
+            s.probe = pixel
 
     def scroll(self, dx: float, dy: float) -> None:
         imgui.get_io().add_mouse_wheel_event(dx, dy)

@@ -4,55 +4,106 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-SIDE, BAR = 300, 64
-"""Width of the side panel, height of the bar below the image."""
+SIDE, BAR = 300, 84
+"""Width of a side panel, height of the bar below the image."""
 MIN_SIDE_WIDTH = 480
 """Narrower windows have no side panel."""
+MIN_BOTH_WIDTH = 960
+"""Narrower windows have one side panel, which shows the sections of both."""
+GAP = 4
+"""Between images side by side."""
 
-START = (1600, 960)
+START = (1900, 1010)
 """Largest size of a new window that enlarges a small image."""
 MIN_START_HEIGHT = 640
-"""Smallest height of a new window: most of the side panel is visible."""
+"""Smallest height of a new window: most of the side panels is visible."""
 
 Rect = tuple[float, float, float, float]  # x, y, width, height
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
-    """``image`` has the aspect ratio of the image, centered in the area beside the panels."""
+class Shown:
+    """Which panels are shown; ``tiles``: number of images side by side."""
 
-    image: Rect
-    side: Rect | None
-    bar: Rect | None
+    left: bool = True
+    right: bool = True
+    bar: bool = True
+    tiles: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """``images`` have the aspect ratio of the image, centered in the area beside the panels; the first is the main one.
+
+    ``merged``: one side panel shows the sections of both.
+    """
+
+    images: tuple[Rect, ...]
+    left: Rect | None = None
+    right: Rect | None = None
+    bar: Rect | None = None
+    merged: bool = False
+
+    @property
+    def image(self) -> Rect:
+        return self.images[0]
 
     def pixel(self, x: float, y: float, size: tuple[int, int]) -> tuple[int, int] | None:
-        """The image pixel (x, row from the top) at a window position; None outside the image."""
-        left, top, width, height = self.image
-        if not (width > 0 and height > 0 and left <= x < left + width and top <= y < top + height):
-            return None
-        return min(int((x - left) * size[0] / width), size[0] - 1), min(int((y - top) * size[1] / height), size[1] - 1)
+        """The image pixel (x, row from the top) at a window position, in any of the images; None outside."""
+        for left, top, width, height in self.images:
+            if width > 0 and height > 0 and left <= x < left + width and top <= y < top + height:
+                column, row = int((x - left) * size[0] / width), int((y - top) * size[1] / height)
+                return min(column, size[0] - 1), min(row, size[1] - 1)
+        return None
+
+    def place(self, x: float, row: float, size: tuple[int, int], tile: int = 0) -> tuple[float, float]:
+        """Window position of the center of a pixel (x, row from the top) in an image."""
+        left, top, width, height = self.images[tile]
+        return left + (x + 0.5) * width / size[0], top + (row + 0.5) * height / size[1]
 
 
 def start_size(size: tuple[int, int]) -> tuple[int, int]:
     """Size of a new window for an image of ``size`` pixels: one point per pixel, a whole multiple for small images."""
-    times = max(1, min((START[0] - SIDE) // size[0], (START[1] - BAR) // size[1]))
-    return size[0] * times + SIDE, max(size[1] * times + BAR, MIN_START_HEIGHT)
+    times = max(1, min((START[0] - 2 * SIDE) // size[0], (START[1] - BAR) // size[1]))
+    return size[0] * times + 2 * SIDE, max(size[1] * times + BAR, MIN_START_HEIGHT)
 
 
-def arrange(window: tuple[int, int], size: tuple[int, int], panels: bool) -> Layout:
+def arrange(window: tuple[int, int], size: tuple[int, int], panels: bool, shown: Shown = Shown()) -> Layout:
     """Layout of a window for an image of ``size`` pixels.  In a window without area the image is empty."""
     width, height = window
     if width <= 0 or height <= 0:
-        return Layout((0, 0, 0, 0), None, None)
-    with_side = panels and width >= MIN_SIDE_WIDTH
-    with_bar = panels and height >= 3 * BAR
-    free_w = width - (SIDE if with_side else 0)
+        return Layout(((0, 0, 0, 0),) * shown.tiles)
+    merged = width < MIN_BOTH_WIDTH
+    any_side = panels and width >= MIN_SIDE_WIDTH and (shown.left or shown.right)
+    with_left = any_side and shown.left and not merged
+    with_right = any_side and (shown.right or merged)
+    with_bar = panels and shown.bar and height >= 3 * BAR
+    start = SIDE if with_left else 0
+    free_w = width - start - (SIDE if with_right else 0)
     free_h = height - (BAR if with_bar else 0)
-    scale = min(free_w / size[0], free_h / size[1])
-    if 1.0 < scale < 1.1:
-        scale = 1.0  # exact pixels look better than a slight enlargement
-    shown_w, shown_h = max(round(size[0] * scale), 1), max(round(size[1] * scale), 1)
-    image = ((free_w - shown_w) // 2, (free_h - shown_h) // 2, shown_w, shown_h)
-    side = (free_w, 0, SIDE, height) if with_side else None
-    bar = (0, free_h, free_w, BAR) if with_bar else None
-    return Layout(image, side, bar)
+    return Layout(
+        _tiles((start, 0, free_w, free_h), size, shown.tiles),
+        (0, 0, SIDE, height) if with_left else None,
+        (width - SIDE, 0, SIDE, height) if with_right else None,
+        (start, free_h, free_w, BAR) if with_bar else None,
+        merged,
+    )
+
+
+def _tiles(area: Rect, size: tuple[int, int], count: int) -> tuple[Rect, ...]:
+    """``count`` images of equal size in ``area``, in the grid in which they are largest."""
+    left, top, width, height = area
+
+    def scale_of(columns: int) -> float:
+        rows = -(-count // columns)
+        return min((width - GAP * (columns - 1)) / columns / size[0], (height - GAP * (rows - 1)) / rows / size[1])
+
+    columns = max(range(1, count + 1), key=scale_of)
+    scale = scale_of(columns)
+    if scale > 1.0 and scale / int(scale) < 1.1:
+        scale = int(scale)  # exact pixels look better than a slight enlargement
+    w, h = max(round(size[0] * scale), 1), max(round(size[1] * scale), 1)
+    rows = -(-count // columns)
+    x = left + (width - columns * w - GAP * (columns - 1)) // 2
+    y = top + (height - rows * h - GAP * (rows - 1)) // 2
+    return tuple((x + (i % columns) * (w + GAP), y + (i // columns) * (h + GAP), w, h) for i in range(count))

@@ -16,10 +16,12 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.outputs import cannot_write, new_partial, write_png
 from taubench_gl.viewer import prefs
 from taubench_gl.viewer.actions import ACTIONS
+from taubench_gl.viewer.comparisons import open_comparisons
 from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
-from taubench_gl.viewer.feeds import OpenRequest, PathTracedComparison, PathTracedFeed, open_feed
-from taubench_gl.viewer.layout import Layout, arrange
-from taubench_gl.viewer.state import ViewerState, variables
+from taubench_gl.viewer.feeds import OpenRequest, open_feed
+from taubench_gl.viewer.layout import Layout, Shown, arrange
+from taubench_gl.viewer.names import PixelNames
+from taubench_gl.viewer.state import HISTORY, ViewerState, variables
 
 Array = np.ndarray
 NO_VIDEO = "clips need imageio-ffmpeg: pip install 'taubench-gl[reuse]'"
@@ -50,16 +52,13 @@ class ViewerModel:
         self.fps = 0.0
         self._last_image: tuple[int, object] = (0, None)  # the image that was drawn last, for clips
         self._probed: tuple[object, Explanation] | None = None
+        self._named: tuple[object, PixelNames | None] | None = None
 
     def _open(self, request: OpenRequest) -> tuple[ViewerState, ViewerEngine]:
         opened = open_feed(self.gpu, request, self.timer)
         feed = opened.feed
         try:
-            comparison = None
-            if request.reference is not None:
-                settings = feed.settings.replace(frames=(None, None))
-                reference = PathTracedFeed(self.gpu, request.reference, settings, request.options)
-                comparison = PathTracedComparison(reference, feed.size, feed.frames[0])
+            comparisons = open_comparisons(self.gpu, request, feed)
         except TaubenchError:
             feed.release()
             raise
@@ -71,6 +70,8 @@ class ViewerModel:
             thresholds=dict(limits), default_thresholds=limits, channel=channel,
             unit_scale=feed.settings.metrics.unit_scale,
         )  # fmt: skip
+        state.others = (*HISTORY, *comparisons)
+        state.against = state.others[len(HISTORY)] if comparisons else "reprojected"
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)
         state.message = "; ".join(opened.notes)
@@ -79,7 +80,7 @@ class ViewerModel:
             state.switched_off = frozenset(LIGHT) & set(state.effects)
             state.channel = "headlight"
             state.message = "software OpenGL: light is disabled; enable it under effects, or start with --light"
-        engine = ViewerEngine(self.gpu, feed, self.timer, comparison)
+        engine = ViewerEngine(self.gpu, feed, self.timer, comparisons)
         try:
             engine.update(state)  # a scene that cannot be drawn is an error here, not later
         except TaubenchError:
@@ -98,7 +99,8 @@ class ViewerModel:
             self._toggle_clip()
         prefs.apply(prefs.Prefs(values=variables(self.state)), state)
         self.engine.release()
-        self._request, self.state, self.engine, self._probed = request, state, engine, None
+        self._request, self.state, self.engine = request, state, engine
+        self._probed = self._named = None
         return True
 
     def drop(self, paths: list[str]) -> None:
@@ -174,7 +176,10 @@ class ViewerModel:
 
     @property
     def layout(self) -> Layout:
-        return arrange(self.window_size, self.engine.feed.size, self.state.panels)
+        s = self.state
+        sides = set(s.docks.values())
+        shown = Shown("left" in sides, "right" in sides, s.sections["playback"])
+        return arrange(self.window_size, self.engine.feed.size, s.panels, shown)
 
     def probe(self) -> Explanation | None:
         """The probed pixel, read from the GPU only if the pair or the pixel changed; None without a pixel."""
@@ -185,6 +190,16 @@ class ViewerModel:
         if self._probed is None or self._probed[0] != key:
             self._probed = (key, self.engine.evaluator.explain(*s.probe, thresholds=s.thresholds))
         return self._probed[1]
+
+    def probe_names(self) -> PixelNames | None:
+        """Names of what the probed pixel shows; None without a pixel, and where names are not known."""
+        found = self.probe()
+        if found is None:
+            return None
+        key = (found.pixel, self.engine.drawn.pairs, self.engine.drawn.plans)
+        if self._named is None or self._named[0] != key:
+            self._named = (key, self.engine.feed.names_at(*found.pixel))
+        return self._named[1]
 
     def close(self) -> None:
         """Store the preferences, finish the clip, free the GPU resources."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from taubench_gl.conventions import FEATURES
 from taubench_gl.data_files import read_text
 from taubench_gl.errors import OutputError, SettingsError, note_renamed
 from taubench_gl.viewer.actions import ACTIONS, FORMER_ACTIONS, split_chord
@@ -239,15 +240,27 @@ class ScriptRunner:
             return percentages[member]
         if group == "count" and member in viewer.engine.counts:
             return viewer.engine.counts[member]
-        found = viewer.probe()
-        known |= {"bench": self._bench, "window.width": viewer.window_size[0], "window.height": viewer.window_size[1],
+        known |= self._probed() | {"bench": self._bench,
+                  "window.width": viewer.window_size[0], "window.height": viewer.window_size[1],
                   "image.width": viewer.engine.feed.size[0], "image.height": viewer.engine.feed.size[1],
-                  "scene": viewer.engine.feed.name, "probe.reason": None if found is None else found.reason,
+                  "scene": viewer.engine.feed.name,
                   "pairs.drawn": viewer.engine.drawn.pairs, "images.drawn": viewer.engine.drawn.images}  # fmt: skip
         if name not in known:
             more = ["overlay.NAME", "count.NAME"]
             raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")
         return known[name]
+
+    def _probed(self) -> dict[str, Any]:
+        """Readings of the probed pixel; None for each that it does not have."""
+        found, names = self._viewer.probe(), self._viewer.probe_names()
+        out: dict[str, Any] = {"probe.reason": None if found is None else found.reason}
+        for name in ("object", "material"):
+            out[f"probe.{name}"] = None if names is None else getattr(names, name)
+        out["probe.lights"] = None if names is None else names.lights_text
+        for feature in FEATURES:
+            values = None if found is None else found.features.get(feature)
+            out[f"probe.{feature}"] = None if values is None else values.distance
+        return out
 
     def _place(self, x: str, y: str) -> tuple[float, float]:
         if not x.startswith("@"):
@@ -255,7 +268,7 @@ class ScriptRunner:
         if x[1:] not in self._viewer.panels.widgets:
             shown = ", ".join(self._viewer.panels.widgets) or "none"
             raise SettingsError(f"no control {x[1:]!r} is visible", hint=f"choose from {shown}")
-        self._viewer.panels.reveal = x[1:]
+        self._viewer.panels.reveal(x[1:])
         self._frame()
         self._frame()  # scrolling takes effect one frame later
         left, top, width, height = self._viewer.panels.widgets[x[1:]]

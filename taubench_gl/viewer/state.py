@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,8 +16,14 @@ from taubench_gl.errors import SettingsError, note_renamed
 from taubench_gl.glossary import key_of
 
 CAMERAS = ("file", "fly", "orbit")
-COMPARISONS = ("off", "split", "difference")
-SECTIONS = ("playback", "camera", "image", "masks", "thresholds", "probe", "effects", "time")
+COMPARISONS = ("off", "split", "flicker", "difference", "error")
+HISTORY = ("history", "reprojected")
+"""What every image can be compared with: the previous frame, and that frame looked up where motion leads."""
+SECTIONS = ("playback", "camera", "image", "compare", "masks", "thresholds", "probe", "settings", "effects", "time")
+DOCKS = ("left", "right")
+DOCKED = ("probe", "thresholds", "camera", "image", "compare", "masks", "settings", "effects", "time")
+"""Sections of the side panels, from the top."""
+_LEFT = ("probe", "thresholds")
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 
@@ -61,6 +68,10 @@ class ViewerState:
     feature: str = "position"  # the feature whose threshold the keys change
     unit_scale: float = 1.0  # scene units per meter
     comparison: str = "off"
+    against: str = "reprojected"  # of ``others``
+    others: tuple[str, ...] = HISTORY  # what the image can be compared with
+    flicker_hz: float = 2.0  # changes per second between the image and the other
+    flicker_other: bool = False  # whether the other is shown now
     split: float = 0.5  # fraction of the image width
     gain: float = 4.0  # factor of the difference image
     arrows: bool = False
@@ -69,13 +80,16 @@ class ViewerState:
     switched_off: frozenset[str] = frozenset()
     panels: bool = True
     sections: dict[str, bool] = field(default_factory=lambda: {n: n != "time" for n in SECTIONS})  # timing is slow
+    docks: dict[str, str] = field(default_factory=lambda: {n: DOCKS[n not in _LEFT] for n in DOCKED})
     help: bool = False
     probe: tuple[int, int] | None = None  # pixel (x, row from the top)
     probe_pinned: bool = False
+    magnified: int = 11  # pixels along a side of the magnified images, odd
     size: tuple[int, int] = (1, 1)  # image width and height, pixels
     message: str = ""
     requests: list[str] = field(default_factory=list)  # actions that the model serves: screenshot, quit, ...
     clock: float = 0.0  # frames due while playing, fractional
+    flicker_clock: float = 0.0  # seconds since the flicker changed images
 
     @property
     def range(self) -> tuple[int, int]:
@@ -92,6 +106,7 @@ class ViewerState:
 
     def advance(self, seconds: float) -> None:
         """Advance playback by ``seconds``, by at most one frame: no pair is skipped, a slow machine plays slower."""
+        self._flicker(seconds)
         if not self.playing:
             self.clock = 0.0
             return
@@ -101,6 +116,19 @@ class ViewerState:
         self.clock = min(self.clock - 1.0, 1.0)
         low, high = self.range
         self.frame = self.frame + 1 if low <= self.frame < high else low
+
+    def _flicker(self, seconds: float) -> None:
+        if self.comparison != "flicker":
+            self.flicker_clock, self.flicker_other = 0.0, False
+            return
+        self.flicker_clock += seconds
+        if self.flicker_clock >= 1.0 / self.flicker_hz:
+            self.flicker_clock, self.flicker_other = 0.0, not self.flicker_other
+
+    @property
+    def busy(self) -> bool:
+        """Whether the image changes by itself."""
+        return self.playing or self.comparison == "flicker"
 
     def set_loop(self, low: int | None = None, high: int | None = None) -> None:
         """Move one end of the loop; the other end follows if they would cross."""
@@ -147,11 +175,13 @@ _FLAGS = (
     "playing", "freeze_current", "freeze_previous", "frusta", "auto_range", "overlays", "arrows", "panels", "help",
     "probe_pinned",
 )  # fmt: skip
-_NUMBERS = {"speed": (0.01, 16.0), "opacity": (0.0, 1.0), "split": (0.0, 1.0), "gain": (0.01, 1e4)}
+_NUMBERS = {"speed": (0.01, 16.0), "opacity": (0.0, 1.0), "split": (0.0, 1.0), "gain": (0.01, 1e4),
+            "flicker_hz": (0.25, 30.0)}  # fmt: skip
 _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "camera": lambda s: CAMERAS,
     "channel": lambda s: s.channels,
     "comparison": lambda s: COMPARISONS,
+    "against": lambda s: s.others,
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,
 }
@@ -164,7 +194,20 @@ def variable_names(state: ViewerState) -> list[str]:
     groups = [("show", state.shown), ("threshold", state.thresholds), ("section", state.sections)]
     dotted = [f"{group}.{name}" for group, members in groups for name in members]
     dotted += [f"effect.{name}" for name in state.effects]
-    return ["frame", "loop.first", "loop.last", "range.low", "range.high", *_FLAGS, *_NUMBERS, *_CHOICES, *dotted]
+    dotted += [f"dock.{name}" for name in state.docks]
+    return [
+        "frame",
+        "probe",
+        "magnified",
+        "loop.first",
+        "loop.last",
+        "range.low",
+        "range.high",
+        *_FLAGS,
+        *_NUMBERS,
+        *_CHOICES,
+        *dotted,
+    ]
 
 
 def set_variable(state: ViewerState, name: str, text: str) -> None:
@@ -178,6 +221,10 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
     group, _, member = name.partition(".")
     if name == "frame":
         state.go_to(round(_number(name, text)))
+    elif name == "probe":
+        state.probe = _pixel(name, text, state.size)
+    elif name == "magnified":
+        state.magnified = 2 * (min(max(round(_number(name, text)), 3), 61) // 2) + 1
     elif group == "loop" and member in ("first", "last"):
         state.set_loop(**{"low" if member == "first" else "high": round(_number(name, text))})
     elif group == "range" and member in ("low", "high"):
@@ -189,14 +236,13 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
         low, high = _NUMBERS[name]
         setattr(state, name, min(max(_number(name, text), low), high))
     elif name in _CHOICES:
-        allowed = _CHOICES[name](state)
-        if text not in allowed:
-            raise SettingsError(f"{name} cannot be {text!r}", hint=f"choose from {', '.join(allowed) or 'nothing'}")
-        setattr(state, name, text)
+        setattr(state, name, _chosen(name, text, _CHOICES[name](state)))
     elif group == "show" and member in state.shown:
         state.shown[member] = _flag(name, text)
     elif group == "section" and member in state.sections:
         state.sections[member] = _flag(name, text)
+    elif group == "dock" and member in state.docks:
+        state.docks[member] = _chosen(name, text, DOCKS)
     elif group == "threshold" and member in state.thresholds:
         state.set_threshold(member, _number(name, text))
     elif group == "effect" and member in state.effects:
@@ -209,17 +255,39 @@ def variables(state: ViewerState) -> dict[str, Any]:
     """Every name of ``set_variable`` with its value, a number or text, and some that can only be read."""
     low, high = state.range
     out: dict[str, Any] = {
-        "frame": state.frame, "first": state.first, "last": state.last, "loop.first": low, "loop.last": high,
+        "frame": state.frame, "probe": _pixel_text(state.probe), "magnified": state.magnified,
+        "first": state.first, "last": state.last, "loop.first": low, "loop.last": high,
         "range.low": state.low, "range.high": state.high,
     }  # fmt: skip
     out |= {name: int(getattr(state, name)) for name in _FLAGS}
     out |= {name: getattr(state, name) for name in (*_NUMBERS, *_CHOICES)}
     out |= {f"show.{n}": int(on) for n, on in state.shown.items()}
     out |= {f"section.{n}": int(on) for n, on in state.sections.items()}
+    out |= {f"dock.{n}": side for n, side in state.docks.items()}
     out |= {f"threshold.{n}": v for n, v in state.thresholds.items()}
     out |= {f"effect.{n}": int(n not in state.switched_off) for n in state.effects}
     out["probe.x"], out["probe.y"] = state.probe or (-1, -1)
     return out | {"message": state.message}
+
+
+def _pixel(name: str, text: str, size: tuple[int, int]) -> tuple[int, int] | None:
+    """``X,Y`` within an image of ``size``, row from the top; ``none``."""
+    if text == "none":
+        return None
+    found = re.fullmatch(r"(\d{1,6}),(\d{1,6})", text)
+    if found is None or int(found[1]) >= size[0] or int(found[2]) >= size[1]:
+        raise SettingsError(f"{name} cannot be {text!r}", hint=f"give X,Y below {size[0]},{size[1]}, or none")
+    return int(found[1]), int(found[2])
+
+
+def _pixel_text(pixel: tuple[int, int] | None) -> str:
+    return "none" if pixel is None else f"{pixel[0]},{pixel[1]}"
+
+
+def _chosen(name: str, text: str, allowed: tuple[str, ...]) -> str:
+    if text not in allowed:
+        raise SettingsError(f"{name} cannot be {text!r}", hint=f"choose from {', '.join(allowed) or 'nothing'}")
+    return text
 
 
 def _number(name: str, text: str) -> float:

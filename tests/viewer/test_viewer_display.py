@@ -8,10 +8,10 @@ import pytest
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import Reason
 from taubench_gl.frame.targets import write_channel
-from taubench_gl.metrics.display import KINDS, channel_rgb, color_scale, id_color, overlay_mask
+from taubench_gl.metrics.display import BACKGROUND, KINDS, channel_rgb, color_scale, id_color, overlay_mask
 from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.palette import color_of
-from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display
+from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, Other
 from taubench_gl.viewer.state import OVERLAYS
 
 SIZE = (37, 21)
@@ -113,14 +113,56 @@ def test_stripes_match_the_report():
 def test_split_and_difference(made):
     position, mask = inputs(np.random.default_rng(6))
     a, b = (np.full((SIZE[1], SIZE[0], 4), v, dtype=np.float32) for v in (0.25, 0.5))
-    content = Content("encoded", made("color", a), made("position", position), made("mask", mask[..., None]),
-                      comparison="split", other=made("color", b), split=0.5, gain=2.0)  # fmt: skip
+    place = made("position", position)
+    content = Content("encoded", made("color", a), place, made("mask", mask[..., None]),
+                      comparison="split", other=Other(made("color", b), place), split=0.5, gain=2.0)  # fmt: skip
     made.display.draw(content)
     image = made.display.read()
     assert (image[:, :16] == 64).all() and (image[:, 21:] == 128).all()
+    content.comparison = "other"
+    made.display.draw(content)
+    assert (made.display.read() == 128).all()
+    content.comparison = "error"
+    made.display.draw(content)
+    assert np.abs(made.display.read() / 255.0 - color_scale(np.array(2 * (128 - 64) / 255.0))).max() <= ONE
     content.comparison = "difference"
     made.display.draw(content)
     assert (np.abs(made.display.read().astype(int) - 128) <= 1).all()
+
+
+def test_reprojected_history_is_read_where_motion_leads(made):
+    rng = np.random.default_rng(7)
+    h, w = SIZE[1], SIZE[0]
+    position, _ = inputs(rng)
+    color, before = (rng.random((h, w, 4)).astype(np.float32) for _ in range(2))
+    motion = rng.uniform(-6.0, 6.0, (h, w, 2)).astype(np.float32)
+    mask = np.where(rng.random((h, w)) < 0.2, int(Reason.BEHIND), 0).astype(np.uint32)
+    place = made("position", position)
+    other = Other(made("color", before), place, made("motion", motion))
+    made.display.draw(
+        Content("encoded", made("color", color), place, made("mask", mask[..., None]), comparison="other", other=other)
+    )
+    rows, columns = np.indices((h, w))
+    x = np.floor(columns + motion[..., 0] + 0.5).astype(int)
+    up = np.floor(h - 1 - rows - motion[..., 1] + 0.5).astype(int)  # y up, where halves round up
+    inside = (x >= 0) & (x < w) & (up >= 0) & (up < h) & (mask == 0)
+    expected = np.full((h, w, 3), BACKGROUND)
+    expected[inside] = before[h - 1 - up[inside], x[inside], :3]
+    assert np.abs(made.display.read() / 255.0 - expected).max() <= ONE
+    assert 0.2 < inside.mean() < 0.9
+
+
+def test_a_part_of_an_image_is_drawn_anywhere(made):
+    rng = np.random.default_rng(8)
+    position, mask = inputs(rng)
+    color = rng.random((SIZE[1], SIZE[0], 4)).astype(np.float32)
+    content = Content("encoded", made("color", color), made("position", position), made("mask", mask[..., None]))
+    made.display.draw(content)
+    whole = made.display.read().copy()
+    made.display.draw(content, (3, 4, 10, 6), first=(30, 2))  # y up; the image ends at column 36
+    part = made.display.read()[SIZE[1] - 4 - 6 : SIZE[1] - 4, 3:13]
+    assert (part[:, :7] == whole[SIZE[1] - 2 - 6 : SIZE[1] - 2, 30:37]).all()
+    assert (part[:, 7:] == 0).all()
 
 
 def test_known_colors():

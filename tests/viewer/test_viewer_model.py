@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taubench_gl.conventions import HISTOGRAM_BINS
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.paths import ASSETS
 from taubench_gl.run import Run
@@ -23,8 +24,8 @@ from taubench_gl.viewer.actions import (
     split_chord,
 )
 from taubench_gl.viewer.feeds import OpenRequest, _scene_of, scene_path
-from taubench_gl.viewer.layout import arrange, start_size
-from taubench_gl.viewer.state import OVERLAYS, ViewerState, set_variable, variable_names, variables
+from taubench_gl.viewer.layout import Shown, arrange, start_size
+from taubench_gl.viewer.state import DOCKED, OVERLAYS, ViewerState, set_variable, variable_names, variables
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
 
@@ -109,6 +110,18 @@ def test_half_speed_takes_twice_as_long():
     assert s.frame == 6
 
 
+def test_flicker_changes_images_at_its_rate():
+    s = state(comparison="flicker", flicker_hz=4.0)
+    seen = []
+    for _ in range(16):
+        s.advance(1 / 16)
+        seen.append(s.flicker_other)
+    assert seen == [False] * 3 + [True] * 4 + [False] * 4 + [True] * 4 + [False] and s.busy
+    s.comparison = "off"
+    s.advance(1 / 16)
+    assert not s.flicker_other and not s.busy
+
+
 def test_loop_ends_cannot_cross():
     s = state()
     s.set_loop(low=7)
@@ -121,10 +134,11 @@ def test_loop_ends_cannot_cross():
 def test_every_variable_can_be_set_and_read_back():
     s = state(channels=("headlight", "normal"))
     texts = {"camera": "fly", "channel": "normal", "comparison": "split", "feature": "color", "effect": "color"}
+    texts |= {"against": "history", "probe": "3,4", "magnified": "9"} | {f"dock.{name}": "left" for name in DOCKED}
     for name in variable_names(s):
         if name.startswith(("loop", "range")):
             continue
-        number = name.startswith("threshold.") or name in ("speed", "opacity", "split", "gain")
+        number = name.startswith("threshold.") or name in ("speed", "opacity", "split", "gain", "flicker_hz")
         text = texts.get(name, "5" if name == "frame" else "0.5" if number else "off")
         set_variable(s, name, text)
         found = variables(s)[name]
@@ -151,28 +165,60 @@ def test_invalid_values_are_errors(name, text):
 
 
 @pytest.mark.parametrize("panels", [True, False])
-@pytest.mark.parametrize("window", [(940, 424), (480, 300), (300, 1000), (2000, 200), (320, 200), (1, 1)])
+@pytest.mark.parametrize("tiles", [1, 3])
+@pytest.mark.parametrize(
+    "window", [(940, 424), (1280, 720), (1920, 1080), (480, 300), (300, 1000), (2000, 200), (320, 200), (1, 1)]
+)
 @pytest.mark.parametrize("size", [(640, 360), (16, 1000), (1000, 16)])
-def test_panels_do_not_overlap_the_image(window, size, panels):
-    layout = arrange(window, size, panels)
-    x, y, w, h = layout.image
-    assert x >= 0 and y >= 0 and x + w <= window[0] and y + h <= window[1]
-    for panel in (layout.side, layout.bar):
-        if panel is not None:
-            px, py, pw, ph = panel
+def test_panels_do_not_overlap_the_images(window, size, panels, tiles):
+    layout = arrange(window, size, panels, Shown(tiles=tiles))
+    assert len(layout.images) == tiles
+    for i, (x, y, w, h) in enumerate(layout.images):
+        others = [*layout.images[:i], *(p for p in (layout.left, layout.right, layout.bar) if p is not None)]
+        for px, py, pw, ph in others:
             assert px >= x + w or py >= y + h or px + pw <= x or py + ph <= y
-    assert abs(w * size[1] - h * size[0]) <= max(size) or min(w, h) == 1  # aspect ratio of the image, to the pixel
+        if min(window) > 100:
+            assert x >= 0 and y >= 0 and x + w <= window[0] and y + h <= window[1]
+        assert abs(w * size[1] - h * size[0]) <= max(size) or min(w, h) == 1  # aspect ratio of the image, to the pixel
+
+
+def test_side_panels_are_merged_in_narrow_windows():
+    wide, narrow = (arrange((width, 500), (64, 36), True) for width in (1280, 700))
+    assert wide.left is not None and wide.right is not None and not wide.merged
+    assert narrow.left is None and narrow.right is not None and narrow.merged
+    alone = arrange((1280, 720), (64, 36), True, Shown(left=False, bar=False))
+    assert alone.left is None and alone.bar is None and alone.right is not None
+    assert arrange((1280, 720), (640, 360), True).image[2:] == (640, 360)  # exact pixels between both panels
+
+
+def test_positions_of_pixels_are_undone():
+    layout = arrange((1280, 720), (64, 36), True, Shown(tiles=3))
+    for tile in range(3):
+        assert layout.pixel(*layout.place(10, 20, (64, 36), tile), (64, 36)) == (10, 20)
 
 
 @pytest.mark.parametrize(
     ("size", "times", "window"),
-    [((480, 270), 2, (1260, 640)), ((640, 360), 2, (1580, 784)), ((64, 36), 20, (1580, 784)),
-     ((1920, 1080), 1, (2220, 1144)), ((16, 1000), 1, (316, 1064))],
+    [((480, 270), 2, (1560, 640)), ((640, 360), 2, (1880, 804)), ((64, 36), 20, (1880, 804)),
+     ((1920, 1080), 1, (2520, 1164)), ((16, 1000), 1, (616, 1084))],
 )  # fmt: skip
 def test_a_new_window_enlarges_small_images(size, times, window):
     assert start_size(size) == window
     shown = arrange(window, size, panels=True).image
     assert shown[2:] == (size[0] * times, size[1] * times)  # a whole multiple
+
+
+def test_columns_of_a_threshold_histogram_keep_every_pixel():
+    pytest.importorskip("imgui_bundle")
+    from taubench_gl.metrics.counts import bin_of
+    from taubench_gl.viewer.thresholds_panel import LEAST, columns
+
+    distances = np.array([0.0, 1e-5, 0.011, 0.011, 0.5, 50.0])
+    counts = np.bincount(bin_of(distances), minlength=HISTOGRAM_BINS)
+    found = columns(counts, 10.0, 60)
+    assert found.sum() == pytest.approx(6.0) and found[0] >= 2.0 and found[-1] >= 1.0
+    at = int(np.log(0.011 / LEAST) / np.log(10.0 / LEAST) * 60)
+    assert found[at - 1 : at + 2].sum() == pytest.approx(2.0)
 
 
 def test_the_scene_of_a_run_is_found_from_another_folder(tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ import pytest
 from viewer_tools import DEMO, pixels
 
 from taubench_gl.errors import SettingsError
+from taubench_gl.viewer.layout import BAR, SIDE
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def test_panels_work_by_mouse(drive):
     assert driven.engine.counts["normal"] < many
     driven.run("expect show.normal == 1\nclick @show.normal\nexpect show.normal == 0")
     driven.run("click @opacity 0.1\nexpect opacity < 0.2")
-    driven.run("mouse @frame 0.5\ndrag 390 468\nexpect frame > 30")
+    driven.run("mouse @frame 0.5\ndrag @frame 0.9\nexpect frame > 50")
     driven.run("click @button.play\nexpect playing == 1\nwait 2\nclick @button.play\nexpect playing == 0")
     driven.run("click @section.masks\nexpect section.masks == 0\nclick @camera.orbit\nexpect camera == orbit")
 
@@ -113,7 +114,7 @@ def test_keys_while_help_is_shown(drive, tmp_path):
 
 
 def test_the_window_shows_the_image_beside_the_panels(drive, tmp_path):
-    driven = drive(window=(96 * 4 + 300, 54 * 4 + 64))
+    driven = drive(window=(96 * 4 + SIDE, 54 * 4 + BAR))
     driven.run(f"frame 5\nscreenshot {tmp_path / 'w.png'} window")
     window, image = pixels(tmp_path / "w.png"), driven.engine.image()
     x, y, width, height = driven.viewer.layout.image

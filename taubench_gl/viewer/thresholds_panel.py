@@ -1,0 +1,87 @@
+"""The section of thresholds: a slider for each feature, with the histogram of its distances inside."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from taubench_gl.conventions import FEATURE_BIT, FEATURES
+from taubench_gl.glossary import COLUMNS
+from taubench_gl.metrics.counts import edges
+from taubench_gl.report.palette import color_of
+from taubench_gl.viewer.widgets import Widgets, bar, wrapped
+
+LEAST = 1e-4
+MOST = {"normal": 2.0, "color": 2.0}
+"""Upper end of the slider, 10 for the other features."""
+HEIGHT = 30.0
+_EDGES = np.append(0.0, edges())
+
+
+def columns(counts: np.ndarray, high: float, width: int) -> np.ndarray:
+    """Pixels per column of a logarithmic axis from LEAST to ``high``, (width,) float64.
+
+    ``counts``: (HISTOGRAM_BINS,) pixels per bin of distance; a bin is spread over the columns that it covers.
+    Distances below LEAST are in the first column, those above ``high`` in the last.
+    """
+    with np.errstate(divide="ignore"):
+        at = np.log(np.append(_EDGES, np.inf) / LEAST) / math.log(high / LEAST) * width
+    total = np.concatenate([[0.0], np.cumsum(counts, dtype=np.float64)])
+    inner = np.interp(np.arange(1, width), np.clip(at, 0.0, width), total)
+    return np.diff(np.concatenate([[0.0], inner, [total[-1]]]))
+
+
+class ThresholdsPanel:
+    """Draws the section."""
+
+    def __init__(self, ui: Widgets):
+        self._ui = ui
+
+    def draw(self) -> None:
+        engine = self._ui.viewer.engine
+        width = imgui.get_content_region_avail().x - 66.0
+        for feature in FEATURES:
+            if feature not in engine.feed.source.unmeasured:
+                self._feature(feature, width)
+
+    def _feature(self, feature: str, width: float) -> None:
+        s, engine = self._ui.viewer.state, self._ui.viewer.engine
+        high = MOST.get(feature, 10.0)
+        corner = imgui.get_cursor_screen_pos()
+        bar(corner.x, corner.y, width, HEIGHT, (0.17, 0.18, 0.20))
+        _histogram(engine.histograms.get(feature), feature, s.thresholds[feature], high, (corner.x, corner.y, width))
+        for name in ("frame_bg", "frame_bg_hovered", "frame_bg_active"):
+            imgui.push_style_color(getattr(imgui.Col_, name).value, ImVec4(1.0, 1.0, 1.0, 0.03))
+        imgui.push_style_var(imgui.StyleVar_.frame_padding.value, ImVec2(8, (HEIGHT - imgui.get_font_size()) / 2))
+        imgui.set_next_item_width(width)
+        changed, value = imgui.slider_float(
+            f"{feature}##threshold", s.thresholds[feature], LEAST, high, f"%.4f{s.unit(feature)}",
+            imgui.SliderFlags_.logarithmic.value,
+        )  # fmt: skip
+        imgui.pop_style_var()
+        imgui.pop_style_color(3)
+        imgui.push_item_width(width)
+        self._ui.place(f"threshold.{feature}", slider=True)
+        imgui.pop_item_width()
+        if imgui.is_item_hovered():
+            imgui.set_tooltip(wrapped(COLUMNS[feature].tooltip))
+        if changed:
+            s.feature = feature
+            s.set_threshold(feature, value)
+
+
+def _histogram(counts: np.ndarray | None, feature: str, limit: float, high: float, place: tuple[float, ...]) -> None:
+    """Bars of a logarithmic number of pixels: those above the threshold in the color of the feature's mask."""
+    if counts is None or not counts.any():
+        return
+    x, y, width = place
+    many = columns(counts, high, int(width) // 3)
+    heights = np.log1p(many) / np.log1p(many.max())
+    cut = math.log(max(limit, LEAST) / LEAST) / math.log(high / LEAST) * len(many)
+    over = tuple(c / 255.0 for c in color_of(FEATURE_BIT[feature]))
+    for i, height in enumerate(heights):
+        if height > 0.0:
+            color = (*over, 0.85) if i + 0.5 >= cut else (0.42, 0.44, 0.48, 0.7)
+            bar(x + 3 * i, y + HEIGHT * (1.0 - height), 2.0, HEIGHT * height, color)

@@ -1,0 +1,95 @@
+"""Controls of the panels, whose rectangles scripts and tests look up by name."""
+
+from __future__ import annotations
+
+import textwrap
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from taubench_gl.viewer.actions import ACTIONS, KEYS, key_words
+from taubench_gl.viewer.imgui_renderer import FAINT
+from taubench_gl.viewer.layout import Rect
+from taubench_gl.viewer.model import ViewerModel
+
+FIXED = (
+    imgui.WindowFlags_.no_move.value | imgui.WindowFlags_.no_resize.value | imgui.WindowFlags_.no_collapse.value
+    | imgui.WindowFlags_.no_title_bar.value | imgui.WindowFlags_.no_saved_settings.value
+    | imgui.WindowFlags_.no_nav.value
+)  # fmt: skip
+_FAINT = ImVec4(*FAINT, 1.0)
+
+
+class Widgets:
+    """``rects``: rectangle of each control drawn in this frame; ``reveal``: name of a control to scroll to."""
+
+    def __init__(self, viewer: ViewerModel):
+        self.viewer = viewer
+        self.rects: dict[str, Rect] = {}
+        self.reveal: str | None = None
+
+    def place(self, name: str, slider: bool = False) -> None:
+        """Record the rectangle of the last item."""
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        width = min(high.x - low.x, imgui.calc_item_width()) if slider else high.x - low.x  # excludes the label
+        self.rects[name] = (low.x, low.y, width, high.y - low.y)
+        if self.reveal == name:
+            imgui.set_scroll_here_y(0.5)
+            self.reveal = None
+
+    def faint(self, text: str, wrap: bool = False) -> None:
+        imgui.push_style_color(imgui.Col_.text.value, _FAINT)
+        (imgui.text_wrapped if wrap else imgui.text)(text)
+        imgui.pop_style_color()
+
+    def pair(self, name: str, text: str, column: float = 70.0) -> None:
+        """A faint name, and wrapped text in a column beside it."""
+        self.faint(name)
+        imgui.same_line(column)
+        imgui.push_text_wrap_pos(0.0)
+        imgui.text_wrapped(text)
+        imgui.pop_text_wrap_pos()
+
+    def tip(self, action: str, definition: str = "") -> None:
+        """Tooltip of the last item: the action with its keys, below the definition if there is one."""
+        if imgui.is_item_hovered():
+            keys = " or ".join(key_words(c) for c, name in KEYS.items() if name == action)
+            text = f"{ACTIONS[action].doc}  [{keys}]"
+            imgui.set_tooltip(wrapped(f"{definition}\n{text}" if definition else text))
+
+    def check(self, label: str, on: bool, action: str, name: str, definition: str = "") -> None:
+        changed, _ = imgui.checkbox(label, on)
+        self.place(name)
+        self.tip(action, definition)
+        if changed:
+            self.viewer.act(action)
+
+    def slider(self, name: str, low: float, high: float, text: str, flags: int = 0, label: str = "") -> None:
+        """A slider for a number of the state, which is set only when the user moves it: ImGui has float32 values."""
+        s = self.viewer.state
+        shown = f"{label or name.split('_')[0]}##{name}"
+        changed, value = imgui.slider_float(shown, getattr(s, name), low, high, text, flags)
+        self.place(name, slider=True)
+        if changed:
+            setattr(s, name, value)
+
+    def combo(self, label: str, value: str, names: tuple[str, ...], attribute: str) -> None:
+        """A list that sets an attribute of the state."""
+        if imgui.begin_combo(label, value.replace("_", " ")):
+            for name in names:
+                if imgui.selectable(name.replace("_", " "), name == value)[0]:
+                    setattr(self.viewer.state, attribute, name)
+                self.place(f"{attribute}.{name}")
+            imgui.end_combo()
+        self.place(attribute, slider=True)
+
+
+def wrapped(text: str) -> str:
+    return "\n".join(textwrap.fill(line, 60) for line in text.splitlines())
+
+
+def bar(x: float, y: float, width: float, height: float, color: tuple[float, ...]) -> None:
+    """A filled rectangle in the current window, color (r, g, b[, a]) in [0, 1]."""
+    color = (*color, 1.0) if len(color) == 3 else color
+    imgui.get_window_draw_list().add_rect_filled(
+        ImVec2(x, y), ImVec2(x + width, y + height), imgui.get_color_u32(ImVec4(*color))
+    )

@@ -1,0 +1,154 @@
+"""The pinned pixel: clicks, magnified images, names, distance bars; and controls that no window cuts off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from viewer_tools import DEMO, QUIET, SIZE
+
+from taubench_gl.frame.targets import raw_image
+from taubench_gl.metrics.display import channel_rgb
+from taubench_gl.settings import Settings
+from taubench_gl.viewer.names import light_shares
+
+
+def click(driven, x: int, row: int) -> None:
+    at = driven.viewer.layout.place(x, row, driven.state.size)
+    driven.run(f"click {at[0]} {at[1]}")
+
+
+def tiles(driven) -> np.ndarray:
+    """The magnified images, (3, side, side, 3) uint8, row 0 at the top."""
+    texture = driven.engine.magnified
+    out = raw_image(texture)
+    texture.read_into(out)
+    side = driven.state.magnified
+    return out[::-1, :, :3].reshape(side, 3, side, 3).swapaxes(0, 1)
+
+
+def around(image: np.ndarray, x: int, row: int, side: int) -> np.ndarray:
+    return image[row - side // 2 : row + side // 2 + 1, x - side // 2 : x + side // 2 + 1]
+
+
+def test_a_click_pins_a_pixel_and_a_drag_does_not(drive):
+    driven = drive(window=(1280, 720))
+    driven.run("frame 8")
+    click(driven, 40, 30)
+    driven.run("expect probe_pinned == 1\nexpect probe.x == 40\nexpect probe.y == 30\nmouse 5 5\nexpect probe.x == 40")
+    click(driven, 41, 30)
+    driven.run("expect probe.x == 41\nexpect probe_pinned == 1")
+    click(driven, 41, 30)
+    driven.run("expect probe_pinned == 0")
+    x, y = driven.viewer.layout.place(20, 20, SIZE)
+    driven.run(f"mouse {x} {y}\ndrag {x + 60} {y}\nexpect probe_pinned == 0")
+
+
+def test_the_same_pixel_is_magnified_in_three_images(drive):
+    driven = drive(window=(1280, 720))
+    driven.run("frame 8\nset overlays off\nset magnified 9")
+    click(driven, 40, 30)
+    found, engine = driven.viewer.probe(), driven.engine
+    previous, reprojected, current = tiles(driven)
+    assert (current == around(engine.image(), 40, 30, 9)).all()
+    before = channel_rgb(
+        "headlight", engine.feed.source.read("normal", previous=True), 0.0, 1.0,
+        position=engine.feed.source.read("position", previous=True),
+    )  # fmt: skip
+    column, row = (int(np.floor(v + 0.5)) for v in found.at)
+    assert (column, row) != (40, 30)
+    assert np.abs(previous / 255.0 - around(before, column, row, 9)).max() < 2 / 255
+    assert (reprojected[4, 4] == previous[4, 4]).all()
+    driven.run("set magnified 5")
+    assert (tiles(driven)[2] == around(engine.image(), 40, 30, 5)).all()
+
+
+def test_magnified_images_end_at_the_border(drive):
+    driven = drive(window=(1280, 720))
+    driven.run("frame 8\nset overlays off")
+    click(driven, 1, 1)
+    current = tiles(driven)[2]
+    assert (current[:4] == 0).all() and (current[:, :4] == 0).all()
+    assert (current[4:, 4:] == driven.engine.image()[:7, :7]).all()
+
+
+def test_names_of_a_pixel(drive):
+    driven = drive(window=(1280, 720))
+    driven.run("frame 8\nset probe_pinned on")
+    source = driven.engine.feed.source
+    ids = source.read("ids")
+    scene, draws = source.renderer.scene, source.renderer.draws
+    for record in np.unique(ids[..., 0])[1:6]:
+        row, x = np.argwhere(ids[..., 0] == record)[0]
+        driven.state.probe = int(x), int(row)
+        names, draw = driven.viewer.probe_names(), draws[record - 1]
+        assert names.object == scene.nodes.names[draw.node]
+        assert names.material == scene.materials[draw.material].name
+        shares = [share for _, share in names.lights]
+        assert shares == sorted(shares, reverse=True) and 0.0 <= sum(shares) <= 1.0 + 1e-9
+        assert {name for name, _ in names.lights} <= {scene.nodes.names[n] for n in scene.light_nodes}
+        driven.run(f"expect probe.object == {names.object!r}\nexpect probe.material == {names.material!r}")
+    row, x = np.argwhere(ids[..., 0] == 0)[0]
+    driven.state.probe = int(x), int(row)
+    assert driven.viewer.probe_names() is None
+
+
+def test_light_shares_follow_the_inverse_square_law(drive):
+    driven = drive()
+    renderer = driven.engine.feed.source.renderer
+    scene, state = renderer.scene, renderer.frame.state
+    lights = {n: state.lights[int(scene.nodes.light[n])] for n in scene.light_nodes.tolist()}
+    first, second = (n for n in lights if lights[n].kind == "point")
+    visible = np.zeros_like(state.visible)
+    visible[[first, second]] = True
+    point = state.world[first][:3, 3] - (0.0, 0.5, 0.0)
+    shares = dict(light_shares(scene, replace(state, visible=visible), point, np.array([0.0, 1.0, 0.0])))
+    strengths = []
+    for node in (first, second):
+        offset = state.world[node][:3, 3] - point
+        d = float(np.linalg.norm(offset))
+        window = max(1.0 - (d / lights[node].range) ** 4, 0.0)
+        strengths.append(max(lights[node].color) * lights[node].intensity * window * max(offset[1], 0.0) / d**3)
+    expected = strengths[0] / sum(strengths)
+    assert 0.5 < expected < 1.0 and shares[scene.nodes.names[first]] == pytest.approx(expected)
+
+
+def test_distance_bars():
+    pytest.importorskip("imgui_bundle")
+    from taubench_gl.viewer.pixel_panel import bar_share
+
+    assert bar_share(0.0, 0.1) == 0.0 and bar_share(0.1, 0.1) == 0.5 and bar_share(9.0, 0.1) == 1.0
+    assert bar_share(0.0, 0.0) == 0.0 and bar_share(1e-9, 0.0) == 1.0
+
+
+@pytest.mark.parametrize("window", [(1280, 720), (1920, 1080)])
+def test_no_control_is_cut_off(drive, window):
+    settings = Settings(width=48, height=27, indirect="none")
+    driven = drive(DEMO, settings, window=window, light=True)
+    driven.run("frame 8\nset comparison split\nset section.time on\nset probe 20,14\nset probe_pinned on\nwait 1")
+    panels, layout = driven.viewer.panels, driven.viewer.layout
+    names = list(panels.widgets)
+    assert len(names) > 40 and {"bar.direct", "threshold.direct", "dock.time", "tile.current"} <= set(names)
+    for name in names:
+        panels.reveal(name)
+        driven.run("wait 2")
+        x, y, width, height = panels.widgets[name]
+        inside = [
+            px <= x and x + width <= px + pw and py <= y and y + height <= py + ph
+            for px, py, pw, ph in (layout.left, layout.right, layout.bar)
+        ]
+        assert any(inside), f"{name} at {x, y, width, height}"
+
+
+def test_sections_move_between_the_side_panels(drive):
+    driven = drive(settings=QUIET, window=(1280, 720))
+    driven.run("frame 8\nclick @dock.masks\nexpect dock.masks == left")
+    assert driven.viewer.panels.widgets["opacity"][0] < 300
+    driven.run("click @dock.masks\nexpect dock.masks == right")
+    assert driven.viewer.panels.widgets["opacity"][0] > 980
+    for name in driven.state.docks:
+        driven.run(f"set dock.{name} right")
+    assert driven.viewer.layout.left is None
+    driven.run("click @section.masks\nexpect section.masks == 0\nset section.playback off")
+    assert driven.viewer.layout.bar is None
