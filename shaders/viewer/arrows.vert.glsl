@@ -1,15 +1,16 @@
-// Motion vectors as arrows from a pixel to its previous position: one instance per grid cell, six vertices each.
+// Motion vectors as arrows from a pixel towards its previous position: one instance per grid cell, six vertices each.
 // Reads    motion (previous - current, pixels, +y up)
 
 uniform sampler2D motion;
 uniform ivec2 size;
 uniform ivec2 cells;
 uniform int step_px;
+uniform float scale; // length of an arrow per pixel of motion
 
 void main() {
     ivec2 cell = ivec2(gl_InstanceID % cells.x, gl_InstanceID / cells.x);
     ivec2 at = min(cell * step_px + step_px / 2, size - 1);
-    vec2 m = texelFetch(motion, at, 0).xy;
+    vec2 m = scale * texelFetch(motion, at, 0).xy;
     float far = length(m);
     vec2 along = far > 0.0 ? m / far : vec2(0.0);
     vec2 tip = vec2(at) + m, head = min(0.35 * far, 5.0) * along;

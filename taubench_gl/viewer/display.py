@@ -160,13 +160,16 @@ class Display:
         array.release()
         self._gpu.ctx.disable(moderngl.BLEND)
 
-    def arrows(self, motion: moderngl.Texture) -> None:
-        """Draw an arrow from every ARROW_STEP_PX-th pixel to its position in the previous frame."""
+    def arrows(self, motion: moderngl.Texture, scale: float = 1.0) -> None:
+        """Draw an arrow from every ARROW_STEP_PX-th pixel towards its position in the previous frame.
+
+        ``scale``: length of an arrow per pixel of motion; with 1 it ends there.
+        """
         program = self._shaders.render("viewer/arrows.vert.glsl", "viewer/arrows.frag.glsl")
         cells = tuple(-(-n // ARROW_STEP_PX) for n in self.size)
         motion.use(0)
         program["motion"], program["size"], program["cells"] = 0, self.size, cells
-        program["step_px"], program["arrow_color"] = ARROW_STEP_PX, ARROW_COLOR
+        program["step_px"], program["arrow_color"], program["scale"] = ARROW_STEP_PX, ARROW_COLOR, scale
         self._begin()
         self._array(program).render(moderngl.LINES, vertices=6, instances=cells[0] * cells[1])
 

@@ -26,7 +26,7 @@ from taubench_gl.metrics.reuse_rate import RATE_COLUMNS, RATES, disjoint_reasons
 from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison
-from taubench_gl.viewer.display import VISUALIZATIONS, Content, Display, FrozenCamera, Other
+from taubench_gl.viewer.display import ARROW_STEP_PX, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.magnifier import Magnifier
 from taubench_gl.viewer.state import HISTORY, ViewerState
@@ -60,6 +60,7 @@ class ViewerEngine:
     pair: Reprojection | None = None
     shots: tuple[Shot, Shot] | None = None  # previous, current
     user: UserCamera | None = None
+    arrow_scale: float = 1.0  # of the arrows drawn last
 
     _context: GpuContext | None = None
     _evaluator: PairEvaluator | None = None
@@ -110,16 +111,41 @@ class ViewerEngine:
 
     def _plan(self, state: ViewerState) -> None:
         shown = VISUALIZATIONS.get(state.channel)
-        if self.feed.plan(frozenset(shown.channels if shown else ()), state.switched_off) or self._evaluator is None:
+        asked = state.live
+        try:
+            planned = self.feed.plan(frozenset(shown.channels if shown else ()), state.switched_off, asked)
+        finally:
+            state.live = self.feed.live  # also where the source cannot change
+        if state.live != asked:
+            state.message = "path-traced files have their light and their size"
+        if planned or self._evaluator is None:
             if self._evaluator is not None:
                 self._evaluator.release()
             self._evaluator = PairEvaluator(self._context, self.feed.source, self.feed.settings, images=True)
-            self._mask_key = self._image_key = None
+            self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
+            self._resize(state)
+            state.effects = self.feed.switchable
             state.channels = self.feed.visualizations()
             if state.channel not in state.channels:
                 state.message = f"the source has no {state.channel.replace('_', ' ')} channel"
                 state.channel = state.channels[0]
+
+    def _resize(self, state: ViewerState) -> None:
+        """Draw images of the size of the feed; the probe stays at its place in the image."""
+        size = self.feed.size
+        if self._display.size == size:
+            return
+        self._display.release()
+        self._display = Display(self.gpu, size)
+        if state.probe is not None:
+            state.probe = tuple(
+                min(int((p + 0.5) * n / old), n - 1) for p, n, old in zip(state.probe, size, state.size)
+            )
+        state.size = size
+        if self._observer is not None:
+            self._observer.release()
+            self._observer = None
 
     def _choose_pair(self, state: ViewerState) -> tuple[Shot, Shot]:
         """The pair to evaluate.  File camera: frames i-1 and i.  Interactive camera: the last and the current view."""
@@ -170,7 +196,7 @@ class ViewerEngine:
         key = (
             self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
             state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
-            state.frusta, observed, state.switched_off, state.freeze_previous,
+            state.arrow_scale, state.frusta, observed, state.switched_off, state.freeze_previous,
         )  # fmt: skip
         if key == self._image_key:
             return
@@ -183,9 +209,19 @@ class ViewerEngine:
             self._display.draw(self._compared(state, self._content, observed))
             self._lines(state, shown.view, source)
             if state.arrows and not observed:
-                self._display.arrows(self._evaluator.motion_texture)
+                self.arrow_scale = state.arrow_scale or self._fitting_arrows()
+                self._display.arrows(self._evaluator.motion_texture, self.arrow_scale)
         self.drawn.images += 1
         self._image_key = key[:3] + (state.low, state.high) + key[5:]
+
+    def _fitting_arrows(self) -> float:
+        """Length of an arrow per pixel of motion, so that of the longest 5 % of arrows the shortest reaches a neighbor.
+
+        At most 1000; 1 without motion.
+        """
+        grid = self.motion()[ARROW_STEP_PX // 2 :: ARROW_STEP_PX, ARROW_STEP_PX // 2 :: ARROW_STEP_PX]
+        far = float(np.quantile(np.linalg.norm(grid, axis=-1), 0.95)) if grid.size else 0.0
+        return min(ARROW_STEP_PX / far, 1000.0) if far > 0.0 else 1.0
 
     def _observe(self, state: ViewerState, shown: Shot) -> tuple[Any, FrozenCamera]:
         """Source and frozen camera of a view from outside."""
@@ -234,7 +270,11 @@ class ViewerEngine:
         if comparison is None or state.camera != "file":
             return None
         texture = comparison.texture(channel, state.frame)
-        return None if texture is None else Other(texture, self.feed.source.current["position"])
+        return (
+            None
+            if texture is None or texture.size != self.feed.size
+            else Other(texture, self.feed.source.current["position"])
+        )
 
     def _history_of(self, channel: str, reprojected: bool) -> Other | None:
         """A channel of the previous frame; None for a channel that only pairs have."""
@@ -279,7 +319,8 @@ class ViewerEngine:
         if self._observer is None:
             feed = self.feed
             self._observer = SceneFeed(self.gpu, feed.scene, feed.settings, self.timer, feed.camera)
-        self._observer.plan(frozenset(VISUALIZATIONS[state.channel].channels), state.switched_off)
+        live = replace(self.feed.live, scale=1.0, stops=0.0)  # the settings of the feed have them
+        self._observer.plan(frozenset(VISUALIZATIONS[state.channel].channels), state.switched_off, live)
         self._observer.show_one(shot)
         return self._observer.source
 

@@ -6,7 +6,7 @@ A feed holds the channels of a pair of *shots*, a frame with a view each, and re
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -28,9 +28,10 @@ from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.run import SUMMARY_FILE, Run, load_run, total_discards
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import Settings
+from taubench_gl.settings import AUTO, Settings
 from taubench_gl.viewer.display import visualizations_of_channels, visualizations_of_scene
 from taubench_gl.viewer.names import PixelNames, names_at
+from taubench_gl.viewer.state import Live
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,13 @@ class Feed(Protocol):
 
     def visualizations(self) -> tuple[str, ...]: ...
 
-    def plan(self, extra: frozenset[str], off: frozenset[str]) -> bool:
-        """Provide channels ``extra`` and disable effects ``off``; whether the source was recreated."""
+    live: Live  # as planned
+
+    def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
+        """Provide channels ``extra``, disable effects ``off``, apply ``live``; whether the source was recreated.
+
+        What of ``live`` the source cannot change stays.  Raises TaubenchError, with nothing changed.
+        """
 
     def show(self, previous: Shot, current: Shot) -> bool:
         """Hold the channels of this pair; whether anything was rendered."""
@@ -94,6 +100,8 @@ class SceneFeed:
         self.center, self.radius = bounding_sphere(self._poser, bound_times(scene))
         self._all = decide(scene, self.settings)
         self.source: RasterSource | None = None
+        self._given = self.settings  # without ``live``
+        self.live = live_of(self.settings)
         self._extra: frozenset[str] = frozenset()
         self._off: frozenset[str] | None = None
         self._held: list[Any] = [None, None]  # keys of previous and current
@@ -113,24 +121,28 @@ class SceneFeed:
     def file_shot(self, frame: int) -> Shot:
         return Shot(frame, self.camera.view_at(self._poser.sample(frame / self.settings.sequence.fps)))
 
-    def plan(self, extra: frozenset[str], off: frozenset[str]) -> bool:
+    def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
         extra = extra | {"ids"}  # which object and material a pixel shows
         have = () if self.source is None else self.source.channels
-        if self.source is not None and off == self._off and extra <= {*have, *self._extra}:
+        same = off == self._off and live == self.live
+        if self.source is not None and same and extra <= {*have, *self._extra}:
             return False
-        self._extra = self._extra | extra
+        settings = self._given if live == self.live == live_of(self._given) else live_settings(self._given, live)
+        every = decide(self.scene, settings)
         source = RasterSource(
             self._gpu,
             self.scene,
             self.camera,
-            self.settings,
-            SourceOptions(extra=tuple(n for n in CHANNELS if n in self._extra), without=tuple(off)),
+            settings,
+            SourceOptions(extra=tuple(n for n in CHANNELS if n in self._extra | extra), without=tuple(off)),
             timer=self._timer,
             poser=self._poser,
         )
         if self.source is not None:  # only now: if the new source fails, the old one stays
             self.source.release()
         self.source, self._off, self._held = source, off, [None, None]
+        self.settings, self.live, self._all, self._extra = settings, live, every, self._extra | extra
+        self.size = source.size
         return True
 
     def show(self, previous: Shot, current: Shot) -> bool:
@@ -176,6 +188,8 @@ class PathTracedFeed:
         self.center, self.radius = np.zeros(3), 1.0
         self.effects: Mapping[str, Effect] = {}
         self.source = PathTracedSource(gpu, self.sequence, given.camera, self.settings)
+        self._gpu, self._camera, self._given = gpu, given.camera, self.settings
+        self.live = live_of(self.settings)
         self._views: dict[int, View] = {}
         self._held: tuple[int | None, int | None] = (None, None)  # previous and current frame
         self._shown: tuple[int, int] | None = None
@@ -189,8 +203,18 @@ class PathTracedFeed:
     def visualizations(self) -> tuple[str, ...]:
         return visualizations_of_channels(self.source.channels)
 
-    def plan(self, extra: frozenset[str], off: frozenset[str]) -> bool:
-        return False
+    def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
+        live = replace(live, light=self.live.light, scale=1.0)  # the files have them
+        if "prev_position" not in self.sequence.index:
+            live = replace(live, reprojection=self.live.reprojection)
+        if live == self.live:
+            return False
+        settings = live_settings(self._given, live)
+        source = PathTracedSource(self._gpu, self.sequence, self._camera, settings)
+        self.source.release()
+        self.source, self.settings, self.live = source, settings, live
+        self._held, self._shown = (None, None), None
+        return True
 
     def show(self, previous: Shot, current: Shot) -> bool:
         keys = (previous.frame, current.frame)
@@ -212,6 +236,32 @@ class PathTracedFeed:
 
     def release(self) -> None:
         self.source.release()
+
+
+LIVE_SPP = 4
+"""Samples per pixel of path-traced light that is switched on in the viewer."""
+
+
+def live_of(settings: Settings) -> Live:
+    """The live settings that leave ``settings`` as they are."""
+    metrics = settings.metrics
+    return Live(metrics.reprojection, metrics.sampling, settings.lighting.light)
+
+
+def live_settings(given: Settings, live: Live) -> Settings:
+    """``given`` with ``live`` applied."""
+    sequence, lighting = given.sequence, given.lighting
+    changed: dict[str, Any] = {
+        "reprojection": live.reprojection,
+        "sampling": live.sampling,
+        "exposure": lighting.exposure_factor * live.exposure,
+        "width": max(round(sequence.width * live.scale), 1),
+        "height": max(round(sequence.height * live.scale), 1),
+    }
+    if live.light != lighting.light:
+        changed |= {"light": live.light, "spp": LIVE_SPP}
+        changed |= {"indirect": AUTO} if live.light == "path-traced" else {}
+    return given.replace(**changed)
 
 
 _RUN_SETTINGS = (
@@ -253,25 +303,25 @@ def open_feed(gpu: Gpu, request: OpenRequest, timer: Any) -> Opened:
         return Opened(PathTracedFeed(gpu, request.source, request.settings, request.options))
     if is_run(request.source):
         run = load_run(request.source)
-        text, settings = _scene_of(run, request)
+        text, settings = scene_of(run, request)
         if is_sequence(text):
             return Opened(PathTracedFeed(gpu, text, settings, request.options), worst_frame(run))
-        feed = _scene_feed(gpu, text, settings, timer)
+        feed = scene_feed(gpu, text, settings, timer)
         return Opened(feed, worst_frame(run), (_run_note(run, feed.scene.sha256),))
     text, settings = request.source, request.settings
     if request.resolve is not None:
         text, row = request.resolve(text)
         settings = settings.replace(**row)
-    return Opened(_scene_feed(gpu, text, settings, timer))
+    return Opened(scene_feed(gpu, text, settings, timer))
 
 
-def _scene_feed(gpu: Gpu, text: str, settings: Settings, timer: Any) -> SceneFeed:
+def scene_feed(gpu: Gpu, text: str, settings: Settings, timer: Any) -> SceneFeed:
     scene = load_scene(text, **settings.sequence.reading)
     require_triangles(scene)
     return SceneFeed(gpu, scene, settings, timer)
 
 
-def _scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
+def scene_of(run: Run, request: OpenRequest) -> tuple[str, Settings]:
     """The run's scene and its settings, overridden by the options that the user gave."""
     path = (run.summary.get("scene") or {}).get("path")
     if path is None:

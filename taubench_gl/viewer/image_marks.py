@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from imgui_bundle import ImVec2, ImVec4, imgui
 
+from taubench_gl.viewer.display import ARROW_COLOR
 from taubench_gl.viewer.layout import Layout
 from taubench_gl.viewer.model import ViewerModel
 
@@ -12,6 +15,37 @@ LEAST_SIDE = 7.0
 
 
 def draw_marks(viewer: ViewerModel, layout: Layout) -> None:
+    """Marks of the pinned pixel, and the legend of the arrows."""
+    _pinned(viewer, layout)
+    if viewer.state.arrows and not viewer.state.freeze_current:
+        _arrow_legend(viewer, layout)
+
+
+def legend_length(px_per_point: float, wanted: float = 60.0) -> float:
+    """A motion of 1, 2 or 5 times a power of ten, pixels, whose arrow is at most ``wanted`` screen points long."""
+    most = wanted * px_per_point
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * (1.0 + 1e-9))
+
+
+def _arrow_legend(viewer: ViewerModel, layout: Layout) -> None:
+    """An arrow of known length in the lower left corner of the image."""
+    left, top, width, height = layout.image
+    points = viewer.engine.arrow_scale * width / viewer.engine.feed.size[0]  # per pixel of motion
+    motion = legend_length(1.0 / points)
+    start, end = (left + 12, top + height - 16), (left + 12 + motion * points, top + height - 16)
+    lines, color = imgui.get_background_draw_list(), imgui.get_color_u32(ImVec4(*ARROW_COLOR))
+    text = f"{motion:g} px"
+    right = end[0] + 8 + imgui.calc_text_size(text).x
+    shade = imgui.get_color_u32(ImVec4(0, 0, 0, 0.6))
+    lines.add_rect_filled(ImVec2(start[0] - 6, start[1] - 12), ImVec2(right + 6, start[1] + 12), shade, 3.0)
+    lines.add_line(ImVec2(*start), ImVec2(*end), color, 1.5)
+    for side in (-3, 3):
+        lines.add_line(ImVec2(*end), ImVec2(end[0] - 5, end[1] + side), color, 1.5)
+    lines.add_text(ImVec2(end[0] + 8, end[1] - 8), color, text)
+
+
+def _pinned(viewer: ViewerModel, layout: Layout) -> None:
     """A frame around the pinned pixel, blue, and around its history position, orange, in every image."""
     s, found = viewer.state, viewer.probe()
     if not s.probe_pinned or found is None:

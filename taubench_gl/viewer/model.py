@@ -68,7 +68,7 @@ class ViewerModel:
             first=feed.frames[0], last=feed.frames[-1], fps=feed.settings.sequence.fps, size=feed.size,
             effects=feed.switchable,
             thresholds=dict(limits), default_thresholds=limits, channel=channel,
-            unit_scale=feed.settings.metrics.unit_scale,
+            unit_scale=feed.settings.metrics.unit_scale, live=feed.live,
         )  # fmt: skip
         state.others = (*HISTORY, *comparisons)
         state.against = state.others[len(HISTORY)] if comparisons else "reprojected"

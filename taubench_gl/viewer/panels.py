@@ -17,9 +17,9 @@ from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
-from taubench_gl.viewer.state import CAMERAS, COMPARISONS, DOCKED, OVERLAYS
+from taubench_gl.viewer.state import CAMERAS, COMPARISONS, DOCKED, LIVE_CHOICES, OVERLAYS, set_variable
 from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
-from taubench_gl.viewer.widgets import FIXED, Widgets, wrapped
+from taubench_gl.viewer.widgets import FIXED, Widgets, bar, wrapped
 
 
 class Panels:
@@ -31,7 +31,7 @@ class Panels:
         self._pixel = PixelPanel(self._ui)
         self._bodies: dict[str, Callable[[], None]] = {
             "camera": self._camera, "image": self._image, "compare": self._compare, "masks": self._masks,
-            "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw,
+            "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw, "settings": self._settings,
             "effects": self._effects, "time": self._time,
         }  # fmt: skip
 
@@ -147,11 +147,15 @@ class Panels:
         if changed:
             s.set_range(low, high)
         self._ui.check("motion arrows", s.arrows, "arrows", "arrows")
+        if s.arrows:
+            flags = imgui.SliderFlags_.logarithmic.value
+            text = "%.3g x" if s.arrow_scale else f"fitting: {self._viewer.engine.arrow_scale:.3g} x"
+            self._ui.slider("arrow_scale", 0.0, 100.0, text, flags, "length")
 
     def _compare(self) -> None:
         s = self._viewer.state
-        self._ui.combo("with", s.against, s.others, "against")
-        self._ui.combo("mode", s.comparison, COMPARISONS, "comparison")
+        s.against = self._ui.choose("with", s.against, s.others, "against") or s.against
+        s.comparison = self._ui.choose("mode", s.comparison, COMPARISONS, "comparison") or s.comparison
         if s.comparison == "split":
             self._ui.slider("split", 0.0, 1.0, "%.2f")
         elif s.comparison in ("difference", "error"):
@@ -198,6 +202,21 @@ class Panels:
             imgui.text(text)
         self._ui.faint(f"{engine.feed.settings.metrics.reprojection} reprojection: {words}", wrap=True)
 
+    def _settings(self) -> None:
+        """Settings that change while looking, and what they result in."""
+        s, feed = self._viewer.state, self._viewer.engine.feed
+        for name, choices in LIVE_CHOICES.items():
+            value = f"{getattr(s.live, name):g}" if name == "scale" else getattr(s.live, name)
+            picked = self._ui.choose(name, value, choices)
+            if picked is not None:
+                set_variable(s, name, picked)
+        changed, stops = imgui.slider_float("exposure", s.live.stops, -8.0, 8.0, "%+.2f stops")
+        self._ui.place("stops", slider=True)
+        if changed:
+            set_variable(s, "stops", str(stops))
+        width, height = feed.size
+        self._ui.faint(f"{width} x {height} pixels, exposure {feed.settings.lighting.exposure_factor:.4g}", wrap=True)
+
     def _effects(self) -> None:
         viewer, s = self._viewer, self._viewer.state
         if not viewer.engine.feed.effects:
@@ -220,12 +239,19 @@ class Panels:
                 imgui.set_tooltip(effect.reason)
 
     def _time(self) -> None:
+        """Milliseconds of each pass, as numbers and as shares of their sum."""
         viewer = self._viewer
-        imgui.text(f"{viewer.fps:.1f} frames/s")
-        for name, ms in viewer.timer.ms.items():
+        times = viewer.timer.ms
+        total = sum(times.values())
+        imgui.text(f"{viewer.fps:.1f} frames/s, passes {total:.1f} ms")
+        for name, ms in times.items():
+            corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+            bar(corner.x, corner.y, width * ms / total if total else 0.0, imgui.get_text_line_height(), (0.2, 0.3, 0.4))
             self._ui.faint(name)
-            imgui.same_line(150)
-            imgui.text(f"{ms:7.2f} ms")
+            text = f"{ms:.2f} ms"
+            imgui.same_line(imgui.get_cursor_pos_x() + width - imgui.calc_text_size(text).x)
+            imgui.text(text)
+            self._ui.place(f"time.{name}")
 
     def _help(self) -> None:
         width, height = self._viewer.window_size

@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
 from taubench_gl.errors import SettingsError, note_renamed
 from taubench_gl.glossary import key_of
+from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
 
 CAMERAS = ("file", "fly", "orbit")
 COMPARISONS = ("off", "split", "flicker", "difference", "error")
@@ -36,6 +37,28 @@ OVERLAYS: dict[str, Reason] = {
     )
 }  # fmt: skip
 """Mask overlays by key, in the order of the legend and of the number keys."""
+
+
+SCALES = (0.25, 0.5, 1.0, 2.0)
+"""Factors on the size of the image."""
+STOPS = 20.0
+"""Range of the exposure in stops, either way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """Settings that change while looking at a scene; the defaults leave those of the source as they are."""
+
+    reprojection: str = "camera"
+    sampling: str = "nearest"
+    light: str = "auto"
+    stops: float = 0.0  # exposure: a factor of 2^stops
+    scale: float = 1.0  # of SCALES: a factor on the size of the image
+
+    @property
+    def exposure(self) -> float:
+        """Factor on the exposure of the source."""
+        return 2.0**self.stops
 
 
 @dataclass(slots=True)
@@ -75,6 +98,8 @@ class ViewerState:
     split: float = 0.5  # fraction of the image width
     gain: float = 4.0  # factor of the difference image
     arrows: bool = False
+    arrow_scale: float = 0.0  # length of an arrow per pixel of motion; 0: the longest arrows reach their neighbors
+    live: Live = Live()
     effects: tuple[str, ...] = ()  # effects that can be toggled
     effect: str = ""  # the effect that the keys toggle
     switched_off: frozenset[str] = frozenset()
@@ -176,7 +201,7 @@ _FLAGS = (
     "probe_pinned",
 )  # fmt: skip
 _NUMBERS = {"speed": (0.01, 16.0), "opacity": (0.0, 1.0), "split": (0.0, 1.0), "gain": (0.01, 1e4),
-            "flicker_hz": (0.25, 30.0)}  # fmt: skip
+            "flicker_hz": (0.25, 30.0), "arrow_scale": (0.0, 100.0)}  # fmt: skip
 _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "camera": lambda s: CAMERAS,
     "channel": lambda s: s.channels,
@@ -185,6 +210,9 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,
 }
+LIVE_CHOICES: dict[str, tuple[str, ...]] = {
+    "reprojection": REPROJECTIONS, "sampling": SAMPLINGS, "light": LIGHTS, "scale": tuple(f"{s:g}" for s in SCALES),
+}  # fmt: skip
 _FORMER_NAMES = {"section.picture": "section.image"}
 _FORMER_VALUES = {("channel", "shape"): "headlight", ("channel", "motion_error"): "object_motion"}
 
@@ -230,6 +258,11 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
     elif group == "range" and member in ("low", "high"):
         value = _number(name, text)
         state.set_range(*((value, max(value, state.high)) if member == "low" else (min(value, state.low), value)))
+    elif name in LIVE_CHOICES:
+        text = _chosen(name, text, LIVE_CHOICES[name])
+        state.live = replace(state.live, **{name: float(text) if name == "scale" else text})
+    elif name == "stops":
+        state.live = replace(state.live, stops=min(max(_number(name, text), -STOPS), STOPS))
     elif name in _FLAGS:
         setattr(state, name, _flag(name, text))
     elif name in _NUMBERS:
@@ -259,6 +292,7 @@ def variables(state: ViewerState) -> dict[str, Any]:
         "first": state.first, "last": state.last, "loop.first": low, "loop.last": high,
         "range.low": state.low, "range.high": state.high,
     }  # fmt: skip
+    out |= {name: getattr(state.live, name) for name in ("stops", *LIVE_CHOICES)}
     out |= {name: int(getattr(state, name)) for name in _FLAGS}
     out |= {name: getattr(state, name) for name in (*_NUMBERS, *_CHOICES)}
     out |= {f"show.{n}": int(on) for n, on in state.shown.items()}

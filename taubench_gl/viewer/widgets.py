@@ -72,15 +72,17 @@ class Widgets:
         if changed:
             setattr(s, name, value)
 
-    def combo(self, label: str, value: str, names: tuple[str, ...], attribute: str) -> None:
-        """A list that sets an attribute of the state."""
+    def choose(self, label: str, value: str, choices: tuple[str, ...], key: str = "") -> str | None:
+        """A list of choices; the one that the user picks now, else None."""
+        picked = None
         if imgui.begin_combo(label, value.replace("_", " ")):
-            for name in names:
-                if imgui.selectable(name.replace("_", " "), name == value)[0]:
-                    setattr(self.viewer.state, attribute, name)
-                self.place(f"{attribute}.{name}")
+            for choice in choices:
+                if imgui.selectable(choice.replace("_", " "), choice == value)[0]:
+                    picked = choice
+                self.place(f"{key or label}.{choice}")
             imgui.end_combo()
-        self.place(attribute, slider=True)
+        self.place(key or label, slider=True)
+        return picked
 
 
 def wrapped(text: str) -> str:

@@ -23,7 +23,7 @@ from taubench_gl.viewer.actions import (
     markdown,
     split_chord,
 )
-from taubench_gl.viewer.feeds import OpenRequest, _scene_of, scene_path
+from taubench_gl.viewer.feeds import OpenRequest, scene_of, scene_path
 from taubench_gl.viewer.layout import Shown, arrange, start_size
 from taubench_gl.viewer.state import DOCKED, OVERLAYS, ViewerState, set_variable, variable_names, variables
 
@@ -134,11 +134,25 @@ def test_loop_ends_cannot_cross():
 def test_every_variable_can_be_set_and_read_back():
     s = state(channels=("headlight", "normal"))
     texts = {"camera": "fly", "channel": "normal", "comparison": "split", "feature": "color", "effect": "color"}
-    texts |= {"against": "history", "probe": "3,4", "magnified": "9"} | {f"dock.{name}": "left" for name in DOCKED}
+    texts |= {"against": "history", "probe": "3,4", "magnified": "9"}
+    texts |= {
+        "reprojection": "motion",
+        "sampling": "bilinear",
+        "light": "path-traced",
+        "scale": "0.5",
+        "stops": "0.5",
+    } | {f"dock.{name}": "left" for name in DOCKED}
     for name in variable_names(s):
         if name.startswith(("loop", "range")):
             continue
-        number = name.startswith("threshold.") or name in ("speed", "opacity", "split", "gain", "flicker_hz")
+        number = name.startswith("threshold.") or name in (
+            "speed",
+            "opacity",
+            "split",
+            "gain",
+            "flicker_hz",
+            "arrow_scale",
+        )
         text = texts.get(name, "5" if name == "frame" else "0.5" if number else "off")
         set_variable(s, name, text)
         found = variables(s)[name]
@@ -221,7 +235,7 @@ def test_columns_of_a_threshold_histogram_keep_every_pixel():
     assert found[at - 1 : at + 2].sum() == pytest.approx(2.0)
 
 
-def test_the_scene_of_a_run_is_found_from_another_folder(tmp_path, monkeypatch):
+def test_thescene_of_a_run_is_found_from_another_folder(tmp_path, monkeypatch):
     scene, out = tmp_path / "a" / "assets" / "s.glb", tmp_path / "a" / "runs" / "one"
     for folder in (scene.parent, out, tmp_path / "b"):
         folder.mkdir(parents=True)
@@ -241,7 +255,7 @@ def test_thresholds_of_a_run_are_in_meters_for_any_unit_scale(tmp_path):
     stored = {"unit_scale": 2.0, "thresholds": {"position": 0.25, "normal": 0.25}}
     run = Run({"scene": {"path": str(tmp_path)}, "settings": stored}, [], tmp_path)
     for given, scale in ((frozenset(), 2.0), (frozenset({"unit_scale"}), 100.0)):
-        _, found = _scene_of(run, OpenRequest("run", Settings(unit_scale=100.0), given=given))
+        _, found = scene_of(run, OpenRequest("run", Settings(unit_scale=100.0), given=given))
         assert found.metrics.unit_scale == scale
         assert (found.metrics.thresholds["position"], found.metrics.thresholds["normal"]) == (0.25, 0.25)
         assert found.metrics.threshold("position") == 0.25 * scale

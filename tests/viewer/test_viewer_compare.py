@@ -1,0 +1,136 @@
+"""Live settings, comparison with history and other images, and scaled arrows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from viewer_tools import DEMO, QUIET
+
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.metrics.display import channel_rgb, color_scale
+from taubench_gl.settings import Settings
+
+LIT = Settings(width=48, height=27, columns=("direct", "color", "position"), indirect="none", exposure=1.0)
+
+
+def headlight(driven, *, previous: bool = False) -> np.ndarray:
+    source = driven.engine.feed.source
+    position = source.read("position", previous=previous)
+    return channel_rgb("headlight", source.read("normal", previous=previous), 0.0, 1.0, position=position)
+
+
+def test_reprojection_sampling_and_size_change_live(drive):
+    driven = drive()
+    driven.run("frame 8\nset probe 30,20\nset reprojection motion\nset sampling bilinear\nset scale 0.5")
+    expected = QUIET.replace(reprojection="motion", sampling="bilinear", width=48, height=27, frames=(7, 9))
+    row = evaluate_scene(DEMO, expected).frames[0]
+    assert [driven.engine.counts[n] for n in ("pixels", "frustum", "position", "normal")] == [
+        row[n] for n in ("pixels", "frustum", "position", "normal")
+    ]
+    driven.run("expect image.width == 48\nexpect probe == 15,10\nset scale 1\nset reprojection camera")
+    driven.run("set sampling nearest\nexpect image.width == 96")
+    row = evaluate_scene(DEMO, QUIET.replace(frames=(7, 9))).frames[0]
+    assert driven.engine.counts["position"] == row["position"]
+
+
+def test_exposure_changes_the_color_and_its_masks(drive):
+    driven = drive(settings=LIT, light=True)
+    driven.run("frame 8\nset overlays off\nset channel color")
+    dark = driven.engine.feed.source.read("color")[..., :3]
+    driven.run("set stops 1\nexpect stops == 1")
+    bright = driven.engine.feed.source.read("color")[..., :3]
+    assert (bright >= dark - 1e-3).all() and bright.mean() > 1.1 * dark.mean()
+    row = evaluate_scene(DEMO, LIT.replace(exposure=2.0, frames=(7, 9))).frames[0]
+    assert driven.engine.counts["direct"] == row["direct"] and driven.engine.counts["color"] == row["color"]
+
+
+@pytest.mark.long
+def test_the_light_method_changes_live(drive):
+    driven = drive(settings=LIT, light=True)
+    driven.run("frame 8\nset channel direct")
+    raster = driven.engine.feed.source.read("direct")[..., :3]
+    driven.run("set light path-traced\nexpect light == path-traced")
+    traced = driven.engine.feed.source.read("direct")[..., :3]
+    assert driven.engine.feed.effects["path_traced"].enabled and (raster != traced).any()
+    assert traced.mean() == pytest.approx(raster.mean(), rel=0.2)
+
+
+def test_a_light_method_that_fails_changes_nothing(drive, monkeypatch):
+    from taubench_gl.errors import GraphicsError
+    from taubench_gl.viewer import feeds
+
+    driven = drive()
+    driven.run("frame 8")
+    counts = dict(driven.engine.counts)
+
+    def fail(*_: object, **__: object) -> None:
+        raise GraphicsError("no memory for this")
+
+    monkeypatch.setattr(feeds, "RasterSource", fail)
+    driven.run("set reprojection motion\nexpect reprojection == camera")
+    assert "no memory for this" in driven.state.message and driven.engine.counts == counts
+
+
+def test_history_and_reprojected_history(drive):
+    driven = drive()
+    driven.run("frame 8\nset overlays off\nset comparison split\nset split 0\nset against history")
+    before = headlight(driven, previous=True)
+    assert np.abs(driven.engine.image()[:, 2:] / 255.0 - before[:, 2:]).max() < 2 / 255
+    driven.run("set against reprojected")
+    now, moved = headlight(driven), driven.engine.image()[:, 2:] / 255.0
+    good = (driven.engine.mask() & np.uint32(0x7FFF & ~0x18) == 0)[:, 2:]  # sky bits aside
+    assert np.abs(moved - now[:, 2:])[good].mean() < 0.5 * np.abs(before - now)[:, 2:][good].mean()
+
+
+def test_flicker_shows_one_image_then_the_other(drive):
+    driven = drive()
+    driven.run("frame 8\nset overlays off\nset against history\nset flicker_hz 12")
+    now, before = headlight(driven), headlight(driven, previous=True)
+    driven.run("set comparison flicker")
+    seen = []
+    for _ in range(6):
+        image = driven.engine.image() / 255.0
+        seen.append(np.abs(image - now).max() < 2 / 255)
+        assert seen[-1] or np.abs(image - before).max() < 2 / 255
+        driven.run("wait 1")
+    assert 1 < sum(seen) < 6
+
+
+def test_the_error_map_is_scaled_by_the_gain(drive):
+    driven = drive()
+    driven.run("frame 8\nset overlays off\nset against history\nset comparison error\nset gain 2")
+    difference = np.abs(headlight(driven) - headlight(driven, previous=True)).max(axis=-1)
+    assert np.abs(driven.engine.image() / 255.0 - color_scale(2.0 * difference)).max() < 0.03
+
+
+def test_nothing_to_compare_with_is_a_message(drive):
+    driven = drive()
+    driven.run("frame 8\nset comparison split\nset channel motion")
+    assert "motion" in driven.state.message
+    with pytest.raises(Exception, match="against"):
+        driven.run("set against reference")
+
+
+def test_arrows_are_scaled(drive):
+    driven = drive()
+    driven.run("frame 8\nset overlays off\nset arrows on\nset arrow_scale 1")
+    short = driven.engine.image().copy()
+    driven.run("set arrow_scale 6")
+    assert driven.engine.arrow_scale == 6 and (driven.engine.image() != short).any()
+    driven.run("set arrow_scale 0")
+    assert driven.engine.arrow_scale > 0
+
+
+@pytest.mark.parametrize(("per_point", "length"), [(1.0, 50.0), (0.1, 5.0), (1 / 59, 1.0), (0.004, 0.2), (3.5, 200.0)])
+def test_the_legend_has_a_round_length(per_point, length):
+    pytest.importorskip("imgui_bundle")
+    from taubench_gl.viewer.image_marks import legend_length
+
+    assert legend_length(per_point) == pytest.approx(length)
+
+
+def test_passes_are_timed(drive):
+    driven = drive(window=(1280, 720))
+    driven.run("frame 8\nset section.time on\nframe 9\nframe 10\nwait 1")
+    assert {"gbuffer", "masks", "image"} <= set(driven.viewer.timer.ms)
+    assert "time.masks" in driven.viewer.panels.widgets
