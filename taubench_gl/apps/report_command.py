@@ -8,6 +8,7 @@ import click
 
 from taubench_gl.apps.aliases import former_option
 from taubench_gl.apps.options import OutPath
+from taubench_gl.errors import OutputError
 
 
 @click.command(
@@ -17,6 +18,7 @@ Examples:
   taubench-gl report results
   taubench-gl report results other-results --out both.html
   taubench-gl report results --images 24 --out small.html
+  taubench-gl report reuse-results
 \b
 The page is one file that needs no network and no server.  Frames with their masks require runs of
 'evaluate --report'; everything else works for any run."""
@@ -36,14 +38,42 @@ def report(runs: tuple[str, ...], out: Path | None, images: int) -> None:
     """Write one HTML page about one or more runs.
 
     RUN is an output folder of 'taubench-gl evaluate'.  The page shows Tables 1 to 4 with the paper's rows, the frames
-    with their reason masks, plots per frame, threshold curves, effects, camera cuts and provenance.
+    with their reason masks, plots per frame, threshold curves, effects, camera cuts and provenance.  One folder of
+    'taubench-gl reuse evaluate' makes the page of that evaluation.
     """
     from taubench_gl.report.page import REPORT_FILE
     from taubench_gl.report.run_page import ReportRun, write_html_report
+    from taubench_gl.reuse.stored import is_evaluation
     from taubench_gl.run import load_run
 
+    if any(map(is_evaluation, runs)):
+        _echo_written(_reuse_page(runs, out, images))
+        return
     loaded = [load_run(run) for run in runs]
     if out is None:
         out = loaded[0].out / REPORT_FILE if len(loaded) == 1 else Path(REPORT_FILE)
     path = write_html_report([ReportRun(run.summary, run.frames, run.out) for run in loaded], out, images)
+    _echo_written(path)
+
+
+def _reuse_page(runs: tuple[str, ...], out: Path | None, images: int) -> Path:
+    """The page of one reuse evaluation.  Raises OutputError for several runs."""
+    from taubench_gl.outputs import write_atomically
+    from taubench_gl.report.page import REPORT_FILE
+    from taubench_gl.report.reuse import reuse_html
+    from taubench_gl.report.reuse_frames import reuse_images
+    from taubench_gl.reuse.stored import load_evaluation
+
+    if len(runs) > 1:
+        hint = "give one RUN, or print their tables with 'taubench-gl compare'"
+        raise OutputError("a page shows one reuse evaluation", hint=hint)
+    found = load_evaluation(runs[0])
+    worst = found.out / "side_by_side.png"
+    image = worst.read_bytes() if worst.is_file() else None
+    path = out or found.out / REPORT_FILE
+    write_atomically(path, reuse_html(found.summary, found.rows, image, reuse_images(found.out, images)))
+    return path
+
+
+def _echo_written(path: Path) -> None:
     click.echo(f"written to {path} ({path.stat().st_size / 1e6:.1f} MB)")

@@ -138,6 +138,7 @@ docs/reuse-evaluation.md defines every number."""
     default="",
     help="With --out, also write results: linear EXR of input, methods and reference, a folder per method and seed.",
 )
+@click.option("--report", is_flag=True, help="With --out, also store the images that report.html compares.")
 @shared_options
 def evaluate(
     scenes: tuple[str, ...],
@@ -146,6 +147,7 @@ def evaluate(
     out: Path | None,
     video: str,
     save: tuple[str, ...],
+    report: bool,
     **options: Any,
 ) -> int:
     """Run reuse methods over the same frames of SCENE and compare every image with a reference.
@@ -153,12 +155,14 @@ def evaluate(
     A method that fails prints one line and does not affect the others; the exit code is then 2.
     """
     settings, request = split_options(options)
-    if save and out is None:
-        raise SettingsError("there is no folder to save to", hint="give --out DIR")
+    if (save or report) and out is None:
+        raise SettingsError("there is no folder to write to", hint="give --out DIR")
     failed = False
     for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
         try:
-            done = _evaluate_one(scene, methods, settings, folder, (video, save), request | {"metrics": metrics})
+            done = _evaluate_one(
+                scene, methods, settings, folder, (video, save, report), request | {"metrics": metrics}
+            )
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -176,7 +180,7 @@ def _evaluate_one(
     methods: tuple[str, ...],
     settings: Settings,
     folder: Path | None,
-    files: tuple[str, tuple[str, ...]],
+    files: tuple[str, tuple[str, ...], bool],
     request: dict[str, Any],
 ) -> Evaluation:
     from taubench_gl.apps.screen import ProgressBar, show_tables

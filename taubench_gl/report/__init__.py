@@ -7,7 +7,7 @@ Input are summaries, rows and arrays; nothing here uses OpenGL.  Modules:
 - ``figures``, ``plots``, ``palette``: Matplotlib helpers, plots of a run, colors
 - ``mask_images``, ``frame_store``: images of reason masks, and the stored images of a report
 - ``page``, ``run_page``, ``templates``, ``assets``: the HTML kit (``page`` documents how a page is made) and the report
-- ``reuse``: tables and plots of reuse evaluations
+- ``reuse``, ``reuse_frames``: tables, plots, page and stored images of reuse evaluations
 """
 
 from __future__ import annotations

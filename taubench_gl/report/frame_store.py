@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,6 +34,8 @@ MAX_WIDTH = 640
 """Largest width stored.  Wider frames keep every k-th pixel of the mask and the mean of k x k pixels of the frame."""
 MAX_KEPT = 120
 """Most pairs on disk; beyond it every second one is removed."""
+MAX_IMAGE_BYTES = 18_000_000
+"""Bytes of base64 text of the images of a page: a phone still opens it."""
 QUALITY = 82
 _CHECK = 8  # side of a checkerboard cell, pixels
 _PARTS = {"frame": "webp", "previous": "webp", "mask": "png"}
@@ -69,33 +71,29 @@ class StoredFrames:
         return data_uri((self.folder / file_name(part, frame)).read_bytes(), _PARTS[part])
 
 
-class FrameRecorder:
-    """Takes every pair in order; keeps every n-th, n doubling as MAX_KEPT demands, and the worst frame."""
+class KeptFrames:
+    """Which of a series of frames keep their images: every n-th, n doubling as MAX_KEPT demands, and the worst one."""
 
-    def __init__(self, out: Path):
-        self._out, self._folder = out, out / FOLDER
+    def __init__(self, folder: Path, patterns: Sequence[str]):
+        """``patterns``: files of one frame, with ``*`` for its number, as ``frame_*.webp``; older ones are removed."""
+        self.folder, self._patterns = folder, tuple(patterns)
         self._seen, self._every = 0, 1
-        self._kept: dict[int, int] = {}  # frame -> index of the pair
-        self._worst: tuple[int, int] | None = None  # discarded pixels, frame
-        self._size, self._step = (0, 0), 1
+        self._kept: dict[int, int] = {}  # frame -> index
+        self._worst: tuple[float, int] | None = None  # badness, frame
 
-    def add(self, frame: int, discarded: int, image: Array, previous: Array, mask: Array, motion: Array) -> None:
-        """Record one pair, if it is one to keep.
-
-        ``image``, ``previous`` (h, w, 3) display-referred in [0, 1]; ``mask`` (h, w) reason words; ``motion``
-        (h, w, 2) pixels, previous - current, +y down; ``discarded``: number of discarded pixels.  Raises OutputError.
-        """
+    def offer(self, frame: int, badness: float, write: Callable[[int], None]) -> None:
+        """Call ``write(frame)`` if it is a frame to keep, and remove those that no longer are.  Raises OutputError."""
         index, self._seen = self._seen, self._seen + 1
-        worst = self._worst is None or discarded > self._worst[0]
+        worst = self._worst is None or badness > self._worst[0]
         if index % self._every and not worst:
             return
         former = self._worst[1] if self._worst else None
         if worst:
-            self._worst = (discarded, frame)
+            self._worst = (badness, frame)
         try:
             if not self._kept:
                 self._clear()
-            self._write(frame, image, reproject_image(previous, mask, motion), mask)
+            write(frame)
             self._kept[frame] = index
             if worst and former is not None and self._kept[former] % self._every:
                 self._drop(former)
@@ -104,51 +102,93 @@ class FrameRecorder:
                 for old in [f for f, i in self._kept.items() if i % self._every and f != self._worst[1]]:
                     self._drop(old)
         except OSError as error:
-            raise cannot_write(self._folder, error) from None
+            raise cannot_write(self.folder, error) from None
+
+    @property
+    def frames(self) -> list[int]:
+        """Frame numbers, ascending."""
+        return sorted(self._kept)
+
+    @property
+    def worst(self) -> int | None:
+        return self._worst[1] if self._worst else None
+
+    def _clear(self) -> None:
+        """Remove the images of an earlier run; called when the first image is about to be written."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for old in self.folder.iterdir():
+            if old.name == INDEX or any(old.match(pattern) for pattern in self._patterns):
+                old.unlink()
+
+    def _drop(self, frame: int) -> None:
+        del self._kept[frame]
+        for pattern in self._patterns:
+            for path in self.folder.glob(pattern.replace("_*", f"_{frame:05d}")):
+                path.unlink(missing_ok=True)
+
+
+class FrameRecorder:
+    """Takes every pair in order and keeps the images of some (``KeptFrames``)."""
+
+    def __init__(self, out: Path):
+        self._out, self._folder = out, out / FOLDER
+        self._kept = KeptFrames(self._folder, [f"{part}_*.{suffix}" for part, suffix in _PARTS.items()])
+        self._size, self._step = (0, 0), 1
+
+    def add(self, frame: int, discarded: int, image: Array, previous: Array, mask: Array, motion: Array) -> None:
+        """Record one pair, if it is one to keep.
+
+        ``image``, ``previous`` (h, w, 3) display-referred in [0, 1]; ``mask`` (h, w) reason words; ``motion``
+        (h, w, 2) pixels, previous - current, +y down; ``discarded``: number of discarded pixels.  Raises OutputError.
+        """
+        self._kept.offer(
+            frame, discarded, lambda number: self._write(number, image, reproject_image(previous, mask, motion), mask)
+        )
 
     def finish(self, frames_file: Path) -> None:
         """Write the index.  ``frames_file``: frames.csv of the run; its hash ties the images to these rows."""
-        if not self._kept:
+        if not self._kept.frames:
             return
         index = {
             "schema": SCHEMA,
             "width": self._size[0],
             "height": self._size[1],
             "step": self._step,
-            "frames": sorted(self._kept),
-            "worst": self._worst[1] if self._worst else None,
-            "rows_sha256": _sha256(frames_file),
+            "frames": self._kept.frames,
+            "worst": self._kept.worst,
+            "rows_sha256": file_sha256(frames_file),
         }
         write_atomically(self._folder / INDEX, json.dumps(index, indent=1) + "\n")
 
     def _write(self, frame: int, image: Array, previous: Array, mask: Array) -> None:
-        self._step = step = -(-mask.shape[1] // MAX_WIDTH)
+        self._step = step = step_of(mask.shape[1])
         words = mask[step // 2 :: step, step // 2 :: step].astype(np.uint16)
         self._size = (words.shape[1], words.shape[0])
         for part, pixels in (("frame", image), ("previous", previous)):
-            small = np.round(255.0 * _downscaled(pixels, step, words.shape)).astype(np.uint8)
-            self._save(part, frame, small, quality=QUALITY, method=4)
+            save_image(self._folder / file_name(part, frame), image_bytes(pixels, step))
         packed = np.stack([words & 255, words >> 8, np.zeros_like(words)], axis=-1).astype(np.uint8)
-        self._save("mask", frame, packed, optimize=True)
+        save_image(self._folder / file_name("mask", frame), packed)
 
-    def _save(self, part: str, frame: int, pixels: Array, **options: Any) -> None:
-        from PIL import Image
 
-        data = io.BytesIO()
-        Image.fromarray(pixels).save(data, format=_PARTS[part].upper(), **options)
-        write_atomically(self._folder / file_name(part, frame), data.getvalue())
+def save_image(path: Path, pixels: Array) -> None:
+    """(h, w) or (h, w, 3) uint8 as WebP of QUALITY or as PNG, by the suffix of ``path``.  Raises OutputError."""
+    from PIL import Image
 
-    def _clear(self) -> None:
-        """Remove the images of an earlier run; called when the first image is about to be written."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        for old in self._folder.iterdir():
-            if old.name == INDEX or any(old.match(f"{part}_*.{suffix}") for part, suffix in _PARTS.items()):
-                old.unlink()
+    data = io.BytesIO()
+    options: dict[str, Any] = {"quality": QUALITY, "method": 4} if path.suffix == ".webp" else {"optimize": True}
+    Image.fromarray(pixels).save(data, format=path.suffix.removeprefix(".").upper(), **options)
+    write_atomically(path, data.getvalue())
 
-    def _drop(self, frame: int) -> None:
-        del self._kept[frame]
-        for part in _PARTS:
-            (self._folder / file_name(part, frame)).unlink(missing_ok=True)
+
+def step_of(width: int) -> int:
+    """Pixels of a frame per stored pixel, along each axis."""
+    return -(-width // MAX_WIDTH)
+
+
+def image_bytes(pixels: Array, step: int) -> Array:
+    """(h, w, 3) in [0, 1] -> uint8 means of ``step`` x ``step`` pixels, as large as ``[step // 2 :: step]`` of it."""
+    shape = tuple(len(range(step // 2, n, step)) for n in pixels.shape[:2])
+    return np.round(255.0 * _downscaled(pixels, step, shape)).astype(np.uint8)
 
 
 def file_name(part: str, frame: int) -> str:
@@ -190,7 +230,7 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
         index: Mapping[str, Any] = read_json(path, _Index)
         if index["schema"] != schema:
             return None, f"the schema of the images is {index['schema']!r}, expected {schema!r}"
-        if index["rows_sha256"] != _sha256(out / "frames.csv"):
+        if index["rows_sha256"] != file_sha256(out / "frames.csv"):
             return None, "the images in its folder belong to another run"
         frames = tuple(int(f) for f in index["frames"])
         size = int(index["width"]), int(index["height"])
@@ -212,6 +252,28 @@ def spread(frames: tuple[int, ...], most: int, always: int | None) -> list[int]:
     return list(frames)
 
 
+def within_budget(
+    frames: tuple[int, ...], worst: int | None, most: int, budget: int, load: Callable[[int], dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """What ``load`` returns for at most ``most`` of ``frames`` (``spread``), fewer where the texts exceed ``budget``.
+
+    Raises OSError.
+    """
+    while True:
+        chosen = spread(frames, most, worst)
+        items = [load(frame) for frame in chosen]
+        size = sum(_text_size(item) for item in items)
+        if size <= budget or most <= 2:
+            return items
+        most = max(2, min(most - 1, int(len(chosen) * budget / size)))
+
+
+def _text_size(value: Any) -> int:
+    if isinstance(value, (dict, list)):
+        return sum(map(_text_size, value.values() if isinstance(value, dict) else value))
+    return len(value) if isinstance(value, str) else 0
+
+
 def _downscaled(image: Array, step: int, shape: tuple[int, int]) -> Array:
     """Means of ``step`` x ``step`` pixels in [0, 1], NaN as black; edge pixels fill the last block.  -> (*shape, 3)."""
     image = np.clip(np.nan_to_num(np.asarray(image, np.float64)[..., :3], nan=0.0), 0.0, 1.0)
@@ -223,5 +285,6 @@ def _downscaled(image: Array, step: int, shape: tuple[int, int]) -> Array:
     return image.reshape(rows, step, columns, step, 3).mean(axis=(1, 3))
 
 
-def _sha256(path: Path) -> str:
+def file_sha256(path: Path) -> str:
+    """Of the bytes of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

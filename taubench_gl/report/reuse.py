@@ -16,6 +16,7 @@ from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, n
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.page import data_uri, render_page
 from taubench_gl.report.render import to_html
+from taubench_gl.report.reuse_frames import NO_IMAGES, ReuseImages
 from taubench_gl.report.tables import Column, Row, Table
 
 Summary = Mapping[str, Any]
@@ -91,6 +92,44 @@ def _ranking_text(found: Summary) -> str:
     """``Ranking (...): 1 svgf (0.05); 2 taa_clamp (0.07)``, in the order of the means."""
     entries = [f"{e['rank'] or '-'} {e['method']} ({e['mean']:.4g})" for e in found["ranking"]]
     return f"Ranking (1 + the number of methods that are better beyond Holm's correction): {'; '.join(entries)}."
+
+
+_SAME = ("sha256", "name")
+_SAME_SETTINGS = ("width", "height", "fps", "first_frame", "last_frame", "exposure", "tone_map", "thresholds")
+
+
+def merged_summaries(named: Sequence[tuple[str, Summary]]) -> list[Summary]:
+    """Evaluations (name, reuse.json) of the same frames, input and reference as one, in the order of the first of each.
+
+    A label that several of them have gets the name of its evaluation.
+    """
+    groups: dict[str, list[tuple[str, Summary]]] = {}
+    for name, summary in named:
+        groups.setdefault(repr(_identity(summary)), []).append((name, summary))
+    merged = []
+    for group in groups.values():
+        labels = [label for _, summary in group for label in summary["methods"]]
+        methods: dict[str, Any] = {}
+        for name, summary in group:
+            for label, method in summary["methods"].items():
+                text = f"{name}: {label}" if labels.count(label) > 1 else label
+                while text in methods:  # folders of one name
+                    text += "'"
+                methods[text] = method
+        merged.append({**group[0][1], "methods": methods})
+    return merged
+
+
+def _identity(summary: Summary) -> tuple[Any, ...]:
+    """What two evaluations must share so that their numbers are comparable."""
+    given, reference, settings = summary["input"], summary["reference"], summary["settings"]
+    return (
+        [summary["scene"].get(key) for key in _SAME],
+        [settings.get(key) for key in _SAME_SETTINGS],
+        [given.get(key) for key in ("kind", "light_samples", "indirect_samples", "seed")],
+        [reference.get(key) for key in ("kind", "samples", "path")],
+        [summary.get(key) for key in ("seeds", "warmup", "clock")],
+    )
 
 
 def reuse_notes(summary: Summary) -> tuple[str, ...]:
@@ -304,33 +343,66 @@ def _title(summary: Summary, what: str) -> str:
 # ---------------------------------------------------------------------------------------------------------------- page
 
 
-def reuse_html(summary: Summary, rows: Sequence[Mapping[str, Any]], image: bytes | None = None) -> str:
+def reuse_html(
+    summary: Summary,
+    rows: Sequence[Mapping[str, Any]],
+    image: bytes | None = None,
+    images: ReuseImages | None = None,
+) -> str:
     """The page of an evaluation, templates/reuse.html.
 
-    ``rows``: frames.csv, one per frame and method; ``image``: a PNG of the methods side by side on the worst frame.
+    ``rows``: frames.csv, one per frame and method; ``image``: a PNG of the methods side by side on the worst frame, for
+    a page without ``images``.
     """
     methods = summary["methods"]
+    images = images or ReuseImages(None, NO_IMAGES)
+    data = _page_data(summary, rows)
+    if images.data is not None:
+        data |= {"images": images.data, "viewer": _viewer_data(summary, rows, images.text)}
     return render_page(
         "reuse.html",
-        scripts=("reuse.js",),
-        data=_page_data(summary, rows),
+        styles=("stage.css", "reuse.css"),
+        scripts=("stage.js", "reuse_viewer.js", "reuse.js"),
+        data=data,
         title=summary["scene"]["name"],
         notes=reuse_notes(summary),
         failed=[(label, method["failed"]) for label, method in methods.items() if method["failed"]],
-        image=None if image is None else data_uri(image),
+        image=None if image is None or images.data is not None else data_uri(image),
+        images=images.data is not None,
+        images_text=images.text,
         tables=to_html(reuse_tables(summary), scroll=True),
     )
 
 
+def _viewer_data(summary: Summary, rows: Sequence[Mapping[str, Any]], text: str) -> dict[str, Any]:
+    """What the viewer needs beside the images; it plays at the frame rate of the evaluation, at most 15 per second."""
+    classes = [{"name": name, "doc": doc} for name, doc in summary["classes"].items()]
+    error = "FLIP" if any(row["flip"] is not None for row in rows) else "4 |error|"
+    return {
+        "classes": classes,
+        "error": error,
+        "milliseconds": 1e3 / min(summary["settings"]["fps"], 15.0),
+        "text": text,
+    }
+
+
+def _mean_over_seeds(rows: Sequence[Mapping[str, Any]], frame: int, name: str) -> float | None:
+    values = [row[name] for row in rows if row["frame"] == frame and row[name] is not None]
+    return float(np.mean(values)) if values else None
+
+
 def _page_data(summary: Summary, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Values of reuse.js: measures with values, frames, and of each method its rows by measure in order of frames."""
+    """Values of reuse.js: measures with values, frames, and of each method its rows by measure in order of frames.
+
+    Rows of several seeds are averaged.
+    """
     frames = sorted({row["frame"] for row in rows})
     measures = [name for name in summary["measures"] if any(row[name] is not None for row in rows)]
     methods = []
     for index, (label, method) in enumerate((k, m) for k, m in summary["methods"].items() if not m["failed"]):
-        by_frame = {row["frame"]: row for row in rows if row["method"] == label}
+        own = [row for row in rows if row["method"] == label]
         style = _series_style(index, "dash", _LINES)
-        values = {name: [by_frame.get(frame, {}).get(name) for frame in frames] for name in measures}
+        values = {name: [_mean_over_seeds(own, frame, name) for frame in frames] for name in measures}
         methods.append(
             style | {"label": label, "rows": values, "mean": method["mean"], "time_ms": method.get("time_ms")}
         )

@@ -1,4 +1,4 @@
-"""The report of one or several runs as one HTML file: templates/run.html with frame_viewer.js and run.js.
+"""The report of one or several runs as one HTML file: templates/run.html with stage.js, frame_viewer.js and run.js.
 
 Figures, tables and details are HTML; the frame viewer, the plots over time and the threshold curves are drawn by the
 scripts from one block of JSON (``report_data``).
@@ -16,7 +16,7 @@ from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Rea
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.figures import DASHES
-from taubench_gl.report.frame_store import StoredFrames, spread, stored_frames
+from taubench_gl.report.frame_store import MAX_IMAGE_BYTES, StoredFrames, stored_frames, within_budget
 from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, hex_of
@@ -29,8 +29,6 @@ Summary = Mapping[str, Any]
 
 MAX_IMAGES = 60
 """Default number of pairs with images per report, all runs together."""
-MAX_IMAGE_BYTES = 18_000_000
-"""Bytes of base64 text of the images, all runs together: a phone still opens the page."""
 
 UNITS = {"position": "m"}
 _CLASSES = (Reason.FIRST, Reason.CUT, Reason.INVALID)
@@ -69,8 +67,8 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
     labels = run_labels(summaries)
     return render_page(
         "run.html",
-        styles=("run.css",),
-        scripts=("frame_viewer.js", "run.js"),
+        styles=("stage.css", "run.css"),
+        scripts=("stage.js", "frame_viewer.js", "run.js"),
         data=report_data(runs, labels, images),
         title=" and ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
         several=len(runs) > 1,
@@ -279,18 +277,16 @@ def _images(run: ReportRun, most: int, budget: int) -> tuple[dict[str, Any] | No
     stored, why = stored_frames(run.out)
     if stored is None:
         return None, why
-    while True:
-        chosen = spread(stored.frames, most, stored.worst)
-        try:
-            items = [{"n": f, **{part: stored.uri(part, f) for part in ("frame", "previous", "mask")}} for f in chosen]
-        except OSError as error:
-            return None, f"an image cannot be read: {error.strerror}"
-        size = sum(len(item[part]) for item in items for part in ("frame", "previous", "mask"))
-        if size <= budget or most <= 2:
-            text = _images_text(run, stored, len(items))
-            return {"width": stored.width, "height": stored.height, "worst": stored.worst, "summary": text,
-                    "items": items}, ""  # fmt: skip
-        most = max(2, int(len(chosen) * budget / size))
+
+    def load(frame: int) -> dict[str, Any]:
+        return {"n": frame, **{part: stored.uri(part, frame) for part in ("frame", "previous", "mask")}}
+
+    try:
+        items = within_budget(stored.frames, stored.worst, most, budget, load)
+    except OSError as error:
+        return None, f"an image cannot be read: {error.strerror}"
+    text = _images_text(run, stored, len(items))
+    return {"width": stored.width, "height": stored.height, "worst": stored.worst, "summary": text, "items": items}, ""
 
 
 def _images_text(run: ReportRun, stored: StoredFrames, shown: int) -> str:

@@ -25,9 +25,10 @@ from taubench_gl.outputs import (
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.render import write_tables
 from taubench_gl.report.reuse import fit_table, plot_fit, plot_reuse, reuse_html, reuse_tables
+from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
 from taubench_gl.reuse.evaluate import EvaluatedFrame, Evaluation
 from taubench_gl.reuse.recorded import ResultWriter
-from taubench_gl.reuse.scores import ROW_COLUMNS
+from taubench_gl.reuse.scores import CLASSES, ROW_COLUMNS
 
 Array = np.ndarray
 
@@ -201,8 +202,10 @@ class ReuseFolder:
     rows of the evaluated frames to frames.csv, without reuse.json.
     """
 
-    def __init__(self, out: str | Path, fps: float, video: str = "mp4", save: Collection[str] = ()):
-        """Raises SettingsError.  ``save``: of SAVED."""
+    def __init__(
+        self, out: str | Path, fps: float, video: str = "mp4", save: Collection[str] = (), report: bool = False
+    ):
+        """Raises SettingsError.  ``save``: of SAVED; ``report``: also store the images of the page."""
         if unknown := sorted(set(save) - set(SAVED)):
             raise SettingsError(f"cannot save {unknown[0]!r}", hint=f"choose from {', '.join(SAVED)}")
         if video not in VIDEOS:
@@ -213,6 +216,7 @@ class ReuseFolder:
         self.out = Path(out)
         self._lock = FolderLock(self.out)
         self._video = None if video == "none" else Video(self.out / f"side_by_side.{video}", fps, video)
+        self._recorder = ReuseRecorder(self.out, len(CLASSES)) if report else None
         self._results = ResultWriter(self.out) if "results" in save else None
         self._worst, self._worst_image = -1.0, None
         self._rows: list[dict[str, Any]] = []
@@ -228,6 +232,9 @@ class ReuseFolder:
             self._results.add(evaluated.frame, evaluated.seed, evaluated.exposure, evaluated.radiance)
         if evaluated.repetition:  # the images of the page are those of the first seed
             return
+        if self._recorder is not None:
+            images = {"input": evaluated.input, **evaluated.images, "reference": evaluated.reference}
+            self._recorder.add(evaluated.frame, evaluated.seed, images, evaluated.errors, evaluated.classes)
         if self._video is not None:
             image = side_by_side(evaluated)
             self._shape = self._shape or image.shape
@@ -259,7 +266,10 @@ class ReuseFolder:
             write_png(written[-1], self._worst_image)
             image = written[-1].read_bytes()
         written += plot_reuse(evaluation.summary, evaluation.rows, out)
-        write_atomically(out / REPORT_FILE, reuse_html(evaluation.summary, evaluation.rows, image))
+        if self._recorder is not None:
+            self._recorder.finish(written[0])
+        page = reuse_html(evaluation.summary, evaluation.rows, image, reuse_images(out) if self._recorder else None)
+        write_atomically(out / REPORT_FILE, page)
         return [*written, out / REPORT_FILE]
 
     def __enter__(self) -> ReuseFolder:

@@ -7,9 +7,11 @@ import re
 import shutil
 from typing import Any
 
+import numpy as np
 import pytest
 
 from taubench_gl.report.reuse import reuse_html
+from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 MEASURES = ("flip", "relmse", "ssim", "psnr_db", "tpsnr_db", "flicker")
@@ -60,22 +62,156 @@ def test_data_holds_measures_with_values_and_methods_that_ran(evaluation):
 
 
 @pytest.fixture(scope="module")
-def page(evaluation, tmp_path_factory):
+def browser():
     playwright = pytest.importorskip("playwright.sync_api")
     if CHROMIUM is None:
         pytest.skip("no Chromium on this machine")
-    path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(reuse_html(*evaluation, b"not an image"), encoding="utf-8")
     with playwright.sync_playwright() as p:
         browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        opened, faults = browser.new_page(), []
-        opened.on("console", lambda m: faults.append(m.text))
-        opened.on("pageerror", lambda e: faults.append(str(e)))
-        opened.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
-        opened.goto(path.as_uri())
-        yield opened
+        yield browser
         browser.close()
+
+
+def opened(browser, path):
+    """Opens a page and checks that it causes no console output, no exception and no request but its own file."""
+    page, faults = browser.new_page(), []
+    page.on("console", lambda m: faults.append(m.text))
+    page.on("pageerror", lambda e: faults.append(str(e)))
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
+    page.goto(path.as_uri())
+    yield page
+    page.close()
     assert faults == []
+
+
+@pytest.fixture(scope="module")
+def page(browser, evaluation, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    path.write_text(reuse_html(*evaluation, b"not an image"), encoding="utf-8")
+    yield from opened(browser, path)
+
+
+CLASS_NAMES = ("lit", "rest")
+
+
+@pytest.fixture(scope="module")
+def viewer(browser, evaluation, tmp_path_factory):
+    """A page with images: the left half of each frame is ``lit``; image k has the gray k / 10."""
+    summary, rows = evaluation
+    summary = summary | {"classes": dict.fromkeys(CLASS_NAMES, "meaning")}
+    for label, one in summary["methods"].items():
+        classes = {name: {"pixels": 64, "percent": 50.0, "flip": 0.1, "relmse": 0.2} for name in CLASS_NAMES}
+        summary["methods"] = summary["methods"] | {label: one | ({} if one["failed"] else {"classes": classes})}
+    out = tmp_path_factory.mktemp("viewer")
+    (out / "frames.csv").write_text("frame\n3\n")
+    recorder = ReuseRecorder(out, len(CLASS_NAMES))
+    halves = np.repeat(np.int8([[0, 1]]), 8, axis=0).repeat(8, axis=1)
+    for frame in FRAMES:
+        images = {name: np.full((8, 16, 3), 0.1 * k) for k, name in enumerate(("input", "slow", "fast", "reference"))}
+        errors = {"slow": 0.2 + 0.1 * halves, "fast": 0.4 + 0.01 * frame + 0.0 * halves}
+        recorder.add(frame, 0, images, errors, halves)
+    recorder.finish(out / "frames.csv")
+    path = out / "report.html"
+    path.write_text(reuse_html(summary, rows, None, reuse_images(out)), encoding="utf-8")
+    yield from opened(browser, path)
+
+
+@pytest.fixture
+def fresh(viewer):
+    viewer.reload()
+    viewer.wait_for_selector(".stage[data-frame]")
+    return viewer
+
+
+def pixels(page) -> np.ndarray:
+    """(h, w, 3) of the canvas, once it does not change any more."""
+    script = """() => { const c = document.querySelector('.stage canvas');
+        return [c.height, c.width, Array.from(c.getContext('2d').getImageData(0, 0, c.width, c.height).data)] }"""
+    before = None
+    for _ in range(50):
+        height, width, values = page.evaluate(script)
+        if values == before:
+            break
+        before = values
+        page.wait_for_timeout(50)
+    return np.array(values, np.float64).reshape(height, width, 4)[..., :3]
+
+
+def shown(page, frame: int) -> None:
+    page.wait_for_selector(f".stage[data-frame='{frame}']")
+
+
+def test_the_divider_separates_two_images(fresh):
+    fresh.select_option("#left", label="slow")
+    fresh.select_option("#right", label="fast")
+    image = pixels(fresh)
+    assert np.abs(image[:, :7] - 25.5).max() < 4 and np.abs(image[:, 9:] - 51).max() < 4
+    fresh.locator(".divider").focus()
+    fresh.keyboard.press("End")
+    assert np.abs(pixels(fresh) - 25.5).max() < 4
+    assert fresh.locator(".tag.left").inner_text() == "slow" and fresh.locator(".tag.right").inner_text() == "fast"
+
+
+def test_error_maps_are_magma_and_images_without_one_are_black(fresh):
+    from matplotlib import colormaps
+
+    fresh.select_option("#left", label="slow")
+    fresh.select_option("#right", label="reference")
+    fresh.click("button[data-mode=errors]")
+    fresh.wait_for_selector(".stage[data-mode=errors]")
+    image = pixels(fresh)
+    expected = 255 * np.array(colormaps["magma"](0.2)[:3])
+    assert np.abs(image[:, 1:6] - expected).max() < 12 and image[:, 9:].max() == 0
+    assert "no error map" in fresh.locator(".tag.right").inner_text()
+
+
+def test_the_class_filter_darkens_and_averages(fresh):
+    fresh.select_option("#left", label="slow")
+    fresh.select_option("#right", label="fast")
+    cells = fresh.locator("tr.total td")
+    assert cells.nth(1).inner_text() == "0.25"  # (0.2 + 0.3) / 2
+    fresh.uncheck("#class-rest")
+    assert cells.nth(0).inner_text() == "50.00 %" and cells.nth(1).inner_text() == "0.2"
+    image = pixels(fresh)
+    assert np.abs(image[:, :7] - 25.5).max() < 4 and np.abs(image[:, 9:] - 0.15 * 51).max() < 3
+    fresh.select_option("#measure", "classes shown")
+    assert "slow 0.2" in fresh.inner_text("#frames .readout") and "fast 0.445" in fresh.inner_text("#frames .readout")
+    fresh.check("#class-rest")
+    assert "slow 0.25" in fresh.inner_text("#frames .readout")
+
+
+def test_the_slider_and_the_plot_select_the_same_frame(fresh):
+    fresh.locator("#frame").focus()
+    fresh.keyboard.press("Home")
+    shown(fresh, FRAMES[0])
+    fresh.locator("#frames [role=application]").focus()
+    fresh.keyboard.press("End")
+    shown(fresh, FRAMES[-1])
+    assert fresh.locator("#frame").input_value() == str(len(FRAMES) - 1)
+
+
+def test_it_plays(fresh):
+    fresh.locator("#frame").focus()
+    fresh.keyboard.press("Home")
+    shown(fresh, FRAMES[0])
+    fresh.click("button[aria-label=Play]")
+    for frame in (FRAMES[1], FRAMES[2], FRAMES[0]):
+        shown(fresh, frame)
+    fresh.click("button[aria-label=Pause]")
+    assert fresh.locator("button[aria-label=Play]").count() == 1
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_page_fits_its_width(fresh, width):
+    fresh.set_viewport_size({"width": width, "height": 800})
+    fresh.wait_for_timeout(100)
+    assert fresh.evaluate("document.documentElement.scrollWidth") <= width
+    box = fresh.locator(".stage").bounding_box()
+    assert box["width"] > 0.5 * width and box["width"] / box["height"] == pytest.approx(2.0, rel=0.02)
+
+
+def test_without_images_the_page_says_how_to_get_them(page):
+    assert page.locator(".stage").count() == 0 and "--report" in page.inner_text(".missing")
 
 
 def test_measure_changes_both_plots(page):

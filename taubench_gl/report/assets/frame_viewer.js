@@ -9,46 +9,31 @@ const MODES = [
 const STRIPE = 4;
 
 function makeViewer(box, state) {
-  let run, images, at = 0, mode = "masks", opacity = 0.8, split = 0.5, words = null, playing = 0, turn = 0;
+  let run, images, at = 0, mode = "masks", opacity = 0.8, words = null, turn = 0;
   const shown = new Map();
   const stage = el("div", { class: "stage" });
   const base = el("canvas", { class: "base", role: "img" });
   const mask = el("canvas", { class: "mask", "aria-hidden": "true" });
   const tags = [el("span", { class: "tag left" }), el("span", { class: "tag right" })];
-  const divider = el("div", {
-    class: "divider", tabindex: "0", role: "slider", "aria-label": "Divider between the two images",
-    "aria-valuemin": "0", "aria-valuemax": "100",
+  const divider = makeDivider(stage, () => {
+    paintBase(...drawn);
+    if (mode === "plain") paintMask();
   });
   stage.append(base, mask, ...tags, divider);
-  const slider = el("input", { type: "range", id: "frame", min: "0", value: "0", "aria-label": "Frame" });
-  const status = el("output", { for: "frame" });
-  const play = el("button", { type: "button", "aria-label": "Play" }, "▶");
+  const scrubber = makeScrubber(go);
   const modes = el("div", { class: "modes", role: "group", "aria-label": "View" });
   const panel = el("div", { class: "panel" });
   const note = el("p", { class: "muted" });
   const percents = new Map();
 
-  async function load(set, index, part) {
-    const key = part + set.items[index].n;
-    if (!set.cache) set.cache = new Map();
-    if (!set.cache.has(key)) {
-      const image = new Image();
-      // Not decode(): the load event of the page waits for this image, so a page printed at once shows it.
-      set.cache.set(key, new Promise((done, failed) => {
-        image.onload = () => done(image);
-        image.onerror = () => failed(new Error(`${part} of frame ${set.items[index].n} is damaged`));
-        image.src = set.items[index][part];
-      }));
-      if (set.cache.size > 90) set.cache.delete(set.cache.keys().next().value);
-    }
-    return set.cache.get(key);
+  function load(set, index, part) {
+    if (!set.load) set.load = imageLoader(90);
+    const item = set.items[index];
+    return set.load(part + item.n, item[part], `${part} of frame ${item.n}`);
   }
 
   function unpack(image, width, height) {
-    const canvas = new OffscreenCanvas(width, height);
-    const pen = canvas.getContext("2d", { willReadFrequently: true });
-    pen.drawImage(image, 0, 0);
-    const bytes = pen.getImageData(0, 0, width, height).data;
+    const bytes = pixelsOf(image, width, height);
     const found = new Uint16Array(width * height);
     for (let i = 0; i < found.length; i++) found[i] = bytes[4 * i] | (bytes[4 * i + 1] << 8);
     return found;
@@ -62,7 +47,7 @@ function makeViewer(box, state) {
     const pixels = pen.createImageData(width, height);
     const enabled = run.reasons.filter((r) => shown.get(r.name));
     const colors = enabled.map((r) => [1, 3, 5].map((k) => parseInt(r.color.slice(k, k + 2), 16)));
-    const start = mode === "plain" ? Math.round(split * width) : 0;
+    const start = mode === "plain" ? Math.round(divider.at * width) : 0;
     const alpha = Math.round(255 * opacity);
     const hits = [];
     for (let y = 0; y < height && words; y++) {
@@ -88,13 +73,11 @@ function makeViewer(box, state) {
     const request = ++turn;
     const { width, height } = images;
     const item = images.items[at];
-    slider.value = at;
     const row = run.rows.frame.indexOf(item.n);
     const seconds = run.rows.time_s[row];
     const which = `frame ${item.n}` + (seconds === null || seconds === undefined ? "" : `, ${seconds.toFixed(3)} s`);
     const caption = item.n === images.worst ? `${which} · worst frame` : which;
-    status.textContent = caption;
-    slider.setAttribute("aria-valuetext", caption);
+    scrubber.show(at, caption);
     for (const [name, cell] of percents) {
       const count = (run.rows[name] || [])[row];
       cell.textContent = count === null || count === undefined ? "–" : percent((100 * count) / run.rows.pixels[row]);
@@ -134,43 +117,17 @@ function makeViewer(box, state) {
     if (before) {
       pen.save();
       pen.beginPath();
-      pen.rect(0, 0, split * width, height);
+      pen.rect(0, 0, divider.at * width, height);
       pen.clip();
       pen.drawImage(before, 0, 0, width, height);
       pen.restore();
     }
-    divider.style.left = `${100 * split}%`;
-    divider.setAttribute("aria-valuenow", Math.round(100 * split));
   }
-
-  function moveSplit(value) {
-    split = clamp(value, 0, 1);
-    paintBase(...drawn);
-    if (mode === "plain") paintMask();
-  }
-  slide(divider, {
-    drag: (event) => {
-      const area = stage.getBoundingClientRect();
-      moveSplit((event.clientX - area.left) / area.width);
-    },
-    step: (by) => moveSplit(split + 0.02 * by),
-    end: (last) => moveSplit(last ? 1 : 0),
-    page: 5,
-  });
 
   function go(index) {
     at = clamp(index, 0, images.items.length - 1);
     return show();
   }
-  slider.addEventListener("input", () => go(Number(slider.value)));
-  play.addEventListener("click", () => {
-    clearInterval(playing);
-    const on = play.textContent === "▶";
-    playing = on ? setInterval(() => go((at + 1) % images.items.length), 160) : 0;
-    play.textContent = on ? "❚❚" : "▶";
-    play.setAttribute("aria-label", on ? "Pause" : "Play");
-  });
-
   function setMode(name) {
     mode = name;
     for (const button of modes.children) button.setAttribute("aria-pressed", button.dataset.mode === mode);
@@ -204,8 +161,7 @@ function makeViewer(box, state) {
   function setRun(next) {
     run = next;
     images = run.images;
-    clearInterval(playing);
-    play.textContent = "▶";
+    scrubber.stop();
     if (!images) {
       box.replaceChildren(el("p", { class: "missing" }, run.no_images));
       return;
@@ -214,12 +170,12 @@ function makeViewer(box, state) {
     modes.replaceChildren(...MODES.filter(([name]) => name !== "runs" || otherRun()).map(([name, text]) =>
       el("button", { type: "button", "data-mode": name, "aria-pressed": name === mode, onclick: () => setMode(name) }, text)));
     if (mode === "runs" && !otherRun()) mode = "masks";
-    slider.max = images.items.length - 1;
+    scrubber.set(images.items.length);
     const worst = images.items.findIndex((item) => item.n === images.worst);
     at = Math.max(worst, 0);
     note.textContent = `${images.summary} A pixel with several reasons shows stripes in the color of each.`;
     box.replaceChildren(modes, el("div", { class: "viewer" },
-      el("div", {}, stage, el("div", { class: "bar" }, play, slider, status), note), panel));
+      el("div", {}, stage, scrubber.bar, note), panel));
     setMode(mode);
   }
 

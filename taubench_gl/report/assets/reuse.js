@@ -3,13 +3,24 @@
 const chooser = document.getElementById("measure"), definition = document.getElementById("definition");
 const framesBox = document.getElementById("frames"), scatterBox = document.getElementById("scatter");
 const status = document.getElementById("status");
-const area = el("div", { tabindex: "0", role: "application", "aria-label": "Values per frame; the left and right arrow keys select a frame" });
+const area = el("div", { tabindex: "0", role: "application", "aria-label": "Values per frame; the left and right arrow keys select a frame, which the viewer shows" });
 const readout = el("p", { class: "readout", "aria-live": "polite" });
 framesBox.append(area, readout);
 
-let x = null, cursor = null, picked = -1;
+// A measure that follows the class filter of the viewer.
+const FILTERED = "classes shown";
+let x = null, cursor = null, here = null, picked = -1, atFrame = null;
+const viewer = data.images && makeComparison(document.getElementById("viewer"), data.images, data.viewer, (frame) => { atFrame = frame; markFrame(); });
+if (viewer) data.measures.push({ name: FILTERED, unit: "", better: "lower", doc: `mean ${data.viewer.error} over the pixel classes that the viewer shows` });
 const measure = () => data.measures.find((m) => m.name === chooser.value);
-const values = (method) => method.rows[chooser.value];
+const filtered = () => chooser.value === FILTERED;
+const values = (method) => (filtered() ? viewer.values(method.label, data.frames) : method.rows[chooser.value]);
+// The mean over all frames but the first, which has no history.
+function mean(method) {
+  if (!filtered()) return method.mean[chooser.value];
+  const found = values(method).slice(1).filter(isNumber);
+  return found.length ? found.reduce((a, b) => a + b, 0) / found.length : null;
+}
 
 function drawFrames(width) {
   const { unit } = measure(), frames = data.frames;
@@ -26,9 +37,18 @@ function drawFrames(width) {
     if (frame <= last) root.append(text(x(frame), bounds.bottom + 20, frame, { "text-anchor": "middle" }));
   }
   cursor = svg("line", { class: "cursor", y1: bounds.top, y2: bounds.bottom });
-  root.append(cursor);
+  here = svg("line", { class: "shown", y1: bounds.top, y2: bounds.bottom });
+  root.append(here, cursor);
+  markFrame();
   area.replaceChildren(root);
   pick(picked);
+}
+
+// The line at the frame that the viewer shows.
+function markFrame() {
+  if (!here) return;
+  here.setAttribute("visibility", atFrame === null ? "hidden" : "visible");
+  if (atFrame !== null) for (const end of ["x1", "x2"]) here.setAttribute(end, x(atFrame));
 }
 
 // The values of one frame; the means for -1.
@@ -38,12 +58,12 @@ function pick(index) {
   if (index >= 0) for (const end of ["x1", "x2"]) cursor.setAttribute(end, x(data.frames[index]));
   readout.replaceChildren(el("span", {}, el("b", {}, index < 0 ? "mean of all frames" : `frame ${data.frames[index]}`)));
   for (const m of data.methods) {
-    readout.append(lineEntry(m.color, m.dash, `${m.label} ${short(index < 0 ? m.mean[chooser.value] : values(m)[index], 4)}`));
+    readout.append(lineEntry(m.color, m.dash, `${m.label} ${short(index < 0 ? mean(m) : values(m)[index], 4)}`));
   }
 }
 
 function drawScatter(width) {
-  const timed = data.methods.filter((m) => m.time_ms > 0 && isNumber(m.mean[chooser.value]));
+  const timed = data.methods.filter((m) => m.time_ms > 0 && isNumber(mean(m)));
   if (!timed.length) {
     scatterBox.replaceChildren(el("p", { class: "missing" }, "No method has both a time and this measure."));
     status.textContent = "";
@@ -54,14 +74,14 @@ function drawScatter(width) {
   const root = plotRoot(width, height, `${chooser.value} against time, one mark per method`, "group");
   const times = timed.map((m) => m.time_ms);
   const at = logScale(Math.min(...times) * 0.7, Math.max(...times) * 1.4, bounds.left, bounds.right);
-  const y = linearScale(0, topOf([timed.map((m) => m.mean[chooser.value])], 1e-9), bounds.bottom, bounds.top);
+  const y = linearScale(0, topOf([timed.map(mean)], 1e-9), bounds.bottom, bounds.top);
   drawAxes(root, bounds, {
     x: { scale: at, ticks: at.ticks(width < 600 ? 4 : 8), label: "ms per frame, median (log)" },
     y: { scale: y, ticks: y.ticks(5), label: `${chooser.value} (${measure().better} is better)` },
   });
   for (const m of timed) {
-    const words = `${m.label}: ${chooser.value} ${short(m.mean[chooser.value], 4)}, ${short(m.time_ms)} ms per frame; clock: ${data.clock}`;
-    addMark(root, { shape: "circle", x: at(m.time_ms), y: y(m.mean[chooser.value]), fill: m.color, label: words, title: m.label, name: m.label },
+    const words = `${m.label}: ${chooser.value} ${short(mean(m), 4)}, ${short(m.time_ms)} ms per frame; clock: ${data.clock}`;
+    addMark(root, { shape: "circle", x: at(m.time_ms), y: y(mean(m)), fill: m.color, label: words, title: m.label, name: m.label },
       () => { status.textContent = words; });
   }
   scatterBox.replaceChildren(root);
@@ -69,7 +89,7 @@ function drawScatter(width) {
 }
 
 for (const m of data.measures) chooser.append(el("option", { value: m.name }, m.name));
-selectAlong(area, { positions: () => (x ? data.frames.map(x) : []), current: () => picked, pick, choose: () => {} });
+selectAlong(area, { positions: () => (x ? data.frames.map(x) : []), current: () => picked, pick, choose: (index) => viewer?.goTo(data.frames[index]) });
 walkMarks(scatterBox, (name) => data.methods.find((m) => m.label === name).time_ms);
 const redraw = [whenSized(area, drawFrames), whenSized(scatterBox, drawScatter)];
 function choose() {
@@ -77,4 +97,5 @@ function choose() {
   for (const again of redraw) again();
 }
 chooser.addEventListener("change", choose);
+viewer?.whenFiltered(() => { if (filtered()) choose(); });
 choose();
