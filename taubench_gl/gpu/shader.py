@@ -43,9 +43,12 @@ class Source:
 
 
 def resolve(
-    entry: str, defines: Mapping[str, object] | None = None, preamble: str = "", root: Path = SHADERS
+    entry: str, defines: Mapping[str, object] | None = None, preamble: str = "", roots: tuple[Path, ...] = (SHADERS,)
 ) -> Source:
-    """Expand ``entry`` (a path from ``shaders/``) with ``defines``; ``preamble`` is GLSL text derived in Python."""
+    """Expand ``entry`` with ``defines``; ``preamble`` is GLSL text derived in Python.
+
+    ``entry`` and includes are paths in the first of ``roots`` that has them.
+    """
     lines, origin = [VERSION.rstrip("\n")], ["version"]
     for name, value in sorted((defines or {}).items()):
         lines.append(f"#define {name} {int(value) if isinstance(value, bool) else value}")
@@ -53,25 +56,30 @@ def resolve(
     for number, line in enumerate(preamble.splitlines(), 1):
         lines.append(line)
         origin.append(f"preamble:{number}")
-    _expand(entry, root, lines, origin, seen=set(), chain=())
+    _expand(entry, roots, lines, origin, seen=set(), chain=())
     return Source("\n".join(lines) + "\n", tuple(origin))
 
 
 def _expand(
-    entry: str, root: Path, lines: list[str], origin: list[str], seen: set[str], chain: tuple[str, ...]
+    entry: str, roots: tuple[Path, ...], lines: list[str], origin: list[str], seen: set[str], chain: tuple[str, ...]
 ) -> None:
     if entry in chain:
         raise GraphicsError(f"shader includes form a cycle: {' > '.join((*chain, entry))}")
     if entry in seen:
         return
     seen.add(entry)
-    for number, line in enumerate(_read(root / entry, entry, chain).splitlines(), 1):
+    for number, line in enumerate(_read(find_source(entry, roots), entry, chain).splitlines(), 1):
         include = _INCLUDE.match(line)
         if include:
-            _expand(include.group(1), root, lines, origin, seen, (*chain, entry))
+            _expand(include.group(1), roots, lines, origin, seen, (*chain, entry))
         else:
             lines.append(line)
             origin.append(f"{entry}:{number}")
+
+
+def find_source(entry: str, roots: tuple[Path, ...]) -> Path:
+    """The file in the first of ``roots`` that has it, else where it would be in the first."""
+    return next((root / entry for root in roots if (root / entry).is_file()), roots[0] / entry)
 
 
 @lru_cache(maxsize=256)

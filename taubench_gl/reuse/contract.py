@@ -186,7 +186,8 @@ class Method:
     ``reads``: names of INPUTS.  ``history``, ``buffers``: name -> Format.  ``keyframe``: interval in frames at which
     the current frame becomes the key frame (``frame.key_*`` in GLSL), or the name of an int setting; None: no key
     frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
-    its paper; ``reports``: names of REPORTS that the method writes.
+    its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
+    does not have.
     """
 
     name: str
@@ -203,6 +204,7 @@ class Method:
     where: str = ""
     stages: tuple[Stage, ...] = ()
     reports: tuple[str, ...] = ()
+    base: Path | None = None
 
     def values(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``given``, else the default.  Raises MethodError, which lists all errors."""
@@ -224,6 +226,11 @@ class Method:
     @property
     def label(self) -> str:
         return f"method {self.name!r}"
+
+    @property
+    def shader_folders(self) -> tuple[Path, ...]:
+        """Where its shaders are, in the order of the search."""
+        return tuple(folder for folder in (self.folder, self.base) if folder is not None)
 
     @property
     def spares(self) -> frozenset[str]:

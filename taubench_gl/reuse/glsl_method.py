@@ -213,7 +213,7 @@ def build_source(method: Method, info: PassInfo, group: tuple[int, int], report:
     generated = preamble(method, info, report)
     append(generated, tuple(f"generated for {info.shader}, line {i}" for i in range(1, generated.count("\n") + 2)))
     try:
-        own = resolve(info.shader, root=method.folder)
+        own = resolve(info.shader, roots=method.shader_folders)
     except GraphicsError as error:
         raise MethodError(error.what, where=method.label) from None
     append("\n".join(own.text.splitlines()[1:]), tuple(f"{method.folder.name}/{o}" for o in own.origin[1:]))

@@ -12,13 +12,13 @@ from pathlib import Path
 from types import ModuleType
 
 from taubench_gl.errors import MethodError, note_renamed
-from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import Method, suggestion
 from taubench_gl.reuse.python_method import method_from_class
-from taubench_gl.reuse.toml_method import FILE, load_folder
+from taubench_gl.reuse.toml_method import BUILTIN, FILE, load_folder
+
+__all__ = ["BUILTIN", "ENTRY_POINTS", "builtin_methods", "installed_methods", "load_method"]
 
 ENTRY_POINTS = "taubench_gl.methods"
-BUILTIN = PACKAGE / "reuse" / "methods"
 FORMER_METHODS = {"oracle": "ideal-masks"}
 """Former names of built-in methods, accepted for one release."""
 

@@ -9,6 +9,8 @@ from typing import Any
 
 from taubench_gl.data_files import read_toml
 from taubench_gl.errors import MethodError
+from taubench_gl.gpu.shader import find_source
+from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import (
     FORMATS,
     MAX_BLOCK,
@@ -32,7 +34,8 @@ from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
 from taubench_gl.reuse.stages import parse_stages
 
 FILE = "method.toml"
-_KEYS = ("name", "title", "cite", "reads", "history", "buffers", "settings", "keyframe", "stages", "pass")
+BUILTIN = PACKAGE / "reuse" / "methods"
+_KEYS = ("name", "title", "base", "cite", "reads", "history", "buffers", "settings", "keyframe", "stages", "pass")
 _PASS_KEYS = ("shader", "reads", "writes", "repeat", "block")
 _MAX_BYTES = 1 << 20
 _ENTRY = re.compile(r"\bvoid\s+reuse\s*\(\s*(?:in\s+)?ivec2\b")
@@ -58,6 +61,7 @@ class _Parser:
     def __init__(self, folder: Path, raw: Mapping[str, Any]):
         self.folder, self.raw = folder, raw
         self.errors: list[str] = []
+        self.base: Path | None = None
         self.files: set[str] = set()  # shaders of the passes, and their includes
 
     def run(self) -> tuple[Method | None, list[str]]:
@@ -66,6 +70,7 @@ class _Parser:
                 self.errors.append(f"{key}: unknown key{suggestion(key, _KEYS)}")
         name = self.text("name", self.folder.resolve().name)
         title = self.text("title", name)
+        self.base = self.base_folder()
         cite = self.texts("cite")
         reads = self.reads()
         history, buffers = self.formats("history"), self.formats("buffers", taken=self.table("history"))
@@ -77,7 +82,7 @@ class _Parser:
         if self.errors:
             return None, self.errors
         method = Method(name, title, cite, reads, settings, history, buffers, passes, self.folder, keyframe,
-                        where=str(self.folder), stages=stages, reports=_reports(passes))  # fmt: skip
+                        where=str(self.folder), stages=stages, reports=_reports(passes), base=self.base)  # fmt: skip
         return method, []
 
     # ------------------------------------------------------------------------------------------------ simple values
@@ -87,6 +92,15 @@ class _Parser:
             return value.strip()
         self.errors.append(f"{key}: {value!r} is not text")
         return default
+
+    def base_folder(self) -> Path | None:
+        """Folder of the built-in method whose shaders this method uses where it has none of its own."""
+        value = self.raw.get("base")
+        known = sorted(path.parent.name for path in BUILTIN.glob(f"*/{FILE}"))
+        if value is None or value in known:
+            return None if value is None else BUILTIN / value
+        self.errors.append(f"base: there is no built-in method in GLSL {value!r}{suggestion(str(value), known)}")
+        return None
 
     def texts(self, key: str) -> tuple[str, ...]:
         value = self.raw.get(key, [])
@@ -226,7 +240,7 @@ class _Parser:
             return
         texts = []
         try:
-            texts = list(_shader_texts(self.folder, value))
+            texts = list(_shader_texts(tuple(f for f in (self.folder, self.base) if f), value))
         except (OSError, UnicodeDecodeError) as error:
             why = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
             self.errors.append(f"{at}.shader: {value}: cannot be read: {why}")
@@ -257,14 +271,14 @@ def _missing(verb: str, name: str, at: str) -> str:
     return f"{name!r} is not in {'the reads of the method' if name in INPUTS else f'{at}.reads'}"
 
 
-def _shader_texts(folder: Path, entry: str, seen: set[str] | None = None) -> Iterator[tuple[str, str]]:
+def _shader_texts(folders: tuple[Path, ...], entry: str, seen: set[str] | None = None) -> Iterator[tuple[str, str]]:
     """The file and its includes without comments, line breaks preserved.  Raises OSError, UnicodeDecodeError."""
     seen = set() if seen is None else seen
     if entry in seen:
         return
     seen.add(entry)
-    text = (folder / entry).read_text(encoding="utf-8")
+    text = find_source(entry, folders).read_text(encoding="utf-8")
     text = _COMMENT.sub(lambda m: "\n" * m.group(0).count("\n"), text)
     yield entry, text
     for include in _INCLUDE.findall(text):
-        yield from _shader_texts(folder, include, seen)
+        yield from _shader_texts(folders, include, seen)

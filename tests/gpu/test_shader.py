@@ -14,6 +14,7 @@ from taubench_gl.paths import SHADERS
 
 
 def write(root: Path, **files: str) -> Path:
+    root.mkdir(exist_ok=True)
     for name, text in files.items():
         (root / f"{name}.glsl").write_text(text)
     return root
@@ -27,7 +28,7 @@ def test_an_include_comes_in_once(tmp_path) -> None:
         b='#include "common.glsl"\nvoid b() {}',
         common="void one() {}",
     )
-    source = resolve("main.glsl", root=root)
+    source = resolve("main.glsl", roots=(root,))
     assert source.text.count("void one()") == 1
     assert source.text.index("void one()") < source.text.index("void a()") < source.text.index("void b()")
     assert "#include" not in source.text and source.text.startswith("#version 450\n")
@@ -40,25 +41,32 @@ def test_an_include_comes_in_once(tmp_path) -> None:
 def test_a_cycle_is_told_as_a_chain(tmp_path) -> None:
     root = write(tmp_path, a='#include "b.glsl"', b='#include "c.glsl"', c='#include "a.glsl"')
     with pytest.raises(GraphicsError, match=r"a\.glsl > b\.glsl > c\.glsl > a\.glsl"):
-        resolve("a.glsl", root=root)
+        resolve("a.glsl", roots=(root,))
 
 
 def test_a_file_that_includes_itself(tmp_path) -> None:
     with pytest.raises(GraphicsError, match=r"me\.glsl > me\.glsl"):
-        resolve("me.glsl", root=write(tmp_path, me='#include "me.glsl"'))
+        resolve("me.glsl", roots=(write(tmp_path, me='#include "me.glsl"'),))
+
+
+def test_a_file_comes_from_the_first_folder_that_has_it(tmp_path) -> None:
+    own = write(tmp_path / "own", part="float own;")
+    base = write(tmp_path / "base", main='#include "part.glsl"', part="float base;")
+    text = resolve("main.glsl", roots=(own, base)).text
+    assert "float own;" in text and "float base;" not in text
 
 
 def test_a_missing_file_names_who_wanted_it(tmp_path) -> None:
     root = write(tmp_path, main='#include "gone.glsl"')
     with pytest.raises(GraphicsError, match=r"gone\.glsl cannot be read \(included by main\.glsl\)"):
-        resolve("main.glsl", root=root)
+        resolve("main.glsl", roots=(root,))
     with pytest.raises(GraphicsError, match=r"nothing\.glsl cannot be read: "):
-        resolve("nothing.glsl", root=root)
+        resolve("nothing.glsl", roots=(root,))
 
 
 def test_defines_and_preamble_come_first(tmp_path) -> None:
     root = write(tmp_path, main="void main() {}")
-    source = resolve("main.glsl", {"B": 3, "A": True, "C": False}, "const int X = 1;", root)
+    source = resolve("main.glsl", {"B": 3, "A": True, "C": False}, "const int X = 1;", (root,))
     assert source.text.splitlines()[1:5] == ["#define A 1", "#define B 3", "#define C 0", "const int X = 1;"]
     assert source.origin[4] == "preamble:1"
 
@@ -70,7 +78,7 @@ def test_errors_name_file_and_line(gpu, tmp_path, monkeypatch) -> None:
         main='// a comment\n#include "part.glsl"\nlayout(local_size_x = 1) in;\nvoid main() { broken(); }\n',
         part="\n\nvoid broken() {\n    float x = undeclared_thing;\n}\n",
     )
-    monkeypatch.setattr(shader, "resolve", lambda e, d=None, p="": resolve(e, d, p, root))
+    monkeypatch.setattr(shader, "resolve", lambda e, d=None, p="": resolve(e, d, p, (root,)))
     with pytest.raises(GraphicsError, match=r"part\.glsl:4\b.*undeclared_thing") as caught:
         ShaderCache(gpu.ctx).compute("main.glsl", {"A": 1, "B": 2}, "const int C = 3;\nconst int D = 4;")
     assert "\n" not in str(caught.value) and "0:" not in str(caught.value).split("compile: ")[1][:3]
@@ -79,7 +87,7 @@ def test_errors_name_file_and_line(gpu, tmp_path, monkeypatch) -> None:
 def test_errors_name_the_stage_that_failed(gpu, tmp_path, monkeypatch) -> None:
     good = "void main() { gl_Position = vec4(0.0); }\n"
     root = write(tmp_path, vert=good, frag="out vec4 c;\nvoid main() {\n  c = vec3(1.0);\n}\n", bad="\nvoid main( {\n")
-    monkeypatch.setattr(shader, "resolve", lambda e, d=None, p="": resolve(e, d, p, root))
+    monkeypatch.setattr(shader, "resolve", lambda e, d=None, p="": resolve(e, d, p, (root,)))
     with pytest.raises(GraphicsError, match=r"frag\.glsl:3\b"):
         ShaderCache(gpu.ctx).render("vert.glsl", "frag.glsl")
     with pytest.raises(GraphicsError, match=r"bad\.glsl:2\b"):

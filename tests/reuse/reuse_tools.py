@@ -15,7 +15,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import srgb_encode
 from taubench_gl.reuse.evaluate import Evaluation, evaluate_methods
 from taubench_gl.reuse.frame import FrameInputs, read_result
-from taubench_gl.reuse.loading import BUILTIN
+from taubench_gl.reuse.loading import BUILTIN, load_method
 from taubench_gl.reuse.runner import MethodRunner
 from taubench_gl.reuse.synthetic import Step, Uploader, synthetic_steps
 
@@ -82,10 +82,17 @@ PLAIN_TOML = 'reads = ["radiance"]\n[[pass]]\nshader = "a.glsl"\nwrites = ["resu
 PLAIN_GLSL = "void reuse(ivec2 p) { write_result(p, fetch_radiance(p).rgb); }\n"
 
 
-def bypassed(folder: Path, method: str, file: str, text: str, replacement: str) -> Path:
-    """A copy of a built-in method in which one stage is bypassed: ``text``, once in ``file``, is replaced."""
+def bypassed(folder: Path, method: str, *changes: tuple[str, str, str]) -> Path:
+    """A copy of a built-in method in which a stage is bypassed.
+
+    ``changes``: file, text that is in it once, replacement.  A file of the method's base is copied too.
+    """
     shutil.copytree(BUILTIN / method, folder)
-    before = (folder / file).read_text(encoding="utf-8")
-    assert before.count(text) == 1, f"{method}/{file}: {text!r} is {before.count(text)} times in it"
-    (folder / file).write_text(before.replace(text, replacement), encoding="utf-8")
+    for file, text, replacement in changes:
+        path = folder / file
+        if not path.exists():
+            shutil.copy(load_method(method).base / file, path)
+        before = path.read_text(encoding="utf-8")
+        assert before.count(text) == 1, f"{method}/{file}: {text!r} is {before.count(text)} times in it"
+        path.write_text(before.replace(text, replacement), encoding="utf-8")
     return folder

@@ -1,31 +1,15 @@
-"""Methods with a bypassed stage, and moving frames that need every stage."""
+"""Moving frames that need every stage of a method, and their comparison."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.reuse.loading import BUILTIN
 from taubench_gl.reuse.synthetic import Step, synthetic_steps
 
 Array = np.ndarray
-Bypass = Sequence[tuple[str, str, str]]
-"""(file, text that is in it once, replacement)."""
-
-
-def bypassed(name: str, changes: Bypass, folder: Path) -> Path:
-    """The built-in method with ``changes``, as a folder."""
-    copy = folder / name
-    shutil.copytree(BUILTIN / name, copy)
-    for file, text, replacement in changes:
-        source = (copy / file).read_text(encoding="utf-8")
-        assert source.count(text) == 1, f"{name}/{file}: {source.count(text)} times: {text}"
-        (copy / file).write_text(source.replace(text, replacement), encoding="utf-8")
-    return copy
 
 
 def noisy_steps(size: tuple[int, int], moving: int = 3, still: int = 3, noise: float = 0.4) -> list[Step]:

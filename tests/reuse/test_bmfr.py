@@ -106,7 +106,7 @@ def test_every_stage_has_a_bypass():
 
 @pytest.mark.parametrize("stage", BYPASSES)
 def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, expected, stage):
-    folder = bypassed(tmp_path / "bmfr", "bmfr", *BYPASSES[stage])
+    folder = bypassed(tmp_path / "bmfr", "bmfr", BYPASSES[stage])
     with pytest.raises(AssertionError, match="largest"):
         check_frames(gpu, folder, steps, expected)
 

@@ -10,7 +10,7 @@ from reuse_tools import PLAIN_GLSL, PLAIN_TOML, write_method
 
 from taubench_gl.apps.cli import cli
 from taubench_gl.errors import MethodError
-from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.loading import BUILTIN, load_method
 from taubench_gl.reuse.python_method import method_from_class
 
 DONE = '[stages.blend]\ndoc = "mean"\npaper = "Eq. (1)"\nshader = "a.glsl"\n'
@@ -64,3 +64,12 @@ def test_stages_of_a_class():
     Plain.stages = {"mean": {"doc": "mean", "paper": "Eq. (1)", "shader": "a.glsl"}}
     with pytest.raises(MethodError, match=r"stages\.mean\.shader"):
         method_from_class(Plain)
+
+
+def test_shaders_that_a_folder_lacks_are_those_of_its_base(tmp_path):
+    toml = 'base = "taa_variance"\n' + (BUILTIN / "taa_variance" / "method.toml").read_text()
+    method = load_method(write_method(tmp_path / "mine", toml))
+    assert method.shader_folders == (tmp_path / "mine", BUILTIN / "taa_variance")
+    write_method(tmp_path / "mine", toml, variance="void other() {}")
+    with pytest.raises(MethodError, match=r"variance\.glsl has no function"):
+        load_method(tmp_path / "mine")

@@ -33,6 +33,7 @@ def error_of(tmp_path, toml: str, glsl: str = PLAIN_GLSL) -> str:
         ("", ["reads: ", "pass: "]),
         ('reads = ["radience"]\n' + PASS, ["reads: ", "'radience'", "'radiance'"]),
         ("reads = 3\n" + PASS, ["reads: "]),
+        ('base = "svfg"\n' + READS + PASS, ["base: ", "'svfg'", "'svgf'"]),
         ('name = 3\ncite = [1]\ntitle = ""\n' + READS + PASS, ["name: 3", "cite: ", "title: ''"]),
         ("histori = 1\n" + READS + PASS, ["histori: ", "'history'"]),
         (READS + PASS + '[history]\na = "rgb32f"\n', ["history.a: 'rgb32f'", "rgba32f"]),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from reuse_tools import play
-from stage_tools import bypassed, differing, noisy_steps
+from reuse_tools import bypassed, play
+from stage_tools import differing, noisy_steps
 
 from taubench_gl.metrics.reuse_methods import Svgf
 from taubench_gl.reuse.loading import load_method
@@ -17,7 +17,7 @@ ROUNDING = 2e-3
 
 BYPASSES = {
     "demodulation": [("temporal.glsl", "vec3 albedo = albedo_of(fetch_base_color(p))", "vec3 albedo = vec3(1.0)")],
-    "temporal_filter": [("temporal.glsl", "float share = h.total > 0.0 ? max(1.0 / count, alpha) : 1.0;",
+    "temporal_filter": [("temporal.glsl", "float share = h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;",
                          "float share = 1.0;")],
     "temporal_variance": [("temporal.glsl", "return max(moments.y - moments.x * moments.x, 0.0);", "return 0.0;")],
     "spatial_variance": [("variance.glsl", "if (count > 3.5) {", "if (true) {")],
@@ -68,6 +68,6 @@ def test_every_stage_has_a_bypass():
 @pytest.mark.parametrize("stage", [None, *BYPASSES])
 def test_a_bypassed_stage_is_noticed(gpu, steps, expected, stage, tmp_path):
     """The comparison of the whole method passes, and fails when the stage is bypassed."""
-    method = bypassed("svgf", BYPASSES.get(stage, ()), tmp_path)
+    method = bypassed(tmp_path / "svgf", "svgf", *BYPASSES.get(stage, ()))
     worst = max(map(differing, play(gpu, method, steps, SETTINGS, exposure=EXPOSURE), expected))
     assert (worst <= ROUNDING) if stage is None else (worst > 10 * ROUNDING), worst

@@ -57,7 +57,7 @@ def test_every_stage_has_a_bypass():
 
 @pytest.mark.parametrize("stage", BYPASSES)
 def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, stage):
-    folder = bypassed(tmp_path / "taa_clip", "taa_clip", "clip.glsl", *BYPASSES[stage])
+    folder = bypassed(tmp_path / "taa_clip", "taa_clip", ("clip.glsl", *BYPASSES[stage]))
     with pytest.raises(AssertionError, match="largest"):
         check(gpu, folder, steps)
 

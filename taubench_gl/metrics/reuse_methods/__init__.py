@@ -7,6 +7,14 @@ of a point's previous position.
 
 from __future__ import annotations
 
+from taubench_gl.metrics.reuse_methods.asvgf import (
+    Asvgf,
+    BlockEdges,
+    adaptive_weight,
+    gradient_lambda,
+    gradient_level,
+    gradient_samples,
+)
 from taubench_gl.metrics.reuse_methods.blending import (
     blend,
     effective_weight,
@@ -35,6 +43,16 @@ from taubench_gl.metrics.reuse_methods.history import (
     shifted,
 )
 from taubench_gl.metrics.reuse_methods.means import exponential_average, running_mean
+from taubench_gl.metrics.reuse_methods.reblur import (
+    Reblur,
+    disk_offset,
+    dominant_factor,
+    hit_factor,
+    kernel_angle,
+    lobe_factor,
+    tangents,
+    virtual_px,
+)
 from taubench_gl.metrics.reuse_methods.sparse import new_samples, shaded_neighbors, upsample_blend
 from taubench_gl.metrics.reuse_methods.svgf import (
     DEPTH_FLOOR,
@@ -75,9 +93,13 @@ __all__ = [
     "DEPTH_FLOOR",
     "KERNEL",
     "LUMINANCE_FLOOR",
+    "Asvgf",
+    "BlockEdges",
     "EdgeStopping",
+    "Reblur",
     "Svgf",
     "accept_taps",
+    "adaptive_weight",
     "albedo_of",
     "antialiased",
     "atrous_level",
@@ -93,13 +115,21 @@ __all__ = [
     "consistent_history",
     "demodulated",
     "depth_slope",
+    "disk_offset",
     "display_decoded",
     "display_encoded",
+    "dominant_factor",
     "effective_weight",
     "exponential_average",
     "feature_noise",
+    "gradient_lambda",
+    "gradient_level",
+    "gradient_samples",
+    "hit_factor",
     "inside",
     "karis_blend",
+    "kernel_angle",
+    "lobe_factor",
     "luminance_moments",
     "modulated",
     "moments_variance",
@@ -121,11 +151,13 @@ __all__ = [
     "shifted",
     "smoothed_variance",
     "spatial_estimate",
+    "tangents",
     "timewarp_px",
     "tone_mapped",
     "tone_unmapped",
     "upsample_blend",
     "used_history",
     "variance_box",
+    "virtual_px",
     "ycocg_from_rgb",
 ]

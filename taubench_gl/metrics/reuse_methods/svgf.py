@@ -57,17 +57,23 @@ class EdgeStopping:
         """(h, w, 2), ``depth_slope`` of the depth."""
         return depth_slope(self.depth)
 
-    def geometry_weight(self, dx: int, dy: int) -> Array:
-        """Eqs. (3) and (4) between each pixel and the one at offset (dx, dy); 0 where that is outside.  -> (h, w)."""
+    def geometry(self, other: Array, other_normal: Array, expected: Array) -> Array:
+        """Eqs. (3) and (4) between each pixel and another of depth ``other``.
+
+        ``expected``: change of depth along the slope, at least 0.  (h, w), (h, w, 3), (h, w) -> (h, w).
+        """
         depth = self.depth
-        other, exists = shifted(depth, dx, dy)
-        other_normal, _ = shifted(self.normal, dx, dy)
-        expected = np.abs(self.slope @ np.array([dx, dy], dtype=np.float64))
         with np.errstate(divide="ignore", invalid="ignore"):
             w_z = np.exp(-np.abs(depth - other) / (self.sigma_z * expected + DEPTH_FLOOR * depth))
         w_n = np.maximum((self.normal * other_normal).sum(axis=-1), 0.0) ** self.sigma_n
         surface = depth > 0
-        return np.where(exists & (surface == (other > 0)), np.where(surface, w_z * w_n, 1.0), 0.0)
+        return np.where(surface == (other > 0), np.where(surface, w_z * w_n, 1.0), 0.0)
+
+    def geometry_weight(self, dx: int, dy: int) -> Array:
+        """Eqs. (3) and (4) between each pixel and the one at offset (dx, dy); 0 where that is outside.  -> (h, w)."""
+        other, exists = shifted(self.depth, dx, dy)
+        expected = np.abs(self.slope @ np.array([dx, dy], dtype=np.float64))
+        return np.where(exists, self.geometry(other, shifted(self.normal, dx, dy)[0], expected), 0.0)
 
     def weight(self, color: Array, variance: Array, dx: int, dy: int) -> Array:
         """w = w_z w_n w_l between each pixel and the one at offset (dx, dy).  -> (h, w).

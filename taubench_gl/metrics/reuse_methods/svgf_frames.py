@@ -172,9 +172,10 @@ class Svgf:
         self.state["moments"] = np.concatenate(moments, axis=-1)
         return self.finished(inputs, lights, share, exposure, had)
 
-    def new_frame_weights(self, count: Array, alive: Array) -> tuple[Array, Array]:
-        """Weights of the new frame in light and moments.  (h, w) each -> (h, w), (h, w)."""
-        return new_weight(count, alive, self.alpha), new_weight(count, alive, self.alpha_moments)
+    def new_frame_weights(self, frames: Array, alive: Array) -> tuple[Array, Array, Array]:
+        """Frames that count as history, and weights of the new frame in light and moments.  (h, w) each."""
+        light, moments = (new_weight(frames + 1.0, alive, alpha) for alpha in (self.alpha, self.alpha_moments))
+        return frames, light, moments
 
     def temporal_filter(
         self, inputs: Mapping[str, Array], prev_forward: Array, lights: tuple[Array, Array]
@@ -189,8 +190,8 @@ class Svgf:
             np.concatenate(before, axis=-1), previous_px(inputs["motion"]), accept, bool(self.state)
         )
         kept_direct, kept_indirect, kept_moments, kept_frames = np.split(kept, np.cumsum(widths)[:-1], axis=-1)
-        count = kept_frames[..., 0] + 1.0
-        share, share_moments = self.new_frame_weights(count, alive)
+        frames, share, share_moments = self.new_frame_weights(kept_frames[..., 0], alive)
+        count = frames + 1.0
         blended = [exponential_average(now, old, share[..., None])
                    for now, old in zip(lights, (kept_direct, kept_indirect))]  # fmt: skip
         moments = [exponential_average(luminance_moments(now), old, share_moments[..., None])

@@ -4,10 +4,9 @@
 // Paper    Schied et al. 2017, section 4: demodulation; section 4.1: 2x2 taps with bilinear weights, each tested for
 //          depth, normal and object; if none passes, a 3x3 neighborhood is used; exponential moving average with alpha.
 // Reference metrics.reuse_methods.demodulated, reprojected, new_weight, luminance_moments
-// Departs  Weight of the new frame max(1 / n, alpha), as in the authors' later code, so that the first frames have equal
-//          weights; the paper's alpha is constant.
 #include "albedo.glsl"
 #include "consistent.glsl"
+#include "share.glsl"
 
 struct History { vec4 direct; vec3 indirect; vec4 moments; float total; }; // sums; direct.a: frames
 
@@ -65,9 +64,9 @@ void reuse(ivec2 p) {
     }
     History h = history_of(p, surface);
     report(p, surface, h);
-    float count = h.direct.a + 1.0;
-    float share = h.total > 0.0 ? max(1.0 / count, alpha) : 1.0;
-    float share_moments = h.total > 0.0 ? max(1.0 / count, alpha_moments) : 1.0;
+    float count = frames_left(p, h.direct.a) + 1.0;
+    float share = h.total > 0.0 ? new_weight(p, h.direct.a, alpha) : 1.0;
+    float share_moments = h.total > 0.0 ? new_weight(p, h.direct.a, alpha_moments) : 1.0;
     float l_d = luminance(direct), l_i = luminance(indirect);
     vec4 moments = mix(h.moments, vec4(l_d, l_d * l_d, l_i, l_i * l_i), share_moments);
     write_moments(p, moments);
