@@ -5,16 +5,7 @@
 #include "common/environment.glsl"
 
 #if SKY && GLOSSY
-// Light of a uniform environment that the lobes send to the viewer: glossy F0 x + F90 y, diffuse 1 - Fresnel with z for Schlick's term.
-vec3 lobe_albedos(float roughness, float n_v) {
-    vec2 at = clamp(vec2(n_v, roughness), 0.0, 1.0) * float(textureSize(albedo_table, 0).x - 1);
-    ivec2 base = min(ivec2(at), textureSize(albedo_table, 0) - 2);
-    vec2 f = at - vec2(base);
-    vec3 low = mix(albedo_table_at(base).xyz, albedo_table_at(base + ivec2(1, 0)).xyz, f.x);
-    base.y += 1;
-    vec3 high = mix(albedo_table_at(base).xyz, albedo_table_at(base + ivec2(1, 0)).xyz, f.x);
-    return mix(low, high, f.y);
-}
+#include "common/lobe_albedos.glsl"
 #endif
 
 // ``diffuse``: radiance that a white diffuse surface reflects; ``glossy``: mean radiance around the mirror direction.
@@ -25,10 +16,9 @@ Lobes reflected(Surface s, float roughness, vec3 diffuse, vec3 glossy) {
 #elif SKY
     float n_v = max(dot(s.n, s.v), 1e-4);
     vec3 albedo = lobe_albedos(roughness, n_v);
-    float dielectric = s.specular * (0.04 * albedo.x + albedo.y);
     float taken = s.specular * (0.04 + 0.96 * albedo.z);
     r.diffuse = (1.0 - s.metallic) * (1.0 - taken) * s.base_color * diffuse;
-    r.glossy = ((1.0 - s.metallic) * dielectric + s.metallic * (s.base_color * albedo.x + albedo.y)) * glossy;
+    r.glossy = glossy_albedo(s.base_color, s.metallic, s.specular, albedo) * glossy;
 #endif
     return r;
 }

@@ -3,7 +3,7 @@
 //
 // Paper      section 3.2, f_dir and f_ind, with the noise of a real-time renderer.
 // Reads      position normal geometric_normal base_color material, light table, light probabilities, shadow atlas, VPLs.
-// Writes     direct and, where enabled, indirect; only of the pixels shaded in this frame.
+// Writes     direct and, where enabled, indirect, and where requested their lobes; only of the pixels shaded in this frame.
 // Reference  metrics.stochastic
 // Departs    As lighting.comp: occlusion of the sky is not simulated, so its light has no noise.
 #include "common/affine.glsl"
@@ -22,11 +22,12 @@
 
 const uint INDIRECT_SAMPLE = 0x8000u; // samples of VPLs are numbered from here
 
-vec3 direct_sample(Surface s, vec3 p, vec3 g, vec4 u) {
+// -> diffuse and glossy lobe
+Lobes direct_sample(Surface s, vec3 p, vec3 g, vec4 u) {
     int i = choose_light(u.x, S.counts.x);
     LightRecord light = light_record(i);
     Incident in_light = incident(light, p);
-    if (dot(g, in_light.l) <= 0.0) return vec3(0.0);
+    if (dot(g, in_light.l) <= 0.0) return Lobes(vec3(0.0), vec3(0.0));
     Lobes lobes = evaluate_brdf(s, in_light.l);
     vec3 radiance = in_light.radiance / light_choice[i].y;
 #if SHADOWS
@@ -35,7 +36,7 @@ vec3 direct_sample(Surface s, vec3 p, vec3 g, vec4 u) {
 #endif
     radiance *= visibility(light, p, g, radiance.r + radiance.g + radiance.b > 0.0);
 #endif
-    return (lobes.diffuse + lobes.glossy) * radiance;
+    return Lobes(lobes.diffuse * radiance, lobes.glossy * radiance);
 }
 
 void main() {
@@ -43,7 +44,7 @@ void main() {
     if (any(greaterThanEqual(pixel, P.size.xy))) return;
     vec4 p = position_at(pixel);
     vec4 m = material_at(pixel);
-    vec3 direct = vec3(0.0), indirect = vec3(0.0);
+    Lobes direct = Lobes(vec3(0.0), vec3(0.0)), indirect = direct;
     if (p.w > 0.0 && m.w >= 0.0) { // a surface, and not unlit
         Surface s;
         s.base_color = base_color_at(pixel).rgb;
@@ -54,11 +55,14 @@ void main() {
         s.v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p.xyz);
         vec3 g = geometric_normal_at(pixel).xyz;
         uint samples = S.counts.x > 0 ? S.samples.z : 0u;
-        for (uint k = 0u; k < samples; ++k) direct += direct_sample(s, p.xyz, g, random4(pixel, S.samples.x, S.samples.y, k));
-        if (samples > 0u) direct /= float(samples);
+        for (uint k = 0u; k < samples; ++k) {
+            Lobes one = direct_sample(s, p.xyz, g, random4(pixel, S.samples.x, S.samples.y, k));
+            direct = Lobes(direct.diffuse + one.diffuse, direct.glossy + one.glossy);
+        }
+        if (samples > 0u) direct = Lobes(direct.diffuse / float(samples), direct.glossy / float(samples));
 #if SKY
         Lobes sky = sky_light(s, m.y, P.sky.rgb);
-        direct += sky.diffuse + sky.glossy;
+        direct = Lobes(direct.diffuse + sky.diffuse, direct.glossy + sky.glossy);
 #endif
 #if INDIRECT
         vec3 x = p.xyz + S.scene_from_relative.xyz, e = vec3(0.0);
@@ -68,12 +72,20 @@ void main() {
         }
         e *= float(S.counts.y) / float(S.samples.w);
         float fresnel = 0.04 * m.w; // as indirect/apply.comp
-        indirect = ((1.0 - m.x) * (1.0 - fresnel) * s.base_color + mix(vec3(fresnel), s.base_color, m.x)) * e /
-                   IRRADIANCE_PI;
+        indirect = Lobes((1.0 - m.x) * (1.0 - fresnel) * s.base_color * e / IRRADIANCE_PI,
+                         mix(vec3(fresnel), s.base_color, m.x) * e / IRRADIANCE_PI);
 #endif
     }
-    imageStore(direct_out, pixel, vec4(direct, 1.0));
+    imageStore(direct_out, pixel, vec4(direct.diffuse + direct.glossy, 1.0));
+#if SPLIT_LOBES
+    imageStore(direct_diffuse_out, pixel, vec4(direct.diffuse, 1.0));
+    imageStore(direct_glossy_out, pixel, vec4(direct.glossy, 1.0));
+#endif
 #if INDIRECT
-    imageStore(indirect_out, pixel, vec4(indirect, 1.0));
+    imageStore(indirect_out, pixel, vec4(indirect.diffuse + indirect.glossy, 1.0));
+#if SPLIT_LOBES
+    imageStore(indirect_diffuse_out, pixel, vec4(indirect.diffuse, 1.0));
+    imageStore(indirect_glossy_out, pixel, vec4(indirect.glossy, 1.0));
+#endif
 #endif
 }

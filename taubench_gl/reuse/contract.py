@@ -9,12 +9,12 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from taubench_gl.errors import MethodError, note_renamed
-from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
+from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, RESERVED_INPUTS
 from taubench_gl.reuse.stages import Stage
 
 Value = float | int | bool | str
@@ -96,6 +96,14 @@ _OUR_WORDS = (
     "rgb_from_ycocg non_finite reuse_block block_size block_threads"
 )
 _OURS = frozenset((*_OUR_WORDS.split(), *REPORTS))
+_UPSCALING_WORDS = (
+    "input_size output_size pass_size input_from_output output_from_input input_pixel output_scale pass_from_input"
+)
+_READ_WORDS = {"material": ("roughness", "metallic"), "emitted": ("remodulate",)}
+"""Functions that are generated where an input is read."""
+
+SIZES = ("output", "input")
+"""Grids of a method that upscales: of the result, and of the inputs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +177,7 @@ class PassInfo:
     ``block``: width and height in pixels of a block pass, which is called once per block with BLOCK_THREADS invocations
     that share memory; None: once per pixel.  ``reads``: inputs, ``prev_<history>``, and histories or buffers written by
     earlier passes.  A name in both ``reads`` and ``writes`` is read as it was before this dispatch.  ``repeat`` can be
-    the name of an int setting.
+    the name of an int setting.  ``size``: of SIZES, the pixels that it runs over.
     """
 
     shader: str
@@ -177,6 +185,7 @@ class PassInfo:
     writes: tuple[str, ...]
     repeat: int | str = 1
     block: tuple[int, int] | None = None
+    size: str = "output"
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,7 +196,8 @@ class Method:
     the current frame becomes the key frame (``frame.key_*`` in GLSL), or the name of an int setting; None: no key
     frames.  ``factory``: the class of a Python method; ``folder``: the shaders of a GLSL method; ``stages``: those of
     its paper; ``reports``: names of REPORTS that the method writes; ``base``: folder of the shaders that ``folder``
-    does not have.
+    does not have.  ``upscales``: inputs can be smaller than the result; ``input_sized``: its histories and buffers that
+    have the size of the inputs.
     """
 
     name: str
@@ -205,6 +215,8 @@ class Method:
     stages: tuple[Stage, ...] = ()
     reports: tuple[str, ...] = ()
     base: Path | None = None
+    upscales: bool = False
+    input_sized: frozenset[str] = frozenset()
 
     def values(self, given: Mapping[str, Value] | None = None) -> dict[str, Value]:
         """The value of every setting: ``given``, else the default.  Raises MethodError, which lists all errors."""
@@ -237,11 +249,16 @@ class Method:
         """Histories and buffers that one pass reads and writes: they need an additional texture."""
         return frozenset(name for p in self.passes for name in p.writes if name in p.reads)
 
-    def bytes(self, size: tuple[int, int]) -> int:
-        """Bytes of the textures of this method at ``size``: history, buffers and result, without inputs."""
-        kept = {**self.history, **self.buffers, RESULT: RESULT_FORMAT}
-        per_pixel = sum(f.bytes * (1 + (n in self.history) + (n in self.spares)) for n, f in kept.items())
-        return size[0] * size[1] * per_pixel
+    def bytes(self, size: tuple[int, int], input_size: tuple[int, int] | None = None) -> int:
+        """Bytes of the textures of this method: history, buffers and result, without inputs.
+
+        ``size``: of the result; ``input_size``: of the inputs, None: the same.
+        """
+        total, small = 0, input_size or size
+        for name, form in {**self.history, **self.buffers, RESULT: RESULT_FORMAT}.items():
+            width, height = small if name in self.input_sized else size
+            total += width * height * form.bytes * (1 + (name in self.history) + (name in self.spares))
+        return total
 
 
 def _typed(setting: Setting, value: Value) -> Value:
@@ -258,15 +275,23 @@ def suggestion(name: str, known: Iterable[str], none: str = "") -> str:
     return f" (did you mean {close[0]!r}? available: {listed})" if close else f" (available: {listed})"
 
 
-def name_error(name: object, what: str, taken: Iterable[str] = ()) -> str | None:
-    """Why ``name`` is not a valid name for a history, buffer or setting, or None.  It becomes part of the shader."""
+def name_error(
+    name: object, what: str, taken: Iterable[str] = (), reads: Collection[str] = (), upscales: bool = False
+) -> str | None:
+    """Why ``name`` is not a valid name for a history, buffer or setting, or None.  It becomes part of the shader.
+
+    ``reads``: the inputs of the method.  A later input is no reserved name where the method does not read it.
+    """
     if not isinstance(name, str) or not _NAME.fullmatch(name) or "__" in name:
         return f"{name!r} is not a name for a {what}: lower-case letters, digits, single _; 40 characters"
-    if name in _GLSL_WORDS or name in _OURS or name.startswith("gl_"):
+    generated = {word for read in reads for word in _READ_WORDS.get(read, ())}
+    generated |= set(_UPSCALING_WORDS.split()) if upscales else set()
+    if name in _GLSL_WORDS or name in _OURS or name in generated or name.startswith("gl_"):
         return f"{name!r} is not a name for a {what}: it is reserved in GLSL or in the generated shader"
     if name.startswith("prev_"):
         return f"{name!r} is not a name for a {what}: prev_ denotes the history of the previous frame"
-    if name in INPUTS or f"prev_{name}" in INPUTS:
+    inputs = RESERVED_INPUTS | set(reads)
+    if name in inputs or f"prev_{name}" in inputs:
         return f"{name!r} is not a name for a {what}: it is the name of an input"
     if name in taken:
         return f"{name!r} is declared twice"

@@ -277,7 +277,7 @@ class _Evaluator:
                 self._reference = SupersampledReference(inputs, request.reference_samples)
             else:
                 self._reference = FileReference(
-                    request.reference, self._inputs.size, self.frames, self._settings, request.mapping
+                    request.reference, self._inputs.output_size, self.frames, self._settings, request.mapping
                 )
             self._open_runners()
             self._require(len(self.runners) > 0)
@@ -329,7 +329,8 @@ class _Evaluator:
             self.frames = frame_range(inputs.scene, inputs.camera, self._settings)
             exact = self._reference if inputs.kind.path_samples else True
             self._inputs = RasterInputs(inputs, reads, cuts=request.cuts, exact=exact)
-        if REFERENCE_INPUT in wanted and self._reference_texture is None:
+        same = self._inputs.size == self._inputs.output_size  # else methods that read the reference fail with its name
+        if REFERENCE_INPUT in wanted and self._reference_texture is None and same:
             self._reference_texture = self._gpu.ctx.texture(self._inputs.size, 4, dtype="f4")
 
     def _open_runners(self) -> None:
@@ -342,11 +343,11 @@ class _Evaluator:
                 self._facts[spec.label] |= {"settings": dict(runner.values), "memory_bytes": runner.bytes}
 
     def _runner(self, spec: MethodSpec, method: Method | RecordedFrames) -> MethodRunner | RecordedRunner:
-        size = self._inputs.size
+        size, input_size = self._inputs.output_size, self._inputs.size
         if isinstance(method, RecordedFrames):
             return RecordedRunner(self._gpu, method, size, self.frames, mapping=self._request.mapping, seed=self._seed)
         values = method_settings(method, spec.settings)
-        return MethodRunner(self._gpu, method, size, values, timer=PassTimer(self._gpu))
+        return MethodRunner(self._gpu, method, size, values, input_size=input_size, timer=PassTimer(self._gpu))
 
     def _require(self, some: bool) -> None:
         """Raises MethodError with the failures of all methods if none is left."""
@@ -452,7 +453,7 @@ class _Evaluator:
         linear = {label: outputs[label].result[..., :3] for label in scored}
         return EvaluatedFrame(
             reference.frame,
-            display(np.nan_to_num(given[..., :3]), curve),
+            display(np.nan_to_num(_nearest(given[..., :3], self._inputs.output_size)), curve),
             reference.image.colors,
             {label: colors for label, (colors, _) in scored.items()},
             {label: error for label, (_, error) in scored.items()},
@@ -472,7 +473,8 @@ class _Evaluator:
         return None if samples is None or not len(samples) else float(samples[-1])
 
     def summary(self) -> dict[str, Any]:
-        scene, settings = self._scene, self._settings.replace(width=self._inputs.size[0], height=self._inputs.size[1])
+        width, height = self._inputs.output_size
+        scene, settings = self._scene, self._settings.replace(width=width, height=height)
         methods = {label: self._facts[label] | record.summary() for label, record in self.records.items()}
         clock = PassTimer.clock
         shading = float(np.median(self._shading)) if self._shading else None
@@ -511,6 +513,12 @@ class _Evaluator:
         for part in (self._reference, self._reference_texture):
             if part is not None:
                 part.release()
+
+
+def _nearest(image: Array, size: tuple[int, int]) -> Array:
+    """An image at another size, each pixel that of the nearest center."""
+    rows, columns = ((2 * np.arange(n) + 1) * own // (2 * n) for n, own in zip(size[::-1], image.shape, strict=False))
+    return image[rows[:, None], columns]
 
 
 def method_settings(method: Method, given: Mapping[str, Value | str]) -> dict[str, Value]:

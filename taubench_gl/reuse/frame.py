@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import moderngl
@@ -24,6 +24,14 @@ class InputInfo:
     unit: str
     doc: str
 
+
+MIN_ALBEDO = 0.01
+"""Smallest component of the albedos that light is divided by."""
+
+MAX_REACTIVE = 0.9
+"""Largest value of ``reactive``: AMD's advice for FidelityFX Super Resolution 2, which discards all history at 1."""
+
+_AT_LEAST = f"at least {MIN_ALBEDO}"
 
 INPUTS: dict[str, InputInfo] = {
     info.name: info
@@ -66,9 +74,60 @@ INPUTS: dict[str, InputInfo] = {
             "reference", 4, "f4", RADIANCE_UNIT,
             "rgb: the reference image, linear, exposure applied; a: 1 where it is finite: unknown to a renderer",
         ),
+        InputInfo(
+            "diffuse", 4, "f4", RADIANCE_UNIT,
+            "rgb: diffuse lobe of direct and indirect light, with the color of the surface, exposure applied; 0 for "
+            "sky; a: as radiance.  radiance = diffuse + specular + emitted",
+        ),
+        InputInfo("specular", 4, "f4", RADIANCE_UNIT, "rgb: glossy lobe of direct and indirect light; as diffuse"),
+        InputInfo(
+            "emitted", 4, "f4", RADIANCE_UNIT,
+            "rgb: emission of surfaces, the environment elsewhere, exposure applied: radiance without light noise",
+        ),
+        InputInfo("diffuse_albedo", 4, "f4", "1", f"rgb: base color x (1 - metallic), {_AT_LEAST}"),
+        InputInfo(
+            "specular_albedo", 4, "f4", "1",
+            f"rgb: share of light from all directions that the glossy lobe reflects to the camera, {_AT_LEAST}",
+        ),
+        InputInfo("diffuse_demodulated", 4, "f4", RADIANCE_UNIT, "rgb: diffuse / diffuse_albedo; a: as radiance"),
+        InputInfo("specular_demodulated", 4, "f4", RADIANCE_UNIT, "rgb: specular / specular_albedo; a: as radiance"),
+        InputInfo("material", 4, "f2", "1", "as channels.material: metallic, roughness, occlusion, specular"),
+        InputInfo(
+            "hit_distance", 1, "f4", "m", "length of the first ray from the surface, mean over rays that hit; 0: none"
+        ),
+        InputInfo("sample_count", 1, "f4", "1", "samples of light in the radiance of the pixel"),
+        InputInfo(
+            "variance", 1, "f4", "radiance2",
+            "variance of the mean of direct luminance plus that of indirect, exposure applied; 0: one sample",
+        ),
+        InputInfo(
+            "reactive", 1, "f4", "1",
+            f"alpha of surfaces whose material is blended, at most {MAX_REACTIVE}, else 0: motion may not be theirs",
+        ),
+        InputInfo(
+            "transparency", 1, "f4", "1",
+            "share of mirror-like reflection, whose motion is not that of the surface: (1 - roughness)^2 x luminance "
+            "of specular_albedo / luminance of both albedos",
+        ),
+        InputInfo(
+            "reshaded", 4, "f4", RADIANCE_UNIT,
+            "rgb: light without emission, exposure applied, of one surface sample of the previous frame in each 3x3 "
+            "block of pixels: moved with its surface to this frame, in this frame's light, with its random numbers of "
+            "the previous frame; a: 1 at the pixel of the sample, 0 elsewhere",
+        ),
+        InputInfo(
+            "reshaded_before", 4, "f4", RADIANCE_UNIT,
+            "rgb: light of the same sample in the previous frame; a: as reshaded",
+        ),
     )
 }  # fmt: skip
-"""Textures by name.  All have the size of the image; row 0 of GL memory is the bottom."""
+"""Textures by name.  All have the size of the input; row 0 of GL memory is the bottom."""
+
+RESERVED_INPUTS = frozenset(
+    {"radiance", "position", "normal", "prev_position", "base_color", "emission", "ids", "history_position"}
+    | {"history_normal", "history_ids", "motion", "mask", "exact_mask"}
+)
+"""Names that no history, buffer or setting can have.  Later inputs are not reserved where they are not read."""
 
 FORMER_INPUTS = {"truth_mask": "exact_mask"}
 """Former names of inputs, accepted for one release."""
@@ -79,7 +138,10 @@ FAR_AWAY_PX = 1.0e6
 
 @dataclass(frozen=True, slots=True)
 class FrameInputs:
-    """The inputs of one frame.  ``textures`` contains at least the inputs that the method declares."""
+    """The inputs of one frame.  ``textures`` contains at least the inputs that the method declares.
+
+    ``missing``: input -> why this kind of frames does not have it.
+    """
 
     index: int  # 0 for the first frame of the sequence, which has no history
     time: float  # seconds
@@ -92,6 +154,7 @@ class FrameInputs:
     prev_jitter_px: np.ndarray
     exposure: float
     cut: bool  # declared by the caller: this frame has no history
+    missing: Mapping[str, str] = field(default_factory=dict)
 
 
 _NUMPY = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}

@@ -38,7 +38,7 @@ FRAME = Struct(
     Field("prev_forward", "vec4", "xyz: unit view direction of the previous camera"),
     Field("camera_delta", "vec4", "xyz: current - previous camera position, meters"),
     Field("key_delta", "vec4", "xyz: current - key frame's camera position, meters"),
-    Field("size", "ivec4", "xy: pixels"),
+    Field("size", "ivec4", "xy: pixels of the result; zw: of the inputs"),
     Field("jitter_px", "vec2", "pixels, sub-pixel offset of this frame's samples, +x right, +y up"),
     Field("prev_jitter_px", "vec2", "pixels, of the previous frame"),
     Field("time", "float", "seconds"),
@@ -65,19 +65,33 @@ ivec2 nearest_surface(ivec2 p) {
             float d = fetch_position(p + ivec2(x, y)).w;
             if (d > 0.0 && d < depth) { depth = d; found = p + ivec2(x, y); }
         }
-    return clamp(found, ivec2(0), frame.size.xy - 1);
+    return clamp(found, ivec2(0), SIZE - 1);
 }"""
+_GRIDS = """\
+ivec2 input_size() { return frame.size.zw; }
+ivec2 output_size() { return frame.size.xy; }
+vec2 output_scale() { return vec2(frame.size.xy) / vec2(frame.size.zw); }
+vec2 input_from_output(vec2 at) { return (at + 0.5) / output_scale() - 0.5; }
+vec2 output_from_input(vec2 at) { return (at + 0.5) * output_scale() - 0.5; }
+// The input pixel that contains the center of pixel p of the result.
+ivec2 input_pixel(ivec2 p) { return (2 * p + 1) * frame.size.zw / (2 * frame.size.xy); }"""
+_SIZE = {"output": "xy", "input": "zw"}
 _SWIZZLE = {1: "x", 2: "xy", 4: "xyzw"}
 
 
 def format_of(method: Method, name: str) -> Format:
     """Format of anything that a pass can read or write."""
-    if name in INPUTS:
+    if name in method.reads:
         return _INPUT_FORMAT[INPUTS[name].components, INPUTS[name].dtype]
     if name in REPORTS:
         return REPORT_FORMAT
     kept = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
     return kept[name if name in kept else name.removeprefix("prev_")]
+
+
+def has_input_size(method: Method, name: str) -> bool:
+    """Whether anything that a pass can read or write has the size of the inputs."""
+    return name in method.reads or bool({name, name.removeprefix("prev_")} & method.input_sized)
 
 
 def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
@@ -86,22 +100,30 @@ def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
     ``report``: store the outputs of REPORTS; without it, writing them does nothing.
     """
     lines = [FRAME.glsl, "layout(std430, binding = 0) readonly buffer FrameBlock { ReuseFrame frame; };"]
+    size = f"frame.size.{_SIZE[info.size]}"
     lines += [f"const uint {bit.name} = {bit.value}u;" for bit in Reason]
     lines += [
-        "bool in_image(ivec2 p) { return all(greaterThanEqual(p, ivec2(0))) && all(lessThan(p, frame.size.xy)); }",
+        f"bool in_image(ivec2 p) {{ return all(greaterThanEqual(p, ivec2(0))) && all(lessThan(p, {size})); }}",
         f"bool inside(vec2 at) {{ return all(greaterThanEqual(at, vec2({-GUARD_PX}))) && "
-        f"all(lessThanEqual(at, vec2(frame.size.xy - 1) + {GUARD_PX})); }}",
+        f"all(lessThanEqual(at, vec2({size} - 1) + {GUARD_PX})); }}",
     ]
     if info.block:
         lines.append(f"const ivec2 block_size = ivec2({info.block[0]}, {info.block[1]});")
         lines.append(f"const int block_threads = {BLOCK_THREADS};")
+    pixel, step = "p", ""  # of the inputs, of a pixel of the pass; pixels of the pass for one of the inputs
+    if method.upscales:
+        lines += _GRIDS.splitlines()
+        lines.append(f"ivec2 pass_size() {{ return {size}; }}")
+        if info.size == "output":
+            pixel, step = "input_pixel(p)", " * output_scale()"
     lines.append("uniform int iteration; // 0 .. repeat - 1")
     for s in method.settings.values():
         glsl = {"float": "float", "bool": "bool"}.get(s.kind, "int")
         lines.append(f"uniform {glsl} {s.name}; // {' '.join(s.doc.split())}")
         lines += [f"const int {s.name.upper()}_{c.upper()} = {i};" for i, c in enumerate(s.choices)]
     for name in info.reads:
-        lines += _reader(name, format_of(method, name))
+        own = _SIZE["input" if method.upscales and has_input_size(method, name) else "output"]
+        lines += _reader(name, format_of(method, name), f"frame.size.{own}")
     for binding, name in enumerate(_stored(info, report)):
         lines += _writer(name, format_of(method, name), binding)
     if not report:
@@ -112,12 +134,19 @@ def preamble(method: Method, info: PassInfo, report: bool = False) -> str:
         if name in info.reads:
             suffix = "" if name == "mask" else "_exact"
             lines.append(f"bool reusable{suffix}(ivec2 p) {{ return frame.has_history == 1u && "
-                         f"(fetch_{name}(p) & {bits}u) == 0u; }}")  # fmt: skip
+                         f"(fetch_{name}({pixel}) & {bits}u) == 0u; }}")  # fmt: skip
     lines += _former_names(info)
     if "motion" in info.reads:
-        lines.append("vec2 previous_px(ivec2 p) { return vec2(p) + fetch_motion(p); }")
+        lines.append(f"vec2 previous_px(ivec2 p) {{ return vec2(p) + fetch_motion({pixel}){step}; }}")
     if "position" in info.reads:
-        lines += _NEAREST_SURFACE.splitlines()
+        lines += _NEAREST_SURFACE.replace("SIZE", "frame.size.zw" if method.upscales else "frame.size.xy").splitlines()
+    if "material" in info.reads:
+        lines += [f"float {name}(ivec2 p) {{ return fetch_material({pixel}).{component}; }}"
+                  for name, component in (("metallic", "x"), ("roughness", "y"))]  # fmt: skip
+    if {"diffuse_albedo", "specular_albedo", "emitted"} <= set(info.reads):
+        lines.append(f"vec3 remodulate(ivec2 p, vec3 diffuse, vec3 specular) {{ ivec2 i = {pixel}; return "
+                     "diffuse * fetch_diffuse_albedo(i).rgb + specular * fetch_specular_albedo(i).rgb + "
+                     "fetch_emitted(i).rgb; }")  # fmt: skip
     return "\n".join(lines)
 
 
@@ -132,13 +161,13 @@ def _former_names(info: PassInfo) -> list[str]:
     return [f"#define {former} {name}" for former, name in names.items()]
 
 
-def _reader(name: str, form: Format) -> list[str]:
+def _reader(name: str, form: Format, size: str) -> list[str]:
     swizzle, value = _SWIZZLE[form.components], form.glsl
     texture = f"{name}_texture"
     lines = [
         f"uniform {_SAMPLER[form.dtype[0]]} {texture};",
         f"{value} fetch_{name}(ivec2 p) {{ return texelFetch({texture}, "
-        f"clamp(p, ivec2(0), frame.size.xy - 1), 0).{swizzle}; }}",
+        f"clamp(p, ivec2(0), {size} - 1), 0).{swizzle}; }}",
         f"{value} nearest_{name}(vec2 at) {{ return fetch_{name}(ivec2(floor(at + 0.5))); }}",
     ]
     if form.dtype[0] == "f":
@@ -176,9 +205,7 @@ def _writer(name: str, form: Format, binding: int) -> list[str]:
     return lines
 
 
-_PIXEL_MAIN = (
-    "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); if (all(lessThan(p, frame.size.xy))) reuse(p); }"
-)
+_PIXEL_MAIN = "void main() { ivec2 p = ivec2(gl_GlobalInvocationID.xy); if (all(lessThan(p, SIZE))) reuse(p); }"
 _BLOCK_MAIN = "void main() { reuse_block(ivec2(gl_WorkGroupID.xy), int(gl_LocalInvocationID.x)); }"
 
 
@@ -217,15 +244,19 @@ def build_source(method: Method, info: PassInfo, group: tuple[int, int], report:
     except GraphicsError as error:
         raise MethodError(error.what, where=method.label) from None
     append("\n".join(own.text.splitlines()[1:]), tuple(f"{method.folder.name}/{o}" for o in own.origin[1:]))
-    append(_BLOCK_MAIN if info.block else _PIXEL_MAIN, ("main",))
+    append(_BLOCK_MAIN if info.block else _PIXEL_MAIN.replace("SIZE", f"frame.size.{_SIZE[info.size]}"), ("main",))
     return Source("\n".join(lines) + "\n", tuple(origin))
 
 
 class GlslPasses:
-    """Programs and textures of one method at one size.  Raises MethodError if a shader does not compile."""
+    """Programs and textures of one method at one size.  Raises MethodError if a shader does not compile.
 
-    def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int]):
-        self._gpu, self._method, self._size = gpu, method, size
+    ``size``: of the result; ``input_size``: of the inputs, another only for a method that upscales.
+    """
+
+    def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int]):
+        self._gpu, self._method = gpu, method
+        self._sizes = {"output": size, "input": input_size}
         self._group = Tuning(gpu.software).shading_group
         self._programs: list[moderngl.ComputeShader] = []
         self._reporting: list[moderngl.ComputeShader] = []  # the same passes, storing REPORTS; compiled on demand
@@ -240,11 +271,12 @@ class GlslPasses:
             self._parameters = gpu.ctx.buffer(reserve=FRAME.dtype.itemsize)
             kept = {**method.history, **method.buffers, RESULT: RESULT_FORMAT}
             for name, form in kept.items():
-                self._now[name] = self._texture(form)
+                own = self._sizes["input" if name in method.input_sized else "output"]
+                self._now[name] = self._texture(form, own)
                 if name in method.history:
-                    self._before[name] = self._texture(form)
+                    self._before[name] = self._texture(form, own)
                 if name in method.spares:
-                    self._spare[name] = self._texture(form)
+                    self._spare[name] = self._texture(form, own)
         except BaseException:
             self.release()
             raise
@@ -257,8 +289,8 @@ class GlslPasses:
             what = error.what.removesuffix("; candidates are:")  # a list follows, too long for one line
             raise MethodError(what, where=self._method.label) from None
 
-    def _texture(self, form: Format) -> moderngl.Texture:
-        texture = self._gpu.ctx.texture(self._size, form.components, dtype=form.dtype)
+    def _texture(self, form: Format, size: tuple[int, int]) -> moderngl.Texture:
+        texture = self._gpu.ctx.texture(size, form.components, dtype=form.dtype)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return texture
 
@@ -301,7 +333,7 @@ class GlslPasses:
             return {}
         if not self._reporting:
             self._reporting = [self._compile(info, report=True) for info in self._method.passes]
-            self._now |= {name: self._texture(REPORT_FORMAT) for name in self._method.reports}
+            self._now |= {name: self._texture(REPORT_FORMAT, self._sizes["output"]) for name in self._method.reports}
         self._swap()
         self._run_passes(self._reporting, frame, values, report=True)
         self._swap()
@@ -319,7 +351,7 @@ class GlslPasses:
         for binding, name in enumerate(_stored(info, report)):
             target = self._spare if name in info.reads else self._now
             target[name].bind_to_image(binding, read=False, write=True)
-        program.run(*group_count(info, self._size, self._group))
+        program.run(*group_count(info, self._sizes[info.size], self._group))
         self._gpu.ctx.memory_barrier()
         for name in info.writes:
             if name in info.reads:
@@ -344,14 +376,14 @@ class GlslPasses:
             self._key_age += 1
             if self._key_view is None or not has_history or self._key_age >= every:
                 self._key_view, self._key_age = frame.view, 0
-            record["key_clip_from_key"] = column_major(self._key_view.clip_from_relative(*self._size))
+            record["key_clip_from_key"] = column_major(self._key_view.clip_from_relative(*self._sizes["input"]))
             record["key_delta"][:3] = frame.view.position - self._key_view.position
             record["is_key"], record["key_age"] = self._key_age == 0, self._key_age
         record["clip_from_current"] = column_major(pair.clip_from_current)
         record["prev_clip_from_prev"] = column_major(pair.prev_clip_from_prev)
         record["sky_origin"], record["sky_dx"], record["sky_dy"] = pair.sky_origin, pair.sky_dx, pair.sky_dy
         record["prev_forward"][:3], record["camera_delta"][:3] = pair.prev_forward, pair.camera_delta
-        record["size"][:2] = self._size
+        record["size"][:2], record["size"][2:] = self._sizes["output"], self._sizes["input"]
         record["jitter_px"], record["prev_jitter_px"] = frame.jitter_px, frame.prev_jitter_px
         record["time"], record["exposure"] = frame.time, frame.exposure
         record["near"], record["prev_near"] = pair.near, pair.prev_near

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 
 from taubench_gl.errors import SettingsError
 from taubench_gl.frame.shading import Shading
@@ -12,6 +14,8 @@ from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
 
 PARTIAL = RATES[1:]
 WORDS = ("full", "jittered", "noisy", *PARTIAL)
+UPSCALE = re.compile(r"upscale@([0-9]+(?:\.[0-9]{1,3})?)")
+MAX_UPSCALE = 4
 PATH_TRACED = re.compile(r"path-traced(@[1-9][0-9]{0,5})?")
 
 
@@ -22,7 +26,7 @@ class InputKind:
     ``jitter``: sub-pixel offsets, Halton (2, 3); ``rate`` of ``metrics.shading_rate``; ``light_samples``,
     ``indirect_samples``: random lights and VPLs per pixel, 0: exact light; ``path_samples``: samples per pixel of
     path-traced light, 0: none; ``seed`` of the random numbers; ``files``: ``exr:DIR`` of path-traced frames, which
-    excludes all other fields.
+    excludes all other fields; ``upscale``: pixels of the output along a side of an input pixel.
     """
 
     jitter: bool = False
@@ -32,6 +36,7 @@ class InputKind:
     path_samples: int = 0
     seed: int = 0
     files: str | None = None
+    upscale: Fraction = Fraction(1)
 
     @property
     def noisy(self) -> bool:
@@ -41,7 +46,27 @@ class InputKind:
     def exact(self) -> bool:
         """Whether all pixels are noise-free and sampled at their centers."""
         noiseless = not self.noisy and not self.path_samples and self.files is None
-        return not self.jitter and self.rate == "full" and noiseless
+        return not self.jitter and self.rate == "full" and self.upscale == 1 and noiseless
+
+    @property
+    def samples(self) -> int:
+        """Samples of light in a shaded pixel."""
+        return self.path_samples or self.light_samples or 1
+
+    @property
+    def jitter_period(self) -> int:
+        """Frames after which the offsets repeat: 8 in every output pixel (AMD, FidelityFX Super Resolution 2)."""
+        return math.ceil(8 * self.upscale**2)
+
+    def input_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Pixels of the input for an output of ``size``.  Raises SettingsError where they are no whole number."""
+        exact = [Fraction(n) / self.upscale for n in size]
+        if any(n.denominator != 1 for n in exact):
+            what = f"{size[0]}x{size[1]} is not {float(self.upscale):g} times a size in whole pixels"
+            raise SettingsError(
+                what, hint=f"give a --size whose width and height are multiples of {self.upscale.numerator}"
+            )
+        return int(exact[0]), int(exact[1])
 
     @property
     def text(self) -> str:
@@ -50,6 +75,7 @@ class InputKind:
             return self.files
         words = ["noisy"] * self.noisy + ([f"path-traced@{self.path_samples}"] if self.path_samples else [])
         words += ([self.rate] if self.rate != "full" else []) + ["jittered"] * self.jitter
+        words += [f"upscale@{float(self.upscale):g}"] if self.upscale != 1 else []
         return "+".join(words) or "full"
 
     def shading(self) -> Shading:
@@ -58,29 +84,34 @@ class InputKind:
 
 
 def parse_input(text: str, *, light_samples: int = 1, indirect_samples: int = 4, seed: int = 0) -> InputKind:
-    """``full``, ``exr:DIR``, or some of ``jittered noisy path-traced@N half checkerboard quarter`` joined by ``+``.
+    """``full``, ``exr:DIR``, or ``jittered noisy path-traced@N half checkerboard quarter upscale@S``, joined by ``+``.
 
     ``light_samples`` and ``indirect_samples`` apply to ``noisy``; ``path-traced`` alone has one sample per pixel.
     Raises SettingsError.
     """
     if is_sequence(text):
-        if "+" in text and text.removeprefix(PREFIX).rpartition("+")[2] in WORDS:
+        last = text.removeprefix(PREFIX).rpartition("+")[2] if "+" in text else ""
+        if last in WORDS or UPSCALE.fullmatch(last) or PATH_TRACED.fullmatch(last):
             raise SettingsError(f"input {text!r} combines files with another kind", hint="give exr:DIR alone")
         return InputKind(files=text)
     words = [word.strip() for word in text.split("+")]
     traced = [word for word in words if PATH_TRACED.fullmatch(word)]
+    scales = [word for word in words if UPSCALE.fullmatch(word)]
     for word in words:
-        if word not in WORDS and word not in traced:
-            hint = f"choose from {', '.join(WORDS)}, path-traced@N, joined by +, or exr:DIR"
+        if word not in (*WORDS, *traced, *scales):
+            hint = f"choose from {', '.join(WORDS)}, path-traced@N, upscale@S, joined by +, or exr:DIR"
             raise SettingsError(f"there is no input kind {word!r}", hint=hint)
-    if len(set(words)) < len(words) or ("full" in words and len(words) > 1):
+    scale = Fraction(scales[0].partition("@")[2]) if scales else Fraction(1)
+    if len(scales) > 1 or (scales and not 1 < scale <= MAX_UPSCALE):
+        raise SettingsError(f"input {text!r} has no factor of upscaling", hint=f"above 1, at most {MAX_UPSCALE}, once")
+    if len(set(words)) < len(words) or ("full" in words and len(words) - len(scales) > 1):
         raise SettingsError(f"input {text!r} is contradictory", hint="give each word once, and full alone")
     rates = [word for word in words if word in PARTIAL]
     if len(rates) > 1:
         raise SettingsError(f"input {text!r} has two shading rates", hint=f"give one of {', '.join(rates)}")
     noisy = "noisy" in words
     if len(traced) > 1 or (traced and (noisy or rates)):
-        raise SettingsError(f"input {text!r} is contradictory", hint="path-traced@N goes with jittered alone")
+        raise SettingsError(f"input {text!r} is contradictory", hint="path-traced@N goes with jittered and upscale@S")
     if noisy and min(light_samples, indirect_samples) < 1:
         raise SettingsError("noisy light needs at least one light sample and one VPL sample")
     kind = InputKind(
@@ -90,6 +121,7 @@ def parse_input(text: str, *, light_samples: int = 1, indirect_samples: int = 4,
         indirect_samples=indirect_samples if noisy else 0,
         path_samples=int(traced[0].partition("@")[2] or 1) if traced else 0,
         seed=seed,
+        upscale=scale,
     )
     kind.shading()  # checks the numbers
     return kind

@@ -35,6 +35,16 @@ from taubench_gl.metrics.shading_rate import RATES, cycle, phase
 from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.pathtraced.source import PathTracedSource
+from taubench_gl.reuse.derived import (
+    COMPOSED,
+    NEEDS,
+    DerivedInputs,
+    channels_for,
+    declare_composed,
+    input_texture,
+    with_needs,
+    written,
+)
 from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, write_input
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.scene.model import Scene
@@ -42,7 +52,7 @@ from taubench_gl.settings import Settings
 
 Array = np.ndarray
 
-CHANNEL_INPUTS = ("position", "normal", "prev_position", "base_color", "emission", "ids")
+CHANNEL_INPUTS = ("position", "normal", "prev_position", "base_color", "emission", "ids", "material")
 HISTORY_INPUTS = {"history_position": "position", "history_normal": "normal", "history_ids": "ids"}
 LIGHT_CHANNELS = ("direct", "indirect", "emission")
 
@@ -88,24 +98,30 @@ class RasterInputs:
             raise SettingsError(f"shading rate {kind.rate!r} needs at least 2x2 pixels", hint="increase --size")
         self.gpu, self.kind, self.settings = gpu, kind, light_settings(settings, kind)
         self.reads, self._cuts = frozenset(reads), frozenset(cuts)
-        self.size = (settings.sequence.width, settings.sequence.height)
+        self.output_size = (settings.sequence.width, settings.sequence.height)
+        self.size = kind.input_size(self.output_size)
+        exact_settings = self.settings
+        self.settings = self.settings.replace(width=self.size[0], height=self.size[1])
         self.timer = PassTimer(gpu)
         # The offset changes when every pixel was shaded once.  The cycle of the rate divides Halton's period: with an
         # offset per frame, a pixel would always be sampled in the same half or quarter of its area.
-        self._jitter = (lambda frame: jitter(frame // cycle(kind.rate))) if kind.jitter else None
+        period = {} if kind.upscale == 1 else {"period": kind.jitter_period}
+        self._jitter = (lambda frame: jitter(frame // cycle(kind.rate), **period)) if kind.jitter else None
         extra = tuple(c for c in CHANNEL_INPUTS if c in self.reads and c not in ("position", "normal"))
         extra += ("ids",) if "history_ids" in self.reads else ()
         emits = decide(request.scene, self.settings)["emission"].enabled
         extra += ("emission",) if emits else ()  # part of radiance, also where there is no color pass
+        extra += channels_for(self.reads)
         shading = None if kind.exact else kind.shading()
-        common = {"settings": self.settings, "poser": request.poser or Poser(request.scene)}
+        poser = request.poser or Poser(request.scene)
         self.source = RasterSource(
             gpu,
             request.scene,
             request.camera,
-            options=SourceOptions(jitter=self._jitter, shading=shading, extra=extra),
+            self.settings,
+            SourceOptions(jitter=self._jitter, shading=shading, extra=extra),
             timer=self.timer,
-            **common,
+            poser=poser,
         )
         needs_exact = bool(exact) or "exact_mask" in self.reads
         self.exact: Source | None = None if isinstance(exact, bool) else exact
@@ -114,26 +130,38 @@ class RasterInputs:
             if kind.path_samples:
                 raise SettingsError("path-traced input has no exact mask", hint="give --reference path-traced@M")
             self._owns_exact = not kind.exact
-            unshared = Shading(gather_each=kind.noisy)
-            self.exact = (
-                self.source
-                if kind.exact
-                else RasterSource(gpu, request.scene, request.camera, options=SourceOptions(shading=unshared), **common)
-            )
+            self.exact = self.source
+            if not kind.exact:
+                unshared = SourceOptions(shading=Shading(gather_each=kind.noisy))
+                self.exact = RasterSource(gpu, request.scene, request.camera, exact_settings, unshared, poser=poser)
         self._context = GpuContext(gpu)
+        self.missing = self._missing_inputs()
+        derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
         self._compose = ComposePass(
-            self._context, self.size, self.settings, light_channels(self.source), rate=kind.rate
-        )
-        self._direct = None
-        if "direct" in self.reads:
-            lit = tuple(c for c in light_channels(self.source) if c == "direct")
-            self._direct = ComposePass(self._context, self.size, self.settings, lit, rate=kind.rate)
+            self._context, self.size, self.settings, light_channels(self.source), rate=kind.rate,
+            derived=derived, available=self.source.channels, samples=kind.samples,
+        )  # fmt: skip
+        self._derived = DerivedInputs(self._context, self.size, derived, self.source.renderer.scene)
         self._masks = self._exact_masks = None
         if {"mask", "motion"} & self.reads:
             self._masks = MaskInputs(self._context, self.source, self.settings, ())
         if needs_exact:
-            self._exact_masks = MaskInputs(self._context, self.exact, self.settings, self.exact.radiance)
+            self._exact_masks = MaskInputs(self._context, self.exact, exact_settings, self.exact.radiance)
         self._index, self._previous = 0, None
+
+    def _missing_inputs(self) -> dict[str, str]:
+        """Input that is read -> why these frames do not have it."""
+        out = {}
+        out |= dict.fromkeys(("reshaded", "reshaded_before"), "these frames have no re-shaded samples")
+        for name in ("hit_distance", "variance"):
+            if "path_info" not in self.source.channels:
+                out[name] = "only path-traced light has it (--input path-traced@N)"
+        if self.kind.upscale != 1:
+            out["exact_mask"] = "exact frames have the size of the output"
+        for name, needs in NEEDS.items():
+            if missing := next((out[need] for need in needs if need in out), None):
+                out[name] = missing
+        return out
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of ``frame``; textures are valid until the next call."""
@@ -142,15 +170,14 @@ class RasterInputs:
             self.exact.advance(frame)
         with self.timer.measure("compose"):
             self._compose.run(self.source, frame)
-        if self._direct is not None:
-            self._direct.run(self.source, frame)
+        self._derived.run({**self.source.current, **self._compose.textures}, view)
         previous = self._previous or view
         declared = _declared(self._previous, frame, self._cuts)
         pair = reprojection(view, previous, *self.size, jitter=False)
         if self._masks is not None:
             self._masks.run(pair, declared)
         if self._exact_masks is not None:
-            self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.size), declared)
+            self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.output_size), declared)
         out = FrameInputs(
             index=self._index,
             time=frame / self.settings.sequence.fps,
@@ -162,6 +189,7 @@ class RasterInputs:
             prev_jitter_px=previous.jitter_px,
             exposure=self.settings.lighting.exposure_factor,
             cut=frame in self._cuts,
+            missing=self.missing,
         )
         self._index, self._previous = self._index + 1, view
         return out
@@ -170,14 +198,12 @@ class RasterInputs:
         current, history = self.source.current, self.source.previous
         if self._previous is None:
             history = current  # the first frame has no history, but its inputs must be valid textures
-        out = {"radiance": self._compose.radiance}
-        if self._direct is not None:
-            out["direct"] = self._direct.radiance
+        out = {"radiance": self._compose.radiance, **self._compose.textures, **self._derived.textures}
         out |= {name: current[name] for name in CHANNEL_INPUTS if name in self.reads}
         out |= {name: history[channel] for name, channel in HISTORY_INPUTS.items() if name in self.reads}
         if self._masks is not None:
             out |= {"mask": self._masks.mask, "motion": self._masks.motion}
-        if self._exact_masks is not None:
+        if self._exact_masks is not None and "exact_mask" not in self.missing:
             out["exact_mask"] = self._exact_masks.mask
         return out
 
@@ -197,8 +223,7 @@ class RasterInputs:
     @property
     def bytes(self) -> int:
         """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
-        own = self.source.describe()["memory"]["gpu_bytes"] + self._compose.bytes
-        own += 0 if self._direct is None else self._direct.bytes
+        own = self.source.describe()["memory"]["gpu_bytes"] + self._compose.bytes + self._derived.bytes
         return own + (0 if self._masks is None else self._masks.bytes)
 
     def describe(self) -> dict[str, Any]:
@@ -210,13 +235,14 @@ class RasterInputs:
             "indirect_samples": self.kind.indirect_samples or None,
             "path_samples": self.kind.path_samples or None,
             "seed": self.kind.seed if self.kind.noisy or self.kind.path_samples else None,
+            "size": list(self.size),
             "gpu_bytes": self.bytes,
             "effects": source["effects"],
             "notes": source["notes"],
         }
 
     def release(self) -> None:
-        for part in (self._compose, self._direct, self._masks, self._exact_masks, self.source):
+        for part in (self._compose, self._derived, self._masks, self._exact_masks, self.source):
             if part is not None:
                 part.release()
         if self._owns_exact:
@@ -250,7 +276,7 @@ class FileInputs:
         """
         gpu, scene, camera, kind = request.gpu, request.scene, request.camera, request.kind
         sequence = PathTracedSequence.open(kind.files, mapping=mapping)
-        width, height = self.size = sequence.size
+        width, height = self.size = self.output_size = sequence.size
         self.kind, self._cuts = kind, frozenset(cuts)
         settings = request.settings.replace(width=width, height=height)
         if "prev_position" not in sequence.index:
@@ -385,8 +411,16 @@ class ComposePass:
         *,
         rate: str = "full",
         accumulate: bool = False,
+        derived: Collection[str] = (),
+        available: Collection[str] = (),
+        samples: int = 1,
     ):
-        """``channels``: the LIGHT_CHANNELS of the frames; ``accumulate``: sum weighted samples of one frame."""
+        """``channels``: the LIGHT_CHANNELS of the frames; ``accumulate``: sum weighted samples of one frame.
+
+        ``derived``: those of ``derived.COMPOSED`` to write, from the ``available`` channels; ``samples``: of light in a
+        shaded pixel.
+        """
+        self._samples = samples
         self._hazards, self._size, self._settings, self._rate = context.gpu.hazards, size, settings, rate
         declaration = ComputePass("reuse compose", ("reuse/compose.comp.glsl",))
         declaration.define(**{f"HAS_{c.upper()}": c in channels for c in LIGHT_CHANNELS})
@@ -396,6 +430,8 @@ class ComposePass:
         self._environment = environment_of(settings)
         declare_environment(declaration, self._environment, lobes=False, owned=False)
         declaration.image("radiance_out", resource="radiance", access=UPDATE if accumulate else WRITE)
+        declare_composed(declaration, derived, available)
+        self.textures = {name: input_texture(context.gpu, name, size) for name in COMPOSED if name in derived}
         declaration.dispatch(size, Tuning(context.gpu.software).shading_group)
         self._pass = context.compute(declaration)
         self._accumulate = accumulate
@@ -403,7 +439,8 @@ class ComposePass:
 
     @property
     def bytes(self) -> int:
-        return 16 * self._size[0] * self._size[1]
+        values = 4 + sum(texture.components for texture in self.textures.values())
+        return 4 * values * self._size[0] * self._size[1]
 
     def run(self, source: RasterSource, frame: int = 0, share: float = 1.0) -> None:
         """Write ``radiance`` of the current frame of ``source``.
@@ -420,13 +457,15 @@ class ComposePass:
             values["phase"] = phase(self._rate, frame)
         if self._accumulate:
             values["share"] = share
+        if "sample_count" in self.textures:
+            values["samples"] = float(self._samples)
         textures = {**source.renderer.frame.tables, **source.current, "radiance": self.radiance}
-        self._pass.run(None, textures, **values)
+        self._pass.run(None, textures | written(self.textures), **values)
         self._hazards.publish()
 
     def release(self) -> None:
-        self._pass.release()
-        self.radiance.release()
+        for item in (self._pass, self.radiance, *self.textures.values()):
+            item.release()
 
 
 class MaskInputs:

@@ -51,7 +51,7 @@ def method_from_class(cls: type, where: str = "") -> Method:
         errors.append("settings: must be a dict of name -> default or {default, min, max, doc}")
         given = {}
     for name, raw in given.items():
-        if error := name_error(name, "setting"):
+        if error := name_error(name, "setting", reads=reads):
             errors.append(f"settings: {error}")
             continue
         setting, more = parse_setting(name, raw)
@@ -70,6 +70,9 @@ def method_from_class(cls: type, where: str = "") -> Method:
     errors += more
     if errors:
         raise MethodError("; ".join(errors), where=where)
+    upscales = getattr(cls, "upscales", False)
+    if not isinstance(upscales, bool):
+        raise MethodError(f"upscales: {upscales!r} is not True or False", where=where)
     cite = getattr(cls, "cite", ())
     return Method(
         name=name,
@@ -85,13 +88,16 @@ def method_from_class(cls: type, where: str = "") -> Method:
         where=where,
         stages=stages,
         reports=tuple(reports),
+        upscales=upscales,
     )
 
 
 class PythonSteps:
     """One instance of the class: reads inputs back from the GPU and uploads its results."""
 
-    def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], timer: PassTimer):
+    def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], timer: PassTimer):
+        """``size``: of the result; ``input_size``: of the inputs, another only for a method that upscales."""
+        self._sizes = {"output_size": size, "input_size": input_size}
         self._method, self._size, self._timer = method, size, timer
         self._instance = None
         self._reported: dict[str, np.ndarray] = {}
@@ -105,7 +111,7 @@ class PythonSteps:
     def run(self, frame: FrameInputs, values: Mapping[str, Value], has_history: bool) -> moderngl.Texture:
         name = self._method.name
         with self._timer.measure(f"{name}: read inputs"):
-            arrays = frame_arrays(frame, self._method.reads, has_history)
+            arrays = frame_arrays(frame, self._method.reads, has_history) | self._sizes
         with self._timer.measure(name):
             if self._instance is None:
                 self._instance = self._call("__init__", lambda: self._method.factory(self._size, dict(values)))

@@ -13,11 +13,15 @@
 Alpha of the result is the weight of history in each pixel, 0 .. 1, or -1 where the method does not report it.  All
 errors of a method raise MethodError, one line with its name.  The runner can then be released or reset; other runners
 are not affected.  Frames are given in order; frame 0, a cut and the first step after ``reset`` have no history.
+
+Inputs can be smaller than the result (``input_size``).  A method that does not upscale then runs at the size of the
+inputs, and its result is resampled bilinearly: the baseline of an upscaler.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import moderngl
 import numpy as np
@@ -25,7 +29,7 @@ import numpy as np
 from taubench_gl.errors import MethodError
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.gpu.declare import UPDATE, ComputePass
+from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.gpu.memory import require_memory
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -39,10 +43,10 @@ from taubench_gl.reuse.python_method import PythonSteps
 class MethodRunner:
     """One method at one size.
 
-    ``timer``: the entry of the method has its name; read-back and upload of a Python method are separate entries,
-    ``NAME: read inputs`` and ``NAME: upload``.  ``check``: raise MethodError for results with non-finite pixels whose
-    radiance is finite; this is not timed and costs one 12-byte read-back.  Raises MethodError for wrong settings and
-    shaders that do not compile.
+    ``size``: of the result, pixels; ``input_size``: of the inputs, None: the same.  ``timer``: the entry of the method
+    has its name; read-back and upload of a Python method are separate entries, ``NAME: read inputs`` and ``NAME:
+    upload``.  ``check``: raise MethodError for results with non-finite pixels whose radiance is finite; this is not
+    timed and costs one 12-byte read-back.  Raises MethodError for wrong settings and shaders that do not compile.
     """
 
     def __init__(
@@ -52,27 +56,40 @@ class MethodRunner:
         size: tuple[int, int],
         settings: Mapping[str, Value] | None = None,
         *,
+        input_size: tuple[int, int] | None = None,
         timer: PassTimer | None = None,
         check: bool = True,
     ):
-        self.gpu, self.size = gpu, (int(size[0]), int(size[1]))
+        self.gpu = gpu
+        self._set_sizes(size, input_size)
         self.method = method if isinstance(method, Method) else load_method(method)
         self.values = self.method.values(settings)
         self.timer = timer or PassTimer(gpu, enabled=False)
-        self._check = _FiniteCheck(gpu, self.size) if check else None
+        self._check = _FiniteCheck(gpu, self.own_size) if check else None
+        self._resample: _Resample | None = None
         self._steps = 0
         self._backend = self._make_backend()
 
+    def _set_sizes(self, size: tuple[int, int], input_size: tuple[int, int] | None) -> None:
+        self.size = (int(size[0]), int(size[1]))
+        self.input_size = self.size if input_size is None else (int(input_size[0]), int(input_size[1]))
+
+    @property
+    def own_size(self) -> tuple[int, int]:
+        """Of what the method itself writes, pixels."""
+        return self.size if self.method.upscales else self.input_size
+
     def _make_backend(self) -> GlslPasses | PythonSteps:
         require_memory(self.gpu, self.bytes, f"{self.method.label} at {self.size[0]}x{self.size[1]}", "lower --size")
-        if self.method.factory is not None:
-            return PythonSteps(self.gpu, self.method, self.size, self.timer)
-        return GlslPasses(self.gpu, self.method, self.size)
+        if self.own_size != self.size:
+            self._resample = _Resample(self.gpu, self.own_size, self.size)
+        make = GlslPasses if self.method.factory is None else partial(PythonSteps, timer=self.timer)
+        return make(self.gpu, self.method, self.own_size, self.input_size)
 
     @property
     def bytes(self) -> int:
         """GPU memory of history, buffers and result, without the memory of a Python class."""
-        return self.method.bytes(self.size)
+        return self.method.bytes(self.own_size, self.input_size)
 
     def step(self, frame: FrameInputs) -> moderngl.Texture:
         """The method's result for ``frame``: rgba32f, valid until the next step.  Raises MethodError."""
@@ -88,25 +105,30 @@ class MethodRunner:
         self._steps += 1
         if self._check is not None:
             self._check.run(result, frame, self.method)
-        return result
+        return result if self._resample is None else self._resample.run(result)
 
     def reported(self, frame: FrameInputs) -> dict[str, np.ndarray]:
         """What the method blended in the step of ``frame``, the last one; not timed.
 
-        -> names of contract.REPORTS that the method declares: (h, w, 4) float32, row 0 at the top.
+        -> names of contract.REPORTS that the method declares: (h, w, 4) float32, row 0 at the top.  Nothing where the
+        input has another size and the result is resampled, or the method does not report what it made of the input.
         """
+        if self.input_size != self.size and (self._resample is not None or "blend_input" not in self.method.reports):
+            return {}
         return self._backend.reported(frame, self.values)
 
     def _check_inputs(self, frame: FrameInputs) -> None:
         missing = [name for name in self.method.reads if name not in frame.textures]
         if missing:
-            raise MethodError(f"frame {frame.index} has no {', '.join(missing)}", where=self.method.label)
+            reasons = list(dict.fromkeys(frame.missing[name] for name in missing if name in frame.missing))
+            why = f": {'; '.join(reasons)}" if reasons else ""
+            raise MethodError(f"frame {frame.index} has no {', '.join(missing)}{why}", where=self.method.label)
         for name in self.method.reads:
-            if frame.textures[name].size != self.size:
+            if frame.textures[name].size != self.input_size:
                 width, height = frame.textures[name].size
                 raise MethodError(
                     f"frame {frame.index}: {name} is {width}x{height}; this method runs at "
-                    f"{self.size[0]}x{self.size[1]}",
+                    f"{self.input_size[0]}x{self.input_size[1]}",
                     where=self.method.label,
                     hint="resize the runner first",
                 )
@@ -120,17 +142,23 @@ class MethodRunner:
         """Clear all history: the next step is a first frame."""
         self._steps = 0
 
-    def resize(self, size: tuple[int, int]) -> None:
-        """Change the image size and reset."""
-        self._backend.release()
-        self.size = (int(size[0]), int(size[1]))
+    def resize(self, size: tuple[int, int], input_size: tuple[int, int] | None = None) -> None:
+        """Change the image size, and that of the inputs, and reset."""
+        self._release_backend()
+        self._set_sizes(size, input_size)
         if self._check is not None:
-            self._check.size = self.size
+            self._check.size = self.own_size
         self._backend = self._make_backend()
         self.reset()
 
-    def release(self) -> None:
+    def _release_backend(self) -> None:
         self._backend.release()
+        if self._resample is not None:
+            self._resample.release()
+            self._resample = None
+
+    def release(self) -> None:
+        self._release_backend()
         if self._check is not None:
             self._check.release()
 
@@ -139,6 +167,29 @@ class MethodRunner:
 
     def __exit__(self, *exc: object) -> None:
         self.release()
+
+
+class _Resample:
+    """A result at another size: bilinear between pixel centers, the weight of history from the nearest pixel."""
+
+    def __init__(self, gpu: Gpu, own: tuple[int, int], size: tuple[int, int]):
+        self._context, self._sizes = GpuContext(gpu), {"own_size": own, "size": size}
+        declaration = ComputePass("reuse resample", ("reuse/resample.comp.glsl",))
+        declaration.texture("result").image("resampled_out", resource="resampled", access=WRITE)
+        declaration.dispatch(size, Tuning(gpu.software).shading_group)
+        self._pass = self._context.compute(declaration)
+        self._texture = gpu.ctx.texture(size, 4, dtype="f4")
+        self._texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+    def run(self, result: moderngl.Texture) -> moderngl.Texture:
+        self._pass.run(None, {"result": result, "resampled": self._texture}, **self._sizes)
+        self._context.gpu.hazards.publish()
+        return self._texture
+
+    def release(self) -> None:
+        self._pass.release()
+        self._texture.release()
+        self._context.release()
 
 
 class _FiniteCheck:
@@ -155,8 +206,10 @@ class _FiniteCheck:
 
     def run(self, result: moderngl.Texture, frame: FrameInputs, method: Method) -> None:
         self._found.write(np.array([0, 0xFFFFFFFF, 0], dtype=np.uint32).tobytes())
-        resources = {"result": result, "radiance": frame.textures.get("radiance", result), "found": self._found}
-        self._pass.run(None, resources, has_radiance="radiance" in frame.textures)
+        radiance = frame.textures.get("radiance")
+        same = radiance is not None and radiance.size == result.size
+        resources = {"result": result, "radiance": radiance if same else result, "found": self._found}
+        self._pass.run(None, resources, has_radiance=same)
         self._context.gpu.hazards.publish()
         count, first, _ = np.frombuffer(self._found.read(), dtype=np.uint32)
         if count:

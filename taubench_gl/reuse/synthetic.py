@@ -16,9 +16,10 @@ from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURES, Reason
 from taubench_gl.gpu.context import Gpu
+from taubench_gl.metrics.lobes import LUMINANCE
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.metrics.reprojection import Reprojection, reproject
-from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, FrameInputs, write_input
+from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, MIN_ALBEDO, FrameInputs, write_input
 from taubench_gl.scene.model import Camera
 
 Array = np.ndarray
@@ -26,6 +27,7 @@ Array = np.ndarray
 FPS = 24.0
 LENS = Camera(yfov=math.radians(60.0), znear=0.1, zfar=100.0)
 FLOOR_Y, BALL_RADIUS = -1.0, 0.8
+SPECULAR_ALBEDO = 0.05
 _THRESHOLDS = dict.fromkeys(FEATURES, DEFAULT_THRESHOLD)
 
 
@@ -89,6 +91,8 @@ def render_view(view: View, time: float, size: tuple[int, int], speed: float = 1
         "ids": np.where(surface[..., None], np.where(ball[..., None], [2, 2], [1, 1]), 0).astype(np.uint32),
         "radiance": radiance,
         "direct": direct,
+        "material": np.where(surface[..., None], [0.0, 0.5, 1.0, 1.0], 0.0),
+        "hit_distance": np.where(surface, 2.0, 0.0)[..., None],
         "world": world,
         "ball": ball,
     }
@@ -127,8 +131,27 @@ def synthetic_steps(
             factor = rng.gamma(shape, 1.0 / shape, clean.shape[:2])[..., None]
             inputs["radiance"][..., :3] = clean * factor
             inputs["direct"][..., :3] = now["direct"] * factor
+        inputs |= _light(now, inputs["radiance"], noise)
         yield Step(index, inputs, clean, pair, view, prev_view, cut)
         before = now
+
+
+def _light(now: Mapping[str, Array], radiance: Array, noise: float) -> dict[str, Array]:
+    """Inputs that are parts of ``radiance``: a tenth of the light of a surface is specular.  No light is re-shaded."""
+    surface = now["position"][..., 3:] > 0
+    shaded = radiance[..., 3:]
+    light = np.where(surface, radiance[..., :3], 0.0)
+    specular = np.where(surface, SPECULAR_ALBEDO, MIN_ALBEDO) * np.ones(3)
+    diffuse = np.maximum(now["base_color"][..., :3], MIN_ALBEDO)
+    parts = {"diffuse": 0.9 * light, "specular": 0.1 * light}
+    parts |= {"diffuse_demodulated": parts["diffuse"] / diffuse, "specular_demodulated": parts["specular"] / specular}
+    out = {name: np.concatenate([rgb, shaded], axis=-1) for name, rgb in parts.items()}
+    out["emitted"] = np.where(surface, 0.0, radiance[..., :3])
+    out |= {"diffuse_albedo": diffuse, "specular_albedo": specular}
+    out |= {"material": now["material"], "hit_distance": now["hit_distance"], "sample_count": shaded}
+    out["variance"] = (noise * light @ LUMINANCE)[..., None] ** 2
+    out |= {name: np.zeros_like(shaded) for name in ("reactive", "transparency")}
+    return out | {name: np.zeros_like(radiance) for name in ("reshaded", "reshaded_before")}
 
 
 def _inputs(

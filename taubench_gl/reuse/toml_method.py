@@ -21,6 +21,7 @@ from taubench_gl.reuse.contract import (
     REPORTS,
     RESULT,
     RESULT_FORMAT,
+    SIZES,
     Format,
     Method,
     PassInfo,
@@ -30,13 +31,16 @@ from taubench_gl.reuse.contract import (
     parse_setting,
     suggestion,
 )
-from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS
+from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, RESERVED_INPUTS
 from taubench_gl.reuse.stages import parse_stages
 
 FILE = "method.toml"
 BUILTIN = PACKAGE / "reuse" / "methods"
-_KEYS = ("name", "title", "base", "cite", "reads", "history", "buffers", "settings", "keyframe", "stages", "pass")
-_PASS_KEYS = ("shader", "reads", "writes", "repeat", "block")
+_KEYS = (
+    *("name", "title", "base", "cite", "reads", "history", "buffers", "settings", "keyframe", "upscales", "stages"),
+    "pass",
+)
+_PASS_KEYS = ("shader", "reads", "writes", "repeat", "block", "size")
 _MAX_BYTES = 1 << 20
 _ENTRY = re.compile(r"\bvoid\s+reuse\s*\(\s*(?:in\s+)?ivec2\b")
 _BLOCK_ENTRY = re.compile(r"\bvoid\s+reuse_block\s*\(\s*(?:in\s+)?ivec2\b[^,)]*,\s*(?:in\s+)?int\b")
@@ -63,6 +67,9 @@ class _Parser:
         self.errors: list[str] = []
         self.base: Path | None = None
         self.files: set[str] = set()  # shaders of the passes, and their includes
+        self.inputs: tuple[str, ...] = ()
+        self.upscales = False
+        self.input_sized: set[str] = set()
 
     def run(self) -> tuple[Method | None, list[str]]:
         for key in self.raw:
@@ -72,7 +79,10 @@ class _Parser:
         title = self.text("title", name)
         self.base = self.base_folder()
         cite = self.texts("cite")
-        reads = self.reads()
+        reads = self.inputs = self.reads()
+        self.upscales = self.raw.get("upscales", False)
+        if not isinstance(self.upscales, bool):
+            self.errors.append(f"upscales: {self.upscales!r} is not true or false")
         history, buffers = self.formats("history"), self.formats("buffers", taken=self.table("history"))
         settings = self.settings({**history, **buffers})
         keyframe = self.count("keyframe", self.raw.get("keyframe"), settings, 1 << 20)
@@ -82,7 +92,9 @@ class _Parser:
         if self.errors:
             return None, self.errors
         method = Method(name, title, cite, reads, settings, history, buffers, passes, self.folder, keyframe,
-                        where=str(self.folder), stages=stages, reports=_reports(passes), base=self.base)  # fmt: skip
+                        where=str(self.folder), upscales=self.upscales,
+                        input_sized=frozenset(self.input_sized), stages=stages, reports=_reports(passes),
+                        base=self.base)  # fmt: skip
         return method, []
 
     # ------------------------------------------------------------------------------------------------ simple values
@@ -144,7 +156,10 @@ class _Parser:
             self.errors.append(f'{key}: must be a table such as accumulated = "rgba32f"')
         found = {}
         for name, value in self.table(key).items():
-            error = name_error(name, "history" if key == "history" else "buffer", taken or ())
+            what = "history" if key == "history" else "buffer"
+            error = name_error(name, what, taken or (), self.inputs, bool(self.upscales))
+            if isinstance(value, dict):
+                value = self.sized(f"{key}.{name}", str(name), value)
             if error:
                 self.errors.append(f"{key}: {error}")
             elif not isinstance(value, str) or value not in FORMATS:
@@ -153,12 +168,29 @@ class _Parser:
                 found[name] = FORMATS.get(str(value), RESULT_FORMAT)
         return found
 
+    def sized(self, at: str, name: str, table: Mapping[str, Any]) -> Any:
+        """The format of ``{ format, size }``."""
+        self.errors += [f"{at}.{key}: unknown key (allowed: format, size)"
+                        for key in table if key not in ("format", "size")]  # fmt: skip
+        if self.size(at, table) == "input":
+            self.input_sized.add(name)
+        return table.get("format")
+
+    def size(self, at: str, table: Mapping[str, Any]) -> str:
+        """The key ``size`` of a history, buffer or pass."""
+        value = table.get("size", SIZES[0])
+        if value not in SIZES:
+            self.errors.append(f"{at}.size: {value!r} is not {' or '.join(SIZES)}")
+        elif value != SIZES[0] and not self.upscales:
+            self.errors.append(f"{at}.size: both sizes are equal without 'upscales = true'")
+        return value if value in SIZES else SIZES[0]
+
     def settings(self, taken: Mapping[str, Any]) -> dict[str, Setting]:
         if not isinstance(self.raw.get("settings", {}), dict):
             self.errors.append("settings: must be a table")
         found = {}
         for name, raw in self.table("settings").items():
-            if error := name_error(name, "setting", taken):
+            if error := name_error(name, "setting", taken, self.inputs, bool(self.upscales)):
                 self.errors.append(f"settings: {error}")
                 continue
             setting, errors = parse_setting(name, raw)
@@ -197,10 +229,14 @@ class _Parser:
                 if len(names) > most and (what == "writes" or requested is not None):
                     self.errors.append(f"{at}.{what}: {len(names)} textures; the limit per pass is {most}")
             block = self.block(f"{at}.block", entry.get("block"))
-            info = PassInfo(str(entry.get("shader")), chosen, writes, repeat or 1, block)
+            info = PassInfo(str(entry.get("shader")), chosen, writes, repeat or 1, block, self.size(at, entry))
             known = (*reads, *kept, *REPORTS, *(f"prev_{n}" for n in history))
             self.shader(at, entry.get("shader"), info, known)
             written += [name for name in writes if name not in written and name not in REPORTS]
+            for name in writes:
+                own = "input" if name in self.input_sized else "output"
+                if own != info.size:
+                    self.errors.append(f"{at}.writes: {name!r} has the {own} size, the pass the {info.size} size")
             found.append(info)
         for name in kept:
             if name not in written:
@@ -257,12 +293,20 @@ class _Parser:
                 allowed = info.writes if verb == "write" else info.reads
                 if name in allowed or name not in (*known, *INPUTS):
                     continue
+                if name not in (*known, *RESERVED_INPUTS) and _defines(texts, match.group(0)[:-1].strip()):
+                    continue  # a function of the method itself, written before there was such an input
                 line = text.count("\n", 0, match.start()) + 1
                 self.errors.append(f"{file}:{line}: {match.group(0)[:-1]}: {_missing(verb, name, at)}")
 
 
 def _reports(passes: tuple[PassInfo, ...]) -> tuple[str, ...]:
     return tuple(name for name in REPORTS if any(name in info.writes for info in passes))
+
+
+def _defines(texts: list[tuple[str, str]], function: str) -> bool:
+    """Whether a text defines ``function``: a type precedes its name."""
+    pattern = re.compile(rf"^\s*(?!return\b)[a-z]\w*\s+{function}\s*\(", re.MULTILINE)
+    return any(pattern.search(text) for _, text in texts)
 
 
 def _missing(verb: str, name: str, at: str) -> str:

@@ -8,6 +8,7 @@ from taubench_gl.animation.pairs import sky_directions
 from taubench_gl.frame.context import FrameContext
 from taubench_gl.frame.environment import declare_environment
 from taubench_gl.frame.lights import LIGHT, LIGHT_ROW, UnrolledLights, unrolled_lights
+from taubench_gl.frame.passes.indirect import LOBES as INDIRECT_LOBES
 from taubench_gl.frame.passes.indirect import VPL, VPL_ROW, scene_center, vpl_count
 from taubench_gl.frame.shadow_faces import FACE, FACE_ROW, first_faces
 from taubench_gl.frame.spec import FrameSpec
@@ -186,20 +187,22 @@ def stochastic_light(spec: FrameSpec) -> Sequence[Pass]:
 
     # A hard filter has one tap, so there is nothing to choose at random.
     bilinear = spec.settings.lighting.shadow_filter == "bilinear"
+    lobes = bool({*LOBES, *INDIRECT_LOBES} & set(spec.extra))
     p = (
         _shadowed(spec, _lit(spec, "stochastic", "lighting/stochastic.comp.glsl"), 1)
-        .define(SHADOW_RANDOM=bilinear, INDIRECT=indirect)
+        .define(SHADOW_RANDOM=bilinear, INDIRECT=indirect, SPLIT_LOBES=lobes)
         .constants("S", STOCHASTIC, values)
         .use(*spec.channels(*SURFACE))
         .texture("light_table", given=True)
         .buffer("light_choice", "vec2", given=True)
-        .use(*spec.outputs("direct"))
+        .use(*spec.outputs("direct", *(LOBES if lobes else ())))
         .dispatch(invocations(shading.rate, spec.size), spec.tuning.shading_group)
     )
     if p.defines["SHADOWS"]:
         p.texture("shadow_faces", given=True)
     if indirect:
-        p.glsl(VPL, f"const int VPL_ROW = {VPL_ROW};").image("vpls").use(*spec.outputs("indirect"))
+        p.glsl(VPL, f"const int VPL_ROW = {VPL_ROW};").image("vpls")
+        p.use(*spec.outputs("indirect", *(INDIRECT_LOBES if lobes else ())))
     return (p,)
 
 
