@@ -230,8 +230,8 @@ def test_path_traced_input_below_the_size_of_its_reference(tmp_path, monkeypatch
     monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
     chosen = settings(width=32, height=24, frames=(0, 3), light="auto", indirect="auto", bounces=2)
     done = evaluate_methods(
-        still(), ["none", "accumulate", "oracle"], chosen, input="path-traced@1+jittered+upscale@2",
+        still(), ["none", "accumulate", "ideal-masks"], chosen, input="path-traced@1+jittered+upscale@2",
         reference="path-traced@8", metrics=("psnr",),
     )  # fmt: skip
-    assert list(done.failed) == ["oracle"] and "exact_mask" in done.failed["oracle"]
+    assert list(done.failed) == ["ideal-masks"] and "exact_mask" in done.failed["ideal-masks"]
     assert done.summary["mask_source"] == "exact" and done.summary["input"]["size"] == [16, 12]
