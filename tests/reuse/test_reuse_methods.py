@@ -12,6 +12,7 @@ from reuse_tools import display, play, still_steps
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
+from taubench_gl.gpu.shader import find_source
 from taubench_gl.metrics.reuse_methods import neighborhood_box, variance_box, ycocg_from_rgb
 from taubench_gl.metrics.shading_rate import nearest_shaded, shaded
 from taubench_gl.reuse.loading import builtin_methods, load_method
@@ -22,8 +23,8 @@ SIZE = (48, 27)
 
 def test_builtin_methods_are_documented():
     assert set(builtin_methods()) == {
-        "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_clip", "taa_variance", "svgf", "bmfr",
-        "bmfr_temporal",
+        "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_clip", "taa_variance", "svgf", "asvgf",
+        "bmfr", "bmfr_temporal", "reblur_class",
         "timewarp", "checkerboard", "upsample_2x2", "ideal-masks", "greedy", "oidn",
     }  # fmt: skip
     for name in builtin_methods():
@@ -34,10 +35,12 @@ def test_builtin_methods_are_documented():
             if setting.kind in ("int", "float"):
                 assert setting.minimum is not None and setting.maximum is not None, f"{name}: {setting.name}"
         for info in method.passes:
-            assert (method.folder / info.shader).read_text().startswith("//")
+            assert find_source(info.shader, method.shader_folders).read_text().startswith("//")
 
 
-@pytest.mark.parametrize("name", sorted(set(builtin_methods()) - {"bmfr", "oidn"}))  # filters that are no identity
+@pytest.mark.parametrize(
+    "name", sorted(set(builtin_methods()) - {"bmfr", "reblur_class", "oidn"})
+)  # filters that are no identity
 def test_converged_still_image_is_unchanged(gpu, name):
     """Details of single pixels: within 1/255 in display colors, in every later frame."""
     rng = np.random.default_rng(3)

@@ -1,0 +1,103 @@
+"""A-SVGF against its float64 reference, every stage of its own bypassed, and its two laws: no change of light, no
+difference to SVGF; light that changes, less lag."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reuse_tools import bypassed, play, still_steps
+from stage_tools import differing, noisy_steps
+
+from taubench_gl.metrics.reuse_methods import Asvgf, gradient_lambda, gradient_samples
+from taubench_gl.reuse.loading import BUILTIN, load_method
+
+SIZE = (64, 37)  # blocks at the edge are cut
+EXPOSURE, SETTINGS = 0.5, {"levels": 2, "gradient_levels": 2}
+ROUNDING = 2e-3
+
+BYPASSES = {
+    "gradient_samples": ("gradient.glsl", "vec3(now - then, max(now, then), 1.0)", "vec3(0.0, max(now, then), 1.0)"),
+    "gradient_reconstruction": ("gradient_atrous.glsl", "if (other.z <= 0.0) continue;",
+                                "if (other.z <= 0.0 || c != b) continue;"),
+    "adaptive_alpha": ("share.glsl", "return g.y > 0.0 ? min(abs(g.x) / g.y, 1.0) : 0.0;", "return 0.0;"),
+}  # fmt: skip
+
+
+def reshaded_steps(steps, change: np.ndarray, share: float = 0.8, seed: int = 3):
+    """``steps`` with a sample in ``share`` of the 3x3 blocks, of light that is now ``change`` times what it was."""
+    rng = np.random.default_rng(seed)
+    out = []
+    for step in steps:
+        h, w = step.clean.shape[:2]
+        then, sampled = step.inputs["direct"][..., :3] * (0.5 + rng.random((h, w, 1))), np.zeros((h, w, 1))
+        for up in range(0, h, 3):
+            for x in range(0, w, 3):
+                if step.index > 0 and rng.random() < share:
+                    sampled[h - 1 - rng.integers(up, min(up + 3, h)), rng.integers(x, min(x + 3, w))] = 1
+        inputs = {
+            "reshaded": np.concatenate([then * change[..., None] * sampled, sampled], axis=-1).astype(np.float32),
+            "reshaded_before": np.concatenate([then * sampled, sampled], axis=-1).astype(np.float32),
+        }
+        out.append(replace(step, inputs=step.inputs | inputs))
+    return out
+
+
+@pytest.fixture(scope="module")
+def steps():
+    change = np.where(np.arange(SIZE[0]) < SIZE[0] // 2, 0.4, 1.0) * np.ones((SIZE[1], 1))
+    return reshaded_steps(noisy_steps(SIZE), change)
+
+
+@pytest.fixture(scope="module")
+def expected(steps):
+    asvgf = Asvgf(**SETTINGS)
+    return [asvgf.frame(step.inputs, step.pair.prev_forward, EXPOSURE) for step in steps]
+
+
+def test_every_stage_has_a_bypass():
+    """Stages of SVGF are the shaders of SVGF, which its own tests bypass."""
+    method = load_method("asvgf")
+    own = {stage.name for stage in method.stages if (BUILTIN / "asvgf" / stage.shader).exists()}
+    assert own == set(BYPASSES)
+    assert {stage.name for stage in method.stages} == own | {stage.name for stage in load_method("svgf").stages}
+    assert all(stage.done for stage in method.stages)
+
+
+@pytest.mark.parametrize("stage", [None, *BYPASSES])
+def test_a_bypassed_stage_is_noticed(gpu, steps, expected, stage, tmp_path):
+    changes = [] if stage is None else [BYPASSES[stage]]
+    got = play(gpu, bypassed(tmp_path / "asvgf", "asvgf", *changes), steps, SETTINGS, exposure=EXPOSURE)
+    worst = max(map(differing, got, expected))
+    assert (worst <= ROUNDING) if stage is None else (worst > 10 * ROUNDING), worst
+
+
+def test_without_change_it_is_svgf(gpu):
+    steps = reshaded_steps(noisy_steps(SIZE), np.ones(SIZE[::-1]))
+    for adaptive, plain in zip(play(gpu, "asvgf", steps, SETTINGS), play(gpu, "svgf", steps, {"levels": 2})):
+        np.testing.assert_array_equal(adaptive, plain)
+
+
+def test_light_that_is_switched_off_does_not_lag(gpu):
+    """The frame after the switch: SVGF shows most of the old light, A-SVGF almost none."""
+    h, w = SIZE[::-1]
+    lit = np.full((h, w, 3), 0.6)
+    still = still_steps(SIZE, [lit] * 8 + [0.1 * lit] * 2)
+    before = reshaded_steps(still[:8], np.ones((h, w)))
+    after = reshaded_steps(still[8:9], np.full((h, w), 0.1)) + reshaded_steps(still[9:], np.ones((h, w)))
+    left = {}
+    for name in ("svgf", "asvgf"):
+        result = play(gpu, name, before + after, {"taa_alpha": 1.0})[8][..., :3]
+        surface = still[8].inputs["position"][..., 3] > 0
+        left[name] = float(np.abs(result - 0.06)[surface].mean() / 0.54)
+    assert left["svgf"] > 0.6 and left["asvgf"] < 0.25, left
+
+
+def test_gradient_is_the_relative_change():
+    """A constant change of every sample is the lambda of every pixel."""
+    step = noisy_steps(SIZE, moving=2, still=0)[1]
+    lit = replace(step, inputs=step.inputs | {"direct": np.ones_like(step.inputs["direct"])})
+    (step,) = reshaded_steps([lit], np.full(SIZE[::-1], 0.25), share=1.0)
+    gradient, _ = gradient_samples(step.inputs)
+    np.testing.assert_allclose(gradient_lambda(gradient, SIZE), 0.75, atol=1e-6)

@@ -1,0 +1,127 @@
+"""The ReBLUR-class method against its float64 reference, every stage bypassed, and its laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reuse_tools import bypassed, play
+from stage_tools import differing, noisy_steps
+
+from taubench_gl.metrics.reuse_methods import Reblur, disk_offset, dominant_factor, hit_factor, tangents
+from taubench_gl.reuse.loading import load_method
+
+SIZE = (64, 36)
+SETTINGS = {"preblur_radius": 90.0, "max_radius": 90.0, "min_radius": 10.0, "fix_stride": 60.0, "clamp_sigma": 0.5}
+ROUNDING = 0.01
+"""Share of pixels with a tap at the border of two pixels, which may fall either way, and of those blurred with them."""
+
+STILL = "if (frame.has_history == 0u || !inside(at)) return found;"
+BYPASSES = {
+    "demodulation": [("preblur.glsl", "fetch_diffuse_demodulated(q).rgb :",
+                      "fetch_diffuse_demodulated(q).rgb * (0.5 + 0.5 * fetch_material(q).y) :")],
+    "pre_blur": [("preblur.glsl", "float radius = preblur_radius", "float radius = 0.0 * preblur_radius")],
+    "temporal_accumulation": [("accumulate.glsl", STILL, "return found;")],
+    "disocclusion": [("accumulate.glsl", "<= disocclusion * frustum_size(depth);", "<= 1.0e9;")],
+    "virtual_motion": [("accumulate.glsl", "normalize(now) * hit * dominant", "normalize(now) * 0.0")],
+    "history_fix": [("history_fix.glsl", "if (!(position.w > 0.0) ||", "if (true ||")],
+    "blur": [("blur.glsl", "if (iteration == 1) radius *= post_scale;",
+              "radius *= iteration == 1 ? post_scale : 0.0;")],
+    "post_blur": [("blur.glsl", "if (iteration == 1) radius *= post_scale;", "if (iteration == 1) radius *= 0.0;")],
+    "recurrence": [("blur.glsl", "    if (iteration == 1) {\n        write_diffuse_light(p, diffuse);",
+                    "    if (iteration == 1) write_specular_light(p, specular);\n"
+                    "    if (iteration == 0) {\n        write_diffuse_light(p, fetch_diffuse_now(p));")],
+    "stabilization": [("stabilize.glsl", "stable[lobe] = mix(l, inner, trust * frames / (1.0 + frames));",
+                       "stable[lobe] = l;")],
+    "anti_lag": [("stabilize.glsl", "float trust = 1.0 / (1.0 + anti_lag * lag)", "float trust = 1.0")],
+    "modulation": [("stabilize.glsl", "light[0] * fetch_diffuse_albedo(p).rgb", "light[0]")],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def steps():
+    return lobe_steps(noisy_steps(SIZE))
+
+
+def lobe_steps(steps, roughness=(0.15, 0.5)):
+    """``steps`` with both lobes apart: a glossy ball on a rougher floor, hit distances of 0 to 3 m."""
+    rng = np.random.default_rng(5)
+    out = []
+    for step in steps:
+        i = step.inputs
+        surface, ball = i["position"][..., 3:] > 0, i["ids"][..., :1] == 2
+        rough = np.where(ball, roughness[0], roughness[1]) * surface
+        albedo = np.maximum(i["base_color"][..., :3], 0.01)
+        specular = np.broadcast_to(0.04 + 0.2 * (1 - rough), albedo.shape)
+        light = np.where(surface, i["direct"][..., :3] / albedo, 0.0)
+        shine = np.where(surface, 0.3 + (i["position"][..., :1] % 1.0) * rng.gamma(8.0, 1 / 8.0, rough.shape), 0.0)
+        shine = np.broadcast_to(shine, light.shape)
+        hit = np.where(rng.random(rough.shape) < 0.1, 0.0, 3.0 * rng.random(rough.shape)) * surface
+        inputs = {
+            "diffuse_demodulated": light, "specular_demodulated": shine, "hit_distance": hit,
+            "diffuse_albedo": albedo, "specular_albedo": specular,
+            "emitted": np.where(surface, i["emission"], i["radiance"][..., :3]),
+            "material": np.concatenate([0 * rough, rough, 0 * rough, 0 * rough], axis=-1),
+        }  # fmt: skip
+        inputs = {n: v.astype(np.float16 if n == "material" else np.float32).astype(np.float32)
+                  for n, v in inputs.items()}  # fmt: skip
+        out.append(replace(step, inputs=i | inputs))
+    return out
+
+
+def reference(steps, **settings) -> list[np.ndarray]:
+    method = Reblur(**settings)
+    return [method.frame(step.inputs, step.pair, step.index) for step in steps]
+
+
+@pytest.fixture(scope="module")
+def expected(steps):
+    return reference(steps, **SETTINGS)
+
+
+def test_it_is_its_reference(gpu, steps):
+    settings = {"max_frames": 2, "fix_frames": 1, "stable_frames": 0, "post_scale": 0.5, "normal_limit": 1.0}
+    settings |= {"roughness_limit": 2.0, "hit_limit": 0.2, "max_radius": 100.0}
+    for got, image in zip(play(gpu, "reblur_class", steps, settings), reference(steps, **settings)):
+        assert differing(got, image) <= ROUNDING
+        assert (np.abs(got[..., 3] - image[..., 3]) > 1e-3).mean() <= ROUNDING
+
+
+def test_every_stage_has_a_bypass():
+    assert set(BYPASSES) == {stage.name for stage in load_method("reblur_class").stages if stage.done}
+
+
+@pytest.mark.parametrize("stage", [None, *BYPASSES])
+def test_a_bypassed_stage_is_noticed(gpu, steps, expected, stage, tmp_path):
+    method = bypassed(tmp_path / "reblur_class", "reblur_class", *BYPASSES.get(stage, ()))
+    worst = max(map(differing, play(gpu, method, steps, SETTINGS), expected))
+    assert (worst <= ROUNDING) if stage is None else (worst > 5 * ROUNDING), worst
+
+
+def test_constant_light_is_unchanged(gpu, steps):
+    """Every stage is a weighted mean: constant light of both lobes is exactly modulated."""
+    flat = []
+    for step in steps:
+        surface = step.inputs["position"][..., 3:] > 0
+        light = np.where(surface, 0.75, 0.0) * np.ones(3, dtype=np.float32)
+        flat.append(replace(step, inputs=step.inputs | {"diffuse_demodulated": light, "specular_demodulated": light}))
+    for step, got in zip(flat, play(gpu, "reblur_class", flat, SETTINGS)):
+        i = step.inputs
+        surface = i["position"][..., 3:] > 0
+        exact = 0.75 * (i["diffuse_albedo"] + i["specular_albedo"]) + i["emitted"]
+        np.testing.assert_allclose(got[..., :3], np.where(surface, exact, i["emitted"]), rtol=2e-5)
+
+
+def test_disk_and_kernel_geometry():
+    angle = np.linspace(0.0, 6.0, 5)
+    taps = np.stack([disk_offset(i, angle) for i in range(8)])
+    assert (np.linalg.norm(taps, axis=-1) < 1).all()
+    assert np.linalg.norm(taps.mean(axis=0), axis=-1).max() < 0.1, "the taps are around the pixel"
+    rng = np.random.default_rng(1)
+    n = rng.normal(size=(50, 3))
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    basis = np.stack([*tangents(n), n], axis=-2)
+    np.testing.assert_allclose(basis @ np.swapaxes(basis, -1, -2), np.broadcast_to(np.eye(3), (50, 3, 3)), atol=1e-12)
+    assert dominant_factor(np.array([0.0, 1.0])).tolist() == [1.0, 0.0]
+    np.testing.assert_array_equal(hit_factor(np.array([0.0, 1.0, 9.0]), np.array([4.0, 4.0, 4.0])), [1.0, 0.25, 1.0])
