@@ -35,7 +35,9 @@ def test_case(bench, name):
         assert not result.naive.error <= result.case.tolerance, f"{result.naive} passes"
 
 
-@pytest.mark.parametrize("size", [(48, 32), (160, 90), (97, 61)])
+@pytest.mark.parametrize(
+    "size", [(97, 61), *(pytest.param(size, marks=pytest.mark.long) for size in ((48, 32), (160, 90)))]
+)
 def test_cases_pass_at_other_sizes(size):
     gpu = open_gpu("egl")
     with gpu:
