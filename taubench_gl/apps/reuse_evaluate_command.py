@@ -16,6 +16,7 @@ from taubench_gl.apps.options import (
     OutPath,
     Words,
     frame_options,
+    given_options,
     gpu_options,
     lighting_options,
     of_settings,
@@ -58,16 +59,16 @@ def shared_options(command: Any) -> Any:
     """Options of both ``evaluate`` and ``fit``: frames, inputs, reference, light."""
     return with_options(
         command,
-        frame_options(size="1280x720"),
+        frame_options(size="640x360"),
         click.option(
             "--input",
             "kind",
-            default="full",
+            default="path-traced@1",
             show_default=True,
             metavar="KIND",
-            help="Frames to reuse: full, or some of jittered, noisy, half, checkerboard, quarter joined by +; "
-            "path-traced@N: light of N samples per pixel, others in every pixel and frame; or exr:DIR, path-traced "
-            "frames with the camera of SCENE.",
+            help="Frames to reuse: path-traced@N: light of N samples per pixel, others in every pixel and frame; full, "
+            "or some of jittered, noisy, half, checkerboard, quarter joined by +; or exr:DIR, path-traced frames with "
+            "the camera of SCENE.",
         ),
         click.option("--light-samples", type=int, default=1, show_default=True, help="noisy: light samples per pixel."),
         former_option("--noise-lights", "--light-samples"),
@@ -75,11 +76,19 @@ def shared_options(command: Any) -> Any:
         former_option("--noise-bounces", "--vpl-samples"),
         click.option(
             "--reference",
-            default="max",
+            metavar="max|path-traced[@M]|exr:DIR",
+            help="path-traced: path-traced light with the samples that fit --reference-time; path-traced@M: of M "
+            "samples per pixel; both stored and extended.  max: exact light of the raster method, supersampled.  "
+            "exr:DIR: path-traced frames with the same numbers.  [default: path-traced for path-traced input, else "
+            "max]",
+        ),
+        click.option(
+            "--reference-time",
+            type=float,
+            default=120.0,
             show_default=True,
-            metavar="max|path-traced@M|exr:DIR",
-            help="max: exact light, supersampled.  path-traced@M: path-traced light of M samples per pixel, stored and "
-            "extended.  exr:DIR: path-traced frames with the same numbers.",
+            metavar="SECONDS",
+            help="path-traced: time for references that are not stored.",
         ),
         click.option("--reference-samples", type=int, default=16, show_default=True, help="max: samples per pixel."),
         click.option(
@@ -114,7 +123,8 @@ def shared_options(command: Any) -> Any:
 @click.command(
     epilog="""\b
 Examples:
-  taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,ideal-masks --size 640x360
+  taubench-gl reuse evaluate scene.glb --methods none,accumulate,svgf --frames 0:24 --out results --report
+  taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,ideal-masks --input full
   taubench-gl reuse evaluate scene.glb --methods accumulate,svgf --input noisy+jittered --out results
   taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05,taa_clamp@alpha=0.2,./my_method
   taubench-gl reuse evaluate scene.glb --methods svgf --input path-traced@1 --reference path-traced@1024
@@ -265,10 +275,25 @@ def fit(
 def split_options(options: dict[str, Any]) -> tuple[Settings, dict[str, Any]]:
     """Options of ``shared_options`` as Settings and as an ``EvaluationRequest``'s fields."""
     request = {
-        name: options.pop(name) for name in ("reference", "reference_samples", "cuts", "mapping", "seeds", "warmup")
+        name: options.pop(name)
+        for name in ("reference", "reference_samples", "cuts", "reference_time", "mapping", "seeds", "warmup")
     }
-    request["input"] = _input(options)
+    request["input"] = kind = _input(options)
+    if request["reference"] is None:
+        request["reference"] = "path-traced" if kind.path_samples else "max"
+    if kind.path_samples:
+        _check_path_traced(kind, options)
     return settings_from(options, reprojection="motion"), request
+
+
+def _check_path_traced(kind: InputKind, options: dict[str, Any]) -> None:
+    """Raises SettingsError for given options of light that path-traced input would ignore."""
+    ignored = {name: options[name] for name in ("light", "indirect", "spp")}
+    ignored = {name: value for name, value in ignored.items() if value not in ("auto", "path-traced", None)}
+    for name in sorted(given_options(ignored)):
+        what = f"input is {kind.text} and {name} is {ignored[name]}"
+        hint = f"leave --{name} out, or give another --input, such as full or path-traced@4"
+        raise SettingsError(what, hint=hint, setting=name)
 
 
 def _input(options: dict[str, Any]) -> InputKind:

@@ -33,6 +33,9 @@ frame to frame, and no frame of a noisy input has the same numbers."""
 
 MAX_SAMPLES = 1 << 20
 
+FEWEST, MOST = 4, 4096
+"""Samples per pixel of references that are fitted to a time."""
+
 
 class Tracer(Protocol):
     """Traces samples of frames.  ``size``: width, height."""
@@ -114,13 +117,22 @@ class Estimate:
     complete: int
     samples: int
     seconds: float | None
+    limit: float | None = None  # seconds that ``samples`` were fitted to
 
     @property
     def text(self) -> str:
         """One line."""
         stored = f", {self.complete} stored" if self.complete else ""
         what = f"path-traced references: {self.frames} frames, {self.samples} samples per pixel{stored}"
-        return what if self.seconds is None else f"{what}, about {_duration(self.seconds)} to trace"
+        if self.seconds is None:
+            return what
+        what += f", about {_duration(self.seconds)} to trace"
+        if self.limit is None:
+            return what
+        if self.seconds <= self.limit:
+            return f"{what}; as many samples as fit {_duration(self.limit)} (--reference-time)"
+        fewer = "fewer --frames or a smaller --size take less"
+        return f"{what}, longer than --reference-time {self.limit:g} for the fewest samples: {fewer}"
 
 
 class References:
@@ -165,6 +177,34 @@ class References:
             left[first] -= count
         self._save(first, sums)
         return Estimate(len(left), complete, self.samples, seconds / count * sum(left.values()))
+
+    def fit(self, frames: Iterable[int], seconds: float) -> Estimate:
+        """Set ``samples`` to the largest power of two for which ``frames`` take at most ``seconds``; FEWEST to MOST.
+
+        The time is that of a part of the first frame, which counts.  If all frames are stored with FEWEST samples or
+        more, the fewest of them are used, whatever the time: repeated evaluations have the same reference.
+        """
+        frames = tuple(frames)
+        stored = {frame: self._load(frame).samples for frame in frames}
+        if min(stored.values()) >= FEWEST:
+            self.samples = min(stored.values())
+            return Estimate(len(frames), len(frames), self.samples, None)
+        first = min(stored, key=stored.get)
+        sums, one = self._load(first), 0.0
+        for half, start, n in [*sums.missing(stored[first] + 2 * FEWEST)][:2]:  # the first part also compiles shaders
+            one = self._part(sums, first, half, start, n) / n
+        self._save(first, sums)
+        stored[first] = sums.samples
+
+        def needed(samples: int) -> float:
+            return one * sum(max(0, samples - have) for have in stored.values())
+
+        fitting = [
+            n for n in (1 << k for k in range(MOST.bit_length())) if FEWEST <= n <= MOST and needed(n) <= seconds
+        ]
+        self.samples = max(fitting, default=FEWEST)
+        complete = sum(have >= self.samples for have in stored.values())
+        return Estimate(len(frames), complete, self.samples, needed(self.samples), seconds)
 
     def frame(self, frame: int) -> Reference:
         """The reference of ``frame``, traced as far as it is not stored.  An interrupt loses at most SAVE_SECONDS."""

@@ -139,15 +139,14 @@ def reuse_notes(summary: Summary) -> tuple[str, ...]:
     if given["light_samples"]:
         kind += f" ({given['light_samples']} lights, {given['indirect_samples']} VPLs, seed {given['seed']})"
     against = reference["path"] if reference["samples"] is None else f"{reference['samples']} samples per pixel"
-    if reference.get("noise"):
-        against += f", standard error {reference['noise']}"
     first = f"{summary['scene']['name']}: {s['width']}x{s['height']}, {s['fps']:g} fps, "
     first += f"means over frames {s['first_frame'] + summary.get('warmup', 1)} to {s['last_frame']} "
     seeds = len(summary.get("seeds", ()))
     first += f"(N = {summary['evaluated_frames']}{f', {seeds} seeds' if seeds > 1 else ''}); "
     text = lighting_text(summary)
     lighting = (f"{text}.",) if text else ()
-    return (f"{first}input: {kind}; reference: {reference['kind']}, {against}.", *lighting, *given["notes"])
+    floor = (f"Noise floor, standard error of the reference: {reference['noise']}.",) if reference.get("noise") else ()
+    return (f"{first}input: {kind}; reference: {reference['kind']}, {against}.", *floor, *lighting, *given["notes"])
 
 
 def fit_table(fit: Summary) -> Table:

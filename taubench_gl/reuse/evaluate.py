@@ -33,7 +33,7 @@ from taubench_gl.reuse.frame import FrameInputs, read_result, write_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
 from taubench_gl.reuse.loading import current_name, load_method
-from taubench_gl.reuse.path_traced import PathTracedReference, reference_samples
+from taubench_gl.reuse.path_traced import FITTED, PathTracedReference, reference_samples
 from taubench_gl.reuse.quality import CHOICES, MEASURES, display
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
 from taubench_gl.reuse.references import FileReference, SupersampledReference
@@ -91,7 +91,8 @@ class EvaluationRequest:
     """What to evaluate methods on.
 
     ``input``: an InputKind, or text for ``parse_input``; ``reference``: ``max`` (exact light, ``reference_samples`` per
-    pixel), ``path-traced@M`` (M samples per pixel, stored) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``:
+    pixel), ``path-traced@M`` (M samples per pixel, stored), ``path-traced`` (as many as can be traced in
+    ``reference_time`` seconds, ``References.fit``) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``:
     frames declared to have no history; ``mapping``: names of the passes of EXR files; ``seeds``: the sequence is
     repeated with this many seeds of the random numbers, from that of ``input`` on; ``warmup``: first frames of the
     sequence that means leave out.
@@ -100,6 +101,7 @@ class EvaluationRequest:
     input: str | InputKind = "full"
     reference: str = "max"
     reference_samples: int = 16
+    reference_time: float = 120.0
     metrics: Collection[str] = CHOICES
     cuts: Collection[int] = ()
     mapping: str | None = None
@@ -120,16 +122,18 @@ class EvaluationRequest:
                 hint = f"pip install 'taubench-gl[reuse]', or choose metrics other than {name}, such as psnr,relmse"
                 raise SettingsError(f"metric {name} needs {package}", hint=hint)
         self._check_repetition()
+        if not 0 < self.reference_time < float("inf"):
+            raise SettingsError(f"reference time is {self.reference_time:g} s", hint="give seconds above 0")
         traced = reference_samples(self.reference) is not None
         if self.reference != "max" and not traced and not is_sequence(self.reference):
-            hint = "give max, path-traced@M or exr:DIR"
+            hint = "give max, path-traced, path-traced@M or exr:DIR"
             raise SettingsError(f"reference is {self.reference!r}", hint=hint)
         if self.kind.files is not None and not is_sequence(self.reference):
             what = f"path-traced files have no {self.reference!r} reference"
             raise SettingsError(what, hint="give --reference exr:DIR")
         if self.kind.path_samples and not traced:
             what = f"path-traced input has no {self.reference!r} reference"
-            raise SettingsError(what, hint="give --reference path-traced@M")
+            raise SettingsError(what, hint="give --reference path-traced or path-traced@M")
 
     def _check_repetition(self) -> None:
         if self.warmup < 1:
@@ -270,8 +274,9 @@ class _Evaluator:
             self._open_inputs(self.seeds[0])
             self._check_frames()
             if isinstance(self._reference, PathTracedReference):
-                estimate = self._reference.references.estimate(self.frames)
-                if announce is not None and estimate.seconds is not None:
+                fitted = request.reference == FITTED
+                estimate = self._reference.prepare(self.frames, request.reference_time if fitted else None)
+                if announce is not None and (fitted or estimate.seconds is not None):
                     announce(estimate.text)
             elif request.reference == "max":
                 self._reference = SupersampledReference(inputs, request.reference_samples)

@@ -19,16 +19,24 @@ from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.metrics.color import display_color
 from taubench_gl.metrics.environment import lookup
-from taubench_gl.pathtraced.references import References
+from taubench_gl.pathtraced.references import FEWEST, Estimate, References
 from taubench_gl.reuse.inputs import InputRequest, radiance_texture
 
 Array = np.ndarray
+
+FITTED = "path-traced"
+"""The path-traced reference with the samples that fit a time."""
 
 PREFIX = "path-traced@"
 
 
 def reference_samples(text: str) -> int | None:
-    """Samples per pixel of ``path-traced@M``; None for another kind of reference.  Raises SettingsError."""
+    """Samples per pixel of ``path-traced@M``, FEWEST for FITTED; None for another kind of reference.
+
+    Raises SettingsError.
+    """
+    if text == FITTED:
+        return FEWEST
     if not text.startswith(PREFIX):
         return None
     number = text.removeprefix(PREFIX)
@@ -73,6 +81,10 @@ class PathTracedReference:
         except BaseException:
             self.release()
             raise
+
+    def prepare(self, frames: range, seconds: float | None) -> Estimate:
+        """The time that ``frames`` will take; with ``seconds``, first choose the samples that fit it."""
+        return self.references.estimate(frames) if seconds is None else self.references.fit(frames, seconds)
 
     def advance(self, frame: int) -> View:
         view = self._source.advance(frame)

@@ -23,7 +23,7 @@ from taubench_gl.pathtraced.reference_store import (
     identity,
     listed,
 )
-from taubench_gl.pathtraced.references import PART, References
+from taubench_gl.pathtraced.references import FEWEST, PART, References
 from taubench_gl.scene.model import Camera
 from taubench_gl.settings import Settings
 
@@ -152,6 +152,46 @@ def test_the_estimate_counts_what_is_left(tmp_path):
         again.frame(frame)
     assert again.estimate(range(4)).seconds is None
     assert "about" in estimate.text and "about" not in again.estimate(range(4)).text
+
+
+class Slow(Dice):
+    """Half a second per sample, by the clock that it replaces."""
+
+    def __init__(self, monkeypatch):
+        super().__init__()
+        self.now = 0.0
+        monkeypatch.setattr("taubench_gl.pathtraced.references.time.perf_counter", lambda: self.now)
+
+    def trace(self, frame, half, first, count):
+        self.now += 0.5 * count
+        return super().trace(frame, half, first, count)
+
+
+def test_samples_are_fitted_to_a_time(tmp_path, monkeypatch):
+    """Eight samples of the first frame are timed and count: 4 x 16 - 8 samples take 28 s, 4 x 32 - 8 take 60 s."""
+    tracer = Slow(monkeypatch)
+    made = References(tracer, store(tmp_path), 4)
+    estimate = made.fit(range(4), 30.0)
+    assert (made.samples, estimate.samples, estimate.complete) == (16, 16, 0)
+    assert estimate.seconds == pytest.approx(28.0) and tracer.now == pytest.approx(4.0)
+    assert [made.frame(n).samples for n in range(4)] == [16] * 4 and tracer.now == pytest.approx(32.0)
+
+
+def test_stored_references_are_used_as_they_are(tmp_path, monkeypatch):
+    made = References(Slow(monkeypatch), store(tmp_path), 16)
+    for frame in range(4):
+        made.frame(frame)
+    tracer = Slow(monkeypatch)
+    again = References(tracer, store(tmp_path), 4)
+    estimate = again.fit(range(4), 1e6)
+    assert again.samples == 16 and estimate.seconds is None and estimate.complete == 4 and not tracer.calls
+
+
+def test_the_fewest_samples_are_traced_where_none_fit(tmp_path, monkeypatch):
+    made = References(Slow(monkeypatch), store(tmp_path), 4)
+    estimate = made.fit(range(4), 1.0)
+    assert made.samples == FEWEST and estimate.seconds == pytest.approx(0.5 * 3 * FEWEST)
+    assert "--frames" in estimate.text and "--frames" not in made.fit(range(1), 1.0).text
 
 
 def test_a_scene_without_file_is_not_stored(tmp_path):

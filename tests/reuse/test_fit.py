@@ -191,7 +191,8 @@ def test_command_line(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(
             ["reuse", "fit", str(demo), "--method", "taa_clamp", "--setting", "alpha=0.2:1:2", "--size",
-             "32x18", "--frames", "0:2", "--indirect", "none", "--shadow-size", "64", "--reference-samples", "1",
+             "32x18", "--frames", "0:2", "--input", "full", "--indirect", "none",
+             "--shadow-size", "64", "--reference-samples", "1",
              "--refine", "0", "--out", str(tmp_path / "fit")]
         )  # fmt: skip
     out, _ = capsys.readouterr()

@@ -157,7 +157,7 @@ def test_spp_of_raster_light_is_refused(capsys):
 
     for command in (
         ["evaluate", "s.glb"],
-        ["reuse", "evaluate", "s.glb", "--methods", "none"],
+        ["reuse", "evaluate", "s.glb", "--methods", "none", "--input", "full"],
         ["export", "s.glb", "--out", "x"],
     ):
         with pytest.raises(SystemExit) as ended:

@@ -1,0 +1,87 @@
+"""The defaults of ``reuse evaluate``: path-traced frames of one sample, and a path-traced reference within a time."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from taubench_gl.apps import cli
+from taubench_gl.paths import PACKAGE
+
+DEMO = PACKAGE.parent / "assets" / "demo.glb"
+COMMAND = (
+    "reuse", "evaluate", str(DEMO), "--methods", "none,accumulate", "--size", "32x18", "--frames", "0:6", "--bounces",
+    "2", "--reference-time", "3", "--light", "auto", "--metrics", "psnr", "--video", "none",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def evaluated(tmp_path_factory):
+    """``reuse evaluate demo.glb --methods none,accumulate``, small; and what it prints."""
+    import os
+    from contextlib import redirect_stderr, redirect_stdout
+    from io import StringIO
+
+    folder = tmp_path_factory.mktemp("default")
+    before = os.environ.get("TAUBENCH_CACHE")
+    os.environ["TAUBENCH_CACHE"] = str(folder / "cache")
+    printed = []
+    try:
+        for name in ("first", "again"):
+            out, err = StringIO(), StringIO()
+            with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
+                cli.main([*COMMAND, "--out", str(folder / name)])
+            assert ended.value.code == 0, err.getvalue()
+            printed.append((out.getvalue(), err.getvalue()))
+    finally:
+        os.environ.pop("TAUBENCH_CACHE")
+        if before is not None:
+            os.environ["TAUBENCH_CACHE"] = before
+    return [json.loads((folder / name / "reuse.json").read_text()) for name in ("first", "again")], printed
+
+
+def test_none_is_the_floor_and_not_the_winner(evaluated):
+    (summary, _), _ = evaluated
+    means = {label: method["mean"] for label, method in summary["methods"].items()}
+    assert means["accumulate"]["psnr_db"] > means["none"]["psnr_db"]
+    assert summary["input"]["path_samples"] == 1 and summary["input"]["kind"] == "path-traced@1"
+
+
+def test_the_reference_is_path_traced_with_a_power_of_two_of_samples(evaluated):
+    (summary, again), _ = evaluated
+    samples = summary["reference"]["samples"]
+    assert summary["reference"]["kind"] == "path-traced" and samples >= 4 and math.log2(samples).is_integer()
+    assert summary["reference"]["noise_percent"] > 0
+    assert again["reference"]["samples"] == samples  # stored: the same reference
+    assert again["methods"]["none"]["mean"] == summary["methods"]["none"]["mean"]
+
+
+def test_the_time_is_announced_and_the_noise_floor_printed(evaluated):
+    (summary, _), ((out, err), (_, err_again)) = evaluated
+    assert "to trace" in err and str(summary["reference"]["samples"]) in err and "to trace" not in err_again
+    assert "oise floor" in out
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--light", "raster"], ["--spp", "4"], ["--indirect", "none"], ["--reference", "max"], ["--reference-time", "0"]],
+)
+def test_what_path_traced_input_cannot_use_is_one_line(options, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["reuse", "evaluate", str(DEMO), "--methods", "none", "--frames", "0:2", *options])
+    assert ended.value.code == 2 and capsys.readouterr().err.count("\n") == 1
+
+
+def test_raster_input_keeps_the_exact_reference(capsys):
+    from taubench_gl.apps.reuse_evaluate_command import evaluate, split_options
+
+    options = {p.name: p.default for p in evaluate.params if p.name not in ("scenes", "methods", "metrics", "out")}
+    context = evaluate.make_context("evaluate", ["s.glb", "--methods", "none", "--input", "noisy"])
+    given = {k: v for k, v in context.params.items() if k in options}
+    for name in ("video", "save", "report"):
+        given.pop(name)
+    with context:
+        _, request = split_options(given)
+    assert request["reference"] == "max"
