@@ -31,7 +31,7 @@ LAYERS: tuple[set[str], ...] = (
     {"evaluation"},
     {"pathtraced"},
     {"api"},
-    {"reuse", "selftest", "datasets", "export", "batch"},
+    {"reuse", "reject", "selftest", "datasets", "export", "batch"},
     {"cost"},
     {"demos"},
     {"viewer"},

@@ -26,6 +26,7 @@ from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.export_command import export
 from taubench_gl.apps.inspect_command import inspect
 from taubench_gl.apps.reference_command import reference
+from taubench_gl.apps.reject_command import reject
 from taubench_gl.apps.report_command import report
 from taubench_gl.apps.reuse_command import reuse
 from taubench_gl.apps.scenes_command import scenes
@@ -94,6 +95,7 @@ for command in (
     demo,
     scenes,
     reuse,
+    reject,
     stress,
     completion,
 ):

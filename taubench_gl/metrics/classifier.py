@@ -1,0 +1,99 @@
+"""Scores of a threshold test as a classifier: confusion, curves over all thresholds, thresholds for a wanted recall.
+
+Positive: history must be rejected.  Values above the threshold are rejected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import HISTOGRAM_BINS
+from taubench_gl.metrics.counts import bin_of, discarded_above, edges
+
+Array = np.ndarray
+
+
+@dataclass
+class Confusion:
+    """Pixels by truth and answer."""
+
+    true_positive: int = 0  # rejected, and must be
+    false_positive: int = 0  # rejected, and was visible: reuse lost
+    false_negative: int = 0  # kept, and must be rejected: a ghost
+    true_negative: int = 0
+
+    def add(self, rejected: Array, positive: Array) -> None:
+        """Both (K,) bool."""
+        self.true_positive += int(np.count_nonzero(rejected & positive))
+        self.false_positive += int(np.count_nonzero(rejected & ~positive))
+        self.false_negative += int(np.count_nonzero(~rejected & positive))
+        self.true_negative += int(np.count_nonzero(~rejected & ~positive))
+
+    @property
+    def pixels(self) -> int:
+        return self.true_positive + self.false_positive + self.false_negative + self.true_negative
+
+    def block(self) -> dict[str, Any]:
+        """JSON values; precision, recall and false positive rate are null without such pixels."""
+        tp, fp, fn, tn = self.true_positive, self.false_positive, self.false_negative, self.true_negative
+        return {
+            "true_positive": tp, "false_positive": fp, "false_negative": fn, "true_negative": tn,
+            "precision": _ratio(tp, tp + fp), "recall": _ratio(tp, tp + fn),
+            "false_positive_rate": _ratio(fp, fp + tn), "rejected_percent": _ratio(100 * (tp + fp), self.pixels),
+        }  # fmt: skip
+
+
+def _ratio(part: int, whole: int) -> float | None:
+    return part / whole if whole else None
+
+
+@dataclass
+class Curve:
+    """Values by truth, in the log-linear bins of distances (eight per octave)."""
+
+    positive: Array = field(default_factory=lambda: np.zeros(HISTOGRAM_BINS, np.int64))
+    negative: Array = field(default_factory=lambda: np.zeros(HISTOGRAM_BINS, np.int64))
+
+    def add(self, values: Array, positive: Array) -> None:
+        """``values`` (K,) at least 0, may be infinite; ``positive`` (K,) bool."""
+        bins = bin_of(values)
+        self.positive += np.bincount(bins[positive], minlength=HISTOGRAM_BINS)
+        self.negative += np.bincount(bins[~positive], minlength=HISTOGRAM_BINS)
+
+    def rates(self) -> tuple[Array, Array, Array]:
+        """Thresholds (T,) ascending, recall (T,) and false positive rate (T,): at or above each threshold."""
+        tp, fp = discarded_above(self.positive), discarded_above(self.negative)
+        return edges(), tp / max(self.positive.sum(), 1), fp / max(self.negative.sum(), 1)
+
+    def precision(self) -> Array:
+        """(T,), NaN where nothing is rejected."""
+        tp, fp = discarded_above(self.positive), discarded_above(self.negative)
+        with np.errstate(invalid="ignore"):
+            return tp / (tp + fp)
+
+    def area(self) -> float | None:
+        """Area under the ROC curve; None without both kinds of pixels.  Ties within a bin count half."""
+        if not (self.positive.sum() and self.negative.sum()):
+            return None
+        below = np.concatenate([[0], np.cumsum(self.negative)[:-1]])
+        wins = (self.positive * (below + 0.5 * self.negative)).sum()
+        return float(wins / (self.positive.sum() * self.negative.sum()))
+
+    def threshold_for(self, recall: float) -> float | None:
+        """The largest bin edge at which at least ``recall`` of the positive pixels are rejected; None if none is."""
+        thresholds, reached, _ = self.rates()
+        found = np.flatnonzero(reached >= recall)
+        return float(thresholds[found[-1]]) if len(found) and self.positive.sum() else None
+
+    def block(self, every: int = 4) -> dict[str, Any]:
+        """JSON values: ``threshold``, ``recall``, ``false_positive_rate``, ``precision`` at every ``every``-th edge."""
+        thresholds, recall, wrong = self.rates()
+        precision = [None if np.isnan(p) else float(p) for p in self.precision()]
+        rows = slice(None, None, every)
+        return {
+            "threshold": thresholds[rows].tolist(), "recall": recall[rows].tolist(),
+            "false_positive_rate": wrong[rows].tolist(), "precision": precision[rows], "area": self.area(),
+        }  # fmt: skip

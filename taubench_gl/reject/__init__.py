@@ -1,0 +1,1 @@
+"""Rejection tests of history, scored against exact visibility: contract, tests/, evaluation, fit (docs/reject.md)."""

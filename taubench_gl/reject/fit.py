@@ -1,0 +1,43 @@
+"""Thresholds of rejection tests for a wanted recall."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.reject.evaluate import Rejection
+from taubench_gl.report.tables import Column, Row, Table
+
+
+def fitted(found: Rejection, recall: float) -> dict[str, Any]:
+    """Per test the largest threshold whose recall is at least ``recall``, and its rates; JSON values."""
+    tests = {}
+    for name, scores in found.scores.items():
+        curve = scores.curves[scores.truth]
+        threshold = curve.threshold_for(recall)
+        entry: dict[str, Any] = {"default": scores.test.threshold, "threshold": threshold, "truth": scores.truth}
+        if threshold is None:
+            entry |= dict.fromkeys(("recall", "precision", "false_positive_rate"))
+            entry["reason"] = "no threshold reaches this recall" if curve.positive.sum() else "no positive pixel"
+        else:
+            thresholds, reached, wrong = curve.rates()
+            at = int(np.searchsorted(thresholds, threshold))
+            precision = float(curve.precision()[at])
+            entry |= {"recall": float(reached[at]), "precision": precision, "false_positive_rate": float(wrong[at])}
+        tests[name] = entry
+    return {"schema": "taubench-gl/reject-fit/1", "recall": recall, "scene": found.summary["scene"], "tests": tests}
+
+
+def fit_table(fit: dict[str, Any]) -> Table:
+    """``fitted`` as a table."""
+    columns = (
+        Column("default", "", 4), Column("threshold", "", 5), Column("recall", "", 3), Column("precision", "", 3),
+        Column("false positives", "%", 3),
+    )  # fmt: skip
+    rows = []
+    for name, t in fit["tests"].items():
+        wrong = None if t["false_positive_rate"] is None else 100.0 * t["false_positive_rate"]
+        values = (t["default"], t["threshold"], t["recall"], t["precision"], wrong)
+        rows.append(Row(name, values, reasons={i: t.get("reason", "") for i, v in enumerate(values) if v is None}))
+    return Table("fit", f"Thresholds for a recall of {fit['recall']:g}", columns, tuple(rows))

@@ -1,0 +1,1 @@
+float difference(Point now, Point history, Pixel pixel) { return distance(now.normal, history.normal); }

@@ -1,0 +1,1 @@
+float difference(Point now, Point history, Pixel pixel) { return abs(history.depth - now.depth) / now.depth; }

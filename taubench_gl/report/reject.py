@@ -1,0 +1,132 @@
+"""Tables, plots and HTML page of rejection tests (schema ``taubench-gl/reject/1``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, save_figure
+from taubench_gl.report.labels import lighting_text
+from taubench_gl.report.page import data_uri, render_page
+from taubench_gl.report.render import to_html
+from taubench_gl.report.tables import Column, Row, Table
+
+Summary = Mapping[str, Any]
+
+TRUTHS = {
+    "visibility": "positive: the previous camera did not see the surface point (occluded or new)",
+    "visibility_or_shading": "positive: the point was not seen, or its direct or indirect light changed past a "
+    "threshold",
+}
+_COLUMNS = (
+    Column("threshold", "", 4, "History is rejected above it; its unit is that of the test"),
+    Column("precision", "", 3, "Of the rejected pixels, those that must be rejected"),
+    Column("recall", "", 3, "Of the pixels that must be rejected, those that are; the rest are ghosts"),
+    Column("false positives", "%", 2, "Of the pixels whose history is right, those that are rejected: reuse lost"),
+    Column("rejected", "%", 2, "Of the scored pixels"),
+    Column("area", "", 4, "Area under the ROC curve over all thresholds; 1 is perfect, 0.5 is chance"),
+    Column("time", "ms", 3, "Median time of the pass"),
+)
+_LINES = ("-", "--", ":", "-.")
+
+
+def reject_tables(summary: Summary) -> list[Table]:
+    """Scores by each truth, confusion counts, then precision and recall by stratum."""
+    names = list(next(iter(summary["tests"].values()))["scores"])
+    tables = [_scores(summary, i + 1, name) for i, name in enumerate(names)]
+    tables.append(_confusion(summary))
+    tables += [_strata(summary, name) for name in next(iter(summary["tests"].values()))["strata"]]
+    return tables
+
+
+def _scores(summary: Summary, number: int, truth: str) -> Table:
+    rows = []
+    for name, test in summary["tests"].items():
+        score, time = test["scores"][truth], test["milliseconds"]
+        wrong = score["false_positive_rate"]
+        values = (
+            test["threshold"], score["precision"], score["recall"], None if wrong is None else 100.0 * wrong,
+            score["rejected_percent"], test["curves"][truth]["area"], time,
+        )  # fmt: skip
+        rows.append(Row(name, values, reasons={i: "no such pixel" for i, v in enumerate(values) if v is None}))
+    notes = reject_notes(summary) if number == 1 else ()
+    title = f"Rejection tests against {truth.replace('_', ' ')}"
+    return Table(number, title, _COLUMNS, tuple(rows), notes, lead=(f"{TRUTHS[truth]}.",))
+
+
+def _confusion(summary: Summary) -> Table:
+    keys = ("true_positive", "false_positive", "false_negative", "true_negative")
+    columns = tuple(Column(key.replace("_", " "), "pixels") for key in keys)
+    rows = tuple(Row(name, tuple(t["scores"][t["truth"]][key] for key in keys)) for name, t in summary["tests"].items())
+    return Table("confusion", "Pixels of all pairs at the threshold", columns, rows)
+
+
+def _strata(summary: Summary, stratum: str) -> Table:
+    first = next(iter(summary["tests"].values()))["strata"][stratum]
+    labels = [label for label, entry in first.items() if entry["pixels"]]
+    columns = tuple(
+        Column(f"{label}: {what[0].upper()}", "", 3, f"{what}, {first[label]['pixels']} pixels")
+        for label in labels for what in ("precision", "recall")
+    )  # fmt: skip
+    rows = []
+    for name, test in summary["tests"].items():
+        values = tuple(test["strata"][stratum][label][what] for label in labels for what in ("precision", "recall"))
+        rows.append(Row(name, values, reasons={i: "no such pixel" for i, v in enumerate(values) if v is None}))
+    unit = (summary["strata"].get(stratum) or {}).get("unit")
+    title = f"Precision (P) and recall (R) by {stratum}" + (f", {unit}" if unit else "")
+    return Table(stratum, title, columns, tuple(rows))
+
+
+def reject_notes(summary: Summary) -> tuple[str, ...]:
+    """What was scored, and what stands apart."""
+    settings, share = summary["settings"], summary["percent"]
+    size = f"{settings['width']}x{settings['height']}"
+    lines = [
+        f"{size}, {summary['pairs']} pairs at {settings['fps']:g} fps, motion reprojection, nearest sampling.",
+        f"Scored: {share['surface']:.2f} % of all pixels, surfaces inside the previous image. Apart: frustum "
+        f"{share['frustum']:.2f} %, sky {share['sky']:.2f} %, not classified {share['not_classified']:.2f} %.",
+        f"Times: {summary['clock']}.",
+    ]
+    lines += [f"{lighting_text(summary)}."] if lighting_text(summary) else []
+    return tuple(lines)
+
+
+def plot_reject(summary: Summary, folder: Path) -> list[Path]:
+    """``roc`` and ``precision_recall`` as PNG and SVG; the marks are the thresholds.  Raises OutputError."""
+    figures = {
+        "roc": ("false_positive_rate", "recall", "ROC: recall against false positive rate"),
+        "precision_recall": ("recall", "precision", "Precision against recall"),
+    }
+    written = []
+    for file, (x, y, title) in figures.items():
+        figure, axes = new_figure(8.0, 5.0)
+        for i, (name, test) in enumerate(summary["tests"].items()):
+            curve, score = test["curves"][test["truth"]], test["scores"][test["truth"]]
+            points = [(a, b) for a, b in zip(curve[x], curve[y], strict=True) if a is not None and b is not None]
+            repeat, color = divmod(i, len(SERIES_COLORS))
+            style = {"color": SERIES_COLORS[color], "linestyle": _LINES[repeat % len(_LINES)]}
+            axes.plot(*np.array(points).reshape(-1, 2).T, linewidth=1.6, label=name, **style)
+            if None not in (score[x], score[y]):
+                axes.plot([score[x]], [score[y]], "o", color=SERIES_COLORS[color], markersize=5)
+        axes.set(xlabel=x.replace("_", " "), ylabel=y.replace("_", " "), ylim=(-0.02, 1.02))
+        if x == "false_positive_rate":
+            axes.set_xscale("symlog", linthresh=1e-3)
+            axes.set_xlim(0, 1)
+        axes.set_title(as_title(f"{summary['scene']['name']}. {title}"), loc="left", fontsize=11)
+        legend_beside(axes)
+        written += save_figure(figure, folder / f"{file}.png")
+    return written
+
+
+def reject_html(summary: Summary, images: Mapping[str, bytes]) -> str:
+    """The page.  ``images``: title -> PNG."""
+    return render_page(
+        "reject.html",
+        title=summary["scene"]["name"],
+        notes=reject_notes(summary),
+        images=[(name, data_uri(data)) for name, data in images.items()],
+        tables=to_html(reject_tables(summary), scroll=True),
+    )
