@@ -205,6 +205,8 @@ class PathTracedFrame:
     radiance: Mapping[str, Array]  # direct, indirect: (h, w, 3) float32, linear
     lobes: Mapping[str, Array]  # requested lobes, "diffuse_direct", ...: (h, w, 3) float32, linear
     color_encoded: bool = False  # combined is tone-mapped and sRGB-encoded
+    diffuse_color: Array | None = None  # (h, w, 3) float32, albedo of the diffuse lobe
+    glossy_color: Array | None = None  # (h, w, 3) float32, albedo of the glossy lobe
     relative: bool = False  # position is relative to the frame's camera, prev_position to the previous frame's
 
     def linear_radiance(self, exposure: float, where: str) -> Array:
@@ -271,6 +273,8 @@ def read_frame(image: ExrImage, index: ChannelIndex, lobes: Collection[str] = ()
         radiance=radiance,
         lobes=separate,
         color_encoded=mapping.color == "encoded",
+        diffuse_color=take("diffuse_color"),
+        glossy_color=take("glossy_color"),
         relative=mapping.positions == "relative",
     )
 

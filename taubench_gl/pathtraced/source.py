@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import moderngl
@@ -23,6 +23,11 @@ from taubench_gl.settings import Settings
 Array = np.ndarray
 
 
+Follow = Callable[[PathTracedFrame, Array, View, View], Array]
+"""Previous positions of a frame's surface points: from its passes, positions (h, w, 4) relative to its camera, its view
+and the previous view -> (h, w, 3) relative to the previous camera."""
+
+
 class PathTracedSource:
     """Uploads the frames of a sequence one after another.  Raises SettingsError for motion without its pass."""
 
@@ -35,12 +40,17 @@ class PathTracedSource:
         *,
         lobes: Collection[str] = (),
         keep_frame: bool = False,
+        follow: Follow | None = None,
     ):
-        """``lobes``: upload these lobes' radiance too.  ``keep_frame``: keep the passes read last as ``frame``."""
+        """``lobes``: upload these lobes' radiance too.  ``keep_frame``: keep the passes read last as ``frame``.
+
+        ``follow``: with motion reprojection, gives the previous positions that files without such a pass lack.
+        """
+        self._follow = None if "prev_position" in sequence.index else follow
         self._gpu, self.sequence, self.camera, self._settings = gpu, sequence, camera, settings
         self.size, self.lobes = sequence.size, tuple(lobes)
         self.reprojection = settings.metrics.reprojection
-        if self.reprojection == "motion" and "prev_position" not in sequence.index:
+        if self.reprojection == "motion" and "prev_position" not in sequence.index and follow is None:
             raise SettingsError(
                 "motion reprojection needs previous positions, which these files do not have",
                 hint="use --reprojection camera, or map a pass to prev_position",
@@ -73,6 +83,9 @@ class PathTracedSource:
         view = self.camera.view(frame, passes)
         self.previous_view, self.current_view = self.current_view or view, view
         arrays = frame_channels(passes, view, self.previous_view, self._settings)
+        if self._follow is not None and self.reprojection == "motion":
+            moved = self._follow(passes, arrays["position"], view, self.previous_view)
+            arrays["prev_position"] = np.asarray(moved, dtype=np.float32)
         self._arrays.reverse()
         self._textures.reverse()
         self._arrays[0] = arrays

@@ -29,9 +29,10 @@ from taubench_gl.provenance import provenance
 from taubench_gl.reuse.bound import Blended
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.contract import Method, Value
+from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FrameInputs, read_result, write_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import current_name, load_method
 from taubench_gl.reuse.path_traced import FITTED, PathTracedReference, reference_samples
 from taubench_gl.reuse.quality import CHOICES, MEASURES, display

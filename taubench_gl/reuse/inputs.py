@@ -2,7 +2,7 @@
 
 ``RasterInputs`` renders them.  Its *input* source renders what methods get: jittered, noisy, or partly shaded.  Its
 *exact* source renders the same frames without noise, at pixel centers, for ``exact_mask`` and for the evaluation; both
-are one source where the input is exact.  ``FileInputs`` reads path-traced frames.
+are one source where the input is exact.  ``file_inputs`` reads path-traced frames.
 """
 
 from __future__ import annotations
@@ -32,9 +32,6 @@ from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.metrics.shading_rate import RATES, cycle, phase
-from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
-from taubench_gl.pathtraced.sequence import PathTracedSequence
-from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.reuse.derived import (
     COMPOSED,
     NEEDS,
@@ -45,7 +42,7 @@ from taubench_gl.reuse.derived import (
     with_needs,
     written,
 )
-from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs, write_input
+from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs
 from taubench_gl.reuse.input_kind import InputKind
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -172,7 +169,7 @@ class RasterInputs:
             self._compose.run(self.source, frame)
         self._derived.run({**self.source.current, **self._compose.textures}, view)
         previous = self._previous or view
-        declared = _declared(self._previous, frame, self._cuts)
+        declared = declared_reason(self._previous, frame, self._cuts)
         pair = reprojection(view, previous, *self.size, jitter=False)
         if self._masks is not None:
             self._masks.run(pair, declared)
@@ -247,155 +244,6 @@ class RasterInputs:
                 part.release()
         if self._owns_exact:
             self.exact.release()
-        self._context.release()
-
-
-class FileInputs:
-    """Inputs from path-traced files ``exr:DIR``, whose noise is that of a real renderer.
-
-    Geometry comes from the passes of the files.  Channels that methods read and the files lack (path tracers rarely
-    write previous positions or ids) are rasterized from the scene with the same camera.  The exact mask comes from
-    ``exact`` files of the same frames with many samples; without them there is none, because noise would count as
-    change.
-    """
-
-    exact_mask = exact_motion = None
-
-    def __init__(
-        self,
-        request: InputRequest,
-        reads: Collection[str],
-        *,
-        cuts: Collection[int] = (),
-        exact: str | None = None,
-        mapping: str | None = None,
-    ):
-        """``exact``: ``exr:DIR`` of noise-free frames; ``mapping``: names of passes, as for ``load_mapping``.
-
-        Raises PathTracedError.
-        """
-        gpu, scene, camera, kind = request.gpu, request.scene, request.camera, request.kind
-        sequence = PathTracedSequence.open(kind.files, mapping=mapping)
-        width, height = self.size = self.output_size = sequence.size
-        self.kind, self._cuts = kind, frozenset(cuts)
-        settings = request.settings.replace(width=width, height=height)
-        if "prev_position" not in sequence.index:
-            settings = settings.replace(reprojection="camera")
-        self.settings, self.reads = settings, frozenset(reads)
-        track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
-        self.source = PathTracedSource(gpu, sequence, track, settings, keep_frame=True)
-        self._rasterized = None if scene is None else self._missing_channels(gpu, scene, camera, settings)
-        self._context = GpuContext(gpu)
-        self._masks = MaskInputs(self._context, self.source, settings, ())
-        self._radiance = radiance_texture(gpu, self.size)
-        self._direct = radiance_texture(gpu, self.size) if "direct" in self.reads else None
-        self.exact = self._exact_masks = None
-        if exact is not None:
-            files = PathTracedSequence.open(exact, mapping=mapping)
-            files.require(self.size, of="the input")
-            self.exact = PathTracedSource(gpu, files, track, settings)
-            self._exact_masks = MaskInputs(self._context, self.exact, settings, self.exact.radiance)
-            self.exact_mask, self.exact_motion = self._exact_masks.mask, self._exact_masks.motion
-        self._index, self._previous = 0, None
-
-    def _missing_channels(self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings) -> RasterSource | None:
-        """A source of the channels that are read and missing in the files; None if there are none."""
-        read = {HISTORY_INPUTS.get(name, name) for name in self.reads} & set(CHANNEL_INPUTS)
-        missing = tuple(sorted(read - set(self.source.channels)))
-        if not missing:
-            return None
-        geometry = settings.replace(columns=("frustum",), textures="finest")
-        return RasterSource(gpu, scene, camera, geometry, SourceOptions(extra=missing))
-
-    def frames(self, requested: tuple[int | None, int | None]) -> range:
-        """Frame numbers of the files within ``requested``.  Raises PathTracedError for gaps."""
-        return self.source.sequence.select(requested)
-
-    def advance(self, frame: int) -> FrameInputs:
-        """The inputs of ``frame``; textures are valid until the next call."""
-        view = self.source.advance(frame)
-        for other in (self.exact, self._rasterized):
-            if other is not None:
-                other.advance(frame)
-        where = f"{self.source.sequence.path}, frame {frame}"
-        radiance = self.source.frame.linear_radiance(self.settings.lighting.exposure_factor, where)
-        shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
-        write_input(self._radiance, "radiance", np.concatenate([radiance, shaded], axis=-1))
-        if self._direct is not None:
-            write_input(self._direct, "direct", np.concatenate([self._direct_light(radiance), shaded], axis=-1))
-        previous = self._previous or view
-        pair = reprojection(view, previous, *self.size)
-        for masks in (self._masks, self._exact_masks):
-            if masks is not None:
-                masks.run(pair, _declared(self._previous, frame, self._cuts))
-        out = FrameInputs(
-            index=self._index,
-            time=frame / self.settings.sequence.fps,
-            textures=self._textures(),
-            pair=pair,
-            view=view,
-            prev_view=previous,
-            jitter_px=np.zeros(2),
-            prev_jitter_px=np.zeros(2),
-            exposure=self.settings.lighting.exposure_factor,
-            cut=frame in self._cuts,
-        )
-        self._index, self._previous = self._index + 1, view
-        return out
-
-    def _direct_light(self, radiance: Array) -> Array:
-        """Direct light x exposure, ``radiance`` on sky pixels; without such a pass, all light.  (h, w, 3) float32."""
-        frame, exposure = self.source.frame, np.float32(self.settings.lighting.exposure_factor)
-        if "direct" in frame.radiance:
-            light = frame.radiance["direct"] * exposure
-        else:  # without the emission that methods get
-            sources = [s for s in (self.source, self._rasterized) if s is not None and "emission" in s.channels]
-            light = radiance - (exposure * sources[0].read("emission")[..., :3] if sources else 0.0)
-        return np.where(frame.sky[..., None], radiance, light).astype(np.float32)
-
-    def _textures(self) -> dict[str, Any]:
-        current, history = dict(self.source.current), dict(self.source.previous)
-        if self._rasterized is not None:
-            current, history = {**self._rasterized.current, **current}, {**self._rasterized.previous, **history}
-        history = current if self._previous is None else history
-        out = {"radiance": self._radiance, "mask": self._masks.mask, "motion": self._masks.motion}
-        out |= {name: current[name] for name in CHANNEL_INPUTS if name in current}
-        out |= {name: history[c] for name, c in HISTORY_INPUTS.items() if c in history}
-        if self._direct is not None:
-            out["direct"] = self._direct
-        if self.exact_mask is not None:
-            out["exact_mask"] = self.exact_mask
-        return out
-
-    def shading_ms(self) -> None:
-        """None: the renderer's time is unknown."""
-        return None
-
-    @property
-    def bytes(self) -> int:
-        rasterized = 0 if self._rasterized is None else self._rasterized.describe()["memory"]["gpu_bytes"]
-        return 16 * self.size[0] * self.size[1] + self._masks.bytes + rasterized
-
-    def describe(self) -> dict[str, Any]:
-        """The block ``input`` of reuse.json."""
-        notes = [] if self._exact_masks else ["no exact mask: give noise-free files of the same frames as --reference"]
-        if self._rasterized is not None:
-            missing = sorted(set(self._rasterized.channels) & self.reads - set(self.source.channels))
-            notes.append(f"rasterized, because the files lack it: {', '.join(missing)}")
-        if self._direct is not None and "direct" in self.source.missing:
-            notes.append("the files have no direct light of its own: all light counts as direct")
-        return {
-            "kind": self.kind.text, "light_samples": None, "indirect_samples": None, "path_samples": None, "seed": None,
-            "gpu_bytes": self.bytes, "effects": {}, "notes": notes,
-        }  # fmt: skip
-
-    def release(self) -> None:
-        for part in (self._masks, self._exact_masks, self.source, self.exact, self._rasterized):
-            if part is not None:
-                part.release()
-        self._radiance.release()
-        if self._direct is not None:
-            self._direct.release()
         self._context.release()
 
 
@@ -507,7 +355,7 @@ class MaskInputs:
         self._evaluator.release()
 
 
-def _declared(previous: View | None, frame: int, cuts: Collection[int]) -> int:
+def declared_reason(previous: View | None, frame: int, cuts: Collection[int]) -> int:
     """Reason.FIRST, Reason.CUT or 0 for the whole frame."""
     return Reason.FIRST if previous is None else Reason.CUT if frame in cuts else 0
 

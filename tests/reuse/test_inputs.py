@@ -16,9 +16,10 @@ from taubench_gl.errors import PathTracedError, SettingsError
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.metrics.shading_rate import RATES, cycle, nearest_shaded, shaded
 from taubench_gl.reuse.evaluate import EvaluationRequest
+from taubench_gl.reuse.file_inputs import FileInputs
 from taubench_gl.reuse.frame import FAR_AWAY_PX, INPUTS, read_input
 from taubench_gl.reuse.input_kind import InputKind, parse_input
-from taubench_gl.reuse.inputs import FileInputs, InputRequest, RasterInputs, light_settings
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs, light_settings
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
@@ -347,10 +348,11 @@ def test_file_inputs_equal_the_rendered_frames(gpu, exr_folder):
             got, expected = arrays(frame), arrays(rendered.advance(number))
             for name in reads:
                 close = {"atol": 2e-3 if name == "motion" else 2e-5}
-                few = 3 if name == "normal" else None  # its fourth component is unused
+                few = 3 if name in ("normal", "prev_position") else None  # the fourth component is unused
                 np.testing.assert_allclose(got[name][..., :few], expected[name][..., :few], **close)
     assert "exact_mask" in frame.textures
-    assert all(name in files.describe()["notes"][0] for name in ("base_color", "ids", "emission", "prev_position"))
+    assert all(name in files.describe()["notes"][0] for name in ("base_color", "ids", "emission"))
+    assert files.describe()["motion_from"] == "rasterized"
     bare = FileInputs(InputRequest(gpu, None, None, settings(), kind), ALL)
     assert set(missing).isdisjoint(bare.advance(0).textures)
     bare.release()

@@ -1,0 +1,273 @@
+"""Path-traced files ``exr:DIR`` as inputs of reuse methods."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from taubench_gl.animation import CameraTrack, View
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.frame.sources import RasterSource, SourceOptions
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.pathtraced.cameras import FittedCamera, SceneCamera
+from taubench_gl.pathtraced.motion import position_from_motion, position_from_scene
+from taubench_gl.pathtraced.passes import PathTracedFrame
+from taubench_gl.pathtraced.sequence import PathTracedSequence
+from taubench_gl.pathtraced.source import PathTracedSource
+from taubench_gl.reuse.derived import input_texture
+from taubench_gl.reuse.frame import INPUTS, MIN_ALBEDO, FrameInputs, write_input
+from taubench_gl.reuse.inputs import (
+    CHANNEL_INPUTS,
+    HISTORY_INPUTS,
+    InputRequest,
+    MaskInputs,
+    declared_reason,
+)
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+
+LOBES = {"diffuse": ("diffuse",), "specular": ("glossy", "transmission", "volume")}
+"""Input -> lobes of the files that it is the sum of."""
+
+ALBEDOS = {"diffuse_albedo": "diffuse_color", "specular_albedo": "glossy_color"}
+"""Input -> field of PathTracedFrame."""
+
+LIGHT_INPUTS = ("diffuse", "specular", "emitted", "diffuse_demodulated", "specular_demodulated")
+UPLOADED = ("direct", *LIGHT_INPUTS, *ALBEDOS)
+"""Inputs besides radiance that are computed here from the passes of the files."""
+
+
+class FileInputs:
+    """Inputs from path-traced files ``exr:DIR``, whose noise is that of a real renderer.
+
+    Geometry comes from the passes of the files.  Surfaces are followed by their pass of previous positions, else by
+    their motion pass, else by the rasterized scene, else they count as still.  Channels that methods read and the files
+    lack (path tracers rarely write previous positions or ids) are rasterized from the scene with the same camera.  The
+    exact mask comes from ``exact`` files of the same frames with many samples; without them there is none, because
+    noise would count as change.
+    """
+
+    exact_mask = exact_motion = None
+
+    def __init__(
+        self,
+        request: InputRequest,
+        reads: Collection[str],
+        *,
+        cuts: Collection[int] = (),
+        exact: str | None = None,
+        mapping: str | None = None,
+    ):
+        """``exact``: ``exr:DIR`` of noise-free frames; ``mapping``: names of passes, as for ``load_mapping``.
+
+        Raises PathTracedError.
+        """
+        gpu, scene, camera, kind = request.gpu, request.scene, request.camera, request.kind
+        sequence = PathTracedSequence.open(kind.files, mapping=mapping)
+        width, height = self.size = self.output_size = sequence.size
+        self.kind, self._cuts, self._index_of_passes = kind, frozenset(cuts), sequence.index
+        self.motion_from = _motion_source(sequence, scene, request.settings)
+        settings = request.settings.replace(width=width, height=height)
+        if self.motion_from == "camera":
+            settings = settings.replace(reprojection="camera")
+        self.settings, self.reads = settings, frozenset(reads)
+        self.missing = self._missing_inputs()
+        track = FittedCamera() if scene is None else SceneCamera(scene, camera, settings.sequence.fps)
+        lobes = tuple(name for names in LOBES.values() for name in names) if self._splits_light else ()
+        options = {"follow": self._previous_positions}
+        self.source = PathTracedSource(gpu, sequence, track, settings, keep_frame=True, lobes=lobes, **options)
+        self._rasterized = None if scene is None else self._missing_channels(gpu, scene, camera, settings)
+        self._context = GpuContext(gpu)
+        self._masks = MaskInputs(self._context, self.source, settings, ())
+        uploaded = ("radiance", *(n for n in UPLOADED if n in self.reads and n not in self.missing))
+        if self._albedo_from == "file":
+            uploaded += ("base_color",)
+        self._uploaded = {name: input_texture(gpu, name, self.size) for name in uploaded}
+        self.exact = self._exact_masks = None
+        if exact is not None:
+            files = PathTracedSequence.open(exact, mapping=mapping)
+            files.require(self.size, of="the input")
+            self.exact = PathTracedSource(gpu, files, track, settings, **options)
+            self._exact_masks = MaskInputs(self._context, self.exact, settings, self.exact.radiance)
+            self.exact_mask, self.exact_motion = self._exact_masks.mask, self._exact_masks.motion
+        self._index, self._previous = 0, None
+
+    # -------------------------------------------------------------------------------------------- what there is
+    @property
+    def _splits_light(self) -> bool:
+        """Whether a method reads the lobes apart, and the files have them."""
+        return bool(set(LIGHT_INPUTS) & self.reads - set(self.missing))
+
+    @property
+    def _albedo_from(self) -> str | None:
+        """Where the input base_color is from: file (the color of the diffuse lobe), or else the scene."""
+        if "base_color" not in self.reads:
+            return None
+        return "file" if "diffuse_color" in self._index_of_passes else "scene"
+
+    def _missing_inputs(self) -> dict[str, str]:
+        index, name_of = self._index_of_passes, self._index_of_passes.mapping.file_name
+        out = {}
+        lobes = [f"{lobe}_{what}" for lobe in ("diffuse", "glossy") for what in ("direct", "indirect", "color")]
+        lacking = [name_of(name) for name in lobes if name not in index]
+        if lacking:
+            out |= dict.fromkeys(LIGHT_INPUTS, f"the files lack {', '.join(lacking)}")
+        out |= {name: f"the files lack {name_of(field)}" for name, field in ALBEDOS.items() if field not in index}
+        others = ("hit_distance", "sample_count", "variance", "reactive", "transparency", "reshaded", "reshaded_before")
+        return out | dict.fromkeys(others, "files do not have it")
+
+    def _missing_channels(self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings) -> RasterSource | None:
+        """A source of the channels that are read and missing in the files; None if there are none."""
+        read = {HISTORY_INPUTS.get(name, name) for name in self.reads} & set(CHANNEL_INPUTS)
+        missing = read - set(self.source.channels) - ({"base_color"} if self._albedo_from == "file" else set())
+        if self.motion_from == "rasterized":
+            missing |= {"prev_position"}
+        if not missing:
+            return None
+        geometry = settings.replace(columns=("frustum",), textures="finest")
+        return RasterSource(gpu, scene, camera, geometry, SourceOptions(extra=tuple(sorted(missing))))
+
+    def frames(self, requested: tuple[int | None, int | None]) -> range:
+        """Frame numbers of the files within ``requested``.  Raises PathTracedError for gaps."""
+        return self.source.sequence.select(requested)
+
+    # -------------------------------------------------------------------------------------------- frame by frame
+    def _previous_positions(self, passes: PathTracedFrame, position: Array, view: View, previous: View) -> Array:
+        """``pathtraced.source.Follow``, for the input and for noise-free files of the same frames."""
+        if self.motion_from == "rasterized":
+            found = (self._rasterized.read(name) for name in ("position", "prev_position"))
+            tolerance = self.settings.metrics.threshold("position")
+            return position_from_scene(position, *found, view, previous, tolerance)
+        motion = passes.motion
+        if motion is None:  # noise-free files without the pass show the surfaces of the input
+            motion = self.source.frame.motion
+        return position_from_motion(position, motion.astype(np.float64), view, previous)
+
+    def advance(self, frame: int) -> FrameInputs:
+        """The inputs of ``frame``; textures are valid until the next call."""
+        if self._rasterized is not None:
+            self._rasterized.advance(frame)
+        view = self.source.advance(frame)
+        if self.exact is not None:
+            self.exact.advance(frame)
+        for name, values in self._arrays(f"{self.source.sequence.path}, frame {frame}").items():
+            if name in self._uploaded:
+                write_input(self._uploaded[name], name, values)
+        previous = self._previous or view
+        pair = reprojection(view, previous, *self.size)
+        for masks in (self._masks, self._exact_masks):
+            if masks is not None:
+                masks.run(pair, declared_reason(self._previous, frame, self._cuts))
+        out = FrameInputs(
+            index=self._index,
+            time=frame / self.settings.sequence.fps,
+            textures=self._textures(),
+            pair=pair,
+            view=view,
+            prev_view=previous,
+            jitter_px=np.zeros(2),
+            prev_jitter_px=np.zeros(2),
+            exposure=self.settings.lighting.exposure_factor,
+            cut=frame in self._cuts,
+            missing=self.missing,
+        )
+        self._index, self._previous = self._index + 1, view
+        return out
+
+    def _arrays(self, where: str) -> dict[str, Array]:
+        """Inputs that are computed from the passes of the current frame, (h, w, components) float32."""
+        passes, exposure = self.source.frame, np.float32(self.settings.lighting.exposure_factor)
+        radiance = passes.linear_radiance(float(exposure), where)
+        shaded = np.ones((*radiance.shape[:2], 1), dtype=np.float32)
+        out = {"radiance": radiance}
+        if "direct" in self._uploaded:
+            out["direct"] = self._direct_light(radiance)
+        for name, field in ALBEDOS.items():
+            if getattr(passes, field) is not None:
+                out[name] = np.maximum(getattr(passes, field), np.float32(MIN_ALBEDO))
+        if self._splits_light:
+            surface = ~passes.sky[..., None]
+            for name, lobes in LOBES.items():
+                light = sum(values for key, values in passes.lobes.items() if key.rpartition("_")[0] in lobes)
+                out[name] = np.where(surface, light * exposure, np.float32(0))
+                out[f"{name}_demodulated"] = out[name] / out[f"{name}_albedo"]
+            out["emitted"] = radiance - out["diffuse"] - out["specular"]
+        if passes.diffuse_color is not None:
+            out["base_color"] = passes.diffuse_color
+        four = {name for name in out if INPUTS[name].components == 4}
+        return {name: np.concatenate([v, shaded], axis=-1) if name in four else v for name, v in out.items()}
+
+    def _direct_light(self, radiance: Array) -> Array:
+        """Direct light x exposure, ``radiance`` on sky pixels; without such a pass, all light.  (h, w, 3) float32."""
+        frame, exposure = self.source.frame, np.float32(self.settings.lighting.exposure_factor)
+        if "direct" in frame.radiance:
+            light = frame.radiance["direct"] * exposure
+        else:  # without the emission that methods get
+            sources = [s for s in (self.source, self._rasterized) if s is not None and "emission" in s.channels]
+            light = radiance - (exposure * sources[0].read("emission")[..., :3] if sources else 0.0)
+        return np.where(frame.sky[..., None], radiance, light).astype(np.float32)
+
+    def _textures(self) -> dict[str, moderngl.Texture]:
+        current, history = dict(self.source.current), dict(self.source.previous)
+        if self._rasterized is not None:
+            current, history = {**self._rasterized.current, **current}, {**self._rasterized.previous, **history}
+        history = current if self._previous is None else history
+        out = {name: current[name] for name in CHANNEL_INPUTS if name in current}
+        out |= {name: history[c] for name, c in HISTORY_INPUTS.items() if c in history}
+        out |= {"mask": self._masks.mask, "motion": self._masks.motion, **self._uploaded}
+        if self.exact_mask is not None:
+            out["exact_mask"] = self.exact_mask
+        return out
+
+    def shading_ms(self) -> None:
+        """None: the renderer's time is unknown."""
+        return None
+
+    @property
+    def bytes(self) -> int:
+        rasterized = 0 if self._rasterized is None else self._rasterized.describe()["memory"]["gpu_bytes"]
+        values = sum(INPUTS[name].components * int(INPUTS[name].dtype[1]) for name in self._uploaded)
+        return values * self.size[0] * self.size[1] + self._masks.bytes + rasterized
+
+    def describe(self) -> dict[str, Any]:
+        """The block ``input`` of reuse.json."""
+        notes = [] if self._exact_masks else ["no exact mask: give noise-free files of the same frames as --reference"]
+        if self._rasterized is not None:
+            missing = sorted(set(self._rasterized.channels) & self.reads - set(self.source.channels))
+            if missing:
+                notes.append(f"rasterized, because the files lack it: {', '.join(missing)}")
+        if "direct" in self._uploaded and "direct" in self.source.missing:
+            notes.append("the files have no direct light of its own: all light counts as direct")
+        if self.motion_from == "camera" and self.settings.metrics.reprojection != "camera":
+            notes.append("surfaces count as still: the files have no motion pass, and there is no scene")
+        name_of = self._index_of_passes.mapping.file_name
+        return {
+            "kind": self.kind.text, "light_samples": None, "indirect_samples": None, "path_samples": None, "seed": None,
+            "size": list(self.size), "gpu_bytes": self.bytes, "effects": {}, "notes": notes,
+            "motion_from": self.motion_from,
+            "motion_pass": name_of(self.motion_from) if self.motion_from in ("prev_position", "motion") else None,
+            "base_color_from": {"file": name_of("diffuse_color"), "scene": "rasterized"}.get(self._albedo_from or ""),
+        }  # fmt: skip
+
+    def release(self) -> None:
+        parts = (self._masks, self._exact_masks, self.source, self.exact, self._rasterized, *self._uploaded.values())
+        for part in parts:
+            if part is not None:
+                part.release()
+        self._context.release()
+
+
+def _motion_source(sequence: PathTracedSequence, scene: Scene | None, settings: Settings) -> str:
+    """What surfaces are followed by: prev_position or motion (passes), rasterized, or camera (they count as still)."""
+    if settings.metrics.reprojection == "camera":
+        return "camera"
+    for name in ("prev_position", "motion"):
+        if name in sequence.index:
+            return name
+    return "camera" if scene is None else "rasterized"
