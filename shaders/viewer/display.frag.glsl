@@ -29,6 +29,9 @@ uniform sampler2D motion;
 #endif
 uniform sampler2D position;
 uniform usampler2D mask;
+#if COARSE
+uniform usampler2D light_mask; // of the coarse light, whose channel is as coarse
+#endif
 uniform vec2 value_range;
 uniform uint bits[MAX_REASONS];
 uniform vec3 colors[MAX_REASONS];
@@ -115,6 +118,30 @@ vec3 with_masks(vec3 color, uint word, ivec2 at) {
 
 bool in_image(ivec2 at) { return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)); }
 
+VALUE channel_at(ivec2 at) {
+#if COARSE && (KIND == KIND_ENCODED || KIND == KIND_RADIANCE)
+    // Between the centers of coarse pixels.
+    ivec2 last = textureSize(channel, 0) - 1;
+    vec2 there = (vec2(at) + 0.5) * vec2(last + 1) / vec2(size) - 0.5;
+    ivec2 low = ivec2(floor(there));
+    vec2 f = there - vec2(low);
+    ivec2 a = clamp(low, ivec2(0), last), b = clamp(low + 1, ivec2(0), last);
+    return mix(mix(texelFetch(channel, a, 0), texelFetch(channel, ivec2(b.x, a.y), 0), f.x),
+               mix(texelFetch(channel, ivec2(a.x, b.y), 0), texelFetch(channel, b, 0), f.x), f.y);
+#else
+    return texelFetch(channel, at, 0);
+#endif
+}
+
+uint mask_at(ivec2 at) {
+    uint word = texelFetch(mask, at, 0).r;
+#if COARSE
+    ivec2 there = at * textureSize(light_mask, 0) / size;
+    if ((word & NOT_COMPARABLE) == 0u) word |= texelFetch(light_mask, there, 0).r & LIGHT_BITS;
+#endif
+    return word;
+}
+
 #if COMPARE
 vec3 other_color(ivec2 at) {
     ivec2 from = at;
@@ -132,7 +159,7 @@ void main() {
     out_color = vec4(vec3(0.0), 1.0);
     if (!in_image(at)) return;
     vec4 p = texelFetch(position, at, 0);
-    vec3 color = clamp(display_color(texelFetch(channel, at, 0), p), 0.0, 1.0);
+    vec3 color = clamp(display_color(channel_at(at), p), 0.0, 1.0);
 #if COMPARE == COMPARE_SPLIT
     if (float(at.x) >= split_px) color = other_color(at);
     if (abs(float(at.x) + 0.5 - split_px) < 1.0) color = vec3(1.0);
@@ -158,7 +185,7 @@ void main() {
     if (!seen) color *= 0.3;
     else color = with_masks(color, texelFetch(mask, pixel, 0).r, at);
 #else
-    color = with_masks(color, texelFetch(mask, at, 0).r, at);
+    color = with_masks(color, mask_at(at), at);
 #endif
     out_color = vec4(color, 1.0);
 }

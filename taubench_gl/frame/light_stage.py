@@ -100,6 +100,10 @@ class LightStage:
         if self.paths is not None:
             with timer.measure("path tracing"):
                 self.paths.run(frame)
+        self.run_color()
+
+    def run_color(self) -> None:
+        """Compute color from the light of the frame."""
         self._run(self._color)
         self._context.gpu.hazards.publish()
 

@@ -139,14 +139,19 @@ class RasterSource:
         self._history = (self.renderer.history, *self._more)[sample]
         return self._draw(frame, self._offsets[sample] if self.samples > 1 else None)
 
-    def draw_pair(self, frame: int, previous_frame: int, view: View, previous_view: View) -> View:
-        """``advance`` with views and a previous frame that the caller chooses, for interactive cameras."""
+    def draw_pair(
+        self, frame: int, previous_frame: int, view: View, previous_view: View, *, light: bool = True
+    ) -> View:
+        """``advance`` with views and a previous frame that the caller chooses, for interactive cameras.
+
+        ``light``: False leaves the light channels as they are; ``trace`` can light the frame.
+        """
         self._history = self.renderer.history
         self._previous_time = previous_frame / self._fps
         self.renderer.draw(frame / self._fps, self._previous_time, views=(view, previous_view))
         if self.visibility is not None:
             self.visibility.run(self.renderer.frame)
-        if self.light is not None:
+        if light and self.light is not None:
             self.light.run(frame)
         return view
 
@@ -165,6 +170,10 @@ class RasterSource:
             paths.pixels = np.stack([pixels[:, 0], self.size[1] - 1 - pixels[:, 1]], axis=-1)
         paths.first_sample, paths.sample_count = first, count
         self.light.run(number)
+
+    def recolor(self) -> None:
+        """Compute ``color`` of the current frame again, from light that the caller has changed."""
+        self.light.run_color()
 
     def _draw(self, frame: int, offset: np.ndarray | None) -> View:
         view = self._rasterize(frame, offset)

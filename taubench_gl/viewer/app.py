@@ -72,6 +72,7 @@ class Viewer(ViewerModel):
     def tick(self, seconds: float) -> None:
         """Advance time by ``seconds``, move the camera by the held keys, update the image."""
         self.input.move_camera(seconds)
+        self.camera_moves = self.input.moves_camera
         super().tick(seconds)
         if seconds > 0 and (self.state.playing or self.input.held):
             rate = 1.0 / seconds
@@ -114,7 +115,8 @@ class Viewer(ViewerModel):
 
     def bench(self, frames: int, present: Callable[[], None]) -> float:
         """Median frames per second while playing; every frame is drawn, classified and shown."""
-        seconds = []
+        seconds, playing = [], self.state.playing
+        self.state.playing = True
         for i in range(frames + 3):
             start = time.perf_counter()
             s = self.state
@@ -124,6 +126,7 @@ class Viewer(ViewerModel):
             self.gpu.finish()
             if i >= 3:  # the first frames compile shaders
                 seconds.append(time.perf_counter() - start)
+        self.state.playing = playing
         return 1.0 / float(np.median(seconds))
 
     def close(self) -> None:

@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 
 from taubench_gl.animation import View
-from taubench_gl.conventions import NOT_COMPARABLE
+from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.effects.decide import Effect
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import column_major
@@ -23,6 +23,7 @@ Array = np.ndarray
 Area = tuple[int, int, int, int]  # x, y, width, height
 ARROW_STEP_PX = 20
 ARROW_COLOR = (1.0, 0.92, 0.35, 1.0)
+LIGHT_BITS = Reason.DIRECT | Reason.INDIRECT | Reason.COLOR | Reason.LIT | Reason.SHADOWED
 MODES = ("off", "split", "difference", "error", "other")
 """How an image and another are combined; other: that one alone."""
 
@@ -65,6 +66,7 @@ class Content:
     split: float = 0.5
     gain: float = 1.0
     frozen: FrozenCamera | None = None
+    light_mask: moderngl.Texture | None = None  # of coarse light; a channel of light is as coarse
     prev_clip_from_prev: Array | None = None
     camera_delta: Array | None = None
 
@@ -110,14 +112,18 @@ class Display:
             "KIND": KINDS.index(content.kind),
             "COMPARE": 0 if other is None else MODES.index(content.comparison),
             "REPROJECTED": other is not None and other.motion is not None,
+            "COARSE": content.light_mask is not None,
             "OBSERVER": content.frozen is not None,
             "MAX_REASONS": len(OVERLAYS),
             "STRIPE": STRIPE_PX,
             "BACKGROUND": BACKGROUND,
         }
-        lines = f"{scale_glsl()}\nconst uint NOT_COMPARABLE = {int(NOT_COMPARABLE)}u;"
+        bits = f"const uint NOT_COMPARABLE = {int(NOT_COMPARABLE)}u, LIGHT_BITS = {int(LIGHT_BITS)}u;"
+        lines = f"{scale_glsl()}\n{bits}"
         program = self._shaders.render("viewer/fullscreen.vert.glsl", "viewer/display.frag.glsl", defines, lines)
         textures = {"channel": content.channel, "position": content.position, "mask": content.mask}
+        if content.light_mask is not None:
+            textures["light_mask"] = content.light_mask
         if other is not None:
             textures |= {"other": other.channel, "other_position": other.position}
             textures |= {} if other.motion is None else {"motion": other.motion}

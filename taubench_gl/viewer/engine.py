@@ -17,6 +17,7 @@ from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, Reason
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.explain import Explanation
+from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.counts import counts_of
@@ -28,7 +29,9 @@ from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison
 from taubench_gl.viewer.display import ARROW_STEP_PX, VISUALIZATIONS, Content, Display, FrozenCamera, Other
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
+from taubench_gl.viewer.light import Lights
 from taubench_gl.viewer.magnifier import Magnifier
+from taubench_gl.viewer.names import PixelNames
 from taubench_gl.viewer.state import HISTORY, ViewerState
 
 Array = np.ndarray
@@ -60,10 +63,14 @@ class ViewerEngine:
     pair: Reprojection | None = None
     shots: tuple[Shot, Shot] | None = None  # previous, current
     user: UserCamera | None = None
+    unmeasured: Mapping[str, str] = field(default_factory=dict)  # column of the pair -> why it is not measured
     arrow_scale: float = 1.0  # of the arrows drawn last
 
     _context: GpuContext | None = None
     _evaluator: PairEvaluator | None = None
+    _active: PairEvaluator | None = None  # of the pair shown: with coarse light, of geometry alone
+    _drawn_feed: Feed | None = None  # that drew it: with coarse light, one without light
+    _lights: Lights | None = None
     _observer: SceneFeed | None = None
     _display: Display | None = None
     _mask_key: Any = None
@@ -78,6 +85,7 @@ class ViewerEngine:
 
     def __post_init__(self) -> None:
         self._context = GpuContext(self.gpu, timer=self.timer)
+        self._lights = Lights(self._context, self.timer)
         self._display = Display(self.gpu, self.feed.size)
         self._magnifier = Magnifier(self.gpu)
         self.user = UserCamera(self.feed.file_shot(self.feed.frames[0]).view, self.feed.center, self.feed.radius)
@@ -88,9 +96,18 @@ class ViewerEngine:
         return self._display.texture
 
     @property
+    def source(self) -> Any:
+        """The source of the pair shown, without its light where that is coarse."""
+        return self._drawn_feed.source
+
+    def names_at(self, x: int, row: int) -> PixelNames | None:
+        """As ``Feed.names_at``, of the pair shown."""
+        return self._drawn_feed.names_at(x, row)
+
+    @property
     def evaluator(self) -> PairEvaluator:
         """Holds mask and motion of the pair shown."""
-        return self._evaluator
+        return self._active
 
     def reset_camera(self, state: ViewerState) -> None:
         self.user.reset(self.feed.file_shot(state.frame).view)
@@ -99,14 +116,19 @@ class ViewerEngine:
         """Update pair, masks and image to ``state``; unchanged parts are not rendered."""
         self._plan(state)
         previous, current = self._choose_pair(state)
-        changed = self.feed.show(previous, current)
+        channel = VISUALIZATIONS[state.channel].channel
+        coarse = self._lights.choose(state, self.feed, channel)
+        shown = frozenset(VISUALIZATIONS[state.channel].channels)
+        self._drawn_feed = self.feed if coarse is None else self._lights.geometry(state, self.feed, shown)
+        changed = self._drawn_feed.show(previous, current)
         self.shots = previous, current
         first = self._first(state, previous, current)
-        mask_key = (previous.key, current.key, first, tuple(sorted(state.thresholds.items())))
+        mask_key = (previous.key, current.key, first, coarse, tuple(sorted(state.thresholds.items())))
         if changed or mask_key != self._mask_key:
             self.drawn.pairs += changed
-            self._evaluate(state, previous, current, first)
+            self._evaluate(state, Reason.FIRST if first else 0)
             self._mask_key = mask_key
+        self._lights.refine(state, self.feed, current, channel)
         self._update_image(state)
 
     def _plan(self, state: ViewerState) -> None:
@@ -119,9 +141,13 @@ class ViewerEngine:
         if state.live != asked:
             state.message = "path-traced files have their light and their size"
         if planned or self._evaluator is None:
+            self._lights.reset()
+            self._drawn_feed = self.feed
             if self._evaluator is not None:
                 self._evaluator.release()
-            self._evaluator = PairEvaluator(self._context, self.feed.source, self.feed.settings, images=True)
+            self._active = self._evaluator = PairEvaluator(
+                self._context, self.feed.source, self.feed.settings, images=True
+            )
             self._mask_key = self._image_key = self._magnified = None
             self.drawn.plans += 1
             self._resize(state)
@@ -181,14 +207,32 @@ class ViewerEngine:
         """Whether there is no history: the first frame with the file camera."""
         return state.camera == "file" and not state.freeze_previous and current.frame == state.first
 
-    def _evaluate(self, state: ViewerState, previous: Shot, current: Shot, first: bool) -> None:
+    def _evaluate(self, state: ViewerState, declared: int) -> None:
+        previous, current = self.shots
         self.pair = reprojection(current.view, previous.view, *self.feed.size)
-        declared = Reason.FIRST if first else 0
-        counts = self._evaluator.compare(self.pair, declared=declared, thresholds=state.thresholds)
+        coarse = self._lights.active is not None
+        self._active = self._lights.evaluator if coarse else self._evaluator
+        counts = self._active.compare(self.pair, declared=declared, thresholds=state.thresholds)
         self.counts = counts_of(counts.mask_histogram)
         self.reasons = {rate: disjoint_reasons(counts.mask_histogram, rate) for rate in RATE_COLUMNS}
         self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
+        self.unmeasured = self.source.unmeasured
+        if coarse:
+            self._add_light(self._lights.compare(state, self.feed, self.shots, declared))
         self.drawn.masks += 1
+
+    def _add_light(self, counts: Counts) -> None:
+        """Counts of light from fewer pixels, scaled to those of the image."""
+        found = counts_of(counts.mask_histogram)
+        share = self.counts["pixels"] / found["pixels"]
+        names = ("direct", "indirect", "color", "lit", "shadowed", "reusable_shading")
+        self.counts |= {name: round(share * found[name]) for name in names}
+        reasons = disjoint_reasons(counts.mask_histogram, "shading")
+        self.reasons["shading"] = {name: round(share * pixels) for name, pixels in reasons.items()}
+        light = {n: h for n, h in zip(FEATURES, counts.histograms, strict=True) if n not in ("position", "normal")}
+        self.histograms |= {name: share * bins for name, bins in light.items()}
+        missing = self._lights.coarse.source.unmeasured
+        self.unmeasured = {**self.feed.source.unmeasured, **{n: missing[n] for n in light if n in missing}}
 
     def _update_image(self, state: ViewerState) -> None:
         observed = state.freeze_current
@@ -196,11 +240,12 @@ class ViewerEngine:
         key = (
             self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
             state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
-            state.arrow_scale, state.frusta, observed, state.switched_off, state.freeze_previous,
+            state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
+            state.freeze_previous,
         )  # fmt: skip
         if key == self._image_key:
             return
-        source, frozen = self.feed.source, None
+        source, frozen = self.source, None
         if observed:
             source, frozen = self._observe(state, shown)
         self._set_range(state, source, shown)
@@ -210,7 +255,7 @@ class ViewerEngine:
             self._lines(state, shown.view, source)
             if state.arrows and not observed:
                 self.arrow_scale = state.arrow_scale or self._fitting_arrows()
-                self._display.arrows(self._evaluator.motion_texture, self.arrow_scale)
+                self._display.arrows(self._active.motion_texture, self.arrow_scale)
         self.drawn.images += 1
         self._image_key = key[:3] + (state.low, state.high) + key[5:]
 
@@ -227,18 +272,21 @@ class ViewerEngine:
         """Source and frozen camera of a view from outside."""
         current = self.shots[1].view
         clip = current.clip_from_relative(*self.feed.size)
-        frozen = self.feed.source.current["position"]
+        frozen = self.source.current["position"]
         return self._render_observer(state, shown), FrozenCamera(frozen, clip, shown.view.position - current.position)
 
     def _content_of(self, state: ViewerState, source: Any, frozen: FrozenCamera | None) -> Content:
         """The image without comparison."""
         visual = VISUALIZATIONS[state.channel]
-        texture = self._evaluator.motion_texture if visual.channel == "motion" else source.current[visual.channel]
+        lit = self._lights.source(self.shots[1], visual.channel) if frozen is None else None
+        channels = (lit or source).current
+        coarse = self._lights.coarse
         return Content(
             visual.kind,
-            texture,
+            self._active.motion_texture if visual.channel == "motion" else channels[visual.channel],
             source.current["position"],
-            self._evaluator.mask_texture,
+            self._active.mask_texture,
+            light_mask=None if coarse is None or frozen is not None else coarse.mask,
             low=state.low,
             high=state.high,
             shown=state.active_overlays(),
@@ -273,15 +321,15 @@ class ViewerEngine:
         return (
             None
             if texture is None or texture.size != self.feed.size
-            else Other(texture, self.feed.source.current["position"])
+            else Other(texture, self.source.current["position"])
         )
 
     def _history_of(self, channel: str, reprojected: bool) -> Other | None:
         """A channel of the previous frame; None for a channel that only pairs have."""
-        previous = self.feed.source.previous
+        previous = self.source.previous
         if channel not in previous:
             return None
-        return Other(previous[channel], previous["position"], self._evaluator.motion_texture if reprojected else None)
+        return Other(previous[channel], previous["position"], self._active.motion_texture if reprojected else None)
 
     def _no_comparison(self, state: ViewerState) -> str:
         what = state.channel.replace("_", " ")
@@ -343,7 +391,27 @@ class ViewerEngine:
         if key == self._range_key:
             return
         self._range_key = key
-        state.low, state.high = visual.fixed or self.value_range(visual.kind, visual.channel, source)
+        lit = self._lights.source(shown, visual.channel) if not state.freeze_current else None
+        state.low, state.high = visual.fixed or self.value_range(visual.kind, visual.channel, lit or source)
+
+    def explain(self, state: ViewerState) -> Explanation:
+        """The probed pixel; with coarse light, its geometry alone."""
+        found = self._active.explain(*state.probe, thresholds=state.thresholds)
+        if self._lights.active is None:
+            return found
+        return replace(found, features={n: f for n, f in found.features.items() if n in ("position", "normal")})
+
+    def light_samples(self, state: ViewerState) -> int:
+        """Path-traced samples per pixel of the image; 0 where its light is rasterized."""
+        return self._lights.samples(self.shots[1], VISUALIZATIONS[state.channel].channel)
+
+    def light_text(self, state: ViewerState) -> str:
+        """The quality of light in words; empty without light."""
+        return self._lights.text(state, self.feed, self.shots[1], VISUALIZATIONS[state.channel].channel)
+
+    def refining(self, state: ViewerState) -> bool:
+        """Whether more path-traced samples are to come."""
+        return self._lights.pending(state, self.feed, self.shots[1], VISUALIZATIONS[state.channel].channel)
 
     def value_range(self, kind: str, channel: str, source: Any) -> tuple[float, float]:
         """Smallest and largest finite value of a channel on surfaces; (0, 1) without any."""
@@ -365,16 +433,16 @@ class ViewerEngine:
 
     def motion(self) -> Array:
         """Previous - current, pixels, (h, w, 2), +y down, row 0 at the top."""
-        return self._evaluator.motion()
+        return self._active.motion()
 
     def mask(self) -> Array:
         """Reason masks, (h, w) uint32, row 0 at the top."""
-        return self._evaluator.mask()
+        return self._active.mask()
 
     def object_motion(self) -> Array:
         """Length of the motion vector without camera motion, pixels, (h, w)."""
-        position = self.feed.source.read("position").astype(np.float64)
-        previous = self.feed.source.read("prev_position").astype(np.float64)
+        position = self.source.read("position").astype(np.float64)
+        previous = self.source.read("prev_position").astype(np.float64)
         return object_motion(
             reproject(self.pair, position, previous).motion_px, reproject(self.pair, position).motion_px
         )
@@ -385,7 +453,7 @@ class ViewerEngine:
 
     def percentages(self) -> Mapping[str, float | None]:
         """Percent of all pixels per count; None if its column is not measured."""
-        pixels, missing = max(self.counts.get("pixels", 0), 1), self.feed.source.unmeasured
+        pixels, missing = max(self.counts.get("pixels", 0), 1), self.unmeasured
         needs = {"lit": ("direct",), "shadowed": ("direct",)}
         needs |= {f"reusable_{rate}": columns for rate, columns in RATE_COLUMNS.items()}
         out: dict[str, float | None] = {}
@@ -399,7 +467,7 @@ class ViewerEngine:
 
         ``shading``, or ``surface`` where light is not measured; None and why where neither is.
         """
-        pixels, missing = max(self.counts.get("pixels", 0), 1), unmeasured_rates(self.feed.source.unmeasured)
+        pixels, missing = max(self.counts.get("pixels", 0), 1), unmeasured_rates(self.unmeasured)
         rate = next((r for r in reversed(RATES) if r not in missing), None)
         if rate is None or not self.counts:
             return "surface", None, f"reusable pixels are unknown: {missing.get('surface', 'no pair')}"
@@ -408,7 +476,7 @@ class ViewerEngine:
         return rate, percent, sentence(percent, shares, rate)
 
     def release(self) -> None:
-        drawing = (self._evaluator, self._context, self._display, self._magnifier, self._observer)
+        drawing = (self._lights, self._evaluator, self._context, self._display, self._magnifier, self._observer)
         for part in (*drawing, *self.comparisons.values(), self.feed):
             if part is not None:
                 part.release()

@@ -92,6 +92,11 @@ class Input:
         self.held.clear()
         self._drag = None
 
+    @property
+    def moves_camera(self) -> bool:
+        """Whether held keys or a drag move a camera now."""
+        return self._viewer.state.camera != "file" and bool(self.held & MOVEMENT or self._drag == "camera")
+
     def move_camera(self, seconds: float) -> None:
         """Move the camera by the held keys for ``seconds``."""
         s, keys = self._viewer.state, self.held & MOVEMENT

@@ -37,6 +37,8 @@ class ViewerModel:
     """
 
     hint = "?: keys"
+    camera_moves = False
+    """Whether the user moves the camera now."""
 
     def __init__(self, gpu: Gpu, request: OpenRequest, *, light: bool | None = None, folder: Path | None = None):
         self.gpu, self._request, self._light, self._folder = gpu, request, light, folder
@@ -160,6 +162,7 @@ class ViewerModel:
 
     def tick(self, seconds: float) -> None:
         """Advance time by ``seconds`` and update the image."""
+        self.state.moving = self.state.playing or self.camera_moves
         self.state.advance(seconds)
         self.timer.enabled = self.state.sections["time"] and self.state.panels
         try:
@@ -175,6 +178,11 @@ class ViewerModel:
         self._last_image = image
 
     @property
+    def busy(self) -> bool:
+        """Whether the image changes without input."""
+        return self.state.busy or self.camera_moves or self.engine.refining(self.state)
+
+    @property
     def layout(self) -> Layout:
         s = self.state
         sides = set(s.docks.values())
@@ -188,7 +196,7 @@ class ViewerModel:
             return None
         key = (s.probe, self.engine.drawn.masks, self.engine.drawn.plans)
         if self._probed is None or self._probed[0] != key:
-            self._probed = (key, self.engine.evaluator.explain(*s.probe, thresholds=s.thresholds))
+            self._probed = (key, self.engine.explain(s))
         return self._probed[1]
 
     def probe_names(self) -> PixelNames | None:
@@ -198,7 +206,7 @@ class ViewerModel:
             return None
         key = (found.pixel, self.engine.drawn.pairs, self.engine.drawn.plans)
         if self._named is None or self._named[0] != key:
-            self._named = (key, self.engine.feed.names_at(*found.pixel))
+            self._named = (key, self.engine.names_at(*found.pixel))
         return self._named[1]
 
     def close(self) -> None:

@@ -17,9 +17,11 @@ from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
-from taubench_gl.viewer.state import CAMERAS, COMPARISONS, DOCKED, LIVE_CHOICES, OVERLAYS, set_variable
+from taubench_gl.viewer.state import CAMERAS, COMPARISONS, DOCKED, LIVE_CHOICES, MOVING_LIGHTS, OVERLAYS, set_variable
 from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
 from taubench_gl.viewer.widgets import FIXED, Widgets, bar, wrapped
+
+LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
 
 
 class Panels:
@@ -148,9 +150,8 @@ class Panels:
             s.set_range(low, high)
         self._ui.check("motion arrows", s.arrows, "arrows", "arrows")
         if s.arrows:
-            flags = imgui.SliderFlags_.logarithmic.value
             text = "%.3g x" if s.arrow_scale else f"fitting: {self._viewer.engine.arrow_scale:.3g} x"
-            self._ui.slider("arrow_scale", 0.0, 100.0, text, flags, "length")
+            self._ui.slider("arrow_scale", 0.0, 100.0, text, LOGARITHMIC, "length")
 
     def _compare(self) -> None:
         s = self._viewer.state
@@ -159,9 +160,9 @@ class Panels:
         if s.comparison == "split":
             self._ui.slider("split", 0.0, 1.0, "%.2f")
         elif s.comparison in ("difference", "error"):
-            self._ui.slider("gain", 0.1, 100.0, "%.3g", imgui.SliderFlags_.logarithmic.value)
+            self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
         elif s.comparison == "flicker":
-            self._ui.slider("flicker_hz", 0.25, 30.0, "%.2g per second", imgui.SliderFlags_.logarithmic.value)
+            self._ui.slider("flicker_hz", 0.25, 30.0, "%.2g per second", LOGARITHMIC)
             self._ui.faint(f"shown: {s.against if s.flicker_other else 'this image'}")
 
     def _masks(self) -> None:
@@ -214,6 +215,13 @@ class Panels:
         self._ui.place("stops", slider=True)
         if changed:
             set_variable(s, "stops", str(stops))
+        s.moving_light = (
+            self._ui.choose("while moving", s.moving_light, MOVING_LIGHTS, "moving_light") or s.moving_light
+        )
+        changed, samples = imgui.slider_int("path tracing", s.samples, 0, 1024, "%d samples", LOGARITHMIC)
+        self._ui.place("samples", slider=True)
+        if changed:
+            s.samples = samples
         width, height = feed.size
         self._ui.faint(f"{width} x {height} pixels, exposure {feed.settings.lighting.exposure_factor:.4g}", wrap=True)
 

@@ -244,7 +244,9 @@ class ScriptRunner:
                   "window.width": viewer.window_size[0], "window.height": viewer.window_size[1],
                   "image.width": viewer.engine.feed.size[0], "image.height": viewer.engine.feed.size[1],
                   "scene": viewer.engine.feed.name,
-                  "pairs.drawn": viewer.engine.drawn.pairs, "images.drawn": viewer.engine.drawn.images}  # fmt: skip
+                  "pairs.drawn": viewer.engine.drawn.pairs, "images.drawn": viewer.engine.drawn.images,
+                  "light.quality": viewer.engine.light_text(viewer.state),
+                  "light.samples": viewer.engine.light_samples(viewer.state)}  # fmt: skip
         if name not in known:
             more = ["overlay.NAME", "count.NAME"]
             raise SettingsError(f"there is no {name!r}", hint=f"choose from {', '.join([*known, *more])}")

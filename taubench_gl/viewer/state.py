@@ -39,8 +39,10 @@ OVERLAYS: dict[str, Reason] = {
 """Mask overlays by key, in the order of the legend and of the number keys."""
 
 
+MOVING_LIGHTS = ("full", "half", "quarter", "unshadowed")
 SCALES = (0.25, 0.5, 1.0, 2.0)
 """Factors on the size of the image."""
+MOST_SAMPLES = 65536
 STOPS = 20.0
 """Range of the exposure in stops, either way."""
 
@@ -100,6 +102,11 @@ class ViewerState:
     arrows: bool = False
     arrow_scale: float = 0.0  # length of an arrow per pixel of motion; 0: the longest arrows reach their neighbors
     live: Live = Live()
+    moving_light: str = "quarter"  # of MOVING_LIGHTS: light while the image moves
+    samples: int = 64  # path-traced samples per pixel while the image is still; 0: none
+    moving: bool = False  # whether the image moves: playback, or a camera that the user moves
+    elapsed: float = 0.0  # seconds of the last step of time
+    still_seconds: float = 0.0  # since it moved last
     effects: tuple[str, ...] = ()  # effects that can be toggled
     effect: str = ""  # the effect that the keys toggle
     switched_off: frozenset[str] = frozenset()
@@ -132,6 +139,8 @@ class ViewerState:
     def advance(self, seconds: float) -> None:
         """Advance playback by ``seconds``, by at most one frame: no pair is skipped, a slow machine plays slower."""
         self._flicker(seconds)
+        self.elapsed = seconds
+        self.still_seconds = 0.0 if self.moving or self.playing else self.still_seconds + seconds
         if not self.playing:
             self.clock = 0.0
             return
@@ -207,6 +216,7 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "channel": lambda s: s.channels,
     "comparison": lambda s: COMPARISONS,
     "against": lambda s: s.others,
+    "moving_light": lambda s: MOVING_LIGHTS,
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,
 }
@@ -251,6 +261,8 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
         state.go_to(round(_number(name, text)))
     elif name == "probe":
         state.probe = _pixel(name, text, state.size)
+    elif name == "samples":
+        state.samples = min(max(round(_number(name, text)), 0), MOST_SAMPLES)
     elif name == "magnified":
         state.magnified = 2 * (min(max(round(_number(name, text)), 3), 61) // 2) + 1
     elif group == "loop" and member in ("first", "last"):
@@ -289,6 +301,7 @@ def variables(state: ViewerState) -> dict[str, Any]:
     low, high = state.range
     out: dict[str, Any] = {
         "frame": state.frame, "probe": _pixel_text(state.probe), "magnified": state.magnified,
+        "samples": state.samples,
         "first": state.first, "last": state.last, "loop.first": low, "loop.last": high,
         "range.low": state.low, "range.high": state.high,
     }  # fmt: skip

@@ -77,7 +77,7 @@ class Window:
         """Run until the window is closed; waits for events while nothing moves."""
         last = time.perf_counter()
         while not (viewer.done or glfw.window_should_close(self.handle)):
-            busy = viewer.state.busy or viewer.input.held
+            busy = viewer.busy or viewer.input.held
             glfw.poll_events() if busy else glfw.wait_events_timeout(0.25)
             now = time.perf_counter()
             viewer.tick(min(now - last, 0.25))

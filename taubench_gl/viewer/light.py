@@ -1,0 +1,258 @@
+"""Light beside the exact one: coarse while the image moves, path-traced sample by sample while it is still."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+
+from taubench_gl.animation.pairs import reprojection
+from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.frame.passes.masks import Counts
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.gpu.passes import GpuContext
+from taubench_gl.gpu.shader import ShaderCache
+from taubench_gl.settings import AUTO, Settings
+from taubench_gl.viewer.feeds import SceneFeed, Shot
+from taubench_gl.viewer.state import ViewerState
+
+REFINED = ("color", "direct", "indirect")
+"""Channels that path tracing refines."""
+STILL_SECONDS = 0.3
+"""Without motion, before path tracing starts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coarse:
+    """Light of fewer pixels."""
+
+    step: int  # pixels of the image along a side of each
+    shadow_lights: int | None = None  # lights with shadows; None: as many as in exact light
+
+    @property
+    def text(self) -> str:
+        count = self.shadow_lights
+        which = "" if count is None else ", no shadows" if not count else f", shadows of {count} light"
+        return f"light at 1/{self.step} resolution{which}, no indirect light"
+
+    def settings(self, full: Settings) -> Settings:
+        """``full`` with this light."""
+        width, height = (-(-n // self.step) for n in (full.sequence.width, full.sequence.height))
+        maps: dict[str, Any] = {"shadow_size": max(full.lighting.shadow_size // self.step, 16)}
+        maps |= {} if self.shadow_lights is None else {"shadow_lights": self.shadow_lights}
+        return full.replace(width=width, height=height, light="raster", indirect="none", **maps)
+
+
+COARSE: Mapping[str, Coarse | None] = {
+    "full": None,
+    "half": Coarse(2),
+    "quarter": Coarse(4, 1),
+    "unshadowed": Coarse(4, 0),
+}
+"""Light while the image moves, by name."""
+UNLIT = frozenset({"direct", "indirect", "color"})
+"""Effects without which only geometry is drawn."""
+
+
+class CoarseLight:
+    """Light and light masks of pairs at a fraction of the size of a feed."""
+
+    def __init__(self, gpu: Gpu, feed: SceneFeed, coarse: Coarse, timer: Any):
+        self.coarse = coarse
+        self._feed = SceneFeed(gpu, feed.scene, coarse.settings(feed.settings), timer, feed.camera)
+        self._context = GpuContext(gpu, timer=timer)
+        self._evaluator: PairEvaluator | None = None
+
+    @property
+    def source(self) -> RasterSource:
+        return self._feed.source
+
+    @property
+    def mask(self) -> moderngl.Texture:
+        return self._evaluator.mask_texture
+
+    def compare(
+        self, shots: tuple[Shot, Shot], declared: int, off: frozenset[str], thresholds: Mapping[str, float]
+    ) -> Counts:
+        """Draw a pair and compare it; its counts, of fewer pixels."""
+        if self._feed.plan(frozenset(), off, self._feed.live) or self._evaluator is None:
+            if self._evaluator is not None:
+                self._evaluator.release()
+            self._evaluator = PairEvaluator(self._context, self.source, self._feed.settings, images=True)
+        self._feed.show(*shots)
+        pair = reprojection(shots[1].view, shots[0].view, *self._feed.size)
+        return self._evaluator.compare(pair, declared=declared, thresholds=thresholds)
+
+    def release(self) -> None:
+        for part in (self._evaluator, self._context, self._feed):
+            if part is not None:
+                part.release()
+
+
+class Refiner:
+    """Path-traced light of one frame, the mean of as many samples as were traced so far."""
+
+    def __init__(self, gpu: Gpu, feed: SceneFeed, off: frozenset[str], timer: Any):
+        self._gpu = gpu
+        settings = feed.settings.replace(light="path-traced", indirect=AUTO, spp=1, pattern="independent")
+        self._feed = SceneFeed(gpu, feed.scene, settings, timer, feed.camera)
+        self._feed.plan(frozenset(), off, self._feed.live)
+        size = self._feed.size
+        self._shaders = ShaderCache(gpu.ctx)
+        self._program = self._shaders.render("viewer/fullscreen.vert.glsl", "viewer/average.frag.glsl")
+        self._triangle = gpu.ctx.vertex_array(self._program, [])
+        self._means = [[gpu.ctx.texture(size, 4, dtype="f4") for _ in range(2)] for _ in range(2)]
+        self._targets = [gpu.ctx.framebuffer(textures) for textures in self._means]
+        self._shot: Shot | None = None
+        self.samples = 0
+
+    @property
+    def source(self) -> RasterSource:
+        return self._feed.source
+
+    def add(self, shot: Shot) -> None:
+        """Trace one more sample of ``shot``; the first if it is another one than before."""
+        source, key = self.source, shot.key
+        if self._shot is None or self._shot.key != key:
+            source.draw_pair(shot.frame, shot.frame, shot.view, shot.view, light=False)
+            self._shot, self.samples = shot, 0
+        source.trace(shot.frame, self.samples, 1)
+        self.samples += 1
+        light = [source.current[name] for name in ("direct", "indirect")]
+        self._gpu.finish()  # Mesa 22's llvmpipe may read a texture before its last draw has finished
+        self._average(light, self._means[0], self._targets[1], 1.0 / self.samples)
+        self._means.reverse()
+        self._targets.reverse()
+        target = self._gpu.ctx.framebuffer(light)
+        self._average(self._means[0], self._means[0], target, 0.0)
+        self._gpu.unbind_framebuffer()
+        target.release()
+        source.recolor()
+
+    def _average(self, samples: list, means: list, target: moderngl.Framebuffer, weight: float) -> None:
+        """``target`` = mean + weight (sample - mean), for direct and indirect light."""
+        target.use()
+        ctx, program = self._gpu.ctx, self._program
+        ctx.viewport = (0, 0, *self._feed.size)
+        ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
+        names = ("sample_direct", "sample_indirect", "mean_direct", "mean_indirect")
+        for unit, (name, texture) in enumerate(zip(names, (*samples, *means), strict=True)):
+            texture.use(unit)
+            program[name] = unit
+        program["weight"] = weight
+        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        self._gpu.finish()
+
+    def release(self) -> None:
+        self._gpu.unbind_framebuffer()
+        textures = (texture for pair in self._means for texture in pair)
+        for item in (self._triangle, *self._targets, *textures, self._shaders, self._feed):
+            item.release()
+
+
+class Lights:
+    """Chooses the quality of light for what a feed shows, and holds what the others need."""
+
+    def __init__(self, context: GpuContext, timer: Any):
+        self._context, self._gpu, self._timer = context, context.gpu, timer
+        self._geometry: SceneFeed | None = None  # the feed without light
+        self._evaluator: PairEvaluator | None = None  # of its pairs
+        self._coarse: CoarseLight | None = None
+        self._refiner: Refiner | None = None
+        self.active: Coarse | None = None  # of the pair shown
+        self._key: Any = None  # of the shot that is refined
+
+    @staticmethod
+    def lit(feed: Any) -> bool:
+        """Whether a feed draws light, which can also be drawn coarsely and path-traced."""
+        return isinstance(feed, SceneFeed) and any(feed.effects[name].enabled for name in ("direct", "indirect"))
+
+    def choose(self, state: ViewerState, feed: Any, channel: str) -> Coarse | None:
+        """Set and return ``active``: coarse light while the image moves, if it has ``channel``."""
+        coarse = COARSE[state.moving_light] if state.moving and self.lit(feed) else None
+        if channel in ("indirect", "direct_diffuse", "direct_glossy"):
+            coarse = None
+        self.active = coarse
+        return coarse
+
+    def geometry(self, state: ViewerState, feed: SceneFeed, extra: frozenset[str]) -> SceneFeed:
+        """The feed without light, with channels ``extra``."""
+        if self._geometry is None:
+            self._geometry = SceneFeed(self._gpu, feed.scene, feed.settings, self._timer, feed.camera)
+        if self._geometry.plan(extra - UNLIT, state.switched_off | UNLIT, self._geometry.live):
+            if self._evaluator is not None:
+                self._evaluator.release()
+            source, settings = self._geometry.source, self._geometry.settings
+            self._evaluator = PairEvaluator(self._context, source, settings, images=True)
+        return self._geometry
+
+    @property
+    def evaluator(self) -> PairEvaluator:
+        """Compares pairs of ``geometry``."""
+        return self._evaluator
+
+    def compare(self, state: ViewerState, feed: SceneFeed, shots: tuple[Shot, Shot], declared: int) -> Counts:
+        """Counts of a pair with ``active`` light."""
+        if self._coarse is None or self._coarse.coarse != self.active:
+            if self._coarse is not None:
+                self._coarse.release()
+            self._coarse = CoarseLight(self._gpu, feed, self.active, self._timer)
+        return self._coarse.compare(shots, declared, state.switched_off, state.thresholds)
+
+    @property
+    def coarse(self) -> CoarseLight | None:
+        """The coarse light of the pair shown; None if its light is exact."""
+        return self._coarse if self.active is not None else None
+
+    def refine(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> None:
+        """Trace one more sample if the image is still and time passes."""
+        still = not state.moving and state.elapsed > 0.0 and state.still_seconds >= STILL_SECONDS
+        if not (still and self.refinable(state, feed, channel)) or self.samples(shot, channel) >= state.samples:
+            return
+        if self._refiner is None:
+            self._refiner = Refiner(self._gpu, feed, state.switched_off, self._timer)
+        self._refiner.add(shot)
+        self._key = shot.key
+
+    def refinable(self, state: ViewerState, feed: Any, channel: str) -> bool:
+        return channel in REFINED and self.lit(feed) and not state.freeze_current
+
+    def pending(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> bool:
+        """Whether more samples are to be traced."""
+        return self.refinable(state, feed, channel) and self.samples(shot, channel) < state.samples
+
+    def samples(self, shot: Shot, channel: str) -> int:
+        """Path-traced samples that the image of a shot has; 0 where its light is not path-traced."""
+        refined = self._refiner is not None and channel in REFINED and self._key == shot.key and self.active is None
+        return self._refiner.samples if refined else 0
+
+    def source(self, shot: Shot, channel: str) -> RasterSource | None:
+        """The source of a channel other than the feed's; None for the feed's."""
+        if self.active is not None and channel in REFINED:
+            return self._coarse.source
+        return self._refiner.source if self.samples(shot, channel) else None
+
+    def text(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> str:
+        """The quality of light in words; empty without light."""
+        if not self.lit(feed):
+            return ""
+        if self.active is not None:
+            return self.active.text
+        samples = self.samples(shot, channel)
+        return (
+            f"path-traced light, {samples} of {state.samples} samples per pixel"
+            if samples
+            else "light at full resolution"
+        )
+
+    def reset(self) -> None:
+        """The feed has another source."""
+        for part in (self._evaluator, self._geometry, self._coarse, self._refiner):
+            if part is not None:
+                part.release()
+        self._evaluator = self._geometry = self._coarse = self._refiner = self.active = self._key = None
+
+    release = reset
