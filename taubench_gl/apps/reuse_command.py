@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from dataclasses import asdict
 from pathlib import Path
@@ -11,13 +12,20 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from taubench_gl.apps.aliases import Group
-from taubench_gl.apps.options import gpu_options
+from taubench_gl.apps.options import exr_options, gpu_options, with_options
 from taubench_gl.apps.reuse_evaluate_command import evaluate, fit
+from taubench_gl.conventions import DEFAULT_FPS
+from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
     from taubench_gl.reuse.contract import Method
 
 FULL_HD = (1920, 1080)
+
+
+def with_exr_options(command: Any) -> Any:
+    """Camera, scene, pass names and layer of path-traced files."""
+    return with_options(command, *exr_options)
 
 
 class SettingValue(click.ParamType):
@@ -190,6 +198,53 @@ def check(path: str, given: tuple[tuple[str, str], ...], backend: str, device: i
     click.echo(f"ran {report.frames} frames of {report.size[0]}x{report.size[1]}; every pixel finite")
     click.echo(f"error against the noise-free frames {report.error:.4f} (no reuse {report.error_without_reuse:.4f})")
     click.echo(f"weight of history, mean over pixels: {reused}")
+
+
+@reuse.command(
+    "check-motion",
+    epilog="""\b
+Examples:
+  taubench-gl reuse check-motion exr:engine --mapping unreal --scene-file scene.glb
+  taubench-gl reuse check-motion exr:frames --mapping taubench --camera-file frames/camera.json --pairs 8
+  taubench-gl reuse check-motion exr:frames --json""",
+)
+@click.argument("spec", metavar="exr:DIR")
+@with_exr_options
+@click.option("--camera", metavar="NAME|INDEX", help="Camera of the scene file.  [default: the first]")
+@click.option("--fps", type=float, default=DEFAULT_FPS, show_default=True, help="Frames per second of the scene file.")
+@click.option("--pairs", type=click.IntRange(min=1), default=4, show_default=True, help="Most pairs to check.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def check_motion(spec: str, fps: float, camera: str | None, pairs: int, as_json: bool, **options: Any) -> int:
+    """Find a flipped axis, a wrong sign or unit, and a jitter left in the motion vectors of frames made elsewhere.
+
+    Compares the motion pass with the motion of still surfaces (of all surfaces, if there are previous positions), or,
+    without a camera or geometry, with the images.  The exit code is 2 if a fault is found.
+    """
+    from taubench_gl.pathtraced.check import motion_finding
+    from taubench_gl.pathtraced.evaluation import PathTracedOptions, open_input
+    from taubench_gl.pathtraced.motion_check import check_pairs
+
+    given = open_input(spec, Settings(fps=fps, camera=camera), PathTracedOptions(**options))
+    found = check_pairs(given.sequence, given.camera, pairs)
+    findings = {frame: motion_finding(verdict) for frame, verdict in found.items()}
+    if as_json:
+        click.echo(json.dumps([_verdict(f, found[f], findings[f].fault) for f in found], indent=2))
+    else:
+        for frame, finding in findings.items():
+            verdict = f"WRONG: {finding.fault.removeprefix('motion: ')}" if finding.fault else "ok"
+            verdict = "not checked" if finding.detail.startswith("not checked") else verdict
+            click.echo(f"frame {frame}: {verdict} ({finding.detail.removeprefix('not checked: ')})")
+    return 2 if any(finding.fault for finding in findings.values()) else 0
+
+
+def _verdict(frame: int, verdict: Any, fault: str) -> dict[str, Any]:
+    """One pair of ``check-motion --json``."""
+    if isinstance(verdict, str):
+        return {"frame": frame, "reason": verdict}
+    names = ("error_px", "jitter_px", "jitter_margin_px", "as_is_px", "next_px", "pixels", "basis", "known")
+    values = {name: getattr(verdict, name) for name in names}
+    values["next_px"] = values["next_px"] if math.isfinite(values["next_px"]) else None
+    return {"frame": frame, "fault": fault or None, **values}
 
 
 for command in (evaluate, fit):

@@ -228,6 +228,32 @@ def in_world(frame: PathTracedFrame, view: View) -> PathTracedFrame:
     return replace(frame, position=position, prev_position=None, relative=False)
 
 
+def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
+    """Surface points minus the camera position, world axes, (h, w, 3), and planar depth, (h, w); float64, meters.
+
+    Without a position pass, points are reconstructed from depth.
+    """
+    forward = -view.world_from_view[:, 2]
+    if frame.position is not None:
+        relative = frame.position.astype(np.float64) - (0.0 if frame.relative else view.position)
+        return relative, relative @ forward
+    width, height = frame.size
+    view_from_clip = np.linalg.inv(view.clip_from_view(width, height))
+    x = (2.0 * np.arange(width) + 1.0) / width - 1.0
+    y = 1.0 - (2.0 * np.arange(height) + 1.0) / height
+    ndc = np.stack(np.broadcast_arrays(x[None, :], y[:, None], 0.5, 1.0), axis=-1)
+    points = ndc @ view_from_clip.T
+    points = points[..., :3] / points[..., 3:]
+    depth = frame.depth.astype(np.float64)
+    if view.camera.kind == "perspective":
+        scale = np.linalg.norm(points, axis=-1) if frame.depth_kind == "distance" else -points[..., 2]
+        points = points * (depth / scale)[..., None]
+    else:
+        points = np.concatenate([points[..., :2], -depth[..., None]], axis=-1)
+    relative = points @ view.world_from_view.T
+    return relative, relative @ forward
+
+
 def project(view: View, points: Array, size: tuple[int, int], *, relative: bool = False) -> Array:
     """Pixel coordinates (column, row) of (N, 3) points; pixel centers are integers.  (N, 2) float64, NaN behind.
 

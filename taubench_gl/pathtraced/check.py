@@ -19,8 +19,8 @@ from taubench_gl.pathtraced.cameras import (
     in_world,
     mismatch_px,
     pixel_offsets,
-    project,
 )
+from taubench_gl.pathtraced.motion_check import MotionVerdict, check_motion
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 
@@ -28,15 +28,6 @@ Array = np.ndarray
 MAX_SHIFT_PX = 0.25
 """Largest accepted median offset of positions from the pixel centers, per axis."""
 
-MAX_MOTION_PX = 0.1
-"""Motion is understood if its median difference from the reprojection of static surfaces is at most this."""
-
-_MOTION_SIGNS = {
-    (1, 1): "",
-    (-1, -1): "motion is current - previous (set motion.direction in the mapping)",
-    (1, -1): "motion has +y the other way (set motion.y in the mapping)",
-    (-1, 1): "motion is current - previous with +y the other way (set motion.direction and motion.y in the mapping)",
-}
 _UNITS = {"centimeters": 0.01, "millimeters": 0.001, "inches": 0.0254, "feet": 0.3048}
 
 
@@ -70,8 +61,8 @@ def check_sequence(sequence: PathTracedSequence, camera: PathTracedCamera | None
         why = "the camera is wrong" if finding.fault else "there is no motion pass or no second frame"
         return [*findings, Finding("motion", "", f"not checked: {why}")]
     second = sequence.read(frames[1])
-    second = in_world(second, camera.view(frames[1], second))
-    return [*findings, _check_motion(second, camera.view(frames[1], second), camera.view(frames[0], first))]
+    verdict = check_motion(second, first, camera.view(frames[1], second), camera.view(frames[0], first))
+    return [*findings, motion_finding(verdict)]
 
 
 def _check_passes(sequence: PathTracedSequence) -> Finding:
@@ -142,29 +133,15 @@ def _mistakes(
     return out
 
 
-def _check_motion(frame: PathTracedFrame, view: View, previous: View) -> Finding:
-    """Compare with the motion of static surfaces, which most surfaces are, under each sign and unit convention."""
-    use = ~frame.sky & np.isfinite(frame.position).all(axis=-1) & np.isfinite(frame.motion).all(axis=-1)
-    rows, columns = np.nonzero(use)
-    expected = project(previous, frame.position[use], frame.size) - np.stack([columns, rows], axis=-1)
-    given = frame.motion[use].astype(np.float64)
-    visible = np.isfinite(expected).all(axis=-1)
-    if not visible.any() or np.median(np.linalg.norm(expected[visible], axis=-1)) < 2 * MAX_MOTION_PX:
-        return Finding("motion", "", "not checked: the camera hardly moves between these frames")
-    expected, given = expected[visible], given[visible]
-    errors = {}
-    for signs, fault in _MOTION_SIGNS.items():
-        for scale, unit in ((np.ones(2), ""), (np.array(frame.size), "motion is in fractions of the image size")):
-            error = float(np.median(np.linalg.norm(given * signs * scale - expected, axis=-1)))
-            errors["; ".join(text for text in (fault, unit) if text)] = error
-    best = min(errors, key=errors.get)
-    detail = f"median {errors['']:.3g} px from the motion of static surfaces"
-    if errors[""] <= MAX_MOTION_PX:
-        return Finding("motion", "", detail)
-    if errors[best] > MAX_MOTION_PX:
-        # Without static surfaces (a single animated character), animation and a mistake look the same.
-        return Finding("motion", "", f"not checked: {detail}; surfaces are animated, or the pass is no motion")
-    return Finding("motion", best, f"{detail}, {errors[best]:.3g} px when corrected")
+def motion_finding(verdict: MotionVerdict | str) -> Finding:
+    """What ``check_motion`` found, as a finding."""
+    if isinstance(verdict, str):
+        return Finding("motion", "", f"not checked: {verdict}")
+    if not verdict.known:
+        # Without still surfaces (a single animated character), animation and a mistake look the same.
+        why = "surfaces are animated, or the pass is no motion"
+        return Finding("motion", "", f"not checked: {verdict.detail}; {why}")
+    return Finding("motion", f"motion: {verdict.fault}" if verdict.fault else "", verdict.detail)
 
 
 def flipped(frame: PathTracedFrame) -> PathTracedFrame:

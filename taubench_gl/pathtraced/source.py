@@ -15,7 +15,7 @@ from taubench_gl.errors import SettingsError
 from taubench_gl.frame.targets import write_channel
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.metrics.color import display_color
-from taubench_gl.pathtraced.cameras import PathTracedCamera, check_camera
+from taubench_gl.pathtraced.cameras import PathTracedCamera, check_camera, relative_position
 from taubench_gl.pathtraced.passes import PathTracedFrame
 from taubench_gl.pathtraced.sequence import PathTracedSequence
 from taubench_gl.settings import Settings
@@ -162,29 +162,3 @@ def frame_channels(frame: PathTracedFrame, view: View, previous: View, settings:
         origin = 0.0 if frame.relative else previous.position
         out["prev_position"] = (frame.prev_position.astype(np.float64) - origin).astype(np.float32)
     return out
-
-
-def relative_position(frame: PathTracedFrame, view: View) -> tuple[Array, Array]:
-    """Surface points minus the camera position, world axes, (h, w, 3), and planar depth, (h, w); float64, meters.
-
-    Without a position pass, points are reconstructed from depth.
-    """
-    forward = -view.world_from_view[:, 2]
-    if frame.position is not None:
-        relative = frame.position.astype(np.float64) - (0.0 if frame.relative else view.position)
-        return relative, relative @ forward
-    width, height = frame.size
-    view_from_clip = np.linalg.inv(view.clip_from_view(width, height))
-    x = (2.0 * np.arange(width) + 1.0) / width - 1.0
-    y = 1.0 - (2.0 * np.arange(height) + 1.0) / height
-    ndc = np.stack(np.broadcast_arrays(x[None, :], y[:, None], 0.5, 1.0), axis=-1)
-    points = ndc @ view_from_clip.T
-    points = points[..., :3] / points[..., 3:]
-    depth = frame.depth.astype(np.float64)
-    if view.camera.kind == "perspective":
-        scale = np.linalg.norm(points, axis=-1) if frame.depth_kind == "distance" else -points[..., 2]
-        points = points * (depth / scale)[..., None]
-    else:
-        points = np.concatenate([points[..., :2], -depth[..., None]], axis=-1)
-    relative = points @ view.world_from_view.T
-    return relative, relative @ forward
