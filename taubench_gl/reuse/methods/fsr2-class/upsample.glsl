@@ -1,0 +1,42 @@
+// Upsampling of the jittered samples around pixel p of the result, and the box of their colors.
+//
+// Paper    FSR2 documentation: "Reproject & accumulate": Lanczos weights of the distance from p to the samples of 4x4 input
+//          pixels, the kernel scaled by ``sharp``; the sum of the weights is the weight of the color.  Box for the rectification: mean and
+//          standard deviation in YCoCg, weights exp(-3 d^2), within the range of the colors of 3x3 pixels.
+// Reference metrics.reuse_methods.fsr2_upsample
+#include "lanczos.glsl"
+
+struct Upsampled { vec4 color; vec3 middle, deviation, low, high; }; // color: YCoCg and weight
+
+Upsampled upsample(vec2 at, float sharp) {
+    vec2 pixel = at - frame.jitter_px; // in pixel indices of the samples
+    ivec2 nearest = ivec2(floor(pixel + 0.5)), base = ivec2(floor(pixel)) - 1;
+    Upsampled u;
+    vec4 sum = vec4(0.0);
+    for (int i = 0; i < 16; ++i) {
+        ivec2 q = base + ivec2(i % 4, i / 4);
+        if (any(lessThan(q, ivec2(0))) || any(greaterThanEqual(q, input_size()))) continue;
+        sum += lanczos2(sharp * length(vec2(q) - pixel)) * vec4(fetch_prepared(q).rgb, 1.0);
+    }
+    vec3 m1 = vec3(0.0), m2 = vec3(0.0);
+    u.low = vec3(1.0e30);
+    u.high = vec3(-1.0e30);
+    float total = 0.0;
+    for (int i = 0; i < 9; ++i) {
+        ivec2 q = nearest + ivec2(i % 3 - 1, i / 3 - 1);
+        if (any(lessThan(q, ivec2(0))) || any(greaterThanEqual(q, input_size()))) continue;
+        vec3 c = fetch_prepared(q).rgb;
+        vec2 d = vec2(q) - pixel;
+        float w = exp(-3.0 * dot(d, d));
+        m1 += w * c;
+        m2 += w * c * c;
+        total += w;
+        u.low = min(u.low, c);
+        u.high = max(u.high, c);
+    }
+    u.middle = m1 / total;
+    u.deviation = sqrt(max(m2 / total - u.middle * u.middle, 0.0));
+    bool enough = sum.a > 1.0e-3;
+    u.color = vec4(enough ? clamp(sum.rgb / sum.a, u.low, u.high) : u.middle, enough ? sum.a : 0.0);
+    return u;
+}

@@ -1,0 +1,238 @@
+"""The FSR2-class upscaler against its float64 reference; each stage, bypassed, is noticed; what it gains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reuse_scenes import drifting_checks, settings
+from reuse_tools import bypassed
+
+from taubench_gl.metrics import reuse_methods as reference
+from taubench_gl.metrics.reuse_methods.fsr2 import BLOCK, Grids, Prepared, bilinear, pixels
+from taubench_gl.reuse.evaluate import evaluate_methods
+from taubench_gl.reuse.frame import FrameInputs, read_result
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.reuse.synthetic import Uploader, synthetic_steps
+from taubench_gl.srgb import LUMINANCE
+
+SMALL, LARGE = (40, 24), (60, 36)
+GRIDS = Grids(SMALL, LARGE)
+JITTERS = np.float32(
+    [[0.25, -0.125], [-0.3125, 0.375], [0.1875, 0.4375], [-0.4375, -0.25], [0.3125, 0.0625], [0, -0.375]]
+)
+SETTINGS = {"max_weight": 8.0, "shading_change": 0.1, "sharpen": True}
+Array = np.ndarray
+
+
+@pytest.fixture(scope="module")
+def steps():
+    """Moving frames, then still ones, with thin lines, masks, and a light that is switched on in the fourth frame."""
+    rng = np.random.default_rng(51)
+    moving = list(synthetic_steps(SMALL, 3, speed=3.0, noise=0.2))
+    out = []
+    for index in range(6):
+        step = moving[min(index, 2)]
+        inputs = {n: np.asarray(v, dtype=np.uint32 if "mask" in n or "ids" in n else np.float32)
+                  for n, v in step.inputs.items()}  # fmt: skip
+        if index > 2:
+            inputs |= {"motion": np.zeros_like(inputs["motion"]), "prev_position": inputs["position"]}
+        radiance = inputs["radiance"].copy()
+        radiance[::5, :, :3] *= 3.0
+        radiance[:, :16, :3] *= 1.6 if index >= 3 else 1.0
+        radiance[..., :3] *= rng.gamma(30.0, 1 / 30.0, radiance.shape[:2])[..., None]
+        radiance[10:14, 20:30, :3] *= (1.0, 1.5)[index % 2]
+        inputs["radiance"] = radiance
+        inputs["reactive"] = np.zeros((*SMALL[::-1], 1), dtype=np.float32)
+        inputs["reactive"][4:8, 8:12] = 0.6
+        inputs["transparency"] = np.zeros((*SMALL[::-1], 1), dtype=np.float32)
+        inputs["transparency"][14:20, 26:34] = 0.95
+        out.append(replace(step, index=index, inputs=inputs))
+    return out
+
+
+def play(gpu, method, steps) -> list[Array]:
+    """Results of LARGE from inputs of SMALL with JITTERS, row 0 at the bottom."""
+    uploader = Uploader(gpu, SMALL)
+    results = []
+    with MethodRunner(gpu, method, LARGE, SETTINGS, input_size=SMALL) as runner:
+        for step in steps:
+            frame = uploader.frame(step)
+            fields = {n: getattr(frame, n) for n in FrameInputs.__dataclass_fields__}
+            fields |= {"jitter_px": JITTERS[step.index], "prev_jitter_px": JITTERS[max(step.index - 1, 0)]}
+            results.append(read_result(runner.step(FrameInputs(**fields)))[::-1])
+    uploader.release()
+    return results
+
+
+def reference_frames(steps) -> list[Array]:
+    """The whole method in float64, (h, w, 4): color and weight of history."""
+    before, before_depth, out = None, None, []
+    for step in steps:
+        i = {n: v[::-1].astype(np.float64) for n, v in step.inputs.items() if "mask" not in n}
+        jitter = JITTERS[step.index].astype(np.float64)
+        motion = i["motion"] * [1, -1]
+        expected = i["prev_position"][..., :3] @ step.pair.prev_forward
+        depth = i["position"][..., 3]
+        dilated = reference.fsr2_dilate(depth, {"motion": motion, "expected": np.where(depth > 0, expected, 0.0)})
+        clear = np.zeros(depth.shape)
+        if before_depth is not None:
+            at = pixels(SMALL) + dilated["motion"] + jitter - JITTERS[step.index - 1]
+            clear = reference.fsr2_depth_clip(at, dilated["expected"], before_depth, 0.05)
+        color = reference.fsr2_tone_mapped(i["radiance"][..., :3])
+        most = {
+            n: np.max(list(reference.neighbors(i[n]).values()), axis=0)[..., 0] for n in ("reactive", "transparency")
+        }
+        blocks = reference.fsr2_block_luminance(i["radiance"][..., :3])
+        thin = reference.fsr2_thin_features(color[..., 0], 1.05)
+        frame = Prepared(color, thin, dilated["motion"], clear, dilated["depth"], blocks=blocks, **most)
+        before = reference.fsr2_accumulate(
+            frame, before, GRIDS, jitter, SETTINGS["max_weight"], SETTINGS["shading_change"]
+        )
+        before_depth = dilated["depth"]
+        out.append(np.dstack([reference.fsr2_shown(before.color, 0.8), before.kept]))
+    return out
+
+
+@pytest.fixture(scope="module")
+def expected(steps):
+    return reference_frames(steps)
+
+
+def check_frames(gpu, method, steps, expected) -> None:
+    for number, (got, want) in enumerate(zip(play(gpu, method, steps), expected, strict=True)):
+        wrong = (np.abs(got - want) > 1e-3 + 1e-3 * np.abs(want)).any(axis=-1)
+        assert wrong.mean() <= 6e-3, (
+            f"frame {number}: {wrong.sum()} of {wrong.size}, largest {np.abs(got - want).max()}"
+        )
+
+
+def test_agrees_with_its_reference(gpu, steps, expected):
+    check_frames(gpu, "fsr2-class", steps, expected)
+
+
+ACCUMULATE = "accumulate.glsl"
+BYPASSES = {
+    "luminance_pyramid": ("luminance.glsl", "sums[0].x / sums[0].y", "sums[thread].x / 256.0"),
+    "dilated_depth_and_motion": ("prepare.glsl", "ivec2 nearest = nearest_surface(p);", "ivec2 nearest = p;"),
+    "previous_depth": ("prepare.glsl", " + motion + frame.jitter_px - frame.prev_jitter_px", " + 0.0 * motion"),
+    "depth_clip": ("prepare.glsl", "frame.has_history == 1u ? depth_clip(at, expected) : 0.0", "1.0"),
+    "dilated_masks": ("prepare.glsl", "vec2(reactive_most, transparency_most)",
+                      "vec2(fetch_reactive(p), fetch_transparency(p))"),
+    "tone_map": ("tone.glsl", "c / (1.0 + max(c.r, max(c.g, c.b)))", "min(c, 0.99)"),
+    "lock_creation": (ACCUMULATE, "fresh = new_lock(p, at);", "fresh = false;"),
+    "reprojection": (ACCUMULATE, "vec2(p) + motion;", "vec2(p);"),
+    "lanczos_of_the_history": (ACCUMULATE, "reprojected_color(before_at)", "sample_prev_color(before_at)"),
+    "shading_change": (ACCUMULATE, "float change = 1.0 -", "float change = 0.0 * "),
+    "lock_lifetime": (ACCUMULATE, "if (change > shading_change || (!fresh && clear < 0.99)) lock.x = 0.0;", ""),
+    "lock_period": (ACCUMULATE, "now.color.a / (MEAN_WEIGHT * periods)", "0.0"),
+    "luminance_instability": (ACCUMULATE, "bool flickers = unstable(now.color.x, earlier);", "bool flickers = false;"),
+    "upsampling": ("upsample.glsl", "lanczos2(sharp * length(vec2(q) - pixel))", "float(q == nearest)"),
+    "kernel_scale": (ACCUMULATE, "exists ? sharp : 1.0", "1.0"),
+    "rectification": (ACCUMULATE, "history.rgb = mix(clamped, history.rgb, part);", ""),
+    "reactive_mask": (ACCUMULATE, "float reactivity = 1.0 -", "float reactivity = 0.0 *"),
+    "composition_mask": (ACCUMULATE, "float composed = ", "float composed = 0.0 * "),
+    "accumulation": (ACCUMULATE, "mix(history.rgb, now.color.rgb, share)", "now.color.rgb"),
+    "rcas": ("rcas.glsl", "if (sharpen) {", "if (false) {"),
+}  # fmt: skip
+
+
+def test_every_stage_has_a_bypass():
+    stages = load_method("fsr2-class").stages
+    assert all(stage.done for stage in stages) and {stage.name for stage in stages} <= set(BYPASSES)
+
+
+@pytest.mark.parametrize("stage", BYPASSES)
+def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, expected, stage):
+    folder = bypassed(tmp_path / "fsr2", "fsr2-class", BYPASSES[stage])
+    with pytest.raises(AssertionError, match="largest"):
+        check_frames(gpu, folder, steps, expected)
+
+
+def test_upsampling_of_a_plane_is_exact_at_the_samples_and_close_between():
+    """A linear image: at a sample the sharp kernel gives the sample; between samples it beats the nearest sample."""
+    image = np.repeat((0.3 + 0.01 * pixels(SMALL)[..., :1]), 3, axis=-1)
+    jitter = np.array([0.25, -0.125])
+    at_samples = (pixels(SMALL) + jitter)[3:-3, 3:-3]
+    color, weight, _ = reference.fsr2_upsample(image, at_samples, jitter, np.full(at_samples.shape[:2], 1.99))
+    np.testing.assert_allclose(color, image[3:-3, 3:-3], atol=2e-3)
+    assert (np.abs(weight - 1) < 0.05).all(), "the kernel nearly vanishes at the neighbors"
+    between = GRIDS.input_from_output(pixels(LARGE))[6:-6, 6:-6]
+    color, _, box = reference.fsr2_upsample(image, between, jitter, np.ones(between.shape[:2]))
+    pixel = between[..., 0] - jitter[0]  # the value of sample i is 0.3 + 0.01 i
+    error, nearest = color[..., 0] - 0.3 - 0.01 * pixel, 0.01 * (np.floor(pixel + 0.5) - pixel)
+    assert np.abs(error).mean() < 0.5 * np.abs(nearest).mean()
+    assert (box["low"] <= color).all() and (color <= box["high"]).all()
+
+
+def test_lanczos_kernel():
+    x = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
+    expected = [1.0, (2 / np.pi) * np.sinc(0.25), 0.0, np.sinc(1.5) * np.sinc(0.75), 0.0, 0.0]
+    np.testing.assert_allclose(reference.lanczos2(x), expected, atol=1e-12)
+
+
+def test_thin_features_are_lines_and_dots():
+    image = np.full((16, 16), 0.2)
+    image[4, :] = 0.6  # a line
+    image[9, 9] = 0.05  # a dot
+    image[11:14, 2:6] = 0.9  # a block
+    thin = reference.fsr2_thin_features(image, 1.05)
+    assert thin[4, 1:-1].all() and thin[9, 9] and not thin[11:14, 2:6].any() and not thin[6:9, :8].any()
+
+
+def test_depth_clip_of_closed_forms():
+    """Nothing in front: 1.  A surface at half the depth in half the footprint: 1/2 and what its tolerance leaves."""
+    before = np.full((8, 8), 4.0)
+    before[:, 4:] = 2.0
+    at, expected = np.array([[[3.5, 3.0], [1.0, 1.0], [5.0, 5.0]]]), np.array([[4.0, 4.0, 4.0]])
+    clear = reference.fsr2_depth_clip(at, expected, before, 0.1)
+    np.testing.assert_allclose(clear, [[0.5 + 0.5 * 0.1, 1.0, 0.1]])
+    np.testing.assert_array_equal(reference.fsr2_depth_clip(at, 0 * expected, before, 0.1), [[0, 0, 0]])
+    np.testing.assert_array_equal(reference.fsr2_depth_clip(at - 50, expected, before, 0.1), [[0, 0, 0]])
+
+
+def test_locks_lie_where_their_samples_are():
+    """Every lock contains exactly one thin sample, and none is lost inside the image."""
+    rng = np.random.default_rng(52)
+    thin = rng.random(SMALL[::-1]) < 0.1
+    locks = reference.fsr2_new_locks(thin, GRIDS, JITTERS[1])
+    assert locks.sum() == thin.sum()
+    where = np.argwhere(locks)[:, ::-1]
+    samples = GRIDS.output_from_input(np.argwhere(thin)[:, ::-1] + JITTERS[1])
+    assert all((np.abs(samples - w) <= 0.5 + 1e-6).all(axis=-1).any() for w in where)
+
+
+def test_sharpening_keeps_flat_areas_and_stays_in_range():
+    rng = np.random.default_rng(53)
+    image = rng.random((32, 32, 3))
+    sharp = reference.fsr2_rcas(image, 1.0)
+    assert sharp.min() >= 0 and sharp.max() <= 1
+    np.testing.assert_allclose(reference.fsr2_rcas(np.full((8, 8, 3), 0.4), 1.0), 0.4)
+    edge = np.full((8, 8, 3), 0.3)
+    edge[:, 4:] = 0.6
+    assert (np.abs(np.diff(reference.fsr2_rcas(edge, 1.0)[4, :, 0])).max()) > 0.3
+
+
+def test_block_luminance_is_the_geometric_mean():
+    rng = np.random.default_rng(54)
+    image = rng.gamma(1.0, 1.0, (20, 40, 3)) + 0.01
+    blocks = reference.fsr2_block_luminance(image)
+    luminance = image @ LUMINANCE
+    assert blocks.shape == (2, 3)
+    np.testing.assert_allclose(np.exp(blocks[1, 2]), np.prod(luminance[BLOCK:, 2 * BLOCK :] ** (1 / 32)))
+    at = np.array([[[7.5, 7.5], [15.5, 7.5]]])
+    expected = np.exp([[blocks[0, 0], 0.5 * (blocks[0, 0] + blocks[0, 1])]])
+    np.testing.assert_allclose(reference.fsr2_shading_luminance(blocks, at), expected)
+    np.testing.assert_allclose(bilinear(image, np.array([[[3.5, 2.0]]]))[0, 0], image[2, 3:5].mean(axis=0))
+
+
+def test_more_detail_than_resampled_frames():
+    """A drifting fine pattern from half the size along each side, against the supersampled reference."""
+    done = evaluate_methods(
+        drifting_checks(), ("none", "fsr2-class"), settings(width=96, height=72, frames=(0, 12)),
+        input="jittered+upscale@2", metrics=("psnr",), reference_samples=9,
+    )  # fmt: skip
+    last = {row["method"]: row["psnr_db"] for row in done.rows[-2:]}
+    assert last["fsr2-class"] > last["none"] + 2, last
