@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from taubench_gl.reuse.input_kind import InputKind
 
 EXIT_FAILED, EXIT_INTERRUPTED = 2, 130
+DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_error")
+METRICS_HELP = "Metrics to compute; also hdr_flip, lpips and cvvdp, which need more time or packages."
 FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
 METHODS_HELP = (
     "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1.  exr:DIR: frames "
@@ -137,7 +139,7 @@ docs/reuse-evaluation.md defines every number."""
 )
 @click.argument("scenes", nargs=-1, required=True, metavar="SCENE...")
 @click.option("--methods", type=List(), required=True, help=METHODS_HELP)
-@click.option("--metrics", type=List(), default=",".join(FIT_METRICS), show_default=True, help="Metrics to compute.")
+@click.option("--metrics", type=List(), default=",".join(DEFAULT_METRICS), show_default=True, help=METRICS_HELP)
 @click.option("--out", type=OutPath(), metavar="DIR", help="Also write the results to this folder.")
 @click.option(
     "--video", type=click.Choice(["mp4", "webm", "none"]), default="mp4", show_default=True, help="With --out."

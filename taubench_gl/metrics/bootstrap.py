@@ -21,7 +21,7 @@ Array = np.ndarray
 
 RESAMPLES = 4999
 CONFIDENCE = 0.95
-MIN_BLOCKS = 3
+MIN_BLOCKS = 4
 MIN_FRAMES = 2 * MIN_BLOCKS
 """Fewer frames give no interval."""
 

@@ -89,9 +89,17 @@ def comparison_tables(summary: Summary) -> list[Table]:
 
 
 def _ranking_text(found: Summary) -> str:
-    """``Ranking (...): 1 svgf (0.05); 2 taa_clamp (0.07)``, in the order of the means."""
-    entries = [f"{e['rank'] or '-'} {e['method']} ({e['mean']:.4g})" for e in found["ranking"]]
-    return f"Ranking (1 + the number of methods that are better beyond Holm's correction): {'; '.join(entries)}."
+    """``Ranking (...): 1 svgf (0.05); 2-3 taa_clamp (0.07)``, in the order of the means."""
+    entries = [f"{_ranks(e)} {e['method']} ({e['mean']:.4g})" for e in found["ranking"]]
+    meaning = "ranks that remain possible after Holm's correction; mean"
+    return f"Ranking ({meaning}): {'; '.join(entries)}."
+
+
+def _ranks(entry: Summary) -> str:
+    first, last = entry["rank"], entry["last_rank"]
+    if first is None:
+        return "-"
+    return str(first) if first == last else f"{first}-{last}"
 
 
 _SAME = ("sha256", "name")

@@ -176,18 +176,22 @@ def verdict(measure: str, entry: Mapping[str, Any]) -> str:
 def _ranking(
     measure: str, means: Mapping[str, Mapping[str, Any]], differences: Sequence[Mapping[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Methods from the best mean on.  ``rank``: 1 + the methods that are better beyond Holm's correction.
+    """Methods from the best mean on.
 
-    ``indistinguishable``: methods from which it differs by no more than chance; None: there are no intervals.
+    ``rank``: 1 + the methods that are better beyond Holm's correction; ``last_rank``: all less those that are worse;
+    ``indistinguishable``: the others.  None: there are no intervals.
     """
     sign = -1.0 if MEASURES[measure].better == "higher" else 1.0
-    beaten: dict[str, int] = dict.fromkeys(means, 0)
+    better: dict[str, int] = dict.fromkeys(means, 0)
+    worse: dict[str, int] = dict.fromkeys(means, 0)
     alike: dict[str, list[str]] = {label: [] for label in means}
     known = all(entry["p_holm"] is not None for entry in differences)
     for entry in differences if known else ():
         a, b = entry["a"], entry["b"]
         if entry["p_holm"] < 1.0 - CONFIDENCE:
-            beaten[a if sign * entry["difference"] > 0 else b] += 1
+            loser, winner = (a, b) if sign * entry["difference"] > 0 else (b, a)
+            better[loser] += 1
+            worse[winner] += 1
         else:
             alike[a].append(b)
             alike[b].append(a)
@@ -195,7 +199,8 @@ def _ranking(
         {
             "method": label,
             "mean": means[label]["mean"],
-            "rank": 1 + beaten[label] if known else None,
+            "rank": 1 + better[label] if known else None,
+            "last_rank": len(means) - worse[label] if known else None,
             "indistinguishable": alike[label] if known else None,
         }
         for label in sorted(means, key=lambda m: sign * means[m]["mean"])

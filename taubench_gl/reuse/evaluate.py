@@ -35,7 +35,8 @@ from taubench_gl.reuse.input_kind import InputKind, parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import current_name, load_method
 from taubench_gl.reuse.path_traced import FITTED, PathTracedReference, reference_samples
-from taubench_gl.reuse.quality import CHOICES, MEASURES, display
+from taubench_gl.reuse.perceptual import open_perceptual
+from taubench_gl.reuse.quality import CHOICES, DEFAULT_METRICS, MEASURES, display, fixed_gain, reusable, warp_error
 from taubench_gl.reuse.recorded import RecordedFrames, RecordedRunner
 from taubench_gl.reuse.references import FileReference, SupersampledReference
 from taubench_gl.reuse.runner import MethodRunner
@@ -49,8 +50,12 @@ Array = np.ndarray
 
 SCHEMA = "taubench-gl/reuse/3"
 
-REQUIRED = {"ssim": ("skimage", "scikit-image"), "flip": ("flip_evaluator", "flip-evaluator")}
-"""Metrics that need another package: module and package."""
+REQUIRED = {
+    "ssim": ("skimage", "scikit-image"),
+    "flip": ("flip_evaluator", "flip-evaluator"),
+    "hdr_flip": ("flip_evaluator", "flip-evaluator"),
+}
+"""Metrics that need another package: module and package.  For ``lpips`` and ``cvvdp`` see ``perceptual``."""
 
 _EVALUATION_READS = ("mask", "motion", "exact_mask")
 REFERENCE_INPUT = "reference"
@@ -103,7 +108,7 @@ class EvaluationRequest:
     reference: str = "max"
     reference_samples: int = 16
     reference_time: float = 120.0
-    metrics: Collection[str] = CHOICES
+    metrics: Collection[str] = DEFAULT_METRICS
     cuts: Collection[int] = ()
     mapping: str | None = None
     seeds: int = 1
@@ -265,6 +270,9 @@ class _Evaluator:
         self._seed = inputs.kind.seed  # of the sequence that is open
         self.records: dict[str, MethodRecord] = {}
         self._facts: dict[str, dict[str, Any]] = {}
+        self._perceptual = open_perceptual(request.metrics, inputs.settings.sequence.fps)
+        self._gain: float | None = None
+        self._warp_errors: list[float] = []
         self._loaded = self._load(specs, frozenset(request.metrics), request.warmup)
         self._require(len(self._loaded) > 0)
         self.seeds = tuple(inputs.kind.seed + k for k in range(request.seeds))
@@ -309,7 +317,7 @@ class _Evaluator:
     ) -> list[tuple[MethodSpec, Method | RecordedFrames]]:
         loaded = []
         for spec in specs:
-            self.records[spec.label] = MethodRecord(spec.label, metrics, True, warmup)
+            self.records[spec.label] = MethodRecord(spec.label, metrics, True, warmup, self._perceptual)
             self._facts[spec.label] = {"title": None, "cite": [], "settings": None, "memory_bytes": None}
             with self._isolated(spec.label):
                 if is_sequence(spec.method):
@@ -409,6 +417,8 @@ class _Evaluator:
             if progress is not None and done:
                 seconds = time.perf_counter() - started
                 progress(Progress(self._scene.name, repetition * pairs + done, len(self.seeds) * pairs, seconds))
+        for label in self.runners:
+            self.records[label].end()
 
     def _with_reference(self, inputs: FrameInputs, reference: FrameReference) -> FrameInputs:
         """``inputs`` and the reference image, where a method reads it."""
@@ -444,7 +454,12 @@ class _Evaluator:
         mask = read_channel(self._inputs.exact_mask or inputs.textures["mask"], "mask")[..., 0]
         motion = read_channel(self._inputs.exact_motion or inputs.textures["motion"], "motion")
         image = Displayed.of(radiance, valid, self._settings.lighting.tone_map)
-        return FrameReference(frame, image, previous, mask, classify(mask), motion)
+        if previous is None and self._gain is None:
+            self._gain = fixed_gain(image.radiance)
+        if previous is not None and self._seed == self.seeds[0]:
+            error = warp_error(image.colors, previous.colors, motion, reusable(mask))
+            self._warp_errors += [] if error is None else [error]
+        return FrameReference(frame, image, previous, mask, classify(mask), motion, self._gain)
 
     def _score(
         self, reference: FrameReference, inputs: FrameInputs, outputs: Mapping[str, _Output], repetition: int
@@ -485,6 +500,8 @@ class _Evaluator:
         clock = PassTimer.clock
         shading = float(np.median(self._shading)) if self._shading else None
         given = self._inputs.describe()
+        counted = self._warp_errors[self._request.warmup - 1 :]
+        warped = float(np.mean(counted)) if counted else None
         if given["seed"] is not None:
             given["seed"] = self.seeds[0]
         return {
@@ -497,7 +514,7 @@ class _Evaluator:
             "seeds": list(self.seeds),
             "warmup": self._request.warmup,
             "input": given | {"shading_ms": shading, "clock": clock},
-            "reference": self._reference.describe(),
+            "reference": self._reference.describe() | {"warp_error": warped, "gain": self._gain},
             "mask_source": self._mask_source,
             "measures": {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()},
             "classes": {name: doc for name, (_, doc) in CLASSES.items()},

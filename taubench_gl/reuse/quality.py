@@ -13,6 +13,8 @@ import numpy as np
 
 from taubench_gl.conventions import FEATURE_BIT, NOT_COMPARABLE
 from taubench_gl.metrics.color import display_color
+from taubench_gl.metrics.exposure import metered_exposure
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 
@@ -21,6 +23,10 @@ RELMSE_EPSILON = 1e-2
 
 SSIM_SIGMA, SSIM_SIDE = 1.5, 11
 """Wang et al. 2004: Gaussian window of standard deviation 1.5, 11 pixels wide."""
+
+FLIP_PERCENTILES = (50, 95, 99)
+TRIMMED_SHARE = 1e-3
+"""Share of the pixels, those with the largest errors, that ``relmse_trimmed`` leaves out."""
 
 DISCARDS = int(NOT_COMPARABLE) | sum(int(bit) for bit in FEATURE_BIT.values())
 """Bits of the exact mask: with any of them, the history of a pixel is invalid."""
@@ -56,11 +62,32 @@ MEASURES: dict[str, Measure] = {
             "flicker",
         ),
         Measure("linear_mse", "", "lower", 6, "mean of (image - reference)^2, linear radiance"),
+        Measure(
+            "relmse_trimmed", "", "lower", 5, "relMSE at the exposure that meters the first reference to 0.18, without "
+            "the 0.1 % of pixels with the largest errors",
+        ),
+        *(
+            Measure(f"flip_p{p}", "", "lower", 4, f"percentile {p} over pixels of LDR-FLIP", "flip")
+            for p in FLIP_PERCENTILES
+        ),
+        Measure(
+            "warp_error", "", "lower", 6, "mean squared change along motion where history is valid (Lai et al. 2018)",
+            "warp_error",
+        ),
+        Measure("hdr_flip", "", "lower", 4, "mean HDR-FLIP of linear radiance (Andersson 2021)", "hdr_flip"),
+        Measure("lpips", "", "lower", 4, "LPIPS of display colors, AlexNet (Zhang et al. 2018)", "lpips"),
+        Measure(
+            "cvvdp_jod", "JOD", "higher", 3, "ColorVideoVDP of the sequence (Mantiuk et al. 2024); 10: no difference",
+            "cvvdp",
+        ),
     )
 }  # fmt: skip
 
-CHOICES = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
+DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_error")
 """Names of metrics for users.  PSNR, relMSE and the linear MSE are always computed."""
+
+CHOICES = (*DEFAULT_METRICS, "hdr_flip", "lpips", "cvvdp")
+"""The default metrics, and those that take more time or another package."""
 
 
 def display(radiance: Array, curve: str = "linear") -> Array:
@@ -90,6 +117,22 @@ def relative_squared_error(image: Array, reference: Array) -> Array:
     return np.mean((image - reference) ** 2 / (reference**2 + RELMSE_EPSILON), axis=-1)
 
 
+def fixed_gain(reference: Array) -> float | None:
+    """The factor that meters a reference image (h, w, 3) to middle gray, see metrics.exposure; None if it is black."""
+    luminance = np.asarray(reference, dtype=np.float64).reshape(-1, 3) @ LUMINANCE
+    return metered_exposure([luminance])
+
+
+def trimmed_relative_error(image: Array, reference: Array, gain: float) -> float:
+    """Mean relative squared error of radiance times ``gain``, without the TRIMMED_SHARE of pixels with the largest.
+
+    The exposure fixes what the epsilon of relMSE means; the trim takes out fireflies, which it does not call an error.
+    """
+    error = relative_squared_error(gain * image, gain * reference).ravel()
+    keep = error.size - math.ceil(TRIMMED_SHARE * error.size)
+    return float(np.partition(error, keep - 1)[:keep].mean()) if keep > 0 else float(error.mean())
+
+
 def ssim(shown: Array, reference: Array) -> float | None:
     """Mean structural similarity; None for images smaller than its window of 11 pixels."""
     from skimage.metrics import structural_similarity
@@ -113,12 +156,29 @@ def flip_map(shown: Array, reference: Array) -> Array:
     """LDR-FLIP of every pixel, (h, w) float64 in [0, 1].  Raises ValueError for values that are not finite."""
     import flip_evaluator
 
-    for values in (shown, reference):
-        if not np.isfinite(values).all():  # the evaluator would accept them silently
-            raise ValueError("FLIP needs finite colors")
-    images = (np.ascontiguousarray(x, dtype=np.float32) for x in (reference, shown))
+    images = _finite_images(reference, shown)
     error, _, _ = flip_evaluator.evaluate(*images, "LDR", applyMagma=False, computeMeanError=False)
     return np.asarray(error, dtype=np.float64)[..., 0]
+
+
+def hdr_flip(radiance: Array, reference: Array) -> float:
+    """Mean HDR-FLIP of linear radiance (h, w, 3), at the exposures that FLIP derives from the reference.
+
+    Negative values count as 0.  Raises ValueError for values that are not finite.
+    """
+    import flip_evaluator
+
+    images = (np.maximum(x, 0.0) for x in _finite_images(reference, radiance))
+    error, _, _ = flip_evaluator.evaluate(*images, "HDR", applyMagma=False, computeMeanError=False)
+    return float(np.mean(error, dtype=np.float64))
+
+
+def _finite_images(*images: Array) -> list[Array]:
+    """Contiguous float32; FLIP accepts values that are not finite silently."""
+    for values in images:
+        if not np.isfinite(values).all():
+            raise ValueError("FLIP needs finite colors")
+    return [np.ascontiguousarray(x, dtype=np.float32) for x in images]
 
 
 def temporal_squared_error(shown: Array, before: Array, reference: Array, reference_before: Array) -> Array:
@@ -153,6 +213,17 @@ def flicker(
     change = shown - history_of(before, motion_px)
     expected = reference - history_of(reference_before, motion_px)
     return float(np.abs(change - expected)[reusable].mean())
+
+
+def warp_error(shown: Array, before: Array, motion_px: Array, reusable: Array) -> float | None:
+    """Mean over ``reusable`` pixels and channels of (change along motion)^2; None without such pixels.
+
+    The warping error of Lai et al. 2018, without a reference: it is also the smallest for a frozen or blurred image, so
+    read it beside that of the reference.  The mask and the motion are exact instead of estimated.
+    """
+    if not reusable.any():
+        return None
+    return float(((shown - history_of(before, motion_px)) ** 2)[reusable].mean())
 
 
 def reusable(mask: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
+from taubench_gl.reuse.perceptual import Perceptual, to_8_bit
 
 Array = np.ndarray
 
@@ -108,6 +109,7 @@ class FrameReference:
     mask: Array  # (h, w) uint32 reason words
     classes: Array  # (h, w) int8, of ``classify``
     motion_px: Array  # (h, w, 2) previous - current, +y down
+    gain: float | None = 1.0  # of ``relmse_trimmed``, one for the evaluation; None: the first reference is black
 
 
 @dataclass(slots=True)
@@ -115,13 +117,15 @@ class MethodRecord:
     """Scores of one method, frame by frame, seed by seed.
 
     ``metrics`` of quality.CHOICES; ``exact_mask``: whether the masks are those of the exact frames; ``warmup``: first
-    frames of every seed that means leave out, at least the first, which has no history.
+    frames of every seed that means leave out, at least the first, which has no history; ``perceptual``: measures of
+    other packages.
     """
 
     label: str
     metrics: frozenset[str]
     exact_mask: bool
     warmup: int = 1
+    perceptual: Perceptual = field(default_factory=Perceptual)
     rows: list[dict[str, Any]] = field(default_factory=list)
     counted: list[dict[str, Any]] = field(default_factory=list)  # the rows that means are over
     classes: ClassErrors = field(default_factory=ClassErrors)
@@ -132,10 +136,25 @@ class MethodRecord:
     _mse: list[float] = field(default_factory=list)
     _temporal_mse: list[float] = field(default_factory=list)
     _previous: Displayed | None = None
+    _video: list[tuple[Array, Array]] = field(default_factory=list)  # display colors of the counted frames of a seed
 
     def begin(self, seed: int) -> None:
         """The next frame is the first of the sequence of ``seed``."""
         self._seed, self._index, self._previous = seed, 0, None
+        self._video.clear()
+
+    def end(self) -> None:
+        """The sequence of a seed is complete: measures of whole sequences go into all its counted rows."""
+        if self.perceptual.cvvdp is None or not self._video:
+            return
+        test, reference = (np.stack(images) for images in zip(*self._video, strict=True))
+        self._video.clear()
+        if not test.any() and not reference.any():
+            return
+        value = self.perceptual.cvvdp(test, reference)
+        for row in self.counted:
+            if row["seed"] == self._seed:
+                row["cvvdp_jod"] = value
 
     def add(
         self,
@@ -161,7 +180,7 @@ class MethodRecord:
         row |= {"seed": self._seed, "frame": reference.frame, "method": self.label, "time_ms": time_ms}
         row["invalid_pixels"] = int(np.count_nonzero(~valid))
         if not (_black(shown) and _black(expected)):
-            row |= self._image_measures(shown, expected, errors)
+            row |= self._image_measures(shown, expected, errors, reference.gain)
         if blended is not None:
             bound = bound_of_frame(blended, result, expected.radiance, valid)
             row |= bound.row
@@ -172,14 +191,19 @@ class MethodRecord:
             row |= self._temporal(shown, expected, reference, allowed, counted)
             row |= weights(result[..., 3], allowed if self.exact_mask else None)
         if counted:
-            self._mse.append(float(errors["mse"].mean()))
-            self.classes.add(reference.classes, errors)
+            if row["relmse"] is not None:  # not black against black
+                self._mse.append(float(errors["mse"].mean()))
+                self.classes.add(reference.classes, errors)
             self.counted.append(row)
+            if self.perceptual.cvvdp is not None:
+                self._video.append(tuple(to_8_bit(image.colors) for image in (shown, expected)))
         self._previous, self._index = shown, self._index + 1
         self.rows.append(row)
         return shown.colors, errors.get("flip", np.clip(4.0 * np.sqrt(errors["mse"]), 0.0, 1.0))
 
-    def _image_measures(self, shown: Displayed, expected: Displayed, errors: dict[str, Array]) -> dict[str, Any]:
+    def _image_measures(
+        self, shown: Displayed, expected: Displayed, errors: dict[str, Array], gain: float | None
+    ) -> dict[str, Any]:
         """Measures of one image; adds the map of FLIP to ``errors``."""
         out: dict[str, Any] = {name: float(errors[name].mean()) for name in ("relmse", "linear_mse")}
         out["psnr_db"] = quality.psnr(float(errors["mse"].mean()))
@@ -188,6 +212,14 @@ class MethodRecord:
         if "flip" in self.metrics:
             errors["flip"] = quality.flip_map(shown.colors, expected.colors)
             out["flip"] = float(errors["flip"].mean())
+            points = np.percentile(errors["flip"], quality.FLIP_PERCENTILES)
+            out |= {f"flip_p{p}": float(v) for p, v in zip(quality.FLIP_PERCENTILES, points, strict=True)}
+        if "hdr_flip" in self.metrics:
+            out["hdr_flip"] = quality.hdr_flip(shown.radiance, expected.radiance)
+        if gain is not None:
+            out["relmse_trimmed"] = quality.trimmed_relative_error(shown.radiance, expected.radiance, gain)
+        if self.perceptual.lpips is not None:
+            out["lpips"] = self.perceptual.lpips(shown.colors, expected.colors)
         return out
 
     def _temporal(
@@ -207,6 +239,9 @@ class MethodRecord:
         if "flicker" in self.metrics:
             valid = shown.valid & quality.history_of(before.valid, reference.motion_px)
             out["flicker"] = quality.flicker(*images, reference.motion_px, allowed & valid)
+        if "warp_error" in self.metrics:
+            valid = shown.valid & quality.history_of(before.valid, reference.motion_px)
+            out["warp_error"] = quality.warp_error(shown.colors, before.colors, reference.motion_px, allowed & valid)
         return out
 
     def summary(self) -> dict[str, Any]:
@@ -240,7 +275,9 @@ class MethodRecord:
             if value is None:
                 metric = quality.MEASURES[name].metric
                 small = f"the image is smaller than SSIM's window of {quality.SSIM_SIDE} pixels"
-                known = {"ssim": small, "flicker": "no pixel is reusable by the exact mask"}
+                nowhere = "no pixel is reusable by the exact mask"
+                known = {"ssim": small, "flicker": nowhere, "warp_error": nowhere}
+                known["relmse_trimmed"] = "the first reference image is black: it gives no exposure"
                 black = all(row["relmse"] is None for row in self.counted)
                 measured = BLACK if black else known.get(name, EQUAL)
                 out[name] = NOT_REQUESTED if metric and metric not in self.metrics else measured

@@ -131,9 +131,9 @@ def test_greedy_is_its_float64_reference(gpu):
         np.testing.assert_allclose(result[..., 3], weight, atol=2e-3)
 
 
-def test_every_builtin_method_reports_history():
-    silent = [name for name in builtin_methods() if "reprojected_history" not in load_method(name).reports]
-    assert silent == []
+def test_every_builtin_method_with_history_reports_it():
+    silent = {name for name in builtin_methods() if "reprojected_history" not in load_method(name).reports}
+    assert silent <= {"oidn"}  # filters one frame
 
 
 def test_former_name_of_ideal_masks(capsys):

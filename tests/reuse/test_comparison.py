@@ -41,8 +41,8 @@ def test_large_and_small_differences():
     assert by_pair["good", "same"]["verdict"].startswith("statistically indistinguishable (interval ")
     assert by_pair["good", "bad"]["high"] < 0 and by_pair["good", "bad"]["p_holm"] < 1e-6
     assert by_pair["good", "bad"]["difference"] == pytest.approx(np.mean(methods["good"] - methods["bad"]))
-    ranks = {r["method"]: (r["rank"], r["indistinguishable"]) for r in found["ranking"]}
-    assert ranks == {"good": (1, ["same"]), "same": (1, ["good"]), "bad": (3, [])}
+    ranks = {r["method"]: (r["rank"], r["last_rank"], r["indistinguishable"]) for r in found["ranking"]}
+    assert ranks == {"good": (1, 2, ["same"]), "same": (1, 2, ["good"]), "bad": (3, 3, [])}
     # Unpaired, the content of the frames would hide nothing of 0.2, but would widen the interval tenfold.
     assert by_pair["good", "same"]["high"] - by_pair["good", "same"]["low"] < 0.02
 
