@@ -38,7 +38,10 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
         values = ", ".join(map(str, parameter.values))
         note = "  (other pixels or pairs)" if parameter.kind == "grid" else ""
         click.echo(f"{parameter.name}: {values}{note}\n    {parameter.doc}")
-    click.echo("levels\n    the named levels of 'evaluate --quality'\neffects\n    each effect left out")
+    click.echo(
+        "levels\n    the named levels of 'evaluate --quality'\ncombinations\n    several parameters changed together"
+    )
+    click.echo("effects\n    each effect left out")
     click.echo(
         "method:NAME@setting=VALUES\n    a reuse method, evaluated by its images: 'taubench-gl reuse list' lists the "
         "methods, 'reuse show NAME' their settings"

@@ -15,22 +15,28 @@ from taubench_gl.settings import Settings
 
 BASELINE, HIGHEST = "baseline", "highest_quality"
 LABELS = {BASELINE: "baseline", HIGHEST: "highest quality"}
-LEVEL_SET, EFFECT_SET = "levels", "effects"
-"""Names beside those of parameters: the named levels; what each effect costs."""
+LEVEL_SET, COMBINATION_SET, EFFECT_SET = "levels", "combinations", "effects"
+"""Names beside those of parameters: the named levels; COMBINATIONS; what each effect costs."""
+
+EVERYTHING = "every effect on"
+"""Configuration with the effects that the scene does not call for: masks must be the same, at a higher price."""
 
 EFFECTS = ("normal_maps", "glossy", "shadows", "indirect", "emission", "emitter_light", "environment_light")
 """Effects that can be left out while all columns stay."""
 
+_COARSE = {"shadow_size": 256, "shadow_filter": "hard"}
 COMBINATIONS: tuple[Mapping[str, Any], ...] = (
-    {"storage": "half", "shadow_size": 256, "shadow_filter": "hard", "shadow_lights": 4, "indirect": "none"},
-    {"storage": "half", "shadow_size": 256, "shadow_filter": "hard", "indirect": "rsm", "indirect_samples": 256},
-    {"shadow_size": 512, "indirect_samples": 256, "probes": 96},
-    {"shadow_size": 512, "shadow_filter": "hard"},
-    {"indirect_samples": 256, "probes": 96},
+    _COARSE | {"shadow_lights": 4, "indirect": "none"},
+    _COARSE | {"indirect": "none"},
+    _COARSE | {"indirect": "rsm", "indirect_samples": 256},
+    _COARSE | {"indirect": "rsm"},
+    _COARSE | {"indirect_samples": 256, "probes": 96},
+    _COARSE,
     {"indirect": "rsm", "indirect_samples": 256},
-    {"shadow_size": 2048, "indirect_samples": 4096, "probes": 768},
+    {"indirect_samples": 256, "probes": 96},
+    {"shadow_size": 2048, "indirect_samples": 4096},
 )
-"""Parameters that are usually changed together.  A combination is measured if all its parameters are in the study."""
+"""Parameters that are usually changed together, from the fastest to the most exact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +73,7 @@ class Plan:
     """``inapplicable``: ``parameter`` or ``parameter=value`` -> why it is not measured."""
 
     configurations: tuple[Configuration, ...]
+    highest: Settings  # of the raster method at its best
     parameters: tuple[str, ...]
     inapplicable: Mapping[str, str]
 
@@ -77,11 +84,11 @@ class Plan:
 def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *, bare: bool = False) -> Plan:
     """All configurations for one scene, in the order in which they are measured.
 
-    ``parameters``: names in ``PARAMETERS``, ``levels``, ``effects``; None: all.  ``bare``: baseline and highest quality
-    alone are enough.  Parameters without an effect on this scene are left out, with the reason.  Raises SettingsError
-    for an unknown name, and if nothing is left to vary.
+    ``parameters``: names in ``PARAMETERS``, ``levels``, ``combinations``, ``effects``; None: all.  ``bare``: baseline
+    and highest quality alone are enough.  Parameters without an effect on this scene are left out, with the reason.
+    Raises SettingsError for an unknown name, and if nothing is left to vary.
     """
-    every = (LEVEL_SET, *PARAMETERS, EFFECT_SET)
+    every = (LEVEL_SET, COMBINATION_SET, *PARAMETERS, EFFECT_SET)
     chosen = tuple(every if parameters is None else dict.fromkeys(parameters))
     for name in chosen:
         if name not in every:
@@ -92,8 +99,10 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *,
     found = [Configuration(BASELINE, BASELINE, {}, context.baseline)]
     if LEVEL_SET in chosen:
         found = _levels(context)
-    found.append(_highest_quality(active, context))
-    found += _combinations(active, context)
+    highest = _highest_quality(active, context)
+    found.append(highest)
+    if COMBINATION_SET in chosen:
+        found += _combinations(context)
     for name in active:
         found += _single_changes(name, context, inapplicable)
     if EFFECT_SET in chosen:
@@ -102,20 +111,20 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *,
             for e in EFFECTS
             if e in context.effects and context.effects[e].enabled
         ]
-    if len(found) == 2 and not bare:
+        found.append(Configuration(EVERYTHING, "effect", {}, context.baseline.replace(effects="all"), title=EVERYTHING))
+    found = _without_repetition(found)
+    if len(found) == 1 and not bare:
         why = "; ".join(f"{name}: {reason}" for name, reason in inapplicable.items())
         raise SettingsError("no parameter changes anything in this scene", hint=why or "choose other parameters")
-    found = _without_repetition(found)
     found.sort(key=lambda c: (not c.comparable, c.traced and c.role != BASELINE))  # last: they take long
-    return Plan(tuple(found), active, inapplicable)
+    return Plan(tuple(found), highest.settings, active, inapplicable)
 
 
 def _without_repetition(found: Sequence[Configuration]) -> list[Configuration]:
-    """The first of those that have the same settings: a level may be a single change.  The highest quality stays."""
+    """The first of those that have the same settings: a level may be a single change."""
     out: list[Configuration] = []
     for c in found:
-        known = any((c.settings, c.without, c.on_cpu) == (o.settings, o.without, o.on_cpu) for o in out)
-        if c.name == HIGHEST or not known:
+        if all((c.settings, c.without, c.on_cpu) != (o.settings, o.without, o.on_cpu) for o in out):
             out.append(c)
     return out
 
@@ -167,13 +176,16 @@ def _single_changes(name: str, context: StudyContext, inapplicable: dict[str, st
     return out
 
 
-def _combinations(active: Sequence[str], context: StudyContext) -> list[Configuration]:
+def _combinations(context: StudyContext) -> list[Configuration]:
+    """Without the values that have no effect on this scene."""
     out = []
-    for values in COMBINATIONS:
-        if not set(values) <= set(active) or any(_inapplicable_beside(values, n, context) for n in values):
-            continue
-        values = {n: v for n, v in values.items() if v != PARAMETERS[n].value_in(context.baseline)}
-        if len(values) > 1:
+    for combination in COMBINATIONS:
+        values = {
+            n: v
+            for n, v in combination.items()
+            if v != PARAMETERS[n].value_in(context.baseline) and not PARAMETERS[n].inapplicable(context)
+        }
+        if values and not any(_inapplicable_beside(values, n, context) for n in values):
             out.append(configuration("combined", values, context.baseline))
     return out
 

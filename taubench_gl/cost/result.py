@@ -186,7 +186,7 @@ def assemble(about: Mapping[str, Any], plan: Plan, records: Sequence[Record], re
                 column_differences(measured[c.name], measured[BASELINE]) if known else {},
                 time_of([r["frame_ms"] for r in timed]) if timed else None,
                 about["clock"],
-                usable=not c.on_cpu and c.comparable and not c.without,
+                usable=not c.on_cpu and c.comparable and c.role != "effect",
                 bytes=timed[0]["bytes"] if timed else None,
             )
         )

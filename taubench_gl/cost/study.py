@@ -18,7 +18,7 @@ from taubench_gl.animation import CameraTrack, camera_of_run
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.cost import methods
 from taubench_gl.cost.analysis import OVERALL
-from taubench_gl.cost.configurations import BASELINE, HIGHEST, Configuration, Plan, fingerprint, identity, make_plan
+from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, fingerprint, identity, make_plan
 from taubench_gl.cost.errors import measure_columns
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext
 from taubench_gl.cost.pixels import PairChannels, PixelSample, draw_pixels, pack, rendered_masks
@@ -146,9 +146,9 @@ def cost(
     """Measure mask error and time of every configuration, and recommend one.
 
     ``settings`` and ``overrides`` (fields of Settings) are the baseline.  ``parameters``: names in ``PARAMETERS``,
-    ``levels``, ``effects`` (None: all these) and ``method:NAME@setting=VALUES``, reuse methods, evaluated by their
-    images on ``method_inputs``.  ``reference``: "path-traced", "path-traced@M" with M samples per pixel,
-    "highest-quality", or ``exr:DIR``, path-traced renders; None: path-traced where anything is lit.  ``within`` percent
+    ``levels``, ``combinations``, ``effects`` (None: all these) and ``method:NAME@setting=VALUES``, reuse methods,
+    evaluated by their images on ``method_inputs``.  ``reference``: "path-traced", "path-traced@M" with M samples per
+    pixel, "highest-quality", or ``exr:DIR``, renders; None: path-traced where anything is lit.  ``within`` percent
     of the pixels and ``budget_ms`` limit the recommendation, for one column or the overall error (``choose_for``).
     ``repeats``: interleaved rounds of timing.  ``time_limit``: seconds; what is not measured by then is left to a later
     run (the least that an answer needs is always measured, and reuse methods to their end).  ``out``
@@ -170,7 +170,7 @@ def cost(
         baseline = series.settings(baseline)
     requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
     baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
-    subject = _subject(scene, baseline, names, chosen_methods, series, reference)
+    subject = make_subject(scene, baseline, names, chosen_methods, series, reference)
     out = Path(out)
     about = _about(subject, reference)
     header = {"identity": _identity(subject, about), "machine": about["machine"], "about": about}
@@ -193,7 +193,7 @@ def cost(
     return study
 
 
-def _subject(
+def make_subject(
     scene: Scene,
     baseline: Settings,
     names: Sequence[str] | None,
@@ -201,6 +201,7 @@ def _subject(
     series: SampleCountSeries | None,
     reference: str | None,
 ) -> Subject:
+    """What ``cost`` measures; ``baseline``: with its lighting resolved.  Raises SettingsError."""
     camera = camera_of_run(scene, baseline.sequence)
     frames = frame_range(scene, camera, baseline)
     if len(frames) < 2:
@@ -349,8 +350,7 @@ class Measurements:
             self._add("reference", found)
         elif not known:
             self._report("reference: highest quality")
-            settings = subject.plan.named(HIGHEST).settings
-            words = PairChannels(subject.pixels, settings, light=True).masks()
+            words = PairChannels(subject.pixels, subject.plan.highest, light=True).masks()
             self._add("reference", {"samples": None, "words": pack(words), "halves": None})
 
     def _trace_reference(self, known: Mapping[str, Any]) -> None:

@@ -16,6 +16,11 @@ Point = Mapping[str, Any]
 
 NONE = "–"
 OVERALL = "overall"
+ERROR_HEADS = ("% wrong", "discarded", "kept")
+"""Of three columns: percent of the pixels with a wrong mask, and of these those discarded and kept wrongly."""
+
+BAR = 24
+"""Characters of the longest bar."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +82,7 @@ def heading(study: Study) -> list[str]:
 
 def tables(study: Study) -> list[Table]:
     """All tables, in reading order; those without rows are left out."""
-    found = [_front(study), _configurations(study), _effects(study), _columns(study), _signed(study), _storage(study)]
+    found = [_front(study), _configurations(study), _effects(study), _columns(study), _storage(study)]
     found += [] if study["methods"] is None else _methods(study["methods"])
     return [t for t in (*found, _arithmetic()) if t.rows]
 
@@ -86,58 +91,67 @@ def _front(study: Study) -> Table:
     """The Pareto front, fastest first."""
     column = study["chosen"]["column"] if study["chosen"] else OVERALL
     points = {p["name"]: p for p in study["points"]}
-    rows = [_row(points[name], [column]) for name in study["fronts"][column]]
-    heads = ("configuration", f"{column}, % wrong", "ms/frame", "against the baseline", "MB")
+    rows = [_row(points[name], _overall(points[name], column)) for name in study["fronts"][column]]
+    heads = ("configuration", *ERROR_HEADS, "ms/frame", "of baseline", "MB")
     return Table(f"Pareto front of the {column} error: nothing measured is as fast and as exact", heads, tuple(rows))
 
 
-def _row(p: Point, columns: Sequence[str]) -> tuple[str, ...]:
-    return (p["label"], *(_error(p, c) for c in columns), ms_text(p), ratio_text(p), _megabytes(p, 1))
+def _row(p: Point, cells: Sequence[str]) -> tuple[str, ...]:
+    return (p["label"], *cells, ms_text(p), ratio_text(p), _megabytes(p, 1))
+
+
+def _overall(p: Point, column: str) -> list[str]:
+    """Percent of wrong pixels, discarded wrongly, kept wrongly."""
+    e = p["masks"][column]
+    return [three(e[k]) for k in ("percent", "false_positive", "false_negative")]
 
 
 def _error(p: Point, column: str) -> str:
-    """``1.2 (+0.9 -0.3)``: percent of wrong pixels, false positives and false negatives."""
+    """``+0.93 -0.3``: false positives and false negatives; 0 where there are none."""
     e = p["masks"].get(column)
     if e is None:
         return NONE
-    return f"{three(e['percent'])} (+{three(e['false_positive'])} -{three(e['false_negative'])})"
+    return f"+{e['false_positive']:.2g} -{e['false_negative']:.2g}" if e["percent"] else "0"
 
 
 def _configurations(study: Study) -> Table:
-    columns = (OVERALL, *study["columns"])
-    rows = [_row(p, columns) for p in study["points"] if p["masks"] and p["role"] != "effect"]
+    rows = [
+        _row(p, (*_overall(p, OVERALL), *(_error(p, c) for c in study["columns"])))
+        for p in study["points"]
+        if p["masks"] and p["role"] != "effect"
+    ]
     notes = (
-        "percent of the pixels whose mask differs from the reference's (+ discarded wrongly, - kept wrongly); overall: "
-        "in any column",
+        "percent of the pixels whose mask differs from the reference's; overall: in any column; columns: + discarded "
+        "wrongly, - kept wrongly: their sum is the error, their difference is what is left where they cancel",
         "noise floor of the reference, %: "
         + (", ".join(f"{c} {three(v)}" for c, v in study["reference"]["floor"].items() if v is not None) or "none"),
-        f"times: {study['rule']}",
+        f"times (~ marks those that are indistinguishable from the baseline's): {study['rule']}",
     )
-    heads = ("configuration", *columns, "ms/frame", "against the baseline", "MB")
+    heads = ("configuration", *ERROR_HEADS, *study["columns"], "ms/frame", "of baseline", "MB")
     return Table("All configurations: masks that are wrong", heads, tuple(rows), notes)
 
 
 def _effects(study: Study) -> Table:
-    """What each effect takes, and what its columns lose without it."""
+    """One bar for each effect: what it takes, and what the masks lose without it."""
     baseline = next(p for p in study["points"] if p["role"] == "baseline")
-    rows = []
-    for p in study["points"]:
-        if p["role"] != "effect" or not p["masks"] or not p["ms"] or not baseline["ms"] or not baseline["masks"]:
-            continue
-        name = p["name"].removeprefix("without ")
-        lost = p["masks"][OVERALL]["percent"] - baseline["masks"][OVERALL]["percent"]
-        taken = baseline["ms"]["median"] - p["ms"]["median"]
-        bytes_ = study["effects"][name]["gpu_bytes"]
-        share = f"{100.0 * taken / baseline['ms']['median']:.0f} %"
-        different = p["against_baseline"]["different"]
-        taken_text = f"{three(taken)}, {share}" if different else "indistinguishable from 0"
-        rows.append((name, taken_text, f"{bytes_ / 1e6:.1f}", f"{lost:+.2f}"))
+    measured = [p for p in study["points"] if p["role"] == "effect" and p["masks"] and p["ms"]]
+    if not measured or not baseline["ms"] or not baseline["masks"]:
+        return Table("What each effect costs", (), ())
+    whole, wrong = baseline["ms"]["median"], baseline["masks"][OVERALL]["percent"]
+    taken = [(abs(p["ms"]["median"] - whole), p) for p in measured]
+    longest, rows = max(ms for ms, _ in taken) or 1.0, []
+    for ms, p in sorted(taken, key=lambda item: -item[0]):
+        noise = "" if p["against_baseline"]["different"] else "~"
+        change = p["masks"][OVERALL]["percent"] - wrong
+        cells = ("█" * round(BAR * ms / longest), f"{noise}{three(p['ms']['median'] - whole)}")
+        megabytes = f"{(p['bytes'] - baseline['bytes']) / 1e6:+.1f}"
+        rows.append((p["label"], *cells, f"{100.0 * ms / whole:.0f} %", megabytes, f"{change:+.2f}"))
     off = [name for name, e in study["effects"].items() if not e["on"]]
     notes = (
-        "points: what the overall error gains if the effect is left out",
-        f"not called for: {', '.join(off)}; they have no pass, no texture and no shader here",
+        "change of time, memory and overall error against the baseline; ~ within the noise of the times",
+        f"not called for by this scene and absent from its frames, unless every effect is on: {', '.join(off)}",
     )
-    heads = ("effect", "ms/frame", "MB", "points lost without it")
+    heads = ("baseline", "change", "ms/frame", "of the frame", "MB", "wrong masks, points")
     return Table("What each effect costs", heads, tuple(rows), notes)
 
 
@@ -148,7 +162,7 @@ def _columns(study: Study) -> Table:
         if p["role"] == "grid" and p["columns"]:
             cells = [_difference(p["columns"][c]) for c in study["columns"]]
             rows.append((p["label"], *cells, ms_text(p), ratio_text(p)))
-    heads = ("configuration", *study["columns"], "ms/frame", "against the baseline")
+    heads = ("configuration", *study["columns"], "ms/frame", "of baseline")
     notes = (
         "points: the column's mean less the baseline's, ± half the 95 % interval; wrong and missing discards cancel",
     )
@@ -161,22 +175,10 @@ def _difference(d: Mapping[str, Any]) -> str:
     return f"{d['points']:+.2f}" + ("" if d["half_width"] is None else f" ± {d['half_width']:.2f}")
 
 
-def _signed(study: Study) -> Table:
-    """Signed differences, which cancel, beside the errors, which do not."""
-    rows = [
-        (p["label"], *(f"{p['masks'][c]['points']:+.2f}" for c in study["columns"]))
-        for p in study["points"]
-        if p["masks"] and p["role"] != "effect"
-    ]
-    note = "points: discarded less the reference's; wrong and missing discards cancel"
-    title = "Signed difference of each column at the same pixels"
-    return Table(title, ("configuration", *study["columns"]), tuple(rows), (note,))
-
-
 def _storage(study: Study) -> Table:
     """Half floats, 32-bit floats and float64: the same settings but for the numbers."""
     rows = [
-        ("32-bit floats" if p["role"] == "baseline" else p["label"], *_row(p, (OVERALL, *study["columns"]))[1:])
+        ("32-bit floats" if p["role"] == "baseline" else p["label"], *_row(p, _overall(p, OVERALL))[1:])
         for p in study["points"]
         if p["masks"] and (p["role"] == "baseline" or set(p["values"]) == {"storage"})
     ]
@@ -184,7 +186,7 @@ def _storage(study: Study) -> Table:
         "channels",
         *(f"{c}, % wrong" for c in (OVERALL, *study["columns"])),
         "ms/frame",
-        "against the baseline",
+        "of baseline",
         "MB",
     )
     note = "float64 masks are computed on the CPU and not timed"
@@ -195,14 +197,14 @@ def _arithmetic() -> Table:
     """What the renderer's arithmetic avoids on the hard cases, as recorded: no variant without it is in the package."""
     found = recorded()
     rows = [
-        (r["rule"], r["what"], three(r["error_without"]), three(r["error"]), three(r["tolerance"]))
+        (r["rule"], three(r["error_without"]), three(r["error"]), three(r["tolerance"]), r["what"])
         for r in found["rows"]
     ]
     notes = (
         f"recorded {found['date']} on {found['renderer']}, {found['driver']} (tools/make_numerics.py)",
         "errors are in the unit of their case: pixels, relative errors or percentage points",
     )
-    heads = ("rule", "hard case", "error without it", "error with it", "tolerance")
+    heads = ("rule", "error without it", "with it", "allowed", "hard case")
     return Table("Numerics: the error that each rule avoids on the hard cases", heads, tuple(rows), notes)
 
 
@@ -224,7 +226,7 @@ def _methods(block: Study) -> list[Table]:
         "method",
         *block["measures"],
         "ms/frame",
-        "against no reuse",
+        "of no reuse",
         "shading, ms",
         "method, ms",
         "MB",
@@ -242,13 +244,13 @@ def ms_text(point: Point) -> str:
 
 
 def ratio_text(point: Point) -> str:
-    """Time over that of the baseline (of methods: no reuse), in words where they do not differ."""
+    """Time over that of the baseline (of methods: no reuse); ``~`` where they are indistinguishable."""
     against = point["against_baseline"]
     if against is None:
         return NONE
     if point["role"] == "baseline" or against["ratio"] == 1.0:
         return "1x"
-    return f"{against['ratio']:.3g}x" if against["different"] else "indistinguishable"
+    return f"{'' if against['different'] else '~'}{against['ratio']:.3g}x"
 
 
 def three(value: float) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.cost import cost
-from taubench_gl.cost.configurations import BASELINE, HIGHEST, make_plan
+from taubench_gl.cost.configurations import BASELINE, make_plan
 from taubench_gl.cost.methods import method_configurations
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext, with_light
 from taubench_gl.cost.preset import LEVELS
@@ -30,7 +30,7 @@ def test_the_plan_has_sample_counts_after_the_raster_configurations(demo):
     plan = make_plan(context(demo))
     counts = [c.settings.lighting.spp for c in plan.configurations if c.traced]
     assert sorted(counts) == [1, 4, 16, 64], "the level of 64 samples is measured once"
-    assert plan.named(HIGHEST).settings.lighting.light != "path-traced"
+    assert plan.highest.lighting.light != "path-traced"
     roles = [c.role for c in plan.configurations]
     assert roles[0] == BASELINE and roles.index("path_traced") > roles.index("effect") > roles.index("single")
     assert roles.index("grid") > roles.index("path_traced"), "what takes long and has no mask error comes last"

@@ -25,7 +25,7 @@ def test_study_measures_declared_configurations(small_study):
     _, study = small_study
     assert study.columns == ["frustum", "position", "normal"]
     named = {p.name: p for p in study.points}
-    assert named.keys() >= {"baseline", "highest_quality", "scale=0.5", "storage=half", "storage=double"}
+    assert named.keys() >= {"baseline", "scale=0.5", "storage=half", "storage=double"}
     assert all(p.time.samples == 3 and p.time.median > 0 for p in study.points if p.time)
     assert named["storage=half"].bytes < named["baseline"].bytes
     assert named["storage=half"].error("position") > named["baseline"].error("position")

@@ -19,7 +19,7 @@ function describe(p, column) {
     : p.against_baseline.different ? `, ${short(p.against_baseline.ratio)}x ${base}` : `, statistically indistinguishable from ${base}`;
   const on = [p.name === data.chosen ? "recommended" : "", data.fronts[column].includes(p.name) ? "on the Pareto front" : ""].filter(Boolean);
   const lines = [
-    `${p.label}${on.length ? `  [${on.join(", ")}]` : ""}`,
+    `${p.label}${on.length ? ` [${on.join(", ")}]` : ""}`,
     isMethod ? `${column}: ${short(e.percent)}`
       : `${column}: ${short(e.percent)} % of the masks are wrong: ${short(e.false_positive)} % discarded wrongly, ${short(e.false_negative)} % kept wrongly; difference ${e.points >= 0 ? "+" : ""}${short(e.points)} points`,
     `${short(p.ms.median)}${spread} ms per frame, ${p.ms.samples} rounds${against}; clock: ${p.clock}`,
