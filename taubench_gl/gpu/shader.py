@@ -13,11 +13,18 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from taubench_gl.data_files import read_text
 from taubench_gl.errors import GraphicsError
 from taubench_gl.paths import SHADERS
 
 if TYPE_CHECKING:
     import moderngl
+
+MAX_SOURCE_BYTES = 1 << 20
+"""Of one shader file."""
+
+MAX_INCLUDES = 100
+"""Depth of includes."""
 
 VERSION = "#version 450\n"
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
@@ -67,8 +74,10 @@ def _expand(
         raise GraphicsError(f"shader includes form a cycle: {' > '.join((*chain, entry))}")
     if entry in seen:
         return
+    if len(chain) > MAX_INCLUDES:
+        raise GraphicsError(f"shader {chain[0]} includes files more than {MAX_INCLUDES} deep")
     seen.add(entry)
-    for number, line in enumerate(_read(find_source(entry, roots), entry, chain).splitlines(), 1):
+    for number, line in enumerate(read_source(entry, roots, chain[-1] if chain else "").splitlines(), 1):
         include = _INCLUDE.match(line)
         if include:
             _expand(include.group(1), roots, lines, origin, seen, (*chain, entry))
@@ -78,17 +87,41 @@ def _expand(
 
 
 def find_source(entry: str, roots: tuple[Path, ...]) -> Path:
-    """The file in the first of ``roots`` that has it, else where it would be in the first."""
-    return next((root / entry for root in roots if (root / entry).is_file()), roots[0] / entry)
+    """The file in the first of ``roots`` that has it, else where it would be in the first.
+
+    Raises GraphicsError for a path that leads out of its folder, by its name or by a symbolic link.
+    """
+    candidates = []
+    for root in roots:
+        try:
+            path = (root / entry).resolve()
+            inside, there = path.is_relative_to(root.resolve()), path.exists()
+        except (OSError, ValueError, RuntimeError):  # too long, a NUL, a loop of links
+            raise GraphicsError(f"shader {entry[:80]!r} is not the name of a file") from None
+        if not inside:
+            raise GraphicsError(f"shader {entry} is not inside the folder {root.name}")
+        if there:
+            return path
+        candidates.append(path)
+    return candidates[0]
+
+
+def read_source(entry: str, roots: tuple[Path, ...], by: str = "") -> str:
+    """The text of ``entry``, a regular file of at most MAX_SOURCE_BYTES; ``by``: what includes it.
+
+    Raises GraphicsError.
+    """
+    path = find_source(entry, roots)
+    try:
+        return _read(path)
+    except GraphicsError as error:
+        included = f" (included by {by})" if by else ""
+        raise GraphicsError(f"shader {entry} cannot be read{included}: {error.what}") from None
 
 
 @lru_cache(maxsize=256)
-def _read(path: Path, entry: str, chain: tuple[str, ...]) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        by = f" (included by {chain[-1]})" if chain else ""
-        raise GraphicsError(f"shader {entry} cannot be read{by}: {error.strerror}") from None
+def _read(path: Path) -> str:
+    return read_text(path, GraphicsError, max_bytes=MAX_SOURCE_BYTES)
 
 
 class ShaderCache:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from taubench_gl.data_files import read_toml
-from taubench_gl.errors import MethodError
-from taubench_gl.gpu.shader import find_source
+from taubench_gl.errors import GraphicsError, MethodError
+from taubench_gl.gpu.shader import MAX_INCLUDES, read_source
 from taubench_gl.paths import PACKAGE
 from taubench_gl.reuse.contract import (
     FORMATS,
@@ -277,9 +277,8 @@ class _Parser:
         texts = []
         try:
             texts = list(_shader_texts(tuple(f for f in (self.folder, self.base) if f), value))
-        except (OSError, UnicodeDecodeError) as error:
-            why = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-            self.errors.append(f"{at}.shader: {value}: cannot be read: {why}")
+        except GraphicsError as error:
+            self.errors.append(f"{at}.shader: {value[:80]}: {error.what}")
             return
         self.files |= {file for file, _ in texts}
         entry, signature = (_ENTRY, "reuse(ivec2 p)")
@@ -315,14 +314,18 @@ def _missing(verb: str, name: str, at: str) -> str:
     return f"{name!r} is not in {'the reads of the method' if name in INPUTS else f'{at}.reads'}"
 
 
-def _shader_texts(folders: tuple[Path, ...], entry: str, seen: set[str] | None = None) -> Iterator[tuple[str, str]]:
-    """The file and its includes without comments, line breaks preserved.  Raises OSError, UnicodeDecodeError."""
+def _shader_texts(
+    folders: tuple[Path, ...], entry: str, seen: set[str] | None = None, chain: tuple[str, ...] = ()
+) -> Iterator[tuple[str, str]]:
+    """The file and its includes without comments, line breaks preserved.  Raises GraphicsError."""
     seen = set() if seen is None else seen
     if entry in seen:
         return
+    if len(chain) > MAX_INCLUDES:
+        raise GraphicsError(f"shader {chain[0]} includes files more than {MAX_INCLUDES} deep")
     seen.add(entry)
-    text = find_source(entry, folders).read_text(encoding="utf-8")
+    text = read_source(entry, folders, chain[-1] if chain else "")
     text = _COMMENT.sub(lambda m: "\n" * m.group(0).count("\n"), text)
     yield entry, text
     for include in _INCLUDE.findall(text):
-        yield from _shader_texts(folders, include, seen)
+        yield from _shader_texts(folders, include, seen, (*chain, entry))
