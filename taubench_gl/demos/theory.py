@@ -134,3 +134,16 @@ def innermost_pixel(region: Array) -> tuple[float, float]:
             nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
             return float(columns[nearest]), float(rows[nearest])
         remaining = smaller
+
+
+def ground_discards(height_px: int, eye: float, focal: float, step: float, threshold: float) -> float:
+    """Share of an image that a fixed distance discards on level ground under a camera that moves forward, %.
+
+    ``eye``: height of the camera, meters; ``focal``: focal length, pixels; ``step``: meters between frames.  Ground
+    that is y pixels below the horizon is z = eye * focal / y away and was at eye * focal / (z + step) pixels; the row
+    of pixel centers nearest to there shows ground at another distance.  ``height_px`` is even.
+    """
+    below = np.arange(0.5, height_px / 2)  # pixel centers below the horizon
+    then = eye * focal / below + step
+    nearest = np.floor(eye * focal / then) + 0.5
+    return 100.0 * float(np.sum(np.abs(eye * focal / nearest - then) > threshold)) / height_px

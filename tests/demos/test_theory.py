@@ -105,3 +105,13 @@ def test_labels_of_overlapping_dots_are_moved_apart():
     assert where[0] == (0.0, 0.0)
     assert where[1] == pytest.approx((-10.2, -13.6)) and where[2] == pytest.approx((10.2, 13.6))  # along (3, 4) / 5
     assert where[3:] == [(-17.0, 0.0), (17.0, 0.0)]
+
+
+def test_ground_that_does_not_move_has_its_own_row():
+    assert theory.ground_discards(90, 1.6, 96.5, 0.0, 0.125) == 0.0
+
+
+def test_ground_moved_by_less_than_the_threshold_is_kept_where_no_row_changes():
+    """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is a discard of that row."""
+    assert theory.ground_discards(2, 1.0, 96.5, 0.1, 0.125) == 0.0
+    assert theory.ground_discards(2, 1.0, 96.5, 0.2, 0.125) == 50.0

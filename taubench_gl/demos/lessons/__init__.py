@@ -9,6 +9,7 @@ from taubench_gl.demos.lessons import (
     counting,
     features,
     ghosting,
+    ground,
     half,
     noise,
     occlusion,
@@ -20,7 +21,7 @@ from taubench_gl.demos.lessons import (
 from taubench_gl.errors import SettingsError
 
 __all__ = [
-    "behind", "cost", "counting", "demos", "features", "find_demo", "ghosting", "half", "noise", "occlusion",
+    "behind", "cost", "counting", "demos", "features", "find_demo", "ghosting", "ground", "half", "noise", "occlusion",
     "relative", "rotations", "sampling", "thresholds",
 ]  # fmt: skip
 

@@ -1,0 +1,81 @@
+"""Demo 13: a fixed distance rejects the history of distant ground that nothing has hidden."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURE_BIT, Visibility
+from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.sheet import Sheet, note, painted
+from taubench_gl.demos.stage import CHALK, SAND, Props, Stage
+from taubench_gl.demos.theory import ground_discards
+from taubench_gl.reject.evaluate import evaluate_tests
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import turn_x
+
+YFOV = np.radians(50.0)
+EYE, STEP = 1.6, 1.3  # height of the camera, meters; meters it moves forward in a second
+DISCARDED = (214, 94, 0)
+
+
+def scene() -> Scene:
+    """Level ground up to the horizon, and a camera that moves forward by STEP meters a second."""
+    b = Props()
+    b.checkered(4000.0, 4000.0, (40, 40), (CHALK, SAND), rotation=turn_x(-90))
+    b.light(translation=(0.0, 30.0, -20.0), intensity=9000.0)
+    camera = b.camera(yfov=YFOV, znear=0.1)
+    b.animate(camera, "translation", [0.0, 3.0], [(0.0, EYE, 0.0), (0.0, EYE, -3.0 * STEP)])
+    return b.build()
+
+
+@demo(
+    13,
+    "ground",
+    "Why a disocclusion test flickers on distant ground",
+    idea="The history of a point is the nearest pixel of the previous image, up to half a pixel away. On level ground "
+    "a pixel is longer the farther away it is: beyond some distance half a pixel exceeds any fixed threshold, and the "
+    "rows where it does change in every frame. A ray to the point itself shows that nothing has hidden it. A test in "
+    "widths of a pixel on the surface keeps this history.",
+    look_for=(
+        "Left: pixels that the distance of positions discards are rows, ever denser towards the horizon.",
+        "Right: every one of these points was visible from the previous camera.",
+    ),
+    scene=scene,
+    see_also=(("rejection tests", "reject.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    columns = ("frustum", "position", "color")
+    pair = stage.evaluate(scene(), columns=columns, frames=(1, 3), extra=("prev_visibility",))[1][0]
+    width, height = stage.size
+    position = pair.has(FEATURE_BIT["position"])
+    bits = pair.now["prev_visibility"][..., 0]
+    ground = pair.now["position"][..., 3] > 0
+    visible = (bits & Visibility.VISIBLE) != 0
+    tests = evaluate_tests(
+        scene(), ("position", "footprint_position"), stage.settings(frames=(0, 3), columns=("frustum",))
+    ).summary["tests"]
+    rejected = {name: t["scores"]["visibility"]["false_positive_rate"] for name, t in tests.items()}
+    sheet = Sheet(2, 1, width / height)
+    image = pair.now["color"][..., :3]
+    axes = sheet.panel(0, 0, painted(image, (position, DISCARDED)), "discarded by the distance of positions")
+    note(axes, f"{100.0 * position.mean():.1f} % of the image")
+    axes = sheet.panel(1, 0, painted(image, (ground & ((bits & Visibility.OCCLUDED) != 0), DISCARDED)), "hidden")
+    note(axes, f"{100.0 * (ground & ~visible & ((bits & Visibility.OCCLUDED) != 0)).mean():.1f} % of the image")
+    sheet.legend([("no history", DISCARDED)])
+    path = sheet.save(out / "13-ground.png")
+    focal = 0.5 * height / np.tan(0.5 * YFOV)
+    expected = ground_discards(height, EYE, focal, STEP, DEFAULT_THRESHOLD)
+    hidden = 100.0 * float((ground & ((bits & Visibility.OCCLUDED) != 0)).mean())
+    kept = 100.0 * rejected["footprint_position"]
+    findings = (
+        Finding(100.0 * float(position.mean()), "% of all pixels", "are discarded by the distance of positions",
+                Expected.near(expected, 250.0 / height,
+                              "rows whose nearest row before is more than 32/255 m off; ± 2.5 rows")),
+        Finding(hidden, "% of all pixels", "were hidden from the previous camera",
+                Expected.between(0.0, 0.0, "nothing stands on the ground")),
+        Finding(kept, "% of the scored pixels", "are rejected by the distance in widths of a pixel on the surface",
+                Expected.between(0.0, 500.0 / height, "half a pixel is less than one; 2.5 rows at the horizon")),
+    )  # fmt: skip
+    return Result(findings, (Figure(path, "Level ground: discarded pixels, and hidden ones."),))
