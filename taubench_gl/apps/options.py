@@ -187,7 +187,7 @@ def settings_from(options: dict[str, Any], **more: Any) -> Settings:
     ``more``: fields that the command decides.  Raises SettingsError for a value out of range.
     """
     options = dict(options)
-    if options.get("light") == "raster" and options.get("spp") is not None:
+    if options.get("light") == "raster" and given_options({"spp"} & options.keys()):
         what = f"spp is {options['spp']} and light is raster, which has no samples"
         raise SettingsError(what, hint="leave --spp out, or give --light path-traced", setting="spp")
     width, height = options.pop("size")

@@ -383,13 +383,12 @@ def reuse_html(
 
 def _viewer_data(summary: Summary, rows: Sequence[Mapping[str, Any]], text: str) -> dict[str, Any]:
     """What the viewer needs beside the images; it plays at the frame rate of the evaluation, at most 15 per second."""
-    classes = [{"name": name, "doc": doc} for name, doc in summary["classes"].items()]
-    error = "FLIP" if any(row["flip"] is not None for row in rows) else "4 |error|"
     return {
-        "classes": classes,
-        "error": error,
+        "classes": [{"name": name, "doc": doc} for name, doc in summary["classes"].items()],
+        "error": "FLIP" if any(row["flip"] is not None for row in rows) else "4 |error|",
         "milliseconds": 1e3 / min(summary["settings"]["fps"], 15.0),
         "text": text,
+        "warmup": summary.get("warmup", 1),  # evaluations of schema 2 leave out the first frame
     }
 
 

@@ -15,10 +15,10 @@ if (viewer) data.measures.push({ name: FILTERED, unit: "", better: "lower", doc:
 const measure = () => data.measures.find((m) => m.name === chooser.value);
 const filtered = () => chooser.value === FILTERED;
 const values = (method) => (filtered() ? viewer.values(method.label, data.frames) : method.rows[chooser.value]);
-// The mean over all frames but the first, which has no history.
+// The mean over all frames but the first ones that means leave out.
 function mean(method) {
   if (!filtered()) return method.mean[chooser.value];
-  const found = values(method).slice(1).filter(isNumber);
+  const found = values(method).slice(data.viewer.warmup).filter(isNumber);
   return found.length ? found.reduce((a, b) => a + b, 0) / found.length : null;
 }
 
