@@ -53,7 +53,11 @@ def expected(steps):
 
 
 @pytest.mark.parametrize(
-    "settings", [{"levels": 1, "taa_alpha": 1.0}, {"levels": 3, "sigma_l": 1.0, "alpha": 0.5, "check_ids": False}]
+    "settings",
+    [
+        {"levels": 1, "taa_alpha": 1.0},
+        {"levels": 3, "sigma_l": 1.0, "alpha": 0.5, "check_ids": False, "taa_filtering": "bilinear"},
+    ],
 )
 def test_svgf_is_its_reference(gpu, steps, settings):
     for got, image in zip(play(gpu, "svgf", steps, settings, exposure=EXPOSURE), reference(steps, **settings)):

@@ -126,7 +126,12 @@ def tone_unmapped(mapped: Array) -> Array:
 
 
 def antialiased(
-    mapped: Array, before: Array, inputs: Mapping[str, Array], alpha: float, has_history: bool
+    mapped: Array,
+    before: Array,
+    inputs: Mapping[str, Array],
+    alpha: float,
+    has_history: bool,
+    filtering: str = "catmull_rom",
 ) -> tuple[Array, Array]:
     """Karis 2014, on tone-mapped colors: history of the nearest surface, clipped to the rounded box of 3x3 colors.
 
@@ -137,7 +142,8 @@ def antialiased(
     at = previous_px(inputs["motion"][nearest[..., 1], nearest[..., 0]])
     seen = inside(at, (w, h)) & has_history
     low, high = neighborhood_box(mapped)
-    history = clip_to_box(low, high, ycocg_from_rgb(sample_history(before, np.where(seen[..., None], at, 0.0))))
+    history = sample_history(before, np.where(seen[..., None], at, 0.0), filtering)
+    history = clip_to_box(low, high, ycocg_from_rgb(history))
     blend = exponential_average(mapped, rgb_from_ycocg(history), alpha)
     return np.where(seen[..., None], blend, mapped), seen
 
@@ -160,6 +166,7 @@ class Svgf:
     normal_limit: float = 0.9
     check_ids: bool = True
     taa_alpha: float = 0.1
+    taa_filtering: str = "catmull_rom"
     state: dict[str, Array] = field(default_factory=dict)
 
     def frame(self, inputs: Mapping[str, Array], prev_forward: Array, exposure: float = 1.0) -> Array:
@@ -222,7 +229,7 @@ class Svgf:
         """Modulation, tone map and final anti-aliasing.  -> (h, w, 4)."""
         mapped = tone_mapped(modulated(inputs, lights[0] + lights[1], exposure))
         before = self.state.get("antialiased", np.zeros_like(mapped))
-        color, used = antialiased(mapped, before, inputs, self.taa_alpha, has_history)
+        color, used = antialiased(mapped, before, inputs, self.taa_alpha, has_history, self.taa_filtering)
         self.state["antialiased"] = color
         share = np.where(used, share * self.taa_alpha, share)
         return np.concatenate([tone_unmapped(color), 1.0 - share[..., None]], axis=-1)

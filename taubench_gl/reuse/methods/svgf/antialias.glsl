@@ -30,7 +30,7 @@ void reuse(ivec2 p) {
     if (frame.has_history == 1u && inside(at)) {
         vec3 low, high;
         rounded_box(p, low, high);
-        vec3 history = ycocg_from_rgb(sample_prev_antialiased(at).rgb);
+        vec3 history = ycocg_from_rgb(sample_prev_antialiased(at, taa_filtering).rgb);
         color = mix(rgb_from_ycocg(clip_to_box(low, high, history)), color, taa_alpha);
         share *= taa_alpha;
     }
