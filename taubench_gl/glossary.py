@@ -276,8 +276,8 @@ EXACT: Mapping[str, Term] = _by_key(
     ),
     Term(
         "misregistered", "misregistered",
-        "A pixel that position or normal discards although the previous camera saw its surface point, and no motion of "
-        "the point explains it: the history pixel is another sample of the surface", "% of all pixels", _EXACT,
+        "A pixel that a column discards although the previous camera saw its surface point, and neither motion nor "
+        "light of the point explains it: the history pixel is another sample of the surface", "% of all pixels", _EXACT,
     ),
     Term(
         "share_percent", "share misregistered",
@@ -294,6 +294,24 @@ EXACT: Mapping[str, Term] = _by_key(
     ),
     Term(
         "misregistered_normal", "misregistered, normal", "Misregistered pixels of the column normal", "pixels", _EXACT
+    ),
+    Term(
+        "misregistered_direct", "misregistered, direct",
+        "Pixels that direct discards although the previous camera saw their point under the same light", "pixels",
+        _EXACT,
+    ),
+    Term(
+        "misregistered_indirect", "misregistered, indirect",
+        "Pixels that indirect discards although the previous camera saw their point under the same indirect light",
+        "pixels", _EXACT,
+    ),
+    Term(
+        "brightened", "brightened point",
+        "A visible point whose own direct radiance rose by more than the threshold", "pixels", _EXACT,
+    ),
+    Term(
+        "darkened", "darkened point", "A visible point whose own direct radiance fell by more than the threshold",
+        "pixels", _EXACT,
     ),
 )  # fmt: skip
 """Exact visibility: columns of Table 4 and of frames.csv, where it was asked for."""

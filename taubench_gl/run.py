@@ -39,7 +39,10 @@ FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut
 ``None`` here and an empty cell in the file.
 """
 
-EXACT_COLUMNS = ("visible", "occluded", "misregistered_position", "misregistered_normal")
+EXACT_COLUMNS = (
+    "visible", "occluded", "misregistered_position", "misregistered_normal", "misregistered_direct",
+    "misregistered_indirect", "brightened", "darkened",
+)  # fmt: skip
 """More columns of a run with exact visibility: pixel counts (``evaluation.exact``)."""
 
 _INTEGERS = frozenset({"frame", *COUNT_COLUMNS, *EXACT_COLUMNS, "camera_cut", "gimbal"})

@@ -66,6 +66,8 @@ class Exact(Struct):
     occluded: Rate | None = None
     misregistered: dict[str, ExactRate] | None = None
     missed: ExactRate | None = None
+    brightened: Rate | None = None
+    darkened: Rate | None = None
     reprojection: str | None = None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,12 @@ import numpy as np
 from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.pairs import Pair
+from taubench_gl.evaluation.previous_shading import PreviousShading
 from taubench_gl.frame.passes.visibility import CHANNEL
 from taubench_gl.metrics.streaming import Welford
 from taubench_gl.run import EXACT_COLUMNS
 from taubench_gl.settings import Settings
+from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 CLASSES = {
@@ -23,7 +25,10 @@ CLASSES = {
 """Disjoint classes that cover all pixels."""
 
 GEOMETRY = ("position", "normal")
-"""Columns whose discards a ray can confirm: light of a point that is visible may have changed by itself."""
+"""Columns whose discards a ray can confirm."""
+
+LIGHT = ("direct", "indirect")
+"""Columns whose discards the light of the same point can confirm (``previous_shading``)."""
 
 _SURFACE = FRUSTUM | Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.POSITION | Reason.NORMAL
 
@@ -53,28 +58,34 @@ def missed(mask: Array, bits: Array) -> Array:
 
 
 class ExactColumns:
-    """Compares the masks of every pair with the channel ``prev_visibility``."""
+    """Compares the masks of every pair with the channel ``prev_visibility`` and the light of the same points."""
 
-    def __init__(self, measured: dict[str, str], reprojection: str):
-        """``measured``: column of GEOMETRY -> why it is null, "" where it is measured."""
-        self._reasons, self._reprojection = measured, reprojection
+    def __init__(
+        self, measured: dict[str, str], settings: Settings, reprojection: str, shading: PreviousShading | None = None
+    ):
+        """``measured``: column of GEOMETRY and LIGHT -> why it is null, "" where it is measured; ``shading``: for the
+        columns of LIGHT that are."""
+        self._reasons, self._reprojection, self._shading = measured, reprojection, shading
+        self._limits = {name: settings.metrics.threshold(name) for name in LIGHT}
+        self._light = {name: Welford() for name in ("brightened", "darkened")}
         self._classes = {name: Welford() for name in CLASSES}
-        self._wrong = {name: Welford() for name in GEOMETRY}
-        self._totals = {name: [0, 0] for name in (*GEOMETRY, "missed")}  # wrong or missed, and of how many
+        self._wrong = {name: Welford() for name in (*GEOMETRY, *LIGHT)}
+        self._totals = {name: [0, 0] for name in (*GEOMETRY, *LIGHT, "missed")}  # wrong or missed, and of how many
         self._missed = Welford()
 
     def observer(self, on_pair: Callable[[Pair], None] | None) -> Callable[[Pair], None]:
         """A callback that counts each pair, adds to its row, and then calls ``on_pair``."""
 
         def observe(pair: Pair) -> None:
-            pair.row.update(self.add(pair.mask, pair.read(CHANNEL)[..., 0]))
+            changes = {} if self._shading is None else self._shading.changes(pair.source, pair.frame)
+            pair.row.update(self.add(pair.mask, pair.read(CHANNEL)[..., 0], changes))
             if on_pair is not None:
                 on_pair(pair)
 
         return observe
 
-    def add(self, mask: Array, bits: Array) -> dict[str, int | None]:
-        """Count one pair; its columns of frames.csv."""
+    def add(self, mask: Array, bits: Array, changes: Mapping[str, Array] | None = None) -> dict[str, int | None]:
+        """Count one pair; its columns of frames.csv.  ``changes``: of ``PreviousShading.changes``."""
         row: dict[str, int | None] = dict.fromkeys(EXACT_COLUMNS)
         for name, bit in CLASSES.items():
             count = int(np.count_nonzero(bits & bit))
@@ -88,11 +99,30 @@ class ExactColumns:
             row[f"misregistered_{column}"] = wrong
             self._count(column, wrong, int(np.count_nonzero(mask & FEATURE_BIT[column])))
             self._wrong[column].add(100.0 * wrong / bits.size)
-        if not any(self._reasons.values()):
+        self._add_light(row, mask, bits, changes or {})
+        if not any(self._reasons[column] for column in GEOMETRY):
             unseen = int(np.count_nonzero(missed(mask, bits)))
             self._count("missed", unseen, row["occluded"])
             self._missed.add(100.0 * unseen / bits.size)
         return row
+
+    def _add_light(self, row: dict[str, int | None], mask: Array, bits: Array, changes: Mapping[str, Array]) -> None:
+        visible = (bits & Visibility.VISIBLE) != 0
+        placed = visible & ((bits & Visibility.MOVED) == 0) if self._reprojection == "camera" else visible
+        for column, change in changes.items():
+            if self._reasons[column]:
+                continue
+            same = np.linalg.norm(change, axis=-1) <= self._limits[column]
+            discarded = (mask & FEATURE_BIT[column]) != 0
+            wrong = int(np.count_nonzero(discarded & placed & same))
+            row[f"misregistered_{column}"] = wrong
+            self._count(column, wrong, int(np.count_nonzero(discarded)))
+            self._wrong[column].add(100.0 * wrong / bits.size)
+            if column == "direct":
+                rise = change @ LUMINANCE
+                for name, found in (("brightened", rise > 0), ("darkened", rise < 0)):
+                    row[name] = int(np.count_nonzero(visible & ~same & found))
+                    self._light[name].add(100.0 * row[name] / bits.size)
 
     def _count(self, name: str, part: int, whole: int) -> None:
         self._totals[name][0] += part
@@ -102,11 +132,12 @@ class ExactColumns:
         """The block ``exact`` of summary.json."""
         out: dict[str, Any] = {name: _rate(w) for name, w in self._classes.items()}
         wrong = {}
-        for column in GEOMETRY:
+        for column in (*GEOMETRY, *LIGHT):
             reason = self._reasons[column] or None
             wrong[column] = _rate(self._wrong[column]) | self._share(column)
             wrong[column] |= {"reason": reason} if reason else {}
         out["misregistered"] = wrong
+        out |= {name: _rate(w) for name, w in self._light.items()}
         out["missed"] = _rate(self._missed) | self._share("missed")
         return out | {"reprojection": self._reprojection}
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import describe_brightness
-from taubench_gl.evaluation.exact import GEOMETRY, ExactColumns, require_exact
+from taubench_gl.evaluation.exact import GEOMETRY, LIGHT, ExactColumns, require_exact
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
+from taubench_gl.evaluation.previous_shading import PreviousShading, needed
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
@@ -90,14 +91,17 @@ def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...], exact:
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
         context = GpuContext(gpu, timer=timer)
-        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes), *(VISIBILITY,) * exact)))
+        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes), *((VISIBILITY, *needed()) * exact))))
         source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=extra), timer=timer, poser=poser)
         untimed, missing = GpuContext(gpu, context.shaders), missing_of_scene(lobes, source.unmeasured)
         apart = LobeColumns(untimed, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if lobes:
             observers = replace(observers, on_pair=apart.observer(observers.on_pair))
         if exact:
-            confirmed = ExactColumns({c: source.unmeasured.get(c, "") for c in GEOMETRY}, source.reprojection)
+            lit = {"direct", "indirect"} & set(source.radiance)
+            shading = PreviousShading(gpu, scene, camera, settings, poser) if lit else None
+            measured = {c: source.unmeasured.get(c, "") for c in (*GEOMETRY, *LIGHT)}
+            confirmed = ExactColumns(measured, settings, source.reprojection, shading)
             observers = replace(observers, on_pair=confirmed.observer(observers.on_pair))
         try:
             schedule = frame_schedule(frames, settings)
@@ -118,6 +122,8 @@ def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...], exact:
                 summary["exact"] = confirmed.summary()
         finally:
             apart.release()
+            if exact and shading is not None:
+                shading.release()
             source.release()
             context.release()
             gpu.collect()

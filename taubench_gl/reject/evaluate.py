@@ -15,6 +15,7 @@ from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator, open_scene
 from taubench_gl.evaluation.exact import require_exact
+from taubench_gl.evaluation.previous_shading import PreviousShading, needed
 from taubench_gl.evaluation.scene import SceneInput
 from taubench_gl.frame.materials import tests_alpha
 from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
@@ -26,7 +27,6 @@ from taubench_gl.metrics.classifier import Confusion, Curve
 from taubench_gl.provenance import provenance
 from taubench_gl.reject.contract import RejectionTest, load_tests
 from taubench_gl.reject.differences import CHANNELS, Differences
-from taubench_gl.reject.shading import SURFACE, PreviousShading
 from taubench_gl.run import Progress
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
@@ -152,7 +152,7 @@ class _Run:
         try:
             self._timer = PassTimer(gpu)
             self._context = self._own(GpuContext(gpu, timer=self._timer))
-            extra = tuple(dict.fromkeys((VISIBILITY, *CHANNELS, *(SURFACE if color else ()))))
+            extra = tuple(dict.fromkeys((VISIBILITY, *CHANNELS, *(needed() if color else ()))))
             self._source = self._own(
                 RasterSource(gpu, given.scene, given.camera, settings, SourceOptions(extra=extra), poser=poser)
             )
@@ -218,11 +218,8 @@ class _Run:
 
     def _changes(self, frame: int) -> Array:
         """Pixels whose point has another direct or indirect light than in the frame before.  (h, w) bool."""
-        metrics, exposure = self._given.settings.metrics, self._given.settings.lighting.exposure_factor
-        before = self._shading.of(self._source, frame)
-        changed = np.zeros(self._source.size[::-1], dtype=bool)
-        for name, values in before.items():
-            change = (self._source.read(name)[..., :3].astype(np.float64) - values) * exposure
+        metrics, changed = self._given.settings.metrics, np.zeros(self._source.size[::-1], dtype=bool)
+        for name, change in self._shading.changes(self._source, frame).items():
             changed |= np.linalg.norm(change, axis=-1) > metrics.threshold(name)
         return changed
 

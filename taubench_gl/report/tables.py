@@ -196,11 +196,11 @@ def _seen_values(summary: Summary, seen: Sequence[str], key: str) -> list[float 
 
 
 def _misregistered(label: str, summary: Summary) -> Row:
-    """Of the discards of each geometric column, the share whose surface point was visible."""
+    """Of the discards of each column, the share whose surface point was visible and unchanged."""
     wrong = summary["exact"].get("misregistered") or {}
     values = [(wrong.get(name) or {}).get("share_percent") for name in COLUMNS]
-    light = "light of a visible point may have changed by itself"
-    why = [(wrong.get(name) or {}).get("reason") or "nothing discarded" if name in wrong else light for name in COLUMNS]
+    tone = "color depends on the tone map"
+    why = [(wrong.get(name) or {}).get("reason") or "nothing discarded" if name in wrong else tone for name in COLUMNS]
     why[0] = "the frustum test is the same"
     row = table_row(
         f"{label}, share misregistered", [*values, *(None for _ in SEEN)], summary, *why, *("no discard" for _ in SEEN)

@@ -12,8 +12,8 @@ from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.exact import CLASSES, ExactColumns, misregistered
 from taubench_gl.paths import ASSETS
 from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, load_run
-from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
-from taubench_gl.settings import Settings
+from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
+from taubench_gl.settings import FIXED_LIGHTING, Settings
 
 DEMO = ASSETS / "demo.glb"
 OWN = {"columns": ("frustum", "position", "normal"), "reprojection": "motion"}
@@ -71,6 +71,33 @@ def test_columns_are_counts_of_channel_and_mask(tmp_path):
     assert all(len(r.values) == len(names) for r in table.rows)
 
 
+def lit(lamp_to):
+    """A matte room, a camera that moves, and a lamp that stays or moves."""
+    b = SceneBuilder()
+    matte = b.material(metallic=0.0, roughness=1.0)
+    b.node(mesh=b.mesh(box((2.0, 1.5, 2.0), inside=True, material=matte)))
+    lamp = b.light(translation=(0.0, 1.0, 0.0), intensity=40.0)
+    b.animate(lamp, "translation", [0.0, 1.0], [(0.0, 1.0, 0.0), lamp_to])
+    camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=1.0, znear=0.05)
+    b.animate(camera, "translation", [0.0, 1.0], [(0.0, 0.0, 1.2), (0.9, 0.0, 1.2)])
+    return b.build()
+
+
+def test_light_of_the_same_points():
+    """Diffuse light of a still lamp is that of the point: all discards are misregistration; of a moving one few."""
+    chosen = settings(
+        columns=("frustum", "position", "normal", "direct"), fps=4.0, frames=(0, 3), shadow_lights=0,
+        thresholds={"direct": 0.05}, **FIXED_LIGHTING,
+    )  # fmt: skip
+    still, moving = (evaluate_scene(lit(to), chosen, exact=True).summary for to in ((0.0, 1.0, 0.0), (1.6, 0.0, 0.0)))
+    assert still["discard"]["direct"]["mean_percent"] > 0.1
+    assert still["exact"]["misregistered"]["direct"]["share_percent"] == 100.0
+    assert still["exact"]["brightened"]["mean_percent"] == still["exact"]["darkened"]["mean_percent"] == 0.0
+    assert moving["exact"]["brightened"]["mean_percent"] > 10.0 and moving["exact"]["darkened"]["mean_percent"] > 1.0
+    assert moving["exact"]["misregistered"]["direct"]["share_percent"] < 20.0
+    assert still["exact"]["misregistered"]["indirect"]["mean_percent"] is None
+
+
 def test_without_exact_nothing_is_added():
     run = evaluate_scene(DEMO, settings(frames=(0, 2)))
     assert "exact" not in run.summary and set(run.frames[0]) == set(FRAME_COLUMNS)
@@ -89,7 +116,8 @@ def test_a_moving_object_is_not_misregistered_under_camera_reprojection():
 
 
 def test_a_column_that_was_not_measured_is_null():
-    columns = ExactColumns({"position": "", "normal": "not asked for"}, "motion")
+    measured = {"position": "", "normal": "not asked for", "direct": "not asked for", "indirect": "not asked for"}
+    columns = ExactColumns(measured, settings(), "motion")
     row = columns.add(np.zeros((2, 2), np.uint32), np.full((2, 2), Visibility.VISIBLE, np.uint32))
     assert row["misregistered_normal"] is None and row["visible"] == 4
     block = columns.summary()

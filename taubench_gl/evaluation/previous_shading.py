@@ -16,6 +16,11 @@ SURFACE = ("normal", "geometric_normal", "base_color", "material")
 """Channels of a point that light depends on, besides its position."""
 
 
+def needed() -> tuple[str, ...]:
+    """Channels that the current frame's source must draw besides those of the columns."""
+    return ("prev_position", "ids", *SURFACE)
+
+
 class PreviousShading:
     """Lights the points of a source's current frame as they were in the frame before, seen from the previous camera.
 
@@ -25,6 +30,7 @@ class PreviousShading:
     """
 
     def __init__(self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings, poser: Poser):
+        self._exposure = settings.lighting.exposure_factor
         options = SourceOptions(extra=SURFACE)
         self._source = RasterSource(gpu, scene, camera, settings, options, poser=poser)
         self.radiance = tuple(name for name in ("direct", "indirect") if name in self._source.radiance)
@@ -49,6 +55,11 @@ class PreviousShading:
             write_channel(target[name], name, values)
         self._source.light.run(frame)
         return {name: read_channel(target[name], name)[..., :3] for name in self.radiance}
+
+    def changes(self, current: RasterSource, frame: int) -> dict[str, Array]:
+        """Radiance now less radiance then, times exposure, of each point: (h, w, 3) float64 by column."""
+        before = self.of(current, frame)
+        return {n: (current.read(n)[..., :3].astype(np.float64) - v) * self._exposure for n, v in before.items()}
 
     @staticmethod
     def _turned_back(current: RasterSource) -> Array:
