@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from taubench_gl.channels import CHANNELS
 from taubench_gl.effects.lighting import light_unit_in
 from taubench_gl.errors import GraphicsError
 from taubench_gl.frame.casters import Casters
@@ -111,6 +113,28 @@ class LightStage:
         for compiled in passes:
             with self._context.timer.measure(compiled.declaration.name):
                 compiled.run(self._renderer.frame, self._renderer.frame.resources)
+
+    @property
+    def written(self) -> tuple[str, ...]:
+        """Channels that ``relight`` writes: those of the stochastic or the path-traced passes."""
+        passes = stochastic_light(self._spec) or path_traced_light(self._spec)
+        return tuple(name for name in CHANNELS if any(name in p.writes for p in passes))
+
+    def relight(self, channels: Mapping[str, Any], number: int) -> None:
+        """Light other surfaces in this frame's light, by the stochastic or the path-traced passes, after ``run``.
+
+        ``channels``: the surfaces (``passes.lighting.SURFACE``) and what to write (``written``), textures in place of
+        those of the frame; ``number``: of the frame whose random numbers to use.
+        """
+        frame = self._renderer.frame
+        kept, frame.number = frame.number, number
+        resources = {**frame.resources, **channels}
+        for compiled in self._stochastic:
+            compiled.run(frame, resources)
+        if not self._stochastic and self.paths is not None:
+            self.paths.trace(frame, resources)
+        frame.number = kept
+        self._context.gpu.hazards.publish()
 
     @property
     def bytes(self) -> int:

@@ -44,6 +44,7 @@ from taubench_gl.reuse.derived import (
 )
 from taubench_gl.reuse.frame import FAR_AWAY_PX, FrameInputs
 from taubench_gl.reuse.input_kind import InputKind
+from taubench_gl.reuse.reshade import CHANNELS_READ, RESHADED, Reshade
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
 
@@ -109,6 +110,8 @@ class RasterInputs:
         emits = decide(request.scene, self.settings)["emission"].enabled
         extra += ("emission",) if emits else ()  # part of radiance, also where there is no color pass
         extra += channels_for(self.reads)
+        reshades = bool(set(RESHADED) & self.reads) and (kind.noisy or kind.path_samples) and kind.rate == "full"
+        extra += CHANNELS_READ if reshades else ()
         shading = None if kind.exact else kind.shading()
         poser = request.poser or Poser(request.scene)
         self.source = RasterSource(
@@ -139,8 +142,10 @@ class RasterInputs:
             derived=derived, available=self.source.channels, samples=kind.samples,
         )  # fmt: skip
         self._derived = DerivedInputs(self._context, self.size, derived, self.source.renderer.scene)
-        self._masks = self._exact_masks = None
-        if {"mask", "motion"} & self.reads:
+        self._masks = self._exact_masks = self._reshade = None
+        if reshades and self.source.light is not None and self.source.light.written:
+            self._reshade = Reshade(self._context, self.source, self.settings)
+        if {"mask", "motion"} & self.reads or self._reshade is not None:
             self._masks = MaskInputs(self._context, self.source, self.settings, ())
         if needs_exact:
             self._exact_masks = MaskInputs(self._context, self.exact, exact_settings, self.exact.radiance)
@@ -149,7 +154,9 @@ class RasterInputs:
     def _missing_inputs(self) -> dict[str, str]:
         """Input that is read -> why these frames do not have it."""
         out = {}
-        out |= dict.fromkeys(("reshaded", "reshaded_before"), "these frames have no re-shaded samples")
+        if not (self.kind.noisy or self.kind.path_samples) or self.kind.rate != "full":
+            why = "only noisy and path-traced light is shaded again, where every pixel is shaded"
+            out |= dict.fromkeys(RESHADED, why)
         for name in ("hit_distance", "variance"):
             if "path_info" not in self.source.channels:
                 out[name] = "only path-traced light has it (--input path-traced@N)"
@@ -175,6 +182,9 @@ class RasterInputs:
             self._masks.run(pair, declared)
         if self._exact_masks is not None:
             self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.output_size), declared)
+        if self._reshade is not None:
+            textures = {"mask": self._masks.mask, "motion": self._masks.motion}
+            self._reshade.run(frame, pair, textures, self.kind.seed, not declared)
         out = FrameInputs(
             index=self._index,
             time=frame / self.settings.sequence.fps,
@@ -200,6 +210,8 @@ class RasterInputs:
         out |= {name: history[channel] for name, channel in HISTORY_INPUTS.items() if name in self.reads}
         if self._masks is not None:
             out |= {"mask": self._masks.mask, "motion": self._masks.motion}
+        if self._reshade is not None:
+            out |= self._reshade.textures
         if self._exact_masks is not None and "exact_mask" not in self.missing:
             out["exact_mask"] = self._exact_masks.mask
         return out
@@ -221,7 +233,7 @@ class RasterInputs:
     def bytes(self) -> int:
         """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
         own = self.source.describe()["memory"]["gpu_bytes"] + self._compose.bytes + self._derived.bytes
-        return own + (0 if self._masks is None else self._masks.bytes)
+        return own + sum(part.bytes for part in (self._masks, self._reshade) if part is not None)
 
     def describe(self) -> dict[str, Any]:
         """The block ``input`` of reuse.json."""
@@ -239,7 +251,7 @@ class RasterInputs:
         }
 
     def release(self) -> None:
-        for part in (self._compose, self._derived, self._masks, self._exact_masks, self.source):
+        for part in (self._compose, self._derived, self._reshade, self._masks, self._exact_masks, self.source):
             if part is not None:
                 part.release()
         if self._owns_exact:

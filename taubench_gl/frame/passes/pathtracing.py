@@ -265,7 +265,10 @@ class PathTracing:
         if "light_choice" in self.tables:
             power = frame.light_rows["color"][: len(self._spec.light_kinds), :3].max(axis=-1)
             self.tables["light_choice"].write(light_choice(power).tobytes() or bytes(8))
-        resources = frame.resources
+        self.trace(frame, frame.resources)
+
+    def trace(self, frame: FrameContext, resources: dict) -> None:
+        """``run`` with other surfaces and other textures for their light in ``resources``."""
         for where in self._listed() if self._spec.pixel_list else self._tiles():
             self._trace(frame, resources, where)
 

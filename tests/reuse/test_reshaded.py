@@ -1,0 +1,108 @@
+"""Re-shaded samples of the previous frame: no difference where the light is the same, whatever noise and camera do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from reuse_scenes import SECONDS, lit_room, settings, still
+
+from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.metrics.lobes import LUMINANCE
+from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
+from taubench_gl.reuse.frame import read_input
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.reshade import BLOCK
+from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
+
+SIZE = (42, 30)
+READS = ("reshaded", "reshaded_before", "radiance", "motion", "mask")
+KINDS = ["path-traced@1", "noisy"]
+
+
+def scene_of(camera=(0.0, 0.0, 0.0), light=(0.0, 0.0, 0.0), thing=(0.0, 0.0, 0.0)):
+    """The lit room; what moves, by meters in SECONDS."""
+    b = SceneBuilder()
+    lit_room(b)
+    gray = b.material(base_color=(0.5, 0.6, 0.7, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
+    lamp = b.light(translation=(0.5, 1.2, 1.4), intensity=9.0)
+    b.animate(lamp, "translation", [0.0, SECONDS], [(0.5, 1.2, 1.4), tuple(np.add((0.5, 1.2, 1.4), light))])
+    mover = b.node(mesh=b.mesh(box((0.4, 0.4, 0.4), material=gray)))
+    b.animate(mover, "translation", [0.0, SECONDS], [(-0.9, 0.4, 0.9), tuple(np.add((-0.9, 0.4, 0.9), thing))])
+    eye = (0.0, 1.5, 4.0)
+    node = b.camera(translation=eye, rotation=turn_x(-12.0), yfov=np.radians(50.0), znear=0.1)
+    b.animate(node, "translation", [0.0, SECONDS], [eye, tuple(np.add(eye, camera))])
+    return b.build()
+
+
+def frames_of(gpu, scene, kind, count=3, **more):
+    made = settings(width=SIZE[0], height=SIZE[1], light="auto", indirect="auto", bounces=3, exposure=2.0,
+                    environment="none", shadow_size=64, **more)  # fmt: skip
+    request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input(kind, seed=5), Poser(scene))
+    inputs = RasterInputs(request, READS)
+    try:
+        return [{n: read_input(t, n).copy() for n, t in inputs.advance(k).textures.items()} for k in range(count)]
+    finally:
+        inputs.release()
+        gpu.collect()
+
+
+def gradients(frame):
+    """Relative difference of luminance at the samples, and where they are."""
+    chosen = frame["reshaded"][..., 3] > 0.5
+    now, before = (frame[name][..., :3][chosen].astype(np.float64) @ LUMINANCE for name in READS[:2])
+    return (now - before) / np.maximum(np.maximum(now, before), 1e-3), chosen
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_still_scene_has_exactly_no_gradient(gpu, kind):
+    frames = frames_of(gpu, still(), kind)
+    assert not frames[0]["reshaded"].any()  # no previous frame
+    for frame in frames[1:]:
+        _, chosen = gradients(frame)
+        blocks = chosen.reshape(SIZE[1] // BLOCK, BLOCK, SIZE[0] // BLOCK, BLOCK).sum(axis=(1, 3))
+        assert blocks.max() == 1 and blocks.mean() > 0.9
+        np.testing.assert_array_equal(frame["reshaded"], frame["reshaded_before"])
+        assert frame["reshaded"][chosen][:, :3].mean() > 0.01
+    assert not np.array_equal(frames[1]["reshaded"][..., 3], frames[2]["reshaded"][..., 3])  # other pixels each frame
+    # The light that the samples had is that of the previous frame: its radiance, as nothing here emits.
+    _, chosen = gradients(frames[2])
+    np.testing.assert_array_equal(frames[2]["reshaded_before"][chosen][:, :3], frames[1]["radiance"][chosen][:, :3])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("moves", ["camera", "thing"])
+def test_gradients_without_a_change_of_light_are_small(gpu, kind, moves):
+    """Difference to the noisy radiance of the pixel itself: as large as the noise."""
+    frame = frames_of(gpu, scene_of(**{moves: (0.6, 0.1, -0.4)}), kind)[2]
+    found, chosen = gradients(frame)
+    itself = frame["radiance"][chosen][:, :3] @ LUMINANCE
+    before = frame["reshaded_before"][chosen][:, :3] @ LUMINANCE
+    noise = np.abs(itself - before) / np.maximum(np.maximum(itself, before), 1e-3)
+    assert chosen.sum() > 100
+    assert np.median(np.abs(found)) < 1e-3 and np.mean(np.abs(found) < 0.02) > 0.85
+    assert np.mean(noise > 0.02) > 0.3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_moving_light_has_gradients(gpu, kind):
+    found, chosen = gradients(frames_of(gpu, scene_of(light=(8.0, 0.0, 0.0)), kind)[2])
+    assert chosen.sum() > 100 and np.mean(np.abs(found) > 0.02) > 0.2
+    assert np.mean(found > 0.02) > 0.02 and np.mean(found < -0.02) > 0.02  # brighter here, darker there
+
+
+class ReadsReshaded:
+    reads = ("radiance", "reshaded")
+
+    def __init__(self, size, settings): ...
+
+    def step(self, frame):
+        return frame["radiance"]
+
+
+def test_frames_without_re_shaded_samples_say_so():
+    done = evaluate_methods(
+        still(), ["none", MethodSpec("r", ReadsReshaded)], settings(width=20, height=15, frames=(0, 2)), input="full",
+        metrics=("psnr",), reference_samples=1,
+    )  # fmt: skip
+    assert "reshaded" in done.failed["r"] and "noisy" in done.failed["r"]
