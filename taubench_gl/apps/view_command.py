@@ -53,6 +53,7 @@ Press ? in the window for the keys; docs/viewer.md lists them, and the script co
     "--reference", metavar="exr:DIR", help="Path-traced reference frames for comparison (split view, difference)."
 )
 @former_option("--truth", "--reference")
+@click.option("--compare", metavar="RUN", help="Another run: its scene with its settings, for comparison.")
 @lambda command: with_options(command, *exr_options)
 @click.option("--script", type=click.Path(path_type=Path), metavar="FILE", help="Run a script of viewer commands.")
 @click.option("--window", type=Size(), help="Window size, screen points.  [default: the last one, else fits the image]")
@@ -64,17 +65,19 @@ def view(source: str, script: Path | None, bench: int | None, **options: Any) ->
     """Show a scene, path-traced files or a finished run interactively: masks, thresholds, values of each pixel.
 
     SCENE is what evaluate takes: a file, a name of the registry, or exr:DIR.  A folder of results opens the run's
-    scene with its settings at the worst frame.  Needs a display and pip install taubench-gl[viewer].
+    scene with its settings at the worst frame.  A session file of the viewer (.session.json) restores what was open.
+    Needs a display and pip install taubench-gl[viewer].
     """
     missing = [pip for module, pip in LIBRARIES.items() if importlib.util.find_spec(module) is None]
     if missing:
         raise SettingsError(f"the viewer needs {' and '.join(missing)}", hint="run: pip install 'taubench-gl[viewer]'")
-    _require_source(source, options["reference"])
+    request = _restored(source, options) if source.endswith(".session.json") else _open_request(source, options)
+    _require_source(request.source, request.reference)
     from taubench_gl.viewer.window import Session, run_session
 
     run_session(
         Session(
-            request=_open_request(source, options),
+            request=request,
             light=options["lit"],
             window=options["window"],
             screenshots=options["screenshots"],
@@ -98,8 +101,20 @@ def _open_request(source: str, options: dict[str, Any]) -> Any:
     settings = settings_from({name: options[name] for name in names})
     path_traced = {name: options[name] for name in ("camera_file", "scene_file", "mapping", "layer")}
     return OpenRequest(
-        source, settings, options["reference"], PathTracedOptions(**path_traced), given_options(options), _resolve
-    )
+        source, settings, options["reference"], PathTracedOptions(**path_traced), given_options(options), _resolve,
+        run=options["compare"],
+    )  # fmt: skip
+
+
+def _restored(source: str, options: dict[str, Any]) -> Any:
+    """The request of a session file.  Raises SettingsError for options that it has itself."""
+    from taubench_gl.viewer.session_file import load
+
+    given = sorted(given_options(options)) + [name for name in ("reference", "compare") if options[name] is not None]
+    if given:
+        what = f"a session file has its own {given[0].replace('_', ' ')}"
+        raise SettingsError(what, hint=f"leave --{given[0].replace('_', '-')} out")
+    return load(source, _resolve)
 
 
 def _require_source(source: str, reference: str | None) -> None:

@@ -113,10 +113,19 @@ _action("low down", "image", "lower the lower end of the range")(
 _toggle("arrows", "image", "motion vectors as arrows to the previous position", "arrows")
 
 
-@_action("compare", "image", "comparison with the reference: off, split, difference")
+@_action("compare", "image", "comparison: off, split, flicker, difference, error")
 def _compare(s: ViewerState) -> None:
     s.comparison = following(COMPARISONS, s.comparison)
     s.message = f"comparison: {s.comparison}"
+
+
+@_action("compare with", "image", "compare with the next: history, reprojected history, reference, run, method")
+def _against(s: ViewerState) -> None:
+    s.against = following(s.others, s.against)
+    s.message = f"compared with: {s.against}"
+
+
+_toggle("beside", "image", "the other image and the error map beside the image", "beside")
 
 
 def _split(s: ViewerState, by: float) -> None:
@@ -204,6 +213,7 @@ for _name in SECTIONS:
 _request("screenshot", "window", "save the image as PNG")
 _request("window screenshot", "window", "save the whole window as PNG")
 _request("clip", "window", "start or stop recording a clip (mp4)")
+_request("save session", "window", "save what is open and how it is shown as a session file")
 _request("reload", "window", "reload the scene from disk")
 
 
@@ -237,7 +247,8 @@ KEYS: dict[str, str] = {
     "X": "freeze previous", "B": "frusta",
     "N": "next channel", "SHIFT+N": "previous channel", "SHIFT+U": "object motion", "M": "auto range",
     "UP": "range up", "DOWN": "range down", "SHIFT+UP": "low up", "SHIFT+DOWN": "low down", "U": "arrows",
-    "Y": "compare", "SEMICOLON": "split left", "APOSTROPHE": "split right",
+    "Y": "compare", "SHIFT+Y": "compare with", "Z": "beside", "CTRL+S": "save session",
+    "SEMICOLON": "split left", "APOSTROPHE": "split right",
     **{f"{'SHIFT+' if i >= 10 else ''}{(i + 1) % 10}": f"show {name}" for i, name in enumerate(OVERLAYS)},
     "H": "overlays", "MINUS": "opacity down", "EQUAL": "opacity up",
     "T": "next threshold", "PAGE_UP": "threshold up", "PAGE_DOWN": "threshold down",

@@ -31,6 +31,7 @@ class Viewer(ViewerModel):
     def __init__(self, gpu: Gpu, request: OpenRequest, *, light: bool | None = None, folder: Path | None = None):
         super().__init__(gpu, request, light=light, folder=folder)
         self._imgui = imgui.create_context()
+        imgui.set_current_context(self._imgui)  # a viewer that is open already stays intact
         imgui.get_io().set_ini_filename("")
         apply_theme()
         self._renderer = ImguiRenderer(gpu)
@@ -101,17 +102,16 @@ class Viewer(ViewerModel):
         self._renderer.render(framebuffer)
 
     def _draw_image(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:
-        left, top, width, height = layout.image
-        scale = framebuffer.size[0] / self.window_size[0]
-        x, y = left * scale, (self.window_size[1] - top - height) * scale
-        texture, ctx = self.engine.texture, self.gpu.ctx
-        whole = (width * scale) % texture.size[0] == 0  # an integer multiple shows exact pixels
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST) if whole else (moderngl.LINEAR, moderngl.LINEAR)
-        ctx.viewport = (int(x), int(y), max(int(width * scale), 1), max(int(height * scale), 1))
+        scale, ctx = framebuffer.size[0] / self.window_size[0], self.gpu.ctx
         ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE | moderngl.BLEND)
-        texture.use(0)
-        self._blit["image"] = 0
-        self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        for texture, (left, top, width, height) in zip(self.engine.textures, layout.images, strict=True):
+            x, y = left * scale, (self.window_size[1] - top - height) * scale
+            whole = (width * scale) % texture.size[0] == 0  # an integer multiple shows exact pixels
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST) if whole else (moderngl.LINEAR, moderngl.LINEAR)
+            ctx.viewport = (int(x), int(y), max(int(width * scale), 1), max(int(height * scale), 1))
+            texture.use(0)
+            self._blit["image"] = 0
+            self._triangle.render(moderngl.TRIANGLES, vertices=3)
 
     def bench(self, frames: int, present: Callable[[], None]) -> float:
         """Median frames per second while playing; every frame is drawn, classified and shown."""

@@ -1,4 +1,4 @@
-"""Images that the viewer compares with its own."""
+"""Images that the viewer compares with its own: a reference, another run, the result of a reuse method."""
 
 from __future__ import annotations
 
@@ -6,30 +6,153 @@ from typing import Protocol
 
 import moderngl
 
+from taubench_gl.channels import CHANNELS
 from taubench_gl.errors import SettingsError, TaubenchError
+from taubench_gl.frame.targets import write_channel
 from taubench_gl.gpu.context import Gpu
-from taubench_gl.viewer.feeds import Feed, OpenRequest, PathTracedFeed
+from taubench_gl.gpu.timing import PassTimer
+from taubench_gl.pathtraced.sequence import is_sequence
+from taubench_gl.reuse.frame import read_result
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.quality import display
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.run import load_run
+from taubench_gl.viewer.display import LIGHT, VISUALIZATIONS
+from taubench_gl.viewer.feeds import Feed, OpenRequest, PathTracedFeed, SceneFeed, scene_feed, scene_of
+from taubench_gl.viewer.state import ViewerState
+
+WARM_UP = 8
+"""Frames that a reuse method runs before one that does not follow the last."""
 
 
 class Comparison(Protocol):
-    """Images of other frames than those of the viewer: a reference, another run, the result of a reuse method."""
+    """Images of the frames of a feed, with the camera of the file."""
 
     name: str
 
-    def texture(self, channel: str, frame: int) -> moderngl.Texture | None:
-        """The same channel of the same frame in the size of the image; None if it has none."""
+    def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
+        """The same channel of the same frame; None if it has none.  Raises TaubenchError."""
 
     def release(self) -> None: ...
 
 
 def open_comparisons(gpu: Gpu, request: OpenRequest, feed: Feed) -> dict[str, Comparison]:
-    """The comparisons that ``request`` names for the frames of ``feed``.  Raises TaubenchError."""
+    """What the frames of ``feed`` can be compared with, by name.  Raises TaubenchError."""
     found: dict[str, Comparison] = {}
-    if request.reference is not None:
-        settings = feed.settings.replace(frames=(None, None))
-        reference = PathTracedFeed(gpu, request.reference, settings, request.options)
-        found["reference"] = PathTracedComparison(reference, feed.size, feed.frames[0])
+    try:
+        if request.reference is not None:
+            settings = feed.settings.replace(frames=(None, None))
+            reference = PathTracedFeed(gpu, request.reference, settings, request.options)
+            found["reference"] = PathTracedComparison(reference, feed.size, feed.frames[0])
+        if request.run is not None:
+            found["run"] = run_comparison(gpu, request, feed)
+        if isinstance(feed, SceneFeed):
+            found["method"] = MethodComparison(gpu)
+    except TaubenchError:
+        for one in found.values():
+            one.release()
+        raise
     return found
+
+
+def run_comparison(gpu: Gpu, request: OpenRequest, feed: Feed) -> Comparison:
+    """The scene of another run with that run's settings, at the size of ``feed``.  Raises TaubenchError."""
+    run = load_run(request.run)
+    width, height = feed.size
+    size = feed.settings.replace(width=width, height=height, frames=(None, None))
+    asked = OpenRequest(request.run, size, given=frozenset({"size", "frames"}))
+    text, settings = scene_of(run, asked)
+    if is_sequence(text):
+        return PathTracedComparison(PathTracedFeed(gpu, text, settings, request.options), feed.size, feed.frames[0])
+    return RunComparison(scene_feed(gpu, text, settings, PassTimer(gpu, enabled=False)))
+
+
+class RunComparison:
+    """A rasterized scene with the settings of another run."""
+
+    name = "run"
+
+    def __init__(self, feed: SceneFeed):
+        self._feed = feed
+
+    def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
+        if frame not in self._feed.frames or channel not in CHANNELS or channel == "motion":
+            return None
+        needs = {effect for name, effect in LIGHT.items() if VISUALIZATIONS[name].channel == channel}
+        off = frozenset() if needs else frozenset(LIGHT.values())
+        self._feed.plan(frozenset({channel}) - {"position", "normal"} - set(LIGHT), off, self._feed.live)
+        if channel not in self._feed.source.channels:
+            return None
+        self._feed.show_one(self._feed.file_shot(frame))
+        return self._feed.source.current[channel]
+
+    def release(self) -> None:
+        self._feed.release()
+
+
+class MethodComparison:
+    """The result of a reuse method for the frames of a feed, as color.
+
+    A frame that does not follow the last starts again WARM_UP frames before it.
+    """
+
+    name = "method"
+
+    def __init__(self, gpu: Gpu):
+        self._gpu = gpu
+        self._key: tuple[object, ...] | None = None  # feed's settings, method and input
+        self._error: TaubenchError | None = None  # of that key
+        self._inputs: RasterInputs | None = None
+        self._runner: MethodRunner | None = None
+        self._texture: moderngl.Texture | None = None
+        self._frame: int | None = None
+
+    def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
+        if channel != "color":
+            return None
+        key = (feed.settings, state.method, state.method_input)
+        if key != self._key:
+            self.release()
+            self._key = key
+            try:
+                self._start(feed, state)
+            except TaubenchError as error:
+                self._error = error
+        if self._error is not None:
+            raise self._error
+        if frame != self._frame:
+            try:
+                self._run(frame, feed.frames[0])
+            except TaubenchError as error:
+                self._error = error
+                raise
+        return self._texture
+
+    def _start(self, feed: SceneFeed, state: ViewerState) -> None:
+        method, kind = load_method(state.method), parse_input(state.method_input)
+        settings = feed.settings.replace(reprojection="motion")
+        request = InputRequest(self._gpu, feed.scene, feed.camera, settings, kind)
+        self._inputs = RasterInputs(request, method.reads)
+        self._runner = MethodRunner(self._gpu, method, feed.size, input_size=self._inputs.size)
+        self._texture = self._gpu.ctx.texture(feed.size, 4, dtype="f4")
+
+    def _run(self, frame: int, first: int) -> None:
+        follows = self._frame is not None and frame == self._frame + 1
+        if not follows:
+            self._runner.reset()
+        for number in range(frame if follows else max(frame - WARM_UP, first), frame + 1):
+            result = self._runner.step(self._inputs.advance(number))
+        color = display(read_result(result)[..., :3], self._inputs.settings.lighting.tone_map)
+        write_channel(self._texture, "color", color)
+        self._frame = frame
+
+    def release(self) -> None:
+        for part in (self._runner, self._inputs, self._texture):
+            if part is not None:
+                part.release()
+        self._runner = self._inputs = self._texture = self._frame = self._error = self._key = None
 
 
 class PathTracedComparison:
@@ -44,7 +167,7 @@ class PathTracedComparison:
         self._offset = 1 if feed.frames[0] == 1 and first == 0 else 0
         self._read: int | None = None
 
-    def texture(self, channel: str, frame: int) -> moderngl.Texture | None:
+    def texture(self, channel: str, frame: int, feed: Feed, state: ViewerState) -> moderngl.Texture | None:
         number = frame + self._offset
         if channel not in self._feed.source.channels or number not in self._feed.frames:
             return None

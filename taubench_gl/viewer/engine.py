@@ -35,6 +35,8 @@ from taubench_gl.viewer.names import PixelNames
 from taubench_gl.viewer.state import HISTORY, ViewerState
 
 Array = np.ndarray
+BESIDE = ("other", "error")
+"""What is drawn beside the image, as modes of ``display``."""
 CURRENT_COLOR, PREVIOUS_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
 
 
@@ -76,6 +78,7 @@ class ViewerEngine:
     _mask_key: Any = None
     _image_key: Any = None
     _content: Content | None = None  # of the image, without comparison
+    _beside: list[Display] = field(default_factory=list)
     _magnifier: Magnifier | None = None
     _magnified: Any = None
     _range_key: Any = None
@@ -241,7 +244,7 @@ class ViewerEngine:
             self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
             state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
             state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
-            state.freeze_previous,
+            state.freeze_previous, state.beside, state.method, state.method_input,
         )  # fmt: skip
         if key == self._image_key:
             return
@@ -250,12 +253,14 @@ class ViewerEngine:
             source, frozen = self._observe(state, shown)
         self._set_range(state, source, shown)
         self._content = self._content_of(state, source, frozen)
+        content = self._compared(state, self._content, observed)
         with self.timer.measure("image"):
-            self._display.draw(self._compared(state, self._content, observed))
+            self._display.draw(content)
             self._lines(state, shown.view, source)
             if state.arrows and not observed:
                 self.arrow_scale = state.arrow_scale or self._fitting_arrows()
                 self._display.arrows(self._active.motion_texture, self.arrow_scale)
+            self._draw_beside(state, content.other)
         self.drawn.images += 1
         self._image_key = key[:3] + (state.low, state.high) + key[5:]
 
@@ -300,14 +305,42 @@ class ViewerEngine:
 
     def _compared(self, state: ViewerState, content: Content, observed: bool) -> Content:
         """``content`` with the comparison of the state; a message says where there is nothing to compare with."""
-        if state.comparison == "off":
+        if state.comparison == "off" and not state.beside:
             return content
         other = None if observed else self.other(state)
         if other is None:
             state.message = self._no_comparison(state)
             return content
+        if state.beside:
+            return replace(content, other=other)
         mode = state.comparison if state.comparison != "flicker" else "other" if state.flicker_other else "off"
         return replace(content, comparison=mode, other=other)
+
+    def _draw_beside(self, state: ViewerState, other: Other | None) -> None:
+        """Draw the other image and the error map, if they are to be beside the image and there are any."""
+        wanted = BESIDE if state.beside and other is not None else ()
+        if len(self._beside) != len(wanted) or any(d.size != self._display.size for d in self._beside):
+            for display in self._beside:
+                display.release()
+            self._beside = [Display(self.gpu, self._display.size) for _ in wanted]
+        for mode, display in zip(wanted, self._beside, strict=True):
+            display.draw(replace(self._content, comparison=mode, other=other, shown=()))
+
+    @property
+    def textures(self) -> tuple[moderngl.Texture, ...]:
+        """The image and what is beside it, RGBA8."""
+        return tuple(display.texture for display in (self._display, *self._beside))
+
+    def titles(self, state: ViewerState) -> tuple[str, ...]:
+        """Titles of ``textures``; none for an image alone."""
+        if not self._beside:
+            return ("",)
+        other = f"{state.method}, input {state.method_input}" if state.against == "method" else state.against
+        return "", other, f"error x {state.gain:g}"
+
+    def picture(self) -> Array:
+        """The images of ``textures`` side by side, (h, w, 3) uint8, row 0 at the top."""
+        return np.concatenate([display.read() for display in (self._display, *self._beside)], axis=1)
 
     def other(self, state: ViewerState) -> Other | None:
         """What the image is compared with: history, or a comparison; None where that has no such image."""
@@ -317,7 +350,7 @@ class ViewerEngine:
         comparison = self.comparisons.get(state.against)
         if comparison is None or state.camera != "file":
             return None
-        texture = comparison.texture(channel, state.frame)
+        texture = comparison.texture(channel, state.frame, self.feed, state)
         return (
             None
             if texture is None or texture.size != self.feed.size
@@ -476,7 +509,15 @@ class ViewerEngine:
         return rate, percent, sentence(percent, shares, rate)
 
     def release(self) -> None:
-        drawing = (self._lights, self._evaluator, self._context, self._display, self._magnifier, self._observer)
+        drawing = (
+            self._lights,
+            self._evaluator,
+            self._context,
+            self._display,
+            *self._beside,
+            self._magnifier,
+            self._observer,
+        )
         for part in (*drawing, *self.comparisons.values(), self.feed):
             if part is not None:
                 part.release()

@@ -283,6 +283,8 @@ class OpenRequest:
     options: PathTracedOptions = field(default_factory=PathTracedOptions)
     given: frozenset[str] = frozenset()  # settings that the user gave; they override those of a run
     resolve: Callable[[str], tuple[str, dict[str, Any]]] | None = None
+    run: str | None = None  # another run to compare with
+    restored: Any = None  # ``session_file.Restored``: how to show it
 
 
 @dataclass(slots=True)

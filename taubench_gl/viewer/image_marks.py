@@ -17,7 +17,7 @@ LEAST_SIDE = 7.0
 def draw_marks(viewer: ViewerModel, layout: Layout) -> None:
     """Marks of the pinned pixel, and the legend of the arrows."""
     _pinned(viewer, layout)
-    _light_quality(viewer, layout)
+    _titles(viewer, layout)
     if viewer.state.arrows and not viewer.state.freeze_current:
         _arrow_legend(viewer, layout)
 
@@ -46,18 +46,19 @@ def _arrow_legend(viewer: ViewerModel, layout: Layout) -> None:
     lines.add_text(ImVec2(end[0] + 8, end[1] - 8), color, text)
 
 
-def _light_quality(viewer: ViewerModel, layout: Layout) -> None:
-    """How light is drawn, in the upper left corner of the image."""
-    text = viewer.engine.light_text(viewer.state)
-    if not text:
-        return
-    left, top, width, _ = layout.image
-    lines, size = imgui.get_background_draw_list(), imgui.calc_text_size(text, False, width - 20.0)
-    shade = imgui.get_color_u32(ImVec4(0, 0, 0, 0.6))
-    lines.add_rect_filled(ImVec2(left + 6, top + 6), ImVec2(left + size.x + 18, top + size.y + 12), shade, 3.0)
-    font, height = imgui.get_font(), imgui.get_font_size()
-    color = imgui.get_color_u32(ImVec4(1, 1, 1, 0.9))
-    lines.add_text(font, height, ImVec2(left + 12, top + 9), color, text, width - 20.0)
+def _titles(viewer: ViewerModel, layout: Layout) -> None:
+    """How light is drawn, or what an image beside it shows, in the upper left corner of each image."""
+    texts = viewer.engine.titles(viewer.state)
+    for text, (left, top, width, _) in zip(texts, layout.images, strict=True):
+        text = text or viewer.engine.light_text(viewer.state)
+        if not text:
+            continue
+        lines, size = imgui.get_background_draw_list(), imgui.calc_text_size(text, False, width - 20.0)
+        shade = imgui.get_color_u32(ImVec4(0, 0, 0, 0.6))
+        lines.add_rect_filled(ImVec2(left + 6, top + 6), ImVec2(left + size.x + 18, top + size.y + 12), shade, 3.0)
+        font, height = imgui.get_font(), imgui.get_font_size()
+        color = imgui.get_color_u32(ImVec4(1, 1, 1, 0.9))
+        lines.add_text(font, height, ImVec2(left + 12, top + 9), color, text, width - 20.0)
 
 
 def _pinned(viewer: ViewerModel, layout: Layout) -> None:

@@ -79,7 +79,8 @@ class Input:
         if not pressed:
             self.held.discard(name)
             return
-        self.held.add(name)
+        if not ctrl:
+            self.held.add(name)
         if imgui.get_io().want_text_input:
             return
         name = {"KP_ENTER": "ENTER", "KP_SUBTRACT": "MINUS", "KP_ADD": "EQUAL"}.get(name, name)

@@ -14,7 +14,7 @@ from taubench_gl.errors import OutputError, TaubenchError
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.outputs import cannot_write, new_partial, write_png
-from taubench_gl.viewer import prefs
+from taubench_gl.viewer import prefs, session_file
 from taubench_gl.viewer.actions import ACTIONS
 from taubench_gl.viewer.comparisons import open_comparisons
 from taubench_gl.viewer.engine import LiveTimer, ViewerEngine
@@ -73,7 +73,7 @@ class ViewerModel:
             unit_scale=feed.settings.metrics.unit_scale, live=feed.live,
         )  # fmt: skip
         state.others = (*HISTORY, *comparisons)
-        state.against = state.others[len(HISTORY)] if comparisons else "reprojected"
+        state.against = next((n for n in ("reference", "run") if n in comparisons), "reprojected")
         state.effect = state.effects[0] if state.effects else ""
         state.go_to(state.first + 1 if opened.frame is None else opened.frame)
         state.message = "; ".join(opened.notes)
@@ -85,6 +85,12 @@ class ViewerModel:
         engine = ViewerEngine(self.gpu, feed, self.timer, comparisons)
         try:
             engine.update(state)  # a scene that cannot be drawn is an error here, not later
+            if request.restored is not None:
+                request.restored.apply(state, engine.user)
+                engine.update(state)  # now the image has the stored size, and channels depend on the effects
+                left = request.restored.apply(state, engine.user)
+                engine.update(state)
+                state.message = f"restored without {', '.join(left)}" if left else "restored"
         except TaubenchError:
             engine.release()
             raise
@@ -99,7 +105,8 @@ class ViewerModel:
             return False
         if self.clip is not None:
             self._toggle_clip()
-        prefs.apply(prefs.Prefs(values=variables(self.state)), state)
+        if request.restored is None:
+            prefs.apply(prefs.Prefs(values=variables(self.state)), state)
         self.engine.release()
         self._request, self.state, self.engine = request, state, engine
         self._probed = self._named = None
@@ -109,8 +116,31 @@ class ViewerModel:
         """Open the first of the files that were dropped on the window."""
         if paths:
             path = Path(paths[0])
+            if session_file.is_session(path.name):
+                self._restore(path)
+                return
             exr = path.is_dir() and any(path.glob("[!.]*.exr"))
-            self.reopen(dataclasses.replace(self._request, source=f"exr:{path}" if exr else str(path), reference=None))
+            source = f"exr:{path}" if exr else str(path)
+            self.reopen(dataclasses.replace(self._request, source=source, reference=None, run=None, restored=None))
+
+    def _restore(self, path: Path) -> None:
+        """Open a session file; a message says why if that fails."""
+        try:
+            request = session_file.load(path, self._request.resolve)
+        except TaubenchError as error:
+            self.state.message = str(error)
+            return
+        self.reopen(request)
+
+    def save_session(self, path: Path) -> bool:
+        """Save what is open and how it is shown; False, with a message, if that fails."""
+        try:
+            session_file.save(path, self._request, self.state, self.engine.user)
+        except TaubenchError as error:
+            self.state.message = str(error)
+            return False
+        self.state.message = f"saved {path.name}"
+        return True
 
     def act(self, name: str) -> None:
         """Run an action and serve its requests.  Raises KeyError for an unknown action."""
@@ -125,10 +155,12 @@ class ViewerModel:
         elif request == "reset camera":
             self.engine.reset_camera(self.state)
         elif request == "reload":
-            if self.reopen(self._request):
+            if self.reopen(dataclasses.replace(self._request, restored=None)):
                 self.state.message = "reloaded from disk"
         elif request == "clip":
             self._toggle_clip()
+        elif request == "save session":
+            self.save_session(free_name(self.screenshots, self.stem, session_file.SUFFIX))
         elif request == "screenshot":
             self.screenshot(free_name(self.screenshots, self.stem, ".png"))
 
@@ -141,7 +173,7 @@ class ViewerModel:
     def screenshot(self, path: Path) -> bool:
         """Save the image as PNG; False, with a message, if that fails."""
         try:
-            write_png(path, self.engine.image())
+            write_png(path, self.engine.picture())
         except TaubenchError as error:
             self.state.message = str(error)
             return False
@@ -152,7 +184,8 @@ class ViewerModel:
         try:
             if self.clip is None:
                 path = free_name(self.screenshots, self.stem, ".mp4")
-                self.clip = Clip(path, self.state.size, self.state.fps)
+                height, width = self.engine.picture().shape[:2]
+                self.clip = Clip(path, (width, height), self.state.fps)
                 self.state.message = f"recording {path.name}: F9 stops"
             else:
                 self.clip.close()
@@ -172,7 +205,7 @@ class ViewerModel:
         image = (self.engine.drawn.images, self.engine)
         if self.clip is not None and (self.clip.frames == 0 or image != self._last_image):
             try:
-                self.clip.add(self.engine.image())
+                self.clip.add(self.engine.picture())
             except TaubenchError as error:
                 self.state.message, self.clip = str(error), None
         self._last_image = image
@@ -186,7 +219,7 @@ class ViewerModel:
     def layout(self) -> Layout:
         s = self.state
         sides = set(s.docks.values())
-        shown = Shown("left" in sides, "right" in sides, s.sections["playback"])
+        shown = Shown("left" in sides, "right" in sides, s.sections["playback"], len(self.engine.textures))
         return arrange(self.window_size, self.engine.feed.size, s.panels, shown)
 
     def probe(self) -> Explanation | None:
@@ -249,8 +282,10 @@ class Clip:
         self._writer.send(None)
 
     def add(self, image: Array) -> None:
-        """(h, w, 3) uint8."""
+        """(h, w, 3) uint8.  Raises OutputError, also for an image of another size than the first."""
         width, height = self._even
+        if (image.shape[1] // 2 * 2, image.shape[0] // 2 * 2) != self._even:
+            raise OutputError("recording ended: the image has another size", where=str(self.path))
         try:
             self._writer.send(np.ascontiguousarray(image[:height, :width]))
         except (OSError, RuntimeError) as error:

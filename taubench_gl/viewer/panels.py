@@ -10,6 +10,7 @@ from taubench_gl.glossary import CONCEPTS, REASONS, label_of
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import color_of
+from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.viewer.actions import help_lines, key_words
 from taubench_gl.viewer.display import VISUALIZATIONS
 from taubench_gl.viewer.image_marks import draw_marks
@@ -17,7 +18,16 @@ from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
 from taubench_gl.viewer.model import ViewerModel
 from taubench_gl.viewer.pixel_panel import PixelPanel
-from taubench_gl.viewer.state import CAMERAS, COMPARISONS, DOCKED, LIVE_CHOICES, MOVING_LIGHTS, OVERLAYS, set_variable
+from taubench_gl.viewer.state import (
+    CAMERAS,
+    COMPARISONS,
+    DOCKED,
+    LIVE_CHOICES,
+    METHOD_INPUTS,
+    MOVING_LIGHTS,
+    OVERLAYS,
+    set_variable,
+)
 from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
 from taubench_gl.viewer.widgets import FIXED, Widgets, bar, wrapped
 
@@ -157,10 +167,16 @@ class Panels:
         s = self._viewer.state
         s.against = self._ui.choose("with", s.against, s.others, "against") or s.against
         s.comparison = self._ui.choose("mode", s.comparison, COMPARISONS, "comparison") or s.comparison
+        self._ui.check("beside the image, with the error map", s.beside, "beside", "beside")
+        if s.against == "method":
+            s.method = self._ui.choose("method", s.method, builtin_methods(), "method") or s.method
+            kind = self._ui.choose("input", s.method_input, METHOD_INPUTS, "method_input")
+            s.method_input = kind or s.method_input
+            self._ui.faint("results are colors: show the channel color", wrap=True)
+        if s.beside or s.comparison in ("difference", "error"):
+            self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
         if s.comparison == "split":
             self._ui.slider("split", 0.0, 1.0, "%.2f")
-        elif s.comparison in ("difference", "error"):
-            self._ui.slider("gain", 0.1, 100.0, "%.3g", LOGARITHMIC)
         elif s.comparison == "flicker":
             self._ui.slider("flicker_hz", 0.25, 30.0, "%.2g per second", LOGARITHMIC)
             self._ui.faint(f"shown: {s.against if s.flicker_other else 'this image'}")

@@ -17,6 +17,7 @@ from taubench_gl.data_files import read_text
 from taubench_gl.errors import OutputError, SettingsError, note_renamed
 from taubench_gl.viewer.actions import ACTIONS, FORMER_ACTIONS, split_chord
 from taubench_gl.viewer.app import Viewer
+from taubench_gl.viewer.session_file import SUFFIX, is_session
 from taubench_gl.viewer.state import set_variable, variables
 
 COMMANDS: dict[str, tuple[int, int, str]] = {
@@ -35,6 +36,7 @@ COMMANDS: dict[str, tuple[int, int, str]] = {
     "minimize": (0, 0, "minimize: the window has no area until it is resized"),
     "drop": (1, 1, "drop PATH: drop a file on the window"),
     "wait": (1, 1, "wait N: run N frames of 1/fps seconds"),
+    "session": (1, 1, "session FILE: save a session file; its name ends with .session.json"),
     "screenshot": (1, 2, "screenshot FILE [window]: save the image, or the window, as PNG"),
     "expect": (3, 4, "expect NAME OP VALUE [TOLERANCE]: OP is one of == != < <= > >="),
     "print": (1, 1, "print NAME: print a variable"),
@@ -192,6 +194,12 @@ class ScriptRunner:
     def do_wait(self, count: str) -> None:
         for _ in range(_whole(count)):
             self._frame(1.0 / self._viewer.state.fps)
+
+    def do_session(self, path: str) -> None:
+        if not is_session(path):
+            raise SettingsError(f"{path!r} is not a session file", hint=f"give a name that ends with {SUFFIX}")
+        if not self._viewer.save_session(Path(path)):
+            raise OutputError(self._viewer.state.message)
 
     def do_screenshot(self, path: str, what: str = "image") -> None:
         if what not in ("image", "window"):

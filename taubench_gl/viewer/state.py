@@ -14,6 +14,7 @@ from typing import Any
 from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
 from taubench_gl.errors import SettingsError, note_renamed
 from taubench_gl.glossary import key_of
+from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
 
 CAMERAS = ("file", "fly", "orbit")
@@ -39,6 +40,8 @@ OVERLAYS: dict[str, Reason] = {
 """Mask overlays by key, in the order of the legend and of the number keys."""
 
 
+METHOD_INPUTS = ("full", "jittered", "noisy", "noisy+jittered", "path-traced", "path-traced+jittered")
+"""Kinds of frames that reuse methods get."""
 MOVING_LIGHTS = ("full", "half", "quarter", "unshadowed")
 SCALES = (0.25, 0.5, 1.0, 2.0)
 """Factors on the size of the image."""
@@ -95,6 +98,9 @@ class ViewerState:
     comparison: str = "off"
     against: str = "reprojected"  # of ``others``
     others: tuple[str, ...] = HISTORY  # what the image can be compared with
+    beside: bool = False  # the other image and the error map beside the image
+    method: str = "taa_clamp"  # reuse method, of METHODS
+    method_input: str = "noisy"  # of METHOD_INPUTS
     flicker_hz: float = 2.0  # changes per second between the image and the other
     flicker_other: bool = False  # whether the other is shown now
     split: float = 0.5  # fraction of the image width
@@ -207,7 +213,7 @@ def following(items: tuple[str, ...], item: str, step: int = 1) -> str:
 
 _FLAGS = (
     "playing", "freeze_current", "freeze_previous", "frusta", "auto_range", "overlays", "arrows", "panels", "help",
-    "probe_pinned",
+    "probe_pinned", "beside",
 )  # fmt: skip
 _NUMBERS = {"speed": (0.01, 16.0), "opacity": (0.0, 1.0), "split": (0.0, 1.0), "gain": (0.01, 1e4),
             "flicker_hz": (0.25, 30.0), "arrow_scale": (0.0, 100.0)}  # fmt: skip
@@ -216,6 +222,8 @@ _CHOICES: dict[str, Callable[[ViewerState], tuple[str, ...]]] = {
     "channel": lambda s: s.channels,
     "comparison": lambda s: COMPARISONS,
     "against": lambda s: s.others,
+    "method": lambda s: builtin_methods(),
+    "method_input": lambda s: METHOD_INPUTS,
     "moving_light": lambda s: MOVING_LIGHTS,
     "feature": lambda s: tuple(s.thresholds),
     "effect": lambda s: s.effects,
@@ -233,19 +241,8 @@ def variable_names(state: ViewerState) -> list[str]:
     dotted = [f"{group}.{name}" for group, members in groups for name in members]
     dotted += [f"effect.{name}" for name in state.effects]
     dotted += [f"dock.{name}" for name in state.docks]
-    return [
-        "frame",
-        "probe",
-        "magnified",
-        "loop.first",
-        "loop.last",
-        "range.low",
-        "range.high",
-        *_FLAGS,
-        *_NUMBERS,
-        *_CHOICES,
-        *dotted,
-    ]
+    plain = ["frame", "probe", "magnified", "samples", "stops", "loop.first", "loop.last", "range.low", "range.high"]
+    return [*plain, *LIVE_CHOICES, *_FLAGS, *_NUMBERS, *_CHOICES, *dotted]
 
 
 def set_variable(state: ViewerState, name: str, text: str) -> None:
@@ -271,6 +268,7 @@ def set_variable(state: ViewerState, name: str, text: str) -> None:
         value = _number(name, text)
         state.set_range(*((value, max(value, state.high)) if member == "low" else (min(value, state.low), value)))
     elif name in LIVE_CHOICES:
+        text = f"{_number(name, text):g}" if name == "scale" else text
         text = _chosen(name, text, LIVE_CHOICES[name])
         state.live = replace(state.live, **{name: float(text) if name == "scale" else text})
     elif name == "stops":

@@ -1,0 +1,123 @@
+"""Images beside the image: history, another run and reuse methods, with their error map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from viewer_tools import DEMO, QUIET, SIZE, pixels
+
+from taubench_gl.errors import MethodError, SettingsError, TaubenchError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.metrics.display import color_scale
+from taubench_gl.reuse.frame import read_result
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.quality import display
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.settings import Settings
+from taubench_gl.viewer import comparisons
+
+LIT = Settings(width=48, height=28, indirect="none", exposure=1.0)
+
+
+def thirds(picture: np.ndarray) -> list[np.ndarray]:
+    return [part.astype(int) for part in np.split(picture, 3, axis=1)]
+
+
+def test_history_and_the_error_map_are_beside_the_image(drive, tmp_path):
+    driven = drive(window=(1280, 720))
+    driven.run("frame 8\nset overlays off\nset against history\nset gain 2")
+    alone = driven.engine.image()
+    driven.run(
+        f"key Z\nexpect beside == 1\nscreenshot {tmp_path / 'three.png'}\nscreenshot {tmp_path / 'w.png'} window"
+    )
+    image, other, error = thirds(pixels(tmp_path / "three.png"))
+    assert image.shape == (SIZE[1], SIZE[0], 3) and (image == alone).all() and (other != image).any()
+    expected = color_scale(2.0 * np.abs(image - other).max(axis=-1) / 255.0)
+    assert np.abs(error / 255.0 - expected).max() < 0.03
+    layout, window = driven.viewer.layout, pixels(tmp_path / "w.png")
+    assert len(layout.images) == 3
+    x, y, width, height = (int(v) for v in layout.images[1])
+    shown = window[y + 30 : y + height, x : x + width].reshape(-1, 3).mean(axis=0)  # below the title
+    assert np.abs(shown - other[30 * SIZE[1] // height :].reshape(-1, 3).mean(axis=0)).max() < 4
+    at = layout.place(20, 30, SIZE, 2)
+    driven.run(f"mouse {at[0]} {at[1]}\nexpect probe == 20,30\nkey Z\nexpect beside == 0")
+    assert len(driven.viewer.layout.images) == 1
+
+
+def test_a_reuse_method_is_beside_the_image(drive, monkeypatch):
+    monkeypatch.setattr(comparisons, "WARM_UP", 3)
+    driven = drive(settings=LIT, light=True)
+    driven.run("frame 10\nset overlays off\nset channel color\nset against method\nset method accumulate\nkey Z")
+    shown = [thirds(driven.engine.picture())[1]]
+    driven.run("key RIGHT")  # the next frame continues
+    shown.append(thirds(driven.engine.picture())[1])
+    results = expected(driven, "accumulate", "noisy", range(7, 12))
+    for found, result in zip(shown, results[-2:], strict=True):
+        assert np.abs(found - result).max() <= 2
+    driven.run("set method none\nset method_input full\nset gain 1")
+    image, none, _ = thirds(driven.engine.picture())
+    assert np.abs(image - none).max() <= 2, "without noise and reuse the result is the image"
+    driven.run("set channel headlight")
+    assert "headlight" in driven.state.message and driven.engine.picture().shape[1] == 48
+
+
+def expected(driven, method: str, kind: str, frames: range) -> list[np.ndarray]:
+    """The results of a method for ``frames``, (h, w, 3) in 0 .. 255."""
+    feed, gpu = driven.engine.feed, driven.viewer.gpu
+    settings = feed.settings.replace(reprojection="motion")
+    request = InputRequest(gpu, feed.scene, feed.camera, settings, parse_input(kind))
+    inputs = RasterInputs(request, load_method(method).reads)
+    with MethodRunner(gpu, method, feed.size) as runner:
+        results = [read_result(runner.step(inputs.advance(frame))) for frame in frames]
+    inputs.release()
+    return [255.0 * display(result[..., :3], settings.lighting.tone_map) for result in results]
+
+
+def test_a_method_that_fails_is_a_message(drive, monkeypatch):
+    def fail(*_: object, **__: object) -> None:
+        raise MethodError("does not compile", where="method 'accumulate'")
+
+    monkeypatch.setattr(comparisons, "MethodRunner", fail)
+    driven = drive(settings=LIT.replace(width=24, height=14), light=True)
+    driven.run("frame 10\nset channel color\nset against method\nset method accumulate\nkey Z\nframe 11")
+    assert "does not compile" in driven.state.message
+
+
+def test_another_run_is_compared(drive, tmp_path):
+    evaluate_scene(DEMO, QUIET.replace(frames=(5, 9), culling="none"), out=tmp_path / "run")
+    driven = drive(run=str(tmp_path / "run"))
+    driven.run(
+        "frame 8\nexpect against == run\nset overlays off\nset channel normal\nset split 0\nset comparison split"
+    )
+    assert np.abs(driven.engine.image()[:, 2:].astype(int) - reference(driven)[:, 2:]).max() <= 1
+    driven.run("set channel motion")
+    assert "motion" in driven.state.message
+
+
+def reference(driven) -> np.ndarray:
+    source = driven.engine.comparisons["run"]._feed.source
+    assert source.renderer.options.culling == "none"
+    normal, position = source.read("normal")[..., :3], source.read("position")
+    return np.where(position[..., 3:] > 0, 255 * (0.5 + 0.5 * normal), 255 * 0.06).round().astype(int)
+
+
+def test_a_run_that_is_not_there(drive, tmp_path):
+    with pytest.raises(TaubenchError) as error:
+        drive(run=str(tmp_path / "none"))
+    assert str(tmp_path / "none") in str(error.value)
+
+
+def test_a_clip_ends_where_its_images_change_size(drive, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    driven = drive()
+    driven.run("frame 8\nkey F9\nkey RIGHT\nkey Z\nwait 1")
+    assert "recording ended" in driven.state.message and driven.viewer.clip is None
+    driven.run("key F9\nkey RIGHT\nkey F9")
+    assert [p.suffix for p in tmp_path.glob("*.mp4")] == [".mp4"] * len(list(tmp_path.glob("*.mp4")))
+
+
+def test_unknown_methods_are_errors(drive):
+    with pytest.raises(SettingsError):
+        drive().run("set method nothing")
