@@ -194,7 +194,7 @@ def assemble(about: Mapping[str, Any], plan: Plan, records: Sequence[Record], re
         if "frame_ms" in r:  # a render
             time = time_of(r["frame_ms"], interleaved=False) if r["frame_ms"] else None
             points.append(Point(name, name, "render", {}, errors(name), {}, time, r["clock"], False))
-    about = dict(about) | {"machine_state": machine_state(of_kind["time"], about["machine"]["cores"])}
+    about = dict(about) | {"machine_state": machine_state(records, about["machine"]["cores"])}
     about["reference"] = about["reference"] | _reference_facts(found, reference, columns)
     return CostStudy(about, points, plan)
 
@@ -219,10 +219,10 @@ def _reference_facts(
     return {"samples": found["samples"], "percent": percent, "floor": floor}
 
 
-def machine_state(visits: Sequence[Record], cores: int | None) -> dict[str, Any]:
+def machine_state(records: Sequence[Record], cores: int | None) -> dict[str, Any]:
     """Median load, drift of the baseline's time from the first to the last round, and whether the machine was busy."""
-    loads = [r["load"] for r in visits if r.get("load") is not None]
-    baseline = [r["frame_ms"] for r in rounds_of(visits, BASELINE)]
+    loads = [r["load"] for r in records if r.get("load") is not None]
+    baseline = [r["frame_ms"] for r in rounds_of((r for r in records if r["kind"] == "time"), BASELINE)]
     load = statistics.median(loads) if loads else None
     drift = max(baseline) / min(baseline) - 1.0 if len(baseline) > 1 else None
     busy = (load is not None and load > BUSY_LOAD * (cores or 1)) or (drift is not None and drift > BUSY_DRIFT)

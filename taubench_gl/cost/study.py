@@ -303,26 +303,29 @@ class Measurements:
         self._subject, self._records, self._request, self._out, self._now = subject, records, request, out, now
         self._progress = progress or (lambda step: None)
         self._deadline = Deadline(request.time_limit)
-        plan = subject.plan.configurations
-        renders = () if subject.series is None else subject.series.renders
+        self._methods_alone = bool(subject.methods) and len(subject.plan.configurations) == 1
+        plan = () if self._methods_alone else subject.plan.configurations
+        renders = () if subject.series is None or not plan else subject.series.renders
         masks = {r["configuration"] for r in records.of("masks")}
         self._masks_due = [c for c in plan if c.comparable and c.name not in masks]
         self._renders_due = [r for r in renders if r.name not in masks]
         columns = {r["configuration"] for r in records.of("columns")}
         grid = [c for c in plan if not c.comparable]
-        self._columns_due = [c for c in (plan[:1] + tuple(grid) if grid else ()) if c.name not in columns]
+        self._columns_due = [c for c in ((plan[0], *grid) if grid else ()) if c.name not in columns]
         self._inputs = {c.input: [o for o in subject.methods if o.input == c.input] for c in subject.methods}
         methods_due = len(self._inputs) * (1 + request.repeats)
         methods_due -= len(records.of("images")) + len(records.of("image_time"))
-        visits = len(due_visits(plan, request.repeats, records.of("time")))
+        visits = len(due_visits(plan, request.repeats, records.of("time"))) + (
+            bool(plan) and not records.of("reference")
+        )
         due = len(self._masks_due) + len(self._renders_due) + len(self._columns_due)
-        self._done, self._total = 0, due + visits + max(methods_due, 0) + (not records.of("reference"))
+        self._done, self._total = 0, due + visits + max(methods_due, 0)
         self._channels: PairChannels | None = None
 
     def run(self) -> None:
-        """The reference, masks in the order of the plan, times in rounds, reuse methods, columns."""
-        self._measure_reference()
-        for measure in (self._measure_masks, self._measure_times, self._measure_methods, self._measure_columns):
+        """The reference, masks in the order of the plan, times in rounds, columns; then reuse methods."""
+        renderer = (self._measure_reference, self._measure_masks, self._measure_times, self._measure_columns)
+        for measure in (*(() if self._methods_alone else renderer), self._measure_methods):
             with suppress(OutOfTime):
                 measure()
 

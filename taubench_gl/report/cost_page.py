@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from taubench_gl.report.cost_tables import OVERALL, answer, heading, tables_html
+from taubench_gl.report.cost_tables import OVERALL, answer, heading, method_axis, tables_html
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import hex_of
 
@@ -35,14 +35,15 @@ def _figure_data(study: Study) -> dict[str, Any]:
     measured = (OVERALL, *study["columns"])
     points = [{k: p[k] for k in fields} | {"masks": p["masks"]} for p in study["points"] if p["role"] != "effect"]
     colors = {c: hex_of(c) for c in study["columns"]} | {OVERALL: OVERALL_COLOR}
-    measures, fronts = [], study["fronts"]
+    measures, fronts, label = [], study["fronts"], ""
     if study["methods"] is not None:
+        methods, label = method_axis(study["methods"])
         measures = list(study["methods"]["measures"])
         fronts = fronts | study["methods"]["fronts"]
         colors |= dict.fromkeys(measures, METHOD_COLOR)
-        points += [_method(p) for p in study["methods"]["points"]]
+        points += [_method(p) for p in methods]
     chosen = (study["chosen"] or {}).get("configuration")
-    kept = {"columns": measured, "floor": study["reference"]["floor"], "chosen": chosen}
+    kept = {"columns": measured, "floor": study["reference"]["floor"], "chosen": chosen, "method_axis": label}
     return kept | {"fronts": fronts, "colors": colors, "measures": measures, "points": points}
 
 

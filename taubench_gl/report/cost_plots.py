@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 from taubench_gl.report.cost_page import METHOD_COLOR, OVERALL_COLOR
-from taubench_gl.report.cost_tables import OVERALL
+from taubench_gl.report.cost_tables import OVERALL, method_axis
 from taubench_gl.report.figures import as_title, new_figure, save_figure
 
 Study = Mapping[str, Any]
@@ -18,7 +19,7 @@ MARKERS = {"baseline": "s", "level": "s", "highest_quality": "*", "single": "o",
 NAMES = {"baseline": "baseline", "level": "named level", "highest_quality": "highest quality",
          "single": "one parameter changed", "combined": "several changed", "path_traced": "path-traced",
          "render": "renders", "method": "reuse method"}  # fmt: skip
-NAMED = ("baseline", "level", "highest_quality", "path_traced", "render")
+NAMED = ("baseline", "level", "highest_quality", "path_traced", "render", "method")
 
 
 def plot_study(study: Study, folder: Path) -> list[Path]:
@@ -33,11 +34,11 @@ def plot_study(study: Study, folder: Path) -> list[Path]:
         figure.suptitle(_title(study), fontsize=10)
         written += save_figure(figure, folder / "front")
     for measure in (study["methods"] or {}).get("measures", ()):
-        points = study["methods"]["points"]
+        points, label = method_axis(study["methods"])
         errors = {p["name"]: p["errors"][measure] for p in points if p["ms"] and p["errors"][measure] is not None}
         figure, axes = new_figure(9.0, 5.4)
         _draw(axes, points, errors, study["methods"]["fronts"][measure], METHOD_COLOR, None)
-        axes.set(xlabel="ms per frame, shading and method", ylabel=measure)
+        axes.set(xlabel=label, ylabel=measure)
         figure.suptitle(f"Reuse methods, {measure}: {as_title(study['scene']['name'])}", fontsize=10)
         written += save_figure(figure, folder / f"methods_{measure}")
     return written
@@ -70,7 +71,9 @@ def _draw(
         for p in group:
             if role in NAMED or p["name"] in front:
                 at = (p["ms"]["median"], height(p["name"]))
-                axes.annotate(p["label"][:44], at, textcoords="offset points", xytext=(6, 6), fontsize=7)
+                axes.annotate(
+                    "\n".join(wrap(p["label"], 36)[:2]), at, textcoords="offset points", xytext=(6, 6), fontsize=7
+                )
     times = {p["name"]: p["ms"]["median"] for p in points if p["ms"]}
     steps = [(times[name], height(name)) for name in front if name in errors]
     if steps:
@@ -78,12 +81,10 @@ def _draw(
     if floor:
         axes.axhline(floor, color="#555555", linewidth=0.9, linestyle="--", label="noise floor of the reference")
     axes.set(xscale="log", yscale="log")
-    for axis in (axes.xaxis, axes.yaxis):
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         axis.set_major_formatter(lambda value, _: f"{value:g}")
-    if axes.get_ylim()[1] < 30 * axes.get_ylim()[0]:  # not enough decades for labels at powers of ten
-        axes.yaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "235" else "")
-    else:
-        axes.yaxis.set_minor_formatter(lambda value, _: "")
+        digits = "123456789" if high < 3 * low else "235" if high < 30 * low else ""  # powers of ten are too few
+        axis.set_minor_formatter(lambda value, _, digits=digits: f"{value:g}" if f"{value:e}"[0] in digits else "")
     axes.legend(frameon=False, fontsize=8, loc="best")
 
 

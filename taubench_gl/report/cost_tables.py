@@ -34,8 +34,13 @@ class Table:
 
 
 def answer(study: Study) -> list[str]:
-    """Three lines: what to use, against what it was compared, how far the numbers can be trusted."""
+    """Three lines: what to use, against what it was compared, how far the numbers can be trusted.
+
+    Of reuse methods alone: what to use by each measure, and how far.
+    """
     chosen = study["chosen"]
+    if study["methods"] is not None and len(study["points"]) == 1:
+        return [*study["methods"]["recommendations"], _trust(study)]
     first = "nothing has been measured yet" if chosen is None else chosen["words"]
     return [f"Use {first}" if chosen and chosen["configuration"] else first, _compared(study), _trust(study)]
 
@@ -55,13 +60,14 @@ def _compared(study: Study) -> str:
 def _trust(study: Study) -> str:
     machine, state = study["machine"], study["machine_state"]
     text = f"Machine: {machine['renderer']}, {machine['cores']} cores"
-    rounds = max((p["ms"]["samples"] for p in study["points"] if p["ms"]), default=0)
+    points = [*study["points"], *(study["methods"] or {"points": ()})["points"]]
+    rounds = max((p["ms"]["samples"] for p in points if p["ms"]), default=0)
     text += f"; {rounds} rounds" + ("" if state["load"] is None else f", load {state['load']:.1f}")
     if state["drift"] is not None:
         text += f", drift of the baseline {100.0 * state['drift']:.0f} %"
     if state["busy"]:
         text += ": the machine was BUSY, times are too long"
-    missing = sum(1 for p in study["points"] if not p["ms"] and p["usable"])
+    missing = sum(1 for p in study["points"] if not p["ms"] and p["usable"]) if len(study["points"]) > 1 else 0
     return text + (f"; {missing} configurations are not timed yet: run again to go on" if missing else "")
 
 
@@ -78,6 +84,19 @@ def heading(study: Study) -> list[str]:
     lines.append(f"machine: {machine['renderer']}, {machine['driver']}, {machine['processor']}")
     lines.append(f"clock: {study['clock']}")
     return lines
+
+
+def method_axis(block: Study) -> tuple[list[Point], str]:
+    """Reuse methods as the figures show them, and the label of their time.
+
+    On one input all have the same shading: its time, which would hide theirs, is left out.
+    """
+    points, inputs = block["points"], {p["input"] for p in block["points"]}
+    if len(inputs) > 1:
+        return points, "ms per frame, shading and method"
+    own = [p | {"ms": p["ms"] and p["ms"] | {"median": p["method_ms"], "spread": None}} for p in points]
+    shading = max((p["shading_ms"] for p in points if p["ms"]), default=0.0)
+    return own, f"ms per frame of the method; shading of every frame: {three(shading)} ms"
 
 
 def tables(study: Study) -> list[Table]:

@@ -2,7 +2,7 @@
 
 const SHAPES = { baseline: "square", level: "square", highest_quality: "star", single: "circle", combined: "triangle", path_traced: "diamond", render: "star", method: "circle" };
 const NAMES = { baseline: "baseline", level: "named level", highest_quality: "highest quality", single: "one parameter changed", combined: "several changed", path_traced: "path-traced", render: "renders", method: "reuse method" };
-const NAMED = ["baseline", "level", "highest_quality", "path_traced", "render"];
+const NAMED = ["baseline", "level", "highest_quality", "path_traced", "render", "method"];
 const box = document.getElementById("plot"), status = document.getElementById("status");
 const chooser = document.getElementById("column"), roles = document.getElementById("roles");
 
@@ -42,7 +42,7 @@ function draw() {
   const x = logScale(Math.min(...times) * 0.8, Math.max(...times) * 1.6, area.left, area.right);
   const y = logScale(bottom, 1.6 * (most > bottom ? most : 10 * bottom), area.bottom, area.top);
   drawAxes(plot, area, {
-    x: { scale: x, ticks: x.ticks(width < 600 ? 4 : 8), label: isMeasure ? "ms per frame, shading and method (log)" : "ms per frame (log)" },
+    x: { scale: x, ticks: x.ticks(width < 600 ? 4 : 8), label: `${isMeasure ? data.method_axis : "ms per frame"} (log)` },
     y: { scale: y, ticks: y.ticks(5), label: isMeasure ? `${column} (log)` : "wrong masks, % of the pixels (log)" },
   });
   if (floor) {
