@@ -181,7 +181,8 @@ def test_a_slow_measurement_is_abandoned_at_its_share_of_the_time(demo, tmp_path
     ("load", "times", "busy"), [(1.0, [10, 10.5], False), (9.0, [10], True), (1.0, [10, 14], True)]
 )
 def test_a_busy_machine_is_detected(load, times, busy):
-    visits = [{"kind": "time", "configuration": "baseline", "round": i, "load": load, "frame_ms": t} for i, t in enumerate(times)]
+    tag = {"kind": "time", "configuration": "baseline", "load": load}
+    visits = [tag | {"round": i, "frame_ms": t} for i, t in enumerate(times)]
     assert machine_state(visits, 2)["busy"] is busy
 
 
