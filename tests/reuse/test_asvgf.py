@@ -7,11 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reuse_scenes import settings
 from reuse_tools import bypassed, play, still_steps
 from stage_tools import differing, noisy_steps
 
+from taubench_gl.animation import choose_camera
 from taubench_gl.metrics.reuse_methods import Asvgf, gradient_lambda, gradient_samples
+from taubench_gl.reuse.frame import read_input, read_result
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
 from taubench_gl.reuse.loading import BUILTIN, load_method
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.selftest.scenes import SceneBuilder, quad, turn_x
 
 SIZE = (64, 37)  # blocks at the edge are cut
 EXPOSURE, SETTINGS = 0.5, {"levels": 2, "gradient_levels": 2}
@@ -101,3 +108,40 @@ def test_gradient_is_the_relative_change():
     (step,) = reshaded_steps([lit], np.full(SIZE[::-1], 0.25), share=1.0)
     gradient, _ = gradient_samples(step.inputs)
     np.testing.assert_allclose(gradient_lambda(gradient, SIZE), 0.75, atol=1e-6)
+
+
+def test_path_traced_light_that_moves_away(gpu):
+    """One sample per pixel, shaded again by the path tracer: the share of the old light that is left a frame later.
+
+    The mean of the noisy frame is the light that should be there.
+    """
+    b = SceneBuilder()
+    gray = b.material(base_color=(0.7, 0.7, 0.7, 1.0), metallic=0.0, roughness=1.0, specular=0.0)
+    b.node(mesh=b.mesh(quad(4.0, 4.0, material=gray)), rotation=turn_x(-90.0))
+    lamp = b.light(translation=(0.0, 2.0, 0.0), intensity=20.0)
+    b.light(translation=(1.0, 3.0, 1.0), intensity=4.0)
+    b.animate(lamp, "translation", [0.0, 7.5 / 24, 7.51 / 24], [(0.0, 2.0, 0.0)] * 2 + [(0.0, -50.0, 0.0)])
+    b.camera(translation=(0.0, 2.0, 3.0), rotation=turn_x(-35.0), yfov=np.radians(50.0), znear=0.1)
+    scene = b.build()
+    request = InputRequest(gpu, scene, choose_camera(scene), settings(width=48, height=36, indirect="auto"),
+                           parse_input("path-traced@1"))  # fmt: skip
+    names = {"svgf": {"taa_alpha": 1.0}, "asvgf": {"taa_alpha": 1.0}}
+    reads = {name for method in names for name in load_method(method).reads}
+    inputs = RasterInputs(request, tuple(reads))
+    runners = {name: MethodRunner(gpu, name, inputs.size, values) for name, values in names.items()}
+    try:
+        means = []
+        for index in range(9):
+            frame = inputs.advance(index)
+            images = {name: read_result(runner.step(frame)) for name, runner in runners.items()}
+            images["input"] = read_input(frame.textures["radiance"], "radiance")
+            means.append({name: float(image[..., :3].mean()) for name, image in images.items()})
+    finally:
+        inputs.release()
+        for runner in runners.values():
+            runner.release()
+    before, after = means[7]["input"], means[8]["input"]
+    assert before > 2 * after > 0
+    left = {name: (means[8][name] - after) / (before - after) for name in names}
+    assert left["svgf"] > 0.6 and left["asvgf"] < 0.3, left
+    assert means[7]["asvgf"] == pytest.approx(means[7]["svgf"], rel=1e-6), "no gradient while nothing changes"
