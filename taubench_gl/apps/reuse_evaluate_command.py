@@ -196,6 +196,7 @@ def _evaluate_one(
     request: dict[str, Any],
 ) -> Evaluation:
     from taubench_gl.apps.screen import ProgressBar, show_tables
+    from taubench_gl.report.page import REPORT_FILE
     from taubench_gl.report.reuse import reuse_tables
     from taubench_gl.reuse.evaluate import evaluate_methods
     from taubench_gl.reuse.evaluate_output import ReuseFolder
@@ -217,6 +218,8 @@ def _evaluate_one(
         show_tables(reuse_tables(done.summary))
     if folder is not None:
         click.echo(f"written to {folder}{os.sep}")
+        size = (folder / REPORT_FILE).stat().st_size / 1e6
+        click.echo(f"report: {folder / REPORT_FILE} ({size:.1f} MB)")
     return done
 
 
