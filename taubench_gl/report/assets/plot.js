@@ -161,9 +161,9 @@ function linePath(xs, ys) {
 }
 
 // Lines over one x axis, with the grid and labels of y.  `lines`: {xs, values, color, dash, other}, where xs are pixels,
-// a null value is a gap, and `other` draws the line lighter.
-function linePanel(root, area, { end, count, format, title, lines }) {
-  const y = linearScale(0, end, area.bottom, area.top);
+// a null value is a gap, and `other` draws the line lighter.  The y axis spans `start` (0) to `end`.
+function linePanel(root, area, { start = 0, end, count, format, title, lines }) {
+  const y = linearScale(start, end, area.bottom, area.top);
   drawAxes(root, area, { y: { scale: y, ticks: y.ticks(count), format } });
   root.append(text(area.left, area.top - 10, title, { class: "title" }));
   for (const line of lines) {
@@ -176,6 +176,15 @@ function linePanel(root, area, { end, count, format, title, lines }) {
 // The largest number in `lists`, at least `least`, with a margin.
 function topOf(lists, least) {
   return Math.max(least, ...lists.flat().filter(isNumber)) * 1.04;
+}
+
+// The span of an axis for the numbers in `lists`: from 0 where less is better; around them where more is better, as in
+// decibels, whose zero means nothing.
+function spanOf(lists, better) {
+  const found = lists.flat().filter(isNumber);
+  if (better !== "higher" || !found.length) return [0, topOf(lists, 1e-9)];
+  const low = Math.min(...found), high = Math.max(...found), margin = 0.08 * (high - low || 1);
+  return [low - margin, high + margin];
 }
 
 // Path data of a staircase through points sorted by x: each value holds until the next point.

@@ -28,8 +28,9 @@ function drawFrames(width) {
   const root = plotRoot(width, bounds.bottom + 34, `${chooser.value} of each method over the frames`);
   const first = frames[0], last = frames[frames.length - 1];
   x = first === last ? () => (bounds.left + bounds.right) / 2 : linearScale(first, last, bounds.left, bounds.right);
+  const [start, end] = spanOf(data.methods.map(values), measure().better);
   linePanel(root, bounds, {
-    end: topOf(data.methods.map(values), 1e-9), count: 5, format: short, title: `${chooser.value}${unit ? `, ${unit}` : ""}`,
+    start, end, count: 5, format: short, title: `${chooser.value}${unit ? `, ${unit}` : ""}`,
     lines: data.methods.map((m) => ({ xs: frames.map(x), values: values(m), color: m.color, dash: m.dash })),
   });
   for (const offset of evenTicks(0, last - first || 1, width < 560 ? 4 : 8)) {
@@ -74,7 +75,7 @@ function drawScatter(width) {
   const root = plotRoot(width, height, `${chooser.value} against time, one mark per method`, "group");
   const times = timed.map((m) => m.time_ms);
   const at = logScale(Math.min(...times) * 0.7, Math.max(...times) * 1.4, bounds.left, bounds.right);
-  const y = linearScale(0, topOf([timed.map(mean)], 1e-9), bounds.bottom, bounds.top);
+  const y = linearScale(...spanOf([timed.map(mean)], measure().better), bounds.bottom, bounds.top);
   drawAxes(root, bounds, {
     x: { scale: at, ticks: at.ticks(width < 600 ? 4 : 8), label: "ms per frame, median (log)" },
     y: { scale: y, ticks: y.ticks(5), label: `${chooser.value} (${measure().better} is better)` },
@@ -83,6 +84,8 @@ function drawScatter(width) {
     const words = `${m.label}: ${chooser.value} ${short(mean(m), 4)}, ${short(m.time_ms)} ms per frame; clock: ${data.clock}`;
     addMark(root, { shape: "circle", x: at(m.time_ms), y: y(mean(m)), fill: m.color, label: words, title: m.label, name: m.label },
       () => { status.textContent = words; });
+    const right = at(m.time_ms) < 0.75 * width;
+    root.append(text(at(m.time_ms) + (right ? 11 : -11), y(mean(m)) + 4, m.label, { "text-anchor": right ? "start" : "end" }));
   }
   scatterBox.replaceChildren(root);
   status.textContent = "Point at a mark, or reach it with Tab and the arrow keys.";
