@@ -27,19 +27,20 @@ float depth_clip(vec2 at, float expected) {
 // A pixel that is brighter or darker than all dissimilar neighbors, and in no 2x2 square of similar ones: a line or a dot.
 float thin_feature(ivec2 p) {
     float own = tone_mapped_ycocg(p).x, low = 1.0e30, high = 0.0;
-    bool similar[9];
+    uint similar = 0u; // bit of each of the nine; an array of bool crashes lavapipe of Mesa 22.3
     for (int i = 0; i < 9; ++i) {
         float other = tone_mapped_ycocg(p + ivec2(i % 3 - 1, i / 3 - 1)).x;
-        similar[i] = i == 4 || max(own, other) < thin_ratio * min(own, other);
-        if (!similar[i]) {
+        if (i == 4 || max(own, other) < thin_ratio * min(own, other)) {
+            similar |= 1u << i;
+        } else {
             low = min(low, other);
             high = max(high, other);
         }
     }
     if (own >= low && own <= high) return 0.0;
     for (int i = 0; i < 4; ++i) {
-        int corner = i % 2 + 3 * (i / 2);
-        if (similar[corner] && similar[corner + 1] && similar[corner + 3] && similar[corner + 4]) return 0.0;
+        uint square = 27u << (i % 2 + 3 * (i / 2)); // bits 0, 1, 3 and 4
+        if ((similar & square) == square) return 0.0;
     }
     return 1.0;
 }
