@@ -109,6 +109,19 @@ CONCEPTS: Mapping[str, Term] = _by_key(
         "false_negative", "false negative", "A pixel that a method rejects although no reference mask discards it", "",
         "docs/reuse-evaluation.md",
     ),
+    Term(
+        "bound", "bound",
+        "Smallest error of any method that blends the same input and reprojected history with one weight per pixel", "",
+        "docs/reuse-evaluation.md",
+    ),
+    Term(
+        "headroom", "headroom", "Error of a method over that of its bound: what better weights could still gain", "dB",
+        "docs/reuse-evaluation.md",
+    ),
+    Term(
+        "effective_weight", "effective weight", "Weight of history in a pixel less what rectification replaced", "",
+        "docs/reuse-evaluation.md",
+    ),
     Term("worst_frame", "worst frame", "The current frame of the pair with the most discards, summed over the columns"),
     Term(
         "noise_floor", "noise floor",

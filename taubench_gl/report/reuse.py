@@ -37,6 +37,13 @@ _BOUND = (
     ("headroom_db", Column("headroom", "dB", 2)), ("weight", Column("weight of the bound", "", 3)),
     ("blended_percent", Column("blended", "%", 2)),
 )  # fmt: skip
+_FURTHER = {
+    "relmse_trimmed": ("relMSE trimmed", 5), "flip_p50": ("FLIP p50", 4), "flip_p95": ("FLIP p95", 4),
+    "flip_p99": ("FLIP p99", 4), "warp_error": ("warping error", 6), "hdr_flip": ("HDR-FLIP", 4), "lpips": ("LPIPS", 4),
+    "cvvdp_jod": ("ColorVideoVDP", 3),
+}  # fmt: skip
+"""Measures of the last table: title and digits."""
+
 _HEADLINES = ("flip", "psnr_db", "relmse")
 """Measures of the table of paired differences: the first that was measured."""
 
@@ -63,7 +70,22 @@ def reuse_tables(summary: Summary) -> list[Table]:
     if any("bound" in m for m in methods.values()):  # schema 3
         rows = [_bound_row(label, m) for label, m in methods.items()]
         tables.append(Table(4, "Bound and headroom", tuple(c for _, c in _BOUND), tuple(rows), (_BOUND_NOTE,)))
-    return tables + comparison_tables(summary)
+    return tables + comparison_tables(summary) + _further_table(summary)
+
+
+def _further_table(summary: Summary) -> list[Table]:
+    """Measures that Table 1 has no room for, as far as a method has them."""
+    methods = summary["methods"]
+    found = [n for n in summary["measures"] if n not in dict(_QUALITY) and n in _FURTHER]
+    names = [n for n in found if any(m.get("mean", {}).get(n) is not None for m in methods.values())]
+    if not names:
+        return []
+    measures = summary["measures"]
+    columns = tuple(Column(_FURTHER[n][0], measures[n]["unit"], _FURTHER[n][1], measures[n]["doc"]) for n in names)
+    rows = [_row(label, method, "mean", names) for label, method in methods.items()]
+    reference = summary["reference"].get("warp_error")
+    notes = () if reference is None else (f"Warping error of the reference: {reference:.6f}.",)
+    return [Table(6, "Further measures", columns, tuple(rows), notes)]
 
 
 def comparison_tables(summary: Summary) -> list[Table]:
@@ -234,14 +256,15 @@ _MARKERS = ("o", "s", "^", "D")
 
 
 def plot_reuse(summary: Summary, rows: Sequence[Mapping[str, Any]], folder: Path) -> list[Path]:
-    """``frames``, ``classes`` and ``time`` as PNG and SVG, as far as there are values.  Raises OutputError."""
+    """``frames classes time convergence`` as PNG and SVG, as far as there are values.  Raises OutputError."""
     valid = {label: m for label, m in summary["methods"].items() if not m["failed"]}
     if not valid:
         return []
     measure = "flip" if any(row["flip"] is not None for row in rows) else "relmse"
     written = _frames(summary, valid, rows, measure, folder / "frames.png")
     written += _classes(summary, valid, measure, folder / "classes.png")
-    return written + _time(summary, valid, measure, folder / "time.png")
+    written += _time(summary, valid, measure, folder / "time.png")
+    return written + _convergence(summary, folder / "convergence.png")
 
 
 def plot_fit(fit: Summary, path: Path) -> list[Path]:
@@ -289,9 +312,10 @@ def _frames(
     figure, (upper, lower) = new_figure(9.0, 6.0, rows=2, sharex=True, height_ratios=(3, 2))
     for index, label in enumerate(valid):
         own = [row for row in rows if row["method"] == label]
-        numbers = [row["frame"] for row in own]
+        numbers = sorted({row["frame"] for row in own})
         for axes, name in ((upper, measure), (lower, "flicker")):
-            values = [np.nan if row[name] is None else row[name] for row in own]
+            means = [_mean_over_seeds(own, frame, name) for frame in numbers]
+            values = [np.nan if value is None else value for value in means]
             if np.isfinite(values).any():
                 axes.plot(numbers, values, linewidth=1.7, label=label, **_series_style(index, "linestyle", _LINES))
     upper.set(ylabel=f"{measure} (lower is better)")
@@ -337,6 +361,31 @@ def _time(summary: Summary, valid: Summary, measure: str, path: Path) -> list[Pa
     axes.set_ylim(bottom=0)
     legend_beside(axes)
     axes.set_title(_title(summary, "Error against time"), loc="left", fontsize=11)
+    return save_figure(figure, path)
+
+
+def _convergence(summary: Summary, path: Path) -> list[Path]:
+    """Error by the number of frames since the first frame or a cut; a line of slope -1/2 is that of a running mean."""
+    found = summary.get("statistics", {}).get("convergence")
+    if found is None:
+        return []
+    curves = {label: np.array(curve, dtype=float) for label, curve in found["methods"].items()}
+    if not any(len(curve) > 1 and (curve > 0).any() for curve in curves.values()):
+        return []
+    figure, axes = new_figure(7.5, 4.6)
+    for index, (label, curve) in enumerate(curves.items()):
+        count = np.arange(1, len(curve) + 1)
+        keep = curve > 0  # an exact frame has no place on a logarithmic axis
+        style = _series_style(index, "linestyle", _LINES)
+        axes.plot(count[keep], np.sqrt(curve[keep]), linewidth=1.7, label=label, **style)
+    first = max(float(curve[0]) for curve in curves.values() if len(curve))
+    if first > 0:
+        slope = {"color": "black", "linewidth": 0.9, "linestyle": ":"}
+        axes.plot(count, np.sqrt(first / count), label="1 / sqrt(n)", **slope)
+    starts = ", ".join(str(frame) for frame in found["starts"])
+    axes.set(xscale="log", yscale="log", xlabel=f"frames since frame {starts}", ylabel="RMS error, linear radiance")
+    legend_beside(axes)
+    axes.set_title(_title(summary, "Convergence"), loc="left", fontsize=11)
     return save_figure(figure, path)
 
 

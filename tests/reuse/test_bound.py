@@ -13,6 +13,7 @@ from taubench_gl.reuse.bound import NO_HISTORY
 from taubench_gl.reuse.evaluate import evaluate_methods
 from taubench_gl.reuse.loading import builtin_methods, load_method
 from taubench_gl.reuse.synthetic import synthetic_steps
+from taubench_gl.settings import Settings
 
 FLOAT32 = 1e-6
 """Relative error of a mean squared error of float32 images whose colors are not far below 1."""
@@ -141,3 +142,22 @@ def test_former_name_of_ideal_masks(capsys):
     assert "ideal-masks" in capsys.readouterr().err
     done = evaluate(still(), ["oracle@cap=4"], (0, 3))
     assert list(done.summary["methods"]) == ["ideal-masks@cap=4"] and not done.failed
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        "khronos/CesiumMilkTruck/CesiumMilkTruck.glb",
+        pytest.param("khronos/CesiumMan/CesiumMan.glb", marks=pytest.mark.long),
+        pytest.param("khronos/Fox/Fox.gltf", marks=pytest.mark.long),
+    ],
+)
+def test_bound_holds_on_moving_scenes(data, scene):
+    light = {"environment": "default", "exposure": "auto"}
+    settings = Settings(width=64, height=36, reprojection="motion", frames=(0, 5), **light)
+    request = {"input": "noisy+jittered", "seeds": 2, "metrics": ("relmse",), "reference_samples": 1}
+    done = evaluate_methods(data / scene, BLENDING, settings, **request)
+    assert not done.failed and len(done.rows) == 2 * 5 * len(BLENDING)
+    assert all(m["bound"]["blends"] for m in done.summary["methods"].values())
+    for row in done.rows:
+        assert row["linear_mse"] >= (1.0 - FLOAT32) * row["bound_linear_mse"], row
