@@ -105,6 +105,7 @@ def show(name: str, as_json: bool) -> None:
             "reads": ", ".join(facts["reads"]),
             "history": ", ".join(f"{n} ({f})" for n, f in facts["history"].items()) or "none declared",
             "buffers": ", ".join(f"{n} ({f})" for n, f in facts["buffers"].items()) or "none",
+            "reports": ", ".join(facts["reports"]) or "nothing: an evaluation gives it no bound",
             "memory at 1920x1080": f"{facts['bytes_1080p'] / 1e6:.1f} MB of textures",
             "from": facts["where"],
         },
@@ -136,6 +137,7 @@ def describe(method: Method) -> dict[str, Any]:
         "reads": list(method.reads),
         "history": {n: f.name for n, f in method.history.items()},
         "buffers": {n: f.name for n, f in method.buffers.items()},
+        "reports": list(method.reports),
         "settings": {
             n: {"default": s.default, "min": s.minimum, "max": s.maximum, "choices": list(s.choices), "scale": s.scale,
                 "allowed": s.allowed, "doc": s.doc}

@@ -366,9 +366,9 @@ def _time(summary: Summary, valid: Summary, measure: str, path: Path) -> list[Pa
 
 def _convergence(summary: Summary, path: Path) -> list[Path]:
     """Error by the number of frames since the first frame or a cut; a line of slope -1/2 is that of a running mean."""
-    found = summary.get("statistics", {}).get("convergence")
-    if found is None:
+    if not summary.get("statistics"):
         return []
+    found = summary["statistics"]["convergence"]
     curves = {label: np.array(curve, dtype=float) for label, curve in found["methods"].items()}
     if not any(len(curve) > 1 and (curve > 0).any() for curve in curves.values()):
         return []
@@ -383,7 +383,12 @@ def _convergence(summary: Summary, path: Path) -> list[Path]:
         slope = {"color": "black", "linewidth": 0.9, "linestyle": ":"}
         axes.plot(count, np.sqrt(first / count), label="1 / sqrt(n)", **slope)
     starts = ", ".join(str(frame) for frame in found["starts"])
-    axes.set(xscale="log", yscale="log", xlabel=f"frames since frame {starts}", ylabel="RMS error, linear radiance")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel=f"frames, the first being frame {starts}",
+        ylabel="RMS error, linear radiance",
+    )
     legend_beside(axes)
     axes.set_title(_title(summary, "Convergence"), loc="left", fontsize=11)
     return save_figure(figure, path)

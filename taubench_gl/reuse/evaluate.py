@@ -101,7 +101,7 @@ class EvaluationRequest:
     ``reference_time`` seconds, ``References.fit``) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``:
     frames declared to have no history; ``mapping``: names of the passes of EXR files; ``seeds``: the sequence is
     repeated with this many seeds of the random numbers, from that of ``input`` on; ``warmup``: first frames of the
-    sequence that means leave out.
+    sequence that means leave out; ``statistics``: intervals, differences and rankings.
     """
 
     input: str | InputKind = "full"
@@ -113,6 +113,7 @@ class EvaluationRequest:
     mapping: str | None = None
     seeds: int = 1
     warmup: int = 1
+    statistics: bool = True
 
     @property
     def kind(self) -> InputKind:
@@ -226,7 +227,8 @@ def evaluate_methods(
             run.run(progress, on_frame)
             gpu.check("reuse evaluation")
             rows = [row for step in zip(*(r.rows for r in run.records.values() if not r.failed)) for row in step]
-            statistics = {"statistics": compare_methods(rows, run.frames[options.warmup :], options.cuts)}
+            counted = run.frames[options.warmup :]
+            statistics = {"statistics": compare_methods(rows, counted, options.cuts) if options.statistics else None}
             further = {"lighting": reasons, "provenance": provenance(gpu, PassTimer.clock)}
             summary = run.summary() | statistics | further
         finally:

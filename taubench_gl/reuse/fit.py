@@ -205,8 +205,9 @@ class _Search:
     def _run_some(self, points: Sequence[dict[str, Value]]) -> None:
         specs = [MethodSpec(f"point {i}", self._method, self._fixed | p) for i, p in enumerate(points)]
         done = evaluate_methods(
-            self._scene, specs, self._settings, metrics=(self._metric,), progress=self._progress, **self._evaluation
-        )
+            self._scene, specs, self._settings, metrics=(self._metric,), progress=self._progress, statistics=False,
+            **self._evaluation,
+        )  # fmt: skip
         self._last = done.summary
         for spec, point in zip(specs, points, strict=True):
             method = done.summary["methods"][spec.label]
