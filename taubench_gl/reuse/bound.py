@@ -12,7 +12,10 @@ from taubench_gl.metrics.reuse_methods.blending import blend, effective_weight, 
 
 Array = np.ndarray
 
-NO_HISTORY = "the method does not report reprojected_history, the color that it fetched along the motion"
+NO_HISTORY = (
+    "the method does not report reprojected_history, the color that it fetched along the motion (or, if its input has "
+    "another size, blend_input)"
+)
 EXACT = "the bound equals the reference"
 NO_PIXEL = "no pixel has history"
 
@@ -37,11 +40,13 @@ class Blended:
 
     @classmethod
     def of(cls, radiance: Array, reported: Mapping[str, Array]) -> Blended | None:
-        """``radiance`` (h, w, 4) of the frame; ``reported`` of ``MethodRunner.reported``; None without history."""
+        """``radiance`` (h, w, 4) of the frame; ``reported`` of ``MethodRunner.reported``; None: not reported."""
         history = reported.get("reprojected_history")
         if history is None:
             return None
         now = reported.get("blend_input", radiance)[..., :3].astype(np.float64)
+        if now.shape[:2] != history.shape[:2]:  # an upscaler
+            return None
         known = history[..., 3] > 0.5
         used = reported.get("rectified_history")
         used = None if used is None else np.where(known[..., None], used[..., :3], now)

@@ -134,7 +134,7 @@ def test_greedy_is_its_float64_reference(gpu):
 
 def test_every_builtin_method_with_history_reports_it():
     silent = {name for name in builtin_methods() if "reprojected_history" not in load_method(name).reports}
-    assert silent <= {"oidn"}  # filters one frame
+    assert silent <= {"oidn", "fsr2-class"}  # filters one frame; blends tone-mapped colors at another size
 
 
 def test_former_name_of_ideal_masks(capsys):
