@@ -7,14 +7,18 @@ class MyMethod:
     def __init__(self, size, settings): ...            # (width, height), {name: value}; created again after a cut
     def step(self, frame): ...                         # dict (frame.frame_arrays) -> (h, w, 3) or (h, w, 4)
 
-A class that declares ``reports``, names of contract.REPORTS, returns a dict from ``step``: ``result`` and these names.
+``frame["helpers"]`` has the functions of GLSL methods (``helpers.Helpers``).  A class with ``arrays = "torch"`` gets
+tensors that share the memory of the arrays.  A class that declares ``reports``, names of contract.REPORTS, returns a
+dict from ``step``: ``result`` and these names.
 """
 
 from __future__ import annotations
 
+import importlib
 import traceback
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -33,7 +37,29 @@ from taubench_gl.reuse.contract import (
     suggestion,
 )
 from taubench_gl.reuse.frame import FrameInputs, frame_arrays
+from taubench_gl.reuse.helpers import Helpers
 from taubench_gl.reuse.stages import parse_stages
+
+LIBRARIES = ("numpy", "torch")
+"""Values of ``arrays``."""
+
+
+def _library(method: Method) -> Any:
+    """The module whose arrays the class gets.  Raises MethodError."""
+    if getattr(method.factory, "arrays", "numpy") == "numpy":
+        return np
+    try:
+        return importlib.import_module("torch")
+    except ImportError:
+        hint = "pip install 'taubench-gl[torch]'"
+        raise MethodError('arrays = "torch" needs torch', where=method.label, hint=hint) from None
+
+
+def _tensor(value: Any, torch: Any) -> Any:
+    """An array as a tensor that shares its memory; unsigned integers as int32: torch has few functions for them."""
+    if not isinstance(value, np.ndarray):
+        return value
+    return torch.from_numpy(value.view(np.int32) if value.dtype == np.uint32 else value)
 
 
 def method_from_class(cls: type, where: str = "") -> Method:
@@ -70,6 +96,8 @@ def method_from_class(cls: type, where: str = "") -> Method:
     errors += more
     if errors:
         raise MethodError("; ".join(errors), where=where)
+    if getattr(cls, "arrays", "numpy") not in LIBRARIES:
+        raise MethodError(f"arrays: {cls.arrays!r} is not {' or '.join(LIBRARIES)}", where=where)
     upscales = getattr(cls, "upscales", False)
     if not isinstance(upscales, bool):
         raise MethodError(f"upscales: {upscales!r} is not True or False", where=where)
@@ -98,6 +126,7 @@ class PythonSteps:
     def __init__(self, gpu: Gpu, method: Method, size: tuple[int, int], input_size: tuple[int, int], timer: PassTimer):
         """``size``: of the result; ``input_size``: of the inputs, another only for a method that upscales."""
         self._sizes = {"output_size": size, "input_size": input_size}
+        self._library = _library(method)
         self._method, self._size, self._timer = method, size, timer
         self._instance = None
         self._reported: dict[str, np.ndarray] = {}
@@ -112,6 +141,9 @@ class PythonSteps:
         name = self._method.name
         with self._timer.measure(f"{name}: read inputs"):
             arrays = frame_arrays(frame, self._method.reads, has_history) | self._sizes
+            if self._library is not np:
+                arrays = {name: _tensor(value, self._library) for name, value in arrays.items()}
+            arrays["helpers"] = Helpers(arrays, self._size, self._sizes["input_size"], self._library)
         with self._timer.measure(name):
             if self._instance is None:
                 self._instance = self._call("__init__", lambda: self._method.factory(self._size, dict(values)))
@@ -151,6 +183,8 @@ class PythonSteps:
     def _checked(self, image: object, alpha: float = -1.0) -> np.ndarray:
         """-> (h, w, 4) float32; ``alpha`` where the class returned three components: -1, no reported weight."""
         width, height = self._size
+        if hasattr(image, "detach"):  # a tensor, of any device; memory of the CPU is shared
+            image = image.detach().cpu()
         try:
             image = np.asarray(image, dtype=np.float32)
         except (TypeError, ValueError, RuntimeError) as error:

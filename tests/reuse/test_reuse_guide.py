@@ -68,7 +68,7 @@ def test_guide_is_complete():
 
 def test_guide_functions_exist(gpu):
     """Every function of its table is defined in the generated shader."""
-    section = GUIDE.split("## Functions in GLSL")[1].split("`frame` holds")[0]
+    section = GUIDE.split("## Functions in GLSL")[1].split("`frame` contains the numbers")[0]
     method = load_method("svgf")
     text = build_source(method, method.passes[0], (8, 8)).text
     text += "".join(

@@ -1,0 +1,192 @@
+"""The functions of GLSL methods for Python methods: ``frame["helpers"]``, for NumPy arrays and for torch tensors.
+
+Images are (height, width, components), row 0 at the top.  Points ``at`` are (..., 2): x to the right and y down, in
+pixels, center of pixel i at i.  Readers outside of the image return the nearest pixel.  Results equal those of GLSL up
+to the rounding of float32.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.conventions import GUARD_PX, NOT_COMPARABLE, Reason
+from taubench_gl.metrics.lobes import LUMINANCE
+
+Image = Any
+"""numpy.ndarray or torch.Tensor."""
+
+_REJECT = int(NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL)
+_CHANGED = int(Reason.DIRECT | Reason.INDIRECT | Reason.COLOR)
+
+
+class Helpers:
+    """``frame``: the dict that ``step`` gets; ``size``: of the result, (width, height)."""
+
+    def __init__(self, frame: Mapping[str, Any], size: tuple[int, int], input_size: tuple[int, int], library: Any = np):
+        self._frame, self._xp = frame, library
+        self.output_size, self.input_size = size, input_size
+
+    # ------------------------------------------------------------------------------------------------- pixels
+    def pixels(self) -> Image:
+        """Coordinates of all pixels of the result, (height, width, 2) float32."""
+        return self._own(_pixels(self.output_size).copy())
+
+    def input_pixels(self) -> Image:
+        """The input pixel that contains the center of each pixel of the result, (height, width, 2) int64."""
+        return self._own(_input_pixels(self.output_size, self.input_size).copy())
+
+    def input_from_output(self, at: Image) -> Image:
+        """The same points in pixels of the input."""
+        return (at + 0.5) / self._scale() - 0.5
+
+    def output_from_input(self, at: Image) -> Image:
+        """The same points in pixels of the result."""
+        return (at + 0.5) * self._scale() - 0.5
+
+    def previous_px(self) -> Image:
+        """Where the surface of each pixel was in the previous frame, (height, width, 2) (reads motion)."""
+        return self.pixels() + self._of_result("motion") * self._scale()
+
+    def reusable(self) -> Image:
+        """(height, width) bool: there is history, and no geometry mask discards it (reads mask)."""
+        return self._kept("mask", _REJECT)
+
+    def reusable_exact(self) -> Image:
+        """As ``reusable``, by the masks of the exact frames (reads exact_mask)."""
+        return self._kept("exact_mask", _REJECT | _CHANGED)
+
+    def inside(self, at: Image) -> Image:
+        """Whether points are inside the image of the result."""
+        width, height = self.output_size
+        x, y = at[..., 0], at[..., 1]
+        within = (x >= -GUARD_PX) & (y >= -GUARD_PX)
+        return within & (x <= width - 1 + GUARD_PX) & (y <= height - 1 + GUARD_PX)
+
+    def nearest_surface(self) -> Image:
+        """Of each input pixel: the pixel of its 3x3 neighborhood nearest to the camera, (height, width, 2) int64."""
+        depth = self._frame["position"][..., 3:]
+        at = self._own(_pixels(self.input_size).copy())
+        best, own = self._int(at), depth
+        nearest = self._xp.where(own > 0, own, own * 0 + 1e30)
+        for dy in (1, 0, -1):  # rows count from the bottom in GLSL, where the first of equals is kept
+            for dx in (-1, 0, 1):
+                moved = self._int(at) + self._own(np.array([dx, dy]))
+                found = self.fetch(depth, moved)
+                closer = (found > 0) & (found < nearest)
+                nearest, best = self._xp.where(closer, found, nearest), self._xp.where(closer, moved, best)
+        width, height = self.input_size
+        return self._xp.stack([best[..., 0].clip(0, width - 1), best[..., 1].clip(0, height - 1)], -1)
+
+    # ---------------------------------------------------------------------------------------------- reading images
+    def fetch(self, image: Image, pixel: Image) -> Image:
+        """Values of pixels (..., 2) of integers."""
+        height, width = image.shape[:2]
+        return image[pixel[..., 1].clip(0, height - 1), pixel[..., 0].clip(0, width - 1)]
+
+    def nearest(self, image: Image, at: Image) -> Image:
+        """Values of the nearest pixels; of two, the right and the upper one."""
+        x, y = at[..., 0], at[..., 1]
+        return self.fetch(image, self._int(self._xp.stack([self._xp.floor(x + 0.5), self._xp.ceil(y - 0.5)], -1)))
+
+    def sample(self, image: Image, at: Image) -> Image:
+        """Bilinear values."""
+        low = self._xp.floor(at)
+        f, b = at - low, self._int(low)
+        fx, fy = f[..., :1], f[..., 1:]
+
+        def row(dy: int) -> Image:
+            left, right = (self.fetch(image, b + self._own(np.array([dx, dy]))) for dx in (0, 1))
+            return left * (1 - fx) + right * fx
+
+        return row(0) * (1 - fy) + row(1) * fy
+
+    def cubic(self, image: Image, at: Image) -> Image:
+        """Catmull-Rom (Keys 1981, a = -1/2): sharper; can undershoot below 0."""
+        low = self._xp.floor(at)
+        f, b = at - low, self._int(low)
+        weights = [_catmull_rom(f[..., k : k + 1]) for k in (0, 1)]
+        total = 0.0
+        for j in range(4):
+            for i in range(4):
+                tap = self.fetch(image, b + self._own(np.array([i - 1, j - 1])))
+                total = total + weights[0][i] * weights[1][j] * tap
+        return total
+
+    # ------------------------------------------------------------------------------------------------ of the library
+    def where(self, chosen: Image, first: Image, second: Image) -> Image:
+        """``numpy.where`` or ``torch.where``."""
+        return self._xp.where(chosen, first, second)
+
+    def concatenate(self, images: list[Image]) -> Image:
+        """Components of all images, one after another."""
+        return self._xp.concatenate(images, -1)
+
+    # -------------------------------------------------------------------------------------------------------- color
+    def luminance(self, rgb: Image) -> Image:
+        """(...) of (..., >= 3)."""
+        return sum(float(weight) * rgb[..., k] for k, weight in enumerate(LUMINANCE))
+
+    def ycocg_from_rgb(self, c: Image) -> Image:
+        """Malvar and Sullivan 2003, the real-valued transform."""
+        r, g, b = c[..., 0], c[..., 1], c[..., 2]
+        return self._xp.stack([0.25 * r + 0.5 * g + 0.25 * b, 0.5 * r - 0.5 * b, -0.25 * r + 0.5 * g - 0.25 * b], -1)
+
+    def rgb_from_ycocg(self, c: Image) -> Image:
+        y, co, cg = c[..., 0], c[..., 1], c[..., 2]
+        return self._xp.stack([y + co - cg, y + cg, y - co - cg], -1)
+
+    def clip_to_box(self, low: Image, high: Image, c: Image) -> Image:
+        """Colors moved towards the center of the box until they are inside (Pedersen 2016)."""
+        middle, extent = 0.5 * (high + low), 0.5 * (high - low) + 1e-7
+        offset = c - middle
+        farthest = self._xp.amax(abs(offset) / extent, -1)[..., None]
+        outside = farthest > 1
+        return self._xp.where(outside, middle + offset / self._xp.where(outside, farthest, 0 * farthest + 1), c)
+
+    def remodulate(self, diffuse: Image, specular: Image) -> Image:
+        """Radiance of demodulated light (..., 3) (reads diffuse_albedo, specular_albedo, emitted)."""
+        names = ("diffuse_albedo", "specular_albedo", "emitted")
+        albedo, glossy, emitted = (self._of_result(name)[..., :3] for name in names)
+        return diffuse * albedo + specular * glossy + emitted
+
+    # --------------------------------------------------------------------------------------------------------- parts
+    def _of_result(self, name: str) -> Image:
+        """An input at the pixels of the result."""
+        image = self._frame[name]
+        return image if self.input_size == self.output_size else self.fetch(image, self.input_pixels())
+
+    def _kept(self, name: str, bits: int) -> Image:
+        mask = self._of_result(name)[..., 0]
+        return ((mask & bits) == 0) & bool(self._frame["has_history"])
+
+    def _scale(self) -> Image:
+        (width, height), (w, h) = self.output_size, self.input_size
+        return self._own(np.array([width / w, height / h], dtype=np.float32))
+
+    def _own(self, values: np.ndarray) -> Image:
+        """A NumPy array as an array of the method's library, sharing its memory."""
+        return values if self._xp is np else self._xp.from_numpy(values)
+
+    def _int(self, values: Image) -> Image:
+        return values.astype(np.int64) if self._xp is np else values.long()
+
+
+def _catmull_rom(f: Image) -> list[Image]:
+    f2, f3 = f * f, f * f * f
+    return [-0.5 * f3 + f2 - 0.5 * f, 1.5 * f3 - 2.5 * f2 + 1.0, -1.5 * f3 + 2.0 * f2 + 0.5 * f, 0.5 * f3 - 0.5 * f2]
+
+
+@lru_cache(maxsize=8)
+def _pixels(size: tuple[int, int]) -> np.ndarray:
+    return np.stack(np.meshgrid(*(np.arange(n, dtype=np.float32) for n in size)), axis=-1)
+
+
+@lru_cache(maxsize=8)
+def _input_pixels(size: tuple[int, int], input_size: tuple[int, int]) -> np.ndarray:
+    x, y = ((2 * np.arange(n) + 1) * m // (2 * n) for n, m in zip(size, input_size, strict=True))
+    rows = input_size[1] - 1 - y[::-1]  # rows count from the bottom in GLSL
+    return np.stack(np.meshgrid(x, rows), axis=-1)
