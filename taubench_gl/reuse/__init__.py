@@ -13,6 +13,7 @@ _LAZY = {
     "MethodSpec": "taubench_gl.reuse.evaluate",
     "evaluate_methods": "taubench_gl.reuse.evaluate",
     "fit_setting": "taubench_gl.reuse.fit",
+    "load_evaluation": "taubench_gl.reuse.stored",
     "parse_input": "taubench_gl.reuse.input_kind",
 }
 """Resolved on first use: listing methods needs neither OpenGL nor image libraries."""
