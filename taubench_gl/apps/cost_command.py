@@ -105,6 +105,13 @@ recommended settings, and records.jsonl: run again after an interruption or for 
     help="Column that the choice is for; overall: wrong in any column.",
 )
 @click.option("--repeats", type=int, default=5, show_default=True, help="Interleaved rounds of timing.")
+@click.option(
+    "--clock",
+    type=click.Choice(["wall", "cpu"]),
+    default="wall",
+    show_default=True,
+    help="Clock of frames; cpu: CPU time of the process, for software rasterizers beside other work.",
+)
 @removed_option("--front", "only declared configurations are measured")
 @click.option("--fresh", is_flag=True, help="Discard the records in DIR and measure from scratch.")
 @click.option("--list-parameters", is_flag=True, is_eager=True, expose_value=False, callback=_list_parameters,
@@ -123,7 +130,7 @@ def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: 
     the reference's.  Times are measured in interleaved rounds, A B C A B C.  With several scenes, each gets a folder
     inside DIR and its own time.
     """
-    names = ("reference", "within", "budget_ms", "repeats", "fresh", "choose_for")
+    names = ("reference", "within", "budget_ms", "repeats", "fresh", "choose_for", "clock")
     request = {name: options.pop(name) for name in names}
     request["time_limit"] = seconds_of(options.pop("time_limit"))
     request["parameters"] = None if parameters is None else _split(parameters)

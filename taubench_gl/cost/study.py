@@ -59,6 +59,12 @@ REPEATS = 5
 SAMPLES = 256
 """Samples per pixel of the path-traced reference where neither they nor the time are limited."""
 
+CLOCKS: dict[str, tuple[Clock, str]] = {
+    "wall": (time.perf_counter, WALL_CLOCK),
+    "cpu": (time.process_time, "CPU time of the process"),
+}
+"""Clocks of frames: ``cpu`` is for software rasterizers on machines with other work, which it does not count."""
+
 REFERENCE_SHARE, MASK_SHARE = 1 / 3, 0.65
 """Of the time limit: when the reference ends, and when the masks of further configurations do."""
 
@@ -140,7 +146,8 @@ def cost(
     time_limit: float | None = None,
     fresh: bool = False,
     progress: Progress | None = None,
-    now: Clock = time.perf_counter,
+    clock: str = "wall",
+    now: Clock | None = None,
     **overrides: Any,
 ) -> CostStudy:
     """Measure mask error and time of every configuration, and recommend one.
@@ -154,9 +161,11 @@ def cost(
     run (the least that an answer needs is always measured, and reuse methods to their end).  ``out``
     holds the records: called again, the study resumes; ``fresh`` starts from scratch.  Interrupted by the keyboard, it
     returns what is measured so far.
-    ``now``: the clock of frames.  Raises TaubenchError.
+    ``clock``: of CLOCKS; ``now`` replaces it.  Raises TaubenchError.
     """
     baseline = (settings or Settings()).replace(**overrides)
+    if clock not in CLOCKS:
+        raise SettingsError(f"no clock is named {clock!r}", hint=f"choose from {', '.join(CLOCKS)}")
     request = Request(reference, within, budget_ms, choose_for, repeats, time_limit)
     request.check(baseline.metrics.columns)
     if parameters is not None and not parameters:
@@ -172,14 +181,14 @@ def cost(
     baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
     subject = make_subject(scene, baseline, names, chosen_methods, series, reference)
     out = Path(out)
-    about = _about(subject, reference)
+    about = _about(subject, reference, CLOCKS[clock][1])
     header = {"identity": _identity(subject, about), "machine": about["machine"], "about": about}
     with FolderLock(out):
         if fresh:
             for name in (RECORDS_FILE, SUMS_FILE):
                 (out / name).unlink(missing_ok=True)
         with closing(Records(out, header)) as records:
-            measurements = Measurements(subject, records, request, out, progress, now)
+            measurements = Measurements(subject, records, request, out, progress, now or CLOCKS[clock][0])
             interrupted = False
             try:
                 measurements.run()
@@ -235,7 +244,7 @@ def _reference_kind(reference: str | None, context: StudyContext) -> tuple[str, 
     return PATH_TRACED, samples
 
 
-def _about(subject: Subject, reference: str | None) -> dict[str, Any]:
+def _about(subject: Subject, reference: str | None, clock: str) -> dict[str, Any]:
     """The blocks of study.json that say what was measured, where and with which clock."""
     gpu, scene, series, sequence = subject.gpu, subject.scene, subject.series, subject.baseline.sequence
     described: dict[str, Any] = {"kind": subject.reference, "identity": subject.reference, "path": None}
@@ -262,10 +271,11 @@ def _about(subject: Subject, reference: str | None) -> dict[str, Any]:
             "driver": gpu.version,
             "processor": _processor(),
             "cores": os.cpu_count(),
+            "clock": clock,
         },
-        "provenance": provenance(gpu, WALL_CLOCK),
+        "provenance": provenance(gpu, clock),
         "date": date.today().isoformat(),
-        "clock": WALL_CLOCK,  # of frames: their time includes work of the CPU
+        "clock": clock,  # of frames: their time includes work of the CPU
         "parameters": list(subject.plan.parameters),
         "inapplicable": dict(subject.plan.inapplicable),
     }

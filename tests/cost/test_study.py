@@ -177,6 +177,15 @@ def test_a_slow_measurement_is_abandoned_at_its_share_of_the_time(demo, tmp_path
     assert cost(demo, out=tmp_path, **request).point("storage=half").time is not None
 
 
+def test_the_clock_is_named_and_clocks_are_not_mixed(demo, tmp_path):
+    request = SMALL | {"parameters": ("storage",), "frames": (20, 22), "repeats": 1}
+    study = cost(demo, out=tmp_path, clock="cpu", **request)
+    assert study.about["clock"].startswith("CPU time") and study.point("baseline").clock == study.about["clock"]
+    assert study.point("baseline").time.median > 0
+    with pytest.raises(OutputError):
+        cost(demo, out=tmp_path, **request)
+
+
 @pytest.mark.parametrize(
     ("load", "times", "busy"), [(1.0, [10, 10.5], False), (9.0, [10], True), (1.0, [10, 14], True)]
 )
@@ -213,7 +222,7 @@ def test_records_refuse_another_machine(tmp_path):
     [
         {"parameters": ("speed",)}, {"reference": "perfect"}, {"within": -1.0}, {"budget_ms": 0.0}, {"repeats": 0},
         {"choose_for": "beauty"}, {"choose_for": "color"}, {"parameters": ()}, {"frames": (0, 1)}, {"time_limit": 0.0},
-        {"parameters": ("light_error",)},
+        {"parameters": ("light_error",)}, {"clock": "sun"},
     ],
 )  # fmt: skip
 def test_invalid_requests_are_refused(demo, tmp_path, wrong):
