@@ -47,6 +47,9 @@ _FURTHER = {
 _HEADLINES = ("flip", "psnr_db", "relmse")
 """Measures of the table of paired differences: the first that was measured."""
 
+MOST_PAIRS = 15
+"""Of more pairs, a table shows those with the best method."""
+
 _BOUND_NOTE = (
     "Bound: the method's own reprojected history and input, blended by the weight of each pixel nearest to the "
     "reference. A method whose every pixel is a blend of the two cannot be better; others can."
@@ -95,19 +98,39 @@ def comparison_tables(summary: Summary) -> list[Table]:
     if name is None or not statistics["measures"][name]["differences"]:
         return []
     found, measure = statistics["measures"][name], summary["measures"][name]
+    entries = found["differences"]
+    few = len(entries) <= MOST_PAIRS
+    best = found["ranking"][0]["method"]
+    entries = entries if few else [entry for entry in entries if best in (entry["a"], entry["b"])]
+    ends = ["difference", "low", "high"]
+    seeds = all(entry["over_seeds"] for entry in entries)  # from five seeds on
     unit, digits = measure["unit"], 3 if measure["unit"] else 5
-    columns = (Column("difference", unit, digits), Column("low", unit, digits), Column("high", unit, digits),
-               Column("p (Holm)", "", 4))  # fmt: skip
+    names = [*ends, *(f"{end}, seeds" for end in ends[1:] if seeds)]
+    columns = (*(Column(n, unit, digits) for n in names), Column("p (Holm)", "", 4))
     rows = []
-    for entry in found["differences"]:
-        values = tuple(entry[n] for n in ("difference", "low", "high", "p_holm"))
-        rows.append(Row(f"{entry['a']} - {entry['b']}", values, reasons={0: entry["verdict"]}))
-    interval = f"{100 * statistics['confidence']:g} % intervals; {statistics['frames']} frames, "
-    lengths = sorted({e["block_length"] for e in found["differences"] if e["block_length"] is not None})
-    blocks = "-".join(str(n) for n in dict.fromkeys((*lengths[:1], *lengths[-1:])))
-    interval += f"seeds: {statistics['seeds']}; blocks of {blocks} frames; {statistics['rule']}."
-    notes = (interval if found["reason"] is None else f"No intervals: {found['reason']}.", _ranking_text(found))
-    return [Table(5, f"Paired differences of {name} ({measure['better']} is better)", columns, tuple(rows), notes)]
+    for entry in entries:
+        values = [entry[end] for end in ends] + [entry["over_seeds"][end] for end in ends[1:] if seeds]
+        rows.append(Row(f"{entry['a']} - {entry['b']}", (*values, entry["p_holm"]), reasons={0: entry["verdict"]}))
+    notes = [_interval_text(statistics, found, seeds), _ranking_text(found)]
+    notes += (
+        [] if few else [f"Pairs with {best}, whose mean is best; reuse.json contains all {len(found['differences'])}."]
+    )
+    return [
+        Table(5, f"Paired differences of {name} ({measure['better']} is better)", columns, tuple(rows), tuple(notes))
+    ]
+
+
+def _interval_text(statistics: Summary, found: Summary, seeds: bool) -> str:
+    """How the intervals of a measure were computed, or why there are none."""
+    if found["reason"] is not None:
+        return f"No intervals: {found['reason']}."
+    lengths = [entry["block_length"] for entry in found["differences"]]
+    blocks = "-".join(str(n) for n in sorted({min(lengths), max(lengths)}))
+    text = (
+        f"{100 * statistics['confidence']:g} % intervals; {statistics['frames']} frames, seeds: {statistics['seeds']}; "
+    )
+    text += f"blocks of {blocks} frames; {statistics['rule']}."
+    return text + (" Columns of seeds: Student's t over the means of the seeds." if seeds else "")
 
 
 def _ranking_text(found: Summary) -> str:

@@ -148,7 +148,10 @@ def test_missing_packages_and_weights_are_refused(monkeypatch, tmp_path):
 def test_color_video_vdp_of_equal_and_noisy_sequences():
     pytest.importorskip("torch")
     pytest.importorskip("pycvvdp")
-    measure = open_perceptual(("cvvdp",), 24.0).cvvdp
+    try:
+        measure = open_perceptual(("cvvdp",), 24.0).cvvdp
+    except SettingsError as error:  # installed, but of other versions than its parts need
+        pytest.skip(str(error))
     image = np.full((4, 64, 96, 3), 128, np.uint8)
     noisy = np.clip(image + RNG.normal(0.0, 20.0, image.shape), 0, 255).astype(np.uint8)
     assert measure(image, image) == pytest.approx(10.0) and measure(noisy, image) < 9.0

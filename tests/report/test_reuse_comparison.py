@@ -1,0 +1,40 @@
+"""Tables of paired differences: all pairs of a few methods, those with the best of many."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taubench_gl.report.reuse import MOST_PAIRS, comparison_tables
+from taubench_gl.reuse.comparison import compare_methods
+from taubench_gl.reuse.quality import MEASURES
+
+
+def summary_of(methods: int, seeds: int = 1) -> dict:
+    rng = np.random.default_rng(1)
+    rows = [
+        dict.fromkeys(MEASURES) | {"method": f"m{m}", "seed": s, "frame": f, "flip": m + rng.random()}
+        for m in range(methods)
+        for s in range(seeds)
+        for f in range(1, 25)
+    ]
+    measures = {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()}
+    return {"measures": measures, "statistics": compare_methods(rows, range(1, 25))}
+
+
+def test_all_pairs_of_few_methods_and_those_with_the_best_of_many():
+    (few,) = comparison_tables(summary_of(3))
+    assert [row.label for row in few.rows] == ["m0 - m1", "m0 - m2", "m1 - m2"]
+    (many,) = comparison_tables(summary_of(8))
+    assert MOST_PAIRS < 8 * 7 // 2 and [row.label for row in many.rows] == [f"m0 - m{k}" for k in range(1, 8)]
+
+
+def test_intervals_over_seeds_are_columns_from_five_seeds_on():
+    names = {seeds: [c.name for c in comparison_tables(summary_of(2, seeds))[0].columns] for seeds in (4, 5)}
+    assert len(names[4]) == 4 and names[5][:3] == names[4][:3] and len(names[5]) == 6
+    (table,) = comparison_tables(summary_of(2, 5))
+    difference, low, high, first, last, p = table.rows[0].values
+    assert low < difference < high < 0 and first < difference < last and p < 0.05
+
+
+def test_one_method_or_an_older_file_has_no_table():
+    assert comparison_tables(summary_of(1)) == [] == comparison_tables({"measures": {}})
