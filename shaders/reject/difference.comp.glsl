@@ -6,29 +6,10 @@
 // Reference  metrics.rejection
 
 ivec2 inside(ivec2 at) { return clamp(at, ivec2(0), R.size.xy - 1); }
+bool is_surface(ivec2 at) { return position_at(at).w > 0.0; }
 float then_depth(ivec2 at) { return dot(R.prev_forward.xyz, prev_position_at(at).xyz); }
-
-// Of the changes to both neighbors along one axis the smaller one; 0 where neither is a surface.
-float slope(ivec2 at, ivec2 step, float here) {
-    float best = 1e30;
-    for (int side = -1; side <= 1; side += 2) {
-        ivec2 other = at + side * step;
-        if (other != inside(other) || position_at(other).w <= 0.0) continue;
-        float change = float(side) * (then_depth(other) - here);
-        if (abs(change) < abs(best)) best = change;
-    }
-    return best == 1e30 ? 0.0 : best;
-}
-
-float turn(ivec2 at, ivec2 step, vec3 here) {
-    float best = 1e30;
-    for (int side = -1; side <= 1; side += 2) {
-        ivec2 other = at + side * step;
-        if (other != inside(other) || position_at(other).w <= 0.0) continue;
-        best = min(best, distance(normal_at(other).xyz, here));
-    }
-    return best == 1e30 ? 0.0 : best;
-}
+vec3 normal_of(ivec2 at) { return normal_at(at).xyz; }
+#include "reject/neighbors.glsl"
 
 #if COLOR
 vec3 radiance_at_pixel(ivec2 at) {
@@ -59,7 +40,7 @@ void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(at, R.size.xy))) return;
     float value = -1.0;
-    bool surface = position_at(at).w > 0.0;
+    bool surface = is_surface(at);
     if ((mask_at(at).x & NOT_COMPARED) == 0u) {
         Pixel pixel;
         pixel.at = at;

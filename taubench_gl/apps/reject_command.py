@@ -131,6 +131,26 @@ def fit(path: str, tests: tuple[str, ...] | None, recall: float, as_json: bool, 
         show_tables([fit_table(found)])
 
 
+@reject.command(
+    epilog="""\b
+Examples:
+  taubench-gl reject method --tests position,footprint_plane+object_id --out methods
+  taubench-gl reuse evaluate scene.glb --input noisy --methods methods/reject_position"""
+)
+@click.option("--tests", type=List(), help=TESTS_HELP)
+@click.option("--out", type=OutPath(), metavar="DIR", required=True, help="Folder that gets a folder for each test.")
+def method(tests: tuple[str, ...] | None, out: Path) -> None:
+    """Write rejection tests as reuse methods: running means that differ only in the history they reject.
+
+    'reuse evaluate' compares their images: what false positives cost in noise, and false negatives in ghosts.
+    """
+    from taubench_gl.reject.as_method import write_methods
+    from taubench_gl.reject.contract import builtin_tests, load_tests
+
+    for folder in write_methods(load_tests(tests or builtin_tests()), out):
+        click.echo(f"written to {folder}{os.sep}")
+
+
 def _evaluated(path: str, tests: tuple[str, ...], options: dict[str, Any]) -> Rejection:
     from taubench_gl.apps.named_scenes import resolve, row_settings
     from taubench_gl.apps.screen import ProgressBar

@@ -1,0 +1,53 @@
+"""Rejection tests as reuse methods: folders that the methods' contract accepts, compile, and run."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.errors import OutputError
+from taubench_gl.paths import ASSETS
+from taubench_gl.reject.as_method import write_methods
+from taubench_gl.reject.contract import builtin_tests, load_tests
+from taubench_gl.reuse.glsl_method import GlslPasses
+from taubench_gl.reuse.loading import load_method
+
+COMBINED = ("svgf+color_clamp", "footprint_depth+footprint_position+object_id")
+
+
+def test_every_test_compiles_as_a_method(gpu, tmp_path):
+    tests = load_tests([*builtin_tests(), *COMBINED])
+    for folder, test in zip(write_methods(tests, tmp_path), tests, strict=True):
+        method = load_method(folder)
+        assert method.settings["threshold"].default == test.threshold
+        GlslPasses(gpu, method, (16, 9), (16, 9)).release()
+
+
+def test_an_existing_folder_is_kept(tmp_path):
+    tests = load_tests(["position"])
+    write_methods(tests, tmp_path)
+    with pytest.raises(OutputError):
+        write_methods(tests, tmp_path)
+
+
+def test_a_test_that_rejects_everything_reuses_nothing(tmp_path):
+    """Of the same running mean: all surfaces' history rejected, or none that a test of 10^6 m lets pass."""
+    run = CliRunner()
+    out = tmp_path / "methods"
+    for name, threshold in (("all", "0"), ("none", "1000000")):
+        done = run.invoke(cli, ["reject", "method", "--tests", f"position={threshold}", "--out", str(out / name)])
+        assert done.exit_code == 0, done.output
+    methods = ",".join(f"{out / name / 'reject_position'}@cap=4" for name in ("all", "none"))
+    done = run.invoke(cli, [
+        "reuse", "evaluate", str(ASSETS / "demo.glb"), "--size", "32x18", "--frames", "20:23", "--methods", methods,
+        "--video", "none", "--reference-samples", "1", "--light", "raster", "--input", "full", "--shadow-size", "64",
+        "--vpls", "256", "--out", str(tmp_path / "reuse"),
+    ])  # fmt: skip
+    assert done.exit_code == 0, done.output
+    summary = json.loads((tmp_path / "reuse" / "reuse.json").read_text())
+    everything, nothing = (m["reuse"]["mean_weight"] for m in summary["methods"].values())
+    # Sky has no position to reject; of the surfaces a moving camera changes the position of every one.
+    assert everything < 0.35 * nothing and nothing > 0.3
