@@ -69,8 +69,8 @@ def shared_options(command: Any) -> Any:
             show_default=True,
             metavar="KIND",
             help="Frames to reuse: path-traced@N: light of N samples per pixel, others in every pixel and frame; full, "
-            "or some of jittered, noisy, half, checkerboard, quarter joined by +; or exr:DIR, path-traced frames with "
-            "the camera of SCENE.",
+            "or some of jittered, noisy, half, checkerboard, quarter, and upscale@S (frames S times smaller than the "
+            "result), joined by +; or exr:DIR, path-traced frames with the camera of SCENE.",
         ),
         click.option("--light-samples", type=int, default=1, show_default=True, help="noisy: light samples per pixel."),
         former_option("--noise-lights", "--light-samples"),

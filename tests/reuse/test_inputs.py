@@ -102,7 +102,6 @@ def test_path_traced_input_kind():
         ("path-traced@1", "exr:folder"),
         ("exr:folder", "path-traced@4"),
         ("full", "path-traced@0"),
-        ("full", "path-traced"),
     ],
 )
 def test_references_that_do_not_fit_the_input(kind, reference):
