@@ -66,7 +66,8 @@ def _trust(study: Study) -> str:
     if state["drift"] is not None:
         text += f", drift of the baseline {100.0 * state['drift']:.0f} %"
     if state["busy"]:
-        text += ": the machine was BUSY, times are too long"
+        text += ": the machine was BUSY"
+        text += ", times are too long" if "monotonic" in study["clock"] else f"; clock: {study['clock']}"
     missing = sum(1 for p in study["points"] if not p["ms"] and p["usable"]) if len(study["points"]) > 1 else 0
     return text + (f"; {missing} configurations are not timed yet: run again to go on" if missing else "")
 
