@@ -52,9 +52,9 @@ def report(scratch: Path) -> None:
 def viewer(scratch: Path) -> None:
     steps = scratch / "steps.txt"
     image_file = scratch / "viewer.png"
-    steps.write_text(f"frame 22\nkey 1\nkey 3\nkey 4\nmouse 330 260\nscreenshot {image_file} window\nquit\n")
+    steps.write_text(f"frame 22\nset probe 545,190\nset probe_pinned on\nscreenshot {image_file} window\nquit\n")
     screen = ("xvfb-run", "-a", "-s", "-screen 0 1440x900x24")
-    options = ("--size", "640x360", "--lighting", "--indirect", "none", "--window", "1180x664")
+    options = ("--size", "640x360", "--lighting", "--indirect", "none", "--window", "1280x720")
     taubench("view", DEMO, *options, "--script", steps, before=screen)
     keep(image_file, "viewer.png")
 

@@ -15,6 +15,7 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, Reason
+from taubench_gl.errors import TaubenchError
 from taubench_gl.evaluation import PairEvaluator
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.frame.passes.masks import Counts
@@ -131,8 +132,14 @@ class ViewerEngine:
             self.drawn.pairs += changed
             self._evaluate(state, Reason.FIRST if first else 0)
             self._mask_key = mask_key
-        self._lights.refine(state, self.feed, current, channel)
+        self._refine(state, current, channel)
         self._update_image(state)
+
+    def _refine(self, state: ViewerState, shot: Shot, channel: str) -> None:
+        try:
+            self._lights.refine(state, self.feed, shot, channel)
+        except TaubenchError as error:  # such as too little memory: rasterized light stays
+            state.samples, state.message = 0, str(error)
 
     def _plan(self, state: ViewerState) -> None:
         shown = VISUALIZATIONS.get(state.channel)
@@ -307,7 +314,11 @@ class ViewerEngine:
         """``content`` with the comparison of the state; a message says where there is nothing to compare with."""
         if state.comparison == "off" and not state.beside:
             return content
-        other = None if observed else self.other(state)
+        try:
+            other = None if observed else self.other(state)
+        except TaubenchError as error:  # of a reuse method, for example: the image alone is shown
+            state.message = str(error)
+            return content
         if other is None:
             state.message = self._no_comparison(state)
             return content

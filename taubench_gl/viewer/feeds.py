@@ -105,6 +105,7 @@ class SceneFeed:
         self._extra: frozenset[str] = frozenset()
         self._off: frozenset[str] | None = None
         self._held: list[Any] = [None, None]  # keys of previous and current
+        self._shots: dict[int, Shot] = {}
 
     @property
     def effects(self) -> Mapping[str, Effect]:
@@ -119,7 +120,13 @@ class SceneFeed:
         return visualizations_of_scene(dict(self.effects))
 
     def file_shot(self, frame: int) -> Shot:
-        return Shot(frame, self.camera.view_at(self._poser.sample(frame / self.settings.sequence.fps)))
+        if frame not in self._shots:
+            while len(self._shots) > 3:  # a pair is asked for again and again
+                del self._shots[next(iter(self._shots))]
+            self._shots[frame] = Shot(
+                frame, self.camera.view_at(self._poser.sample(frame / self.settings.sequence.fps))
+            )
+        return self._shots[frame]
 
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
         extra = extra | {"ids"}  # which object and material a pixel shows

@@ -29,6 +29,7 @@ class Window:
 
     def __init__(self, size: tuple[int, int], *, vsync: bool = True):
         self._errors: list[str] = []
+        self._title = TITLE
         glfw.set_error_callback(lambda code, text: self._errors.append(text.decode(errors="replace")))
         if not glfw.init():
             raise GraphicsError(f"no window can be opened: {self._why('there is no display')}", hint=_NO_DISPLAY)
@@ -103,10 +104,14 @@ class Window:
         """Draw and show one frame."""
         if min(viewer.window_size) <= 0:
             return
-        glfw.set_window_title(self.handle, f"{viewer.engine.feed.name} - {TITLE}")
+        title = f"{viewer.engine.feed.name} - {TITLE}"
+        if title != self._title:
+            glfw.set_window_title(self.handle, title)
+            self._title = title
+        size = glfw.get_framebuffer_size(self.handle)
         framebuffer = self.gpu.ctx.detect_framebuffer(0)
-        framebuffer.viewport = (0, 0, *glfw.get_framebuffer_size(self.handle))
-        viewer.draw(_Screen(framebuffer, glfw.get_framebuffer_size(self.handle)))
+        framebuffer.viewport = (0, 0, *size)
+        viewer.draw(_Screen(framebuffer, size))
         glfw.swap_buffers(self.handle)
 
     def close(self) -> None:

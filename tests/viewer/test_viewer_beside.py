@@ -83,6 +83,10 @@ def test_a_method_that_fails_is_a_message(drive, monkeypatch):
     driven = drive(settings=LIT.replace(width=24, height=14), light=True)
     driven.run("frame 10\nset channel color\nset against method\nset method accumulate\nkey Z\nframe 11")
     assert "does not compile" in driven.state.message
+    assert driven.engine.shots[1].frame == 11 and len(driven.engine.textures) == 1
+    alone = driven.engine.image()
+    driven.run("key Z")
+    assert (driven.engine.image() == alone).all(), "the image alone is drawn although the method fails"
 
 
 def test_another_run_is_compared(drive, tmp_path):

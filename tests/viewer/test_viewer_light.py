@@ -105,3 +105,18 @@ def test_a_moving_camera_has_coarse_light(drive):
     driven.viewer.input.key("W", False)
     driven.run("wait 1")
     assert driven.engine.light_text(driven.state) != COARSE["quarter"].text
+
+
+def test_path_tracing_that_fails_leaves_rasterized_light(drive, monkeypatch):
+    from taubench_gl.errors import GraphicsError
+    from taubench_gl.viewer import light
+
+    def fail(*_: object) -> None:
+        raise GraphicsError("too little memory")
+
+    monkeypatch.setattr(light, "Refiner", fail)
+    driven = drive(settings=LIT.replace(width=24, height=14), light=True)
+    driven.run("frame 8\nset channel color\nwait 9\nexpect light.samples == 0\nexpect samples == 0")
+    assert "too little memory" in driven.state.message
+    driven.run("key RIGHT\nwait 9")
+    assert driven.engine.shots[1].frame == 9
