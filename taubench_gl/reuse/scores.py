@@ -11,7 +11,7 @@ import numpy as np
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.reuse import quality
 from taubench_gl.reuse.bound import EXACT, NO_HISTORY, Blended, BoundRecord, bound_of_frame
-from taubench_gl.reuse.perceptual import Perceptual, to_8_bit
+from taubench_gl.reuse.perceptual import LPIPS_SIDE, Perceptual, to_8_bit
 
 Array = np.ndarray
 
@@ -277,6 +277,7 @@ class MethodRecord:
                 small = f"the image is smaller than SSIM's window of {quality.SSIM_SIDE} pixels"
                 nowhere = "no pixel is reusable by the exact mask"
                 known = {"ssim": small, "flicker": nowhere, "warp_error": nowhere}
+                known["lpips"] = f"the image is smaller than {LPIPS_SIDE} pixels, the least for LPIPS"
                 known["relmse_trimmed"] = "the first reference image is black: it gives no exposure"
                 black = all(row["relmse"] is None for row in self.counted)
                 measured = BLACK if black else known.get(name, EQUAL)

@@ -129,6 +129,13 @@ def test_sequence_measure_gets_the_counted_frames_of_every_seed():
     assert record.summary()["mean"]["cvvdp_jod"] == 10.0
 
 
+def test_image_too_small_for_lpips_says_so():
+    gray = np.full((H, W, 3), 0.3)
+    small = Perceptual(lpips=lambda shown, reference: None)
+    reasons = record_of([(gray, gray)] * 3, metrics=("lpips",), perceptual=small).summary()["reasons"]
+    assert str(perceptual.LPIPS_SIDE) in reasons["lpips"]
+
+
 def test_missing_packages_and_weights_are_refused(monkeypatch, tmp_path):
     monkeypatch.setattr(perceptual, "find_spec", lambda name: None)
     for metric in ("lpips", "cvvdp"):
