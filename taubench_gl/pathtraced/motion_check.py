@@ -37,6 +37,9 @@ MIN_MOTION_PX = 0.2
 SIMPLER = 0.8
 """A hypothesis with more corrections must have less than this share of the error of a simpler one."""
 
+FEW_PIXELS = 50
+"""Fewest moving pixels that show a convention."""
+
 BLOCK = 6
 """Side, pixels, of the blocks whose mean errors are compared."""
 
@@ -200,6 +203,9 @@ def _by_geometry(frame: PathTracedFrame, view: View, previous: View) -> MotionVe
     given = frame.motion[use].astype(np.float64)
     visible = np.isfinite(expected).all(axis=-1)
     expected, given = expected[visible], given[visible]
+    moving = np.linalg.norm(expected, axis=-1) >= MIN_MOTION_PX
+    if frame.prev_position is not None and np.count_nonzero(moving) >= FEW_PIXELS:  # objects that move, still camera
+        expected, given = expected[moving], given[moving]
     if not len(expected) or _median_length(expected) < MIN_MOTION_PX:
         return _still(expected, given, basis)
     readings = {h: h.corrected(given, frame.size) for h in HYPOTHESES}
@@ -278,14 +284,14 @@ def _by_images(frame: PathTracedFrame, previous: PathTracedFrame) -> MotionVerdi
             maps[hypothesis] = np.where(inside, difference, np.nan)
     if Hypothesis() not in maps:
         return "most motion leads out of the image as the mapping reads it"
-    if not motion.any():
-        return "the motion is zero everywhere"
     errors = {h: float(np.nanmean(m)) for h, m in maps.items()}
     best = min(errors, key=errors.get)
     others = [h for h in errors if _differs(moved[h][valid], moved[best][valid])]
-    rival = min(others, key=errors.get, default=None)
+    if not others:
+        return "most pixels hardly move: every reading is alike"
+    rival = min(others, key=errors.get)
     return MotionVerdict(
-        best, errors[best], (0.0, 0.0), 0.0, errors[Hypothesis()], errors.get(rival, np.inf),
+        best, errors[best], (0.0, 0.0), 0.0, errors[Hypothesis()], errors[rival],
         int(np.isfinite(maps[best]).sum()), "images", known=all(_clearly_less(maps[best], maps[h]) for h in others),
     )  # fmt: skip
 

@@ -110,7 +110,17 @@ def test_images_alone_show_a_wrong_sign(exported, tmp_path):
             assert bool(verdict.best.text) == (name == "wrong") and (name == "right" or verdict.best.signs == (-1, -1))
 
 
-def test_random_motion_is_not_judged(exported, tmp_path):
+def test_a_still_image_shows_no_convention(exported, tmp_path):
+    """Most pixels have no motion: the sign of the others cannot be seen in the images."""
+
+    def mostly_still(motion, frame):
+        return np.where((np.indices(motion.shape[:2]).sum(axis=0) % 4 == 0)[..., None], motion, 0.0)
+
+    folder = rewritten(exported, tmp_path / "f", mostly_still, drop=("Position", "PrevPosition"))
+    assert all(isinstance(verdict, str) for verdict in check(folder, camera=False).values())
+
+
+def test_random_motion_has_no_verdict(exported, tmp_path):
     rng = np.random.default_rng(1)
     folder = rewritten(exported, tmp_path / "f", lambda m, f: rng.normal(0, 20, m.shape))
     assert all(not verdict.known and verdict.fault == "" for verdict in check(folder).values())
