@@ -142,10 +142,10 @@ class RasterInputs:
             derived=derived, available=self.source.channels, samples=kind.samples,
         )  # fmt: skip
         self._derived = DerivedInputs(self._context, self.size, derived, self.source.renderer.scene)
-        self._masks = self._exact_masks = self._reshade = None
+        self._masks = self._exact_masks = self.reshade = None
         if reshades and self.source.light is not None and self.source.light.written:
-            self._reshade = Reshade(self._context, self.source, self.settings)
-        if {"mask", "motion"} & self.reads or self._reshade is not None:
+            self.reshade = Reshade(self._context, self.source, self.settings)
+        if {"mask", "motion"} & self.reads or self.reshade is not None:
             self._masks = MaskInputs(self._context, self.source, self.settings, ())
         if needs_exact:
             self._exact_masks = MaskInputs(self._context, self.exact, exact_settings, self.exact.radiance)
@@ -182,9 +182,9 @@ class RasterInputs:
             self._masks.run(pair, declared)
         if self._exact_masks is not None:
             self._exact_masks.run(reprojection(view.centered(), previous.centered(), *self.output_size), declared)
-        if self._reshade is not None:
+        if self.reshade is not None:
             textures = {"mask": self._masks.mask, "motion": self._masks.motion}
-            self._reshade.run(frame, pair, textures, self.kind.seed, not declared)
+            self.reshade.run(frame, pair, textures, self.kind.seed, not declared)
         out = FrameInputs(
             index=self._index,
             time=frame / self.settings.sequence.fps,
@@ -210,8 +210,8 @@ class RasterInputs:
         out |= {name: history[channel] for name, channel in HISTORY_INPUTS.items() if name in self.reads}
         if self._masks is not None:
             out |= {"mask": self._masks.mask, "motion": self._masks.motion}
-        if self._reshade is not None:
-            out |= self._reshade.textures
+        if self.reshade is not None:
+            out |= self.reshade.textures
         if self._exact_masks is not None and "exact_mask" not in self.missing:
             out["exact_mask"] = self._exact_masks.mask
         return out
@@ -233,7 +233,7 @@ class RasterInputs:
     def bytes(self) -> int:
         """GPU memory of the inputs: scene, targets, shadow maps and masks, without the exact source."""
         own = self.source.describe()["memory"]["gpu_bytes"] + self._compose.bytes + self._derived.bytes
-        return own + sum(part.bytes for part in (self._masks, self._reshade) if part is not None)
+        return own + sum(part.bytes for part in (self._masks, self.reshade) if part is not None)
 
     def describe(self) -> dict[str, Any]:
         """The block ``input`` of reuse.json."""
@@ -251,7 +251,7 @@ class RasterInputs:
         }
 
     def release(self) -> None:
-        for part in (self._compose, self._derived, self._reshade, self._masks, self._exact_masks, self.source):
+        for part in (self._compose, self._derived, self.reshade, self._masks, self._exact_masks, self.source):
             if part is not None:
                 part.release()
         if self._owns_exact:

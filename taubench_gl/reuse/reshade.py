@@ -11,22 +11,22 @@ from __future__ import annotations
 from typing import Any
 
 import moderngl
+import numpy as np
 
 from taubench_gl.channels import CHANNELS, stored_dtype
 from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.frame.passes.lighting import SURFACE
 from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.targets import read_channel
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import UPDATE, WRITE, ComputePass
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.reprojection import Reprojection
+from taubench_gl.metrics.reshading import BLOCK
 from taubench_gl.reuse.derived import input_texture
 from taubench_gl.settings import Settings
 
 RESHADED = ("reshaded", "reshaded_before")
-BLOCK = 3
-"""Pixels along the sides of a block, which has one sample."""
-
 CHANNELS_READ = (*SURFACE, "prev_position")
 """Channels that the source has to have."""
 
@@ -106,6 +106,16 @@ class Reshade:
             exposure = self._settings.lighting.exposure_factor
             self._passes["store"].run(None, {**resources, **self._light}, size=size, exposure=exposure)
         self._hazards.publish()
+
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the last frame, for tests, row 0 at the top, at the samples' pixels of the previous frame.
+
+        -> the current pixel that found the sample, (h, w) int64, column + row from the bottom * width, -1: none; its
+        position in this frame, (h, w, 4) float32.
+        """
+        width, height = self._size
+        link = np.frombuffer(self._link.read(), dtype=np.uint32).reshape(height, width)[::-1].astype(np.int64) - 1
+        return link, read_channel(self._surface["position"], "position")
 
     @property
     def bytes(self) -> int:

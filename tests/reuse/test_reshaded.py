@@ -7,12 +7,13 @@ import pytest
 from reuse_scenes import SECONDS, lit_room, settings, still
 
 from taubench_gl.animation import Poser, choose_camera
+from taubench_gl.conventions import NOT_COMPARABLE, Reason
 from taubench_gl.metrics.lobes import LUMINANCE
+from taubench_gl.metrics.reshading import BLOCK, chosen_pixels, moved_positions
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods
 from taubench_gl.reuse.frame import read_input
 from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.inputs import InputRequest, RasterInputs
-from taubench_gl.reuse.reshade import BLOCK
 from taubench_gl.selftest.scenes import SceneBuilder, box, turn_x
 
 SIZE = (42, 30)
@@ -89,6 +90,43 @@ def test_a_moving_light_has_gradients(gpu, kind):
     found, chosen = gradients(frames_of(gpu, scene_of(light=(8.0, 0.0, 0.0)), kind)[2])
     assert chosen.sum() > 100 and np.mean(np.abs(found) > 0.02) > 0.2
     assert np.mean(found > 0.02) > 0.02 and np.mean(found < -0.02) > 0.02  # brighter here, darker there
+
+
+def test_choice_and_motion_of_samples_equal_their_reference(gpu):
+    scene, number = scene_of(camera=(0.6, 0.1, -0.4), thing=(1.2, 0.0, 0.4)), 2
+    made = settings(width=SIZE[0], height=SIZE[1], light="auto", environment="none", exposure=1.0)
+    request = InputRequest(gpu, scene, choose_camera(scene), made, parse_input("noisy", seed=5), Poser(scene))
+    reads = ("reshaded", "motion", "mask", "position", "prev_position", "history_position")
+    inputs = RasterInputs(request, reads)
+    try:
+        for k in range(number + 1):
+            frame = inputs.advance(k)
+        a = {n: read_input(t, n).astype(np.float64) for n, t in frame.textures.items()}
+        link, position = inputs.reshade.samples()
+        delta = frame.pair.camera_delta
+    finally:
+        inputs.release()
+        gpu.collect()
+    width, height = SIZE
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    column = np.floor(x + a["motion"][..., 0] + 0.5).astype(int)
+    row = np.ceil(y + a["motion"][..., 1] - 0.5).astype(int)  # rows count from the bottom in GLSL
+    seen = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    column, row = column.clip(0, width - 1), row.clip(0, height - 1)
+    discarded = NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL | Reason.SKY
+    kept = (a["mask"][..., 0].astype(np.int64) & int(discarded)) == 0
+    usable = seen & kept & (a["position"][..., 3] > 0) & (a["history_position"][row, column, 3] > 0)
+    chosen = chosen_pixels(usable, number, 5)
+    found = np.zeros_like(chosen)
+    at = link[link >= 0]
+    found[height - 1 - at // width, at % width] = True
+    assert found.sum() > 100 and not (found & ~chosen).any()
+    targets = (row * width + column)[chosen]
+    assert (found == chosen)[chosen].sum() == len(np.unique(targets))  # one of those that share a sample
+    for q in zip(*np.nonzero(link >= 0), strict=True):
+        p = height - 1 - link[q] // width, link[q] % width
+        expected = moved_positions(a["history_position"][q], a["position"][p], a["prev_position"][p], delta)
+        np.testing.assert_allclose(position[q][:3], expected, atol=1e-4)
 
 
 class ReadsReshaded:
