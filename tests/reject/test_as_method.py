@@ -33,6 +33,7 @@ def test_an_existing_folder_is_kept(tmp_path):
         write_methods(tests, tmp_path)
 
 
+@pytest.mark.long
 def test_a_test_that_rejects_everything_reuses_nothing(tmp_path):
     """Of the same running mean: all surfaces' history rejected, or none that a test of 10^6 m lets pass."""
     run = CliRunner()

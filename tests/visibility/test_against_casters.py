@@ -20,7 +20,13 @@ DIFFER = 2e-3
 """Share of the pixels outside the band that may differ: where three surfaces meet within a pixel's snapping."""
 
 
-@pytest.mark.parametrize("name", [*SCENES, pytest.param("CesiumMilkTruck.glb", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "BoxAnimated.glb",
+        *(pytest.param(n, marks=pytest.mark.long) for n in ("AnimatedMorphCube.glb", "CesiumMilkTruck.glb")),
+    ],
+)
 def test_as_the_float64_caster(gpu, data, name):
     scene = load_scene(find_scene(data, name))
     sight = look(gpu, scene, choose_camera(scene), (56, 32), SCENES.get(name, 8), fps=12.0)
