@@ -228,10 +228,13 @@ def choose(
 
 
 def _last_that_pays(front: Sequence[Point], column: str, floor: float) -> Point:
-    """From the fastest on: a slower point, if each doubling of the time up to it leaves at most PAYS of the error."""
+    """From the fastest on: a slower point, if each doubling of the time up to it leaves at most PAYS of the error.
+
+    The noise of the reference is in every error, so what counts is the error above its floor, at least a quarter of it.
+    """
     best = front[0]
     for p in front[1:]:
-        before, after = (max(q.error(column), floor, 1e-9) for q in (best, p))
+        before, after = (max(q.error(column) - floor, 0.25 * floor, 1e-9) for q in (best, p))
         if after <= before * PAYS ** math.log2(p.time.median / best.time.median):
             best = p
     return best

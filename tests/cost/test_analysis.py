@@ -159,6 +159,13 @@ def test_without_limits_the_last_that_pays():
     assert choose(little).point.name == "baseline", "twice the time leaves 88 % of the error"
 
 
+def test_what_pays_is_the_error_above_the_noise_floor():
+    """2.2 times the time leaves 80 % of the error, but 68 % of what is above a floor of 5.8 %."""
+    points = [point("baseline", 156, 29.5), point("middle", 125, 63.8)]
+    assert choose(points).point.name == "baseline"
+    assert choose(points, floor=5.8).point.name == "middle"
+
+
 @pytest.mark.parametrize(("limits", "nearest"), [({"budget_ms": 1.0}, "cheap"), ({"within": 0.1}, "exact")])
 def test_nothing_meets_the_limits(limits, nearest):
     choice = choose(POINTS, **limits)
