@@ -42,7 +42,7 @@ def evaluated(tmp_path_factory):
     return [json.loads((folder / name / "reuse.json").read_text()) for name in ("first", "again")], printed
 
 
-def test_none_is_the_floor_and_not_the_winner(evaluated):
+def test_reuse_has_a_smaller_relative_error_than_none(evaluated):
     (summary, _), _ = evaluated
     means = {label: method["mean"] for label, method in summary["methods"].items()}
     assert means["accumulate"]["relmse"] < means["none"]["relmse"]
