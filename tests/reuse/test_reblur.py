@@ -83,18 +83,18 @@ def expected(steps):
 def test_it_is_its_reference(gpu, steps):
     settings = {"max_frames": 2, "fix_frames": 1, "stable_frames": 0, "post_scale": 0.5, "normal_limit": 1.0}
     settings |= {"roughness_limit": 2.0, "hit_limit": 0.2, "max_radius": 100.0}
-    for got, image in zip(play(gpu, "reblur_class", steps, settings), reference(steps, **settings)):
+    for got, image in zip(play(gpu, "reblur-class", steps, settings), reference(steps, **settings)):
         assert differing(got, image) <= ROUNDING
         assert (np.abs(got[..., 3] - image[..., 3]) > 1e-3).mean() <= ROUNDING
 
 
 def test_every_stage_has_a_bypass():
-    assert set(BYPASSES) == {stage.name for stage in load_method("reblur_class").stages if stage.done}
+    assert set(BYPASSES) == {stage.name for stage in load_method("reblur-class").stages if stage.done}
 
 
 @pytest.mark.parametrize("stage", [None, *BYPASSES])
 def test_a_bypassed_stage_is_noticed(gpu, steps, expected, stage, tmp_path):
-    method = bypassed(tmp_path / "reblur_class", "reblur_class", *BYPASSES.get(stage, ()))
+    method = bypassed(tmp_path / "reblur-class", "reblur-class", *BYPASSES.get(stage, ()))
     worst = max(map(differing, play(gpu, method, steps, SETTINGS), expected))
     assert (worst <= ROUNDING) if stage is None else (worst > 5 * ROUNDING), worst
 
@@ -106,7 +106,7 @@ def test_constant_light_is_unchanged(gpu, steps):
         surface = step.inputs["position"][..., 3:] > 0
         light = np.where(surface, 0.75, 0.0) * np.ones(3, dtype=np.float32)
         flat.append(replace(step, inputs=step.inputs | {"diffuse_demodulated": light, "specular_demodulated": light}))
-    for step, got in zip(flat, play(gpu, "reblur_class", flat, SETTINGS)):
+    for step, got in zip(flat, play(gpu, "reblur-class", flat, SETTINGS)):
         i = step.inputs
         surface = i["position"][..., 3:] > 0
         exact = 0.75 * (i["diffuse_albedo"] + i["specular_albedo"]) + i["emitted"]

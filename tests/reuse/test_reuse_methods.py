@@ -24,7 +24,7 @@ SIZE = (48, 27)
 def test_builtin_methods_are_documented():
     assert set(builtin_methods()) == {
         "none", "accumulate", "reverse_reprojection_cache", "taa_clamp", "taa_clip", "taa_variance", "svgf", "asvgf",
-        "bmfr", "bmfr_temporal", "reblur_class",
+        "bmfr", "bmfr_temporal", "reblur-class",
         "timewarp", "checkerboard", "upsample_2x2", "ideal-masks", "greedy", "oidn",
         "fsr2-class",
     }  # fmt: skip
@@ -39,7 +39,7 @@ def test_builtin_methods_are_documented():
             assert find_source(info.shader, method.shader_folders).read_text().startswith("//")
 
 
-NO_IDENTITY = {"bmfr", "reblur_class", "oidn", "fsr2-class"}
+NO_IDENTITY = {"bmfr", "reblur-class", "oidn", "fsr2-class"}
 """Spatial filters; the kernel of fsr2-class is radial, so that it also weighs diagonal neighbors."""
 
 

@@ -1,6 +1,6 @@
 """A recurrent blur guided by hit distance, after ReBLUR (Zhdanov 2021, Ray Tracing Gems II, chapter 49).
 
-Reference for taubench_gl/reuse/methods/reblur_class.  Inside, arrays have row 0 at the bottom, because the kernels are
+Reference for taubench_gl/reuse/methods/reblur-class.  Inside, arrays have row 0 at the bottom, because the kernels are
 turned by a hash of the pixel; ``Reblur.frame`` takes and gives images with row 0 at the top.
 """
 
