@@ -267,7 +267,7 @@ def _why_none(front: Sequence[Point], column: str) -> str:
 
 
 def _percent(point: Point, column: str) -> str:
-    return f"{point.error(column):.2g} %"
+    return f"{point.error(column):.3g} %"
 
 
 def ms_text(time: Time) -> str:
