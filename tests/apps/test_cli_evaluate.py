@@ -14,7 +14,15 @@ from taubench_gl.settings import Settings
 def test_defaults_are_those_of_settings(taubench, evaluate):
     code, out, _ = taubench("evaluate", "walk.glb")
     assert code == 0
-    expected = {"scene": "walk.glb", "settings": Settings(), "out": None, "save": (), "report": False, "lobes": ()}
+    expected = {
+        "scene": "walk.glb",
+        "settings": Settings(),
+        "out": None,
+        "save": (),
+        "report": False,
+        "lobes": (),
+        "exact": False,
+    }
     assert evaluate.calls == [expected]
     assert "Table 4" in out and "25.00" in out and "Eternal Valley FPS" in out
     assert "a note about walk" in out
