@@ -177,7 +177,7 @@ def optuna_table(record: Study) -> list[str]:
     ]  # fmt: skip
     wins = sum(1 for r in record["scenes"] if r["declared_beaten"])
     about = (
-        f"Optuna {record['optuna']}, TPE with two objectives, for the seconds below: no more than the declared "
+        f"Optuna {record['optuna']}, TPE with two objectives, for the seconds below, about as long as the declared "
         "configurations had. Both fronts are timed together afterwards, in interleaved rounds; beaten as above. It is "
         f"part of `cost` if it beats a declared configuration on three of five scenes: so far on {wins} of {len(rows)}."
     )
