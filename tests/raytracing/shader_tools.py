@@ -20,7 +20,7 @@ def with_main(
     lines, origin = source.text.splitlines(), list(source.origin)
     for include in rest:
         seen = {line.rpartition(":")[0] for line in origin}
-        shader._expand(include, SHADERS, lines, origin, seen, ())
+        shader._expand(include, (SHADERS,), lines, origin, seen, ())
     origin += [f"main:{i}" for i in range(1, len(main.splitlines()) + 1)]
     return compile_compute(gpu.ctx, Source("\n".join([*lines, main]) + "\n", tuple(origin)))
 
