@@ -128,8 +128,10 @@ BYPASSES = {
     "shading_change": (ACCUMULATE, "float change = 1.0 -", "float change = 0.0 * "),
     "lock_lifetime": (ACCUMULATE, "if (change > shading_change || (!fresh && clear < 0.99)) lock.x = 0.0;", ""),
     "lock_period": (ACCUMULATE, "now.color.a / (MEAN_WEIGHT * periods)", "0.0"),
-    "luminance_instability": (ACCUMULATE, "bool flickers = unstable(now.color.x, earlier);", "bool flickers = false;"),
+    "luminance_instability": (ACCUMULATE, "unstable(now.color.x, now.deviation.x, earlier)", "false"),
     "upsampling": ("upsample.glsl", "lanczos2(sharp * length(vec2(q) - pixel))", "float(q == nearest)"),
+    "samples_beyond_the_border": ("upsample.glsl", "        sum += w *", "        if (in_inputs(q)) sum += w *"),
+    "weight_beyond_the_border": ("upsample.glsl", "if (in_inputs(q)) there += w;", "there += w;"),
     "kernel_scale": (ACCUMULATE, "exists ? sharp : 1.0", "1.0"),
     "rectification": (ACCUMULATE, "history.rgb = mix(clamped, history.rgb, part);", ""),
     "reactive_mask": (ACCUMULATE, "float reactivity = 1.0 -", "float reactivity = 0.0 *"),
@@ -165,6 +167,27 @@ def test_upsampling_of_a_plane_is_exact_at_the_samples_and_close_between():
     error, nearest = color[..., 0] - 0.3 - 0.01 * pixel, 0.01 * (np.floor(pixel + 0.5) - pixel)
     assert np.abs(error).mean() < 0.5 * np.abs(nearest).mean()
     assert (box["low"] <= color).all() and (color <= box["high"]).all()
+
+
+def test_the_border_is_upsampled_like_the_inside():
+    """An image of equal columns has equal columns, also beyond the last samples, where part of the kernel has none."""
+    image = np.repeat(np.random.default_rng(52).random((SMALL[1], 1, 3)), SMALL[0], axis=1)
+    grids = Grids(SMALL, (3 * SMALL[0], 3 * SMALL[1]))
+    at = grids.input_from_output(pixels(grids.output))
+    for jitter in (np.array([-0.4375, -0.25]), np.array([0.46875, 0.25])):
+        for sharp in (1.0, 1.99):
+            color, weight, _ = reference.fsr2_upsample(image, at, jitter, np.full(at.shape[:2], sharp))
+            for edge in (slice(0, 3), slice(-3, None)):  # three columns of the result for each of the inputs
+                np.testing.assert_allclose(color[:, edge], color[:, 60:63], atol=1e-9)
+            assert (weight >= 0).all() and weight[10, [0, -1]].min() < 0.5 * weight[10, 60:63].max()
+
+
+def test_an_unstable_luminance_has_a_wide_box():
+    """Returns to an older luminance: yes.  To none of them, by less than a step, or in a flat box: no."""
+    before = np.array([0.5, 0.3, 0.52, 0.0])
+    now, wide = np.array([0.3, 0.9, 0.501, 0.3]), np.array([0.1, 0.1, 0.1, 0.03])
+    got = reference.fsr2_unstable(now, wide, np.tile(before, (4, 1)))
+    np.testing.assert_array_equal(got, [True, False, False, False])
 
 
 def test_lanczos_kernel():

@@ -23,6 +23,9 @@ BLOCK = 16
 MOST_MOVING, MEAN_WEIGHT, FLICKER = 3.0, 0.74, 1 / 255
 """Largest weight of the history of a moving pixel; mean weight of a frame; smallest change of luminance that counts."""
 
+FLICKER_BOX, STEADY = 0.1 * FLICKER ** (1 / 6), 0.1
+"""Smallest deviation of an unstable luminance; most disocclusion, composition and shading change of a steady pixel."""
+
 TRUST_WEIGHT = 12.0
 """Weight of upsampled colors after which a lock is fully trusted."""
 
@@ -186,35 +189,37 @@ def fsr2_sample_history(color: Array, at: Array) -> Array:
 def fsr2_upsample(prepared: Array, at: Array, jitter: Array, sharp: Array) -> tuple[Array, Array, dict[str, Array]]:
     """Upsampling with a Lanczos kernel over 4x4 jittered samples, and the box of 3x3 of them.
 
+    Samples outside the image repeat those at the border in the color, and have no weight.
     ``prepared`` (h, w, 3); ``at`` points of the inputs; ``sharp`` scales the kernel.  -> color (..., 3), weight (...),
     box: low, high, middle, deviation (..., 3).
     """
     size = prepared.shape[1::-1]
     pixel = at - jitter
     base, nearest = np.floor(pixel), np.floor(pixel + 0.5)
-    sums, total = np.zeros((*at.shape[:-1], 3)), np.zeros(at.shape[:-1])
+    sums, total, there = np.zeros((*at.shape[:-1], 3)), np.zeros(at.shape[:-1]), np.zeros(at.shape[:-1])
     for dy in range(-1, 3):
         for dx in range(-1, 3):
             q = base + [dx, dy]
-            weight = np.where(_inside(q, size), lanczos2(sharp * np.linalg.norm(q - pixel, axis=-1)), 0.0)
+            weight = lanczos2(sharp * np.linalg.norm(q - pixel, axis=-1))
             sums += weight[..., None] * fetch(prepared, q)
             total += weight
+            there += np.where(_inside(q, size), weight, 0.0)
     m1, m2, weights = np.zeros_like(sums), np.zeros_like(sums), np.zeros_like(total)
     low, high = np.full_like(sums, np.inf), np.full_like(sums, -np.inf)
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             q = nearest + [dx, dy]
-            there, c = _inside(q, size), fetch(prepared, q)
-            weight = np.where(there, np.exp(-3 * ((q - pixel) ** 2).sum(axis=-1)), 0.0)
+            exists, c = _inside(q, size), fetch(prepared, q)
+            weight = np.where(exists, np.exp(-3 * ((q - pixel) ** 2).sum(axis=-1)), 0.0)
             m1, m2, weights = m1 + weight[..., None] * c, m2 + weight[..., None] * c**2, weights + weight
-            low = np.where(there[..., None], np.minimum(low, c), low)
-            high = np.where(there[..., None], np.maximum(high, c), high)
+            low = np.where(exists[..., None], np.minimum(low, c), low)
+            high = np.where(exists[..., None], np.maximum(high, c), high)
     middle = m1 / weights[..., None]
     deviation = np.sqrt(np.maximum(m2 / weights[..., None] - middle**2, 0.0))
     enough = total > 1e-3
     color = np.clip(sums / np.where(enough, total, 1.0)[..., None], low, high)
     box = {"low": low, "high": high, "middle": middle, "deviation": deviation}
-    return np.where(enough[..., None], color, middle), np.where(enough, total, 0.0), box
+    return np.where(enough[..., None], color, middle), np.where(enough, np.maximum(there, 0.0), 0.0), box
 
 
 def fsr2_weight_limit(reactivity: Array, moving: Array, clear: Array, change: Array, max_weight: float) -> Array:
@@ -225,11 +230,13 @@ def fsr2_weight_limit(reactivity: Array, moving: Array, clear: Array, change: Ar
     return max_weight * np.minimum(limit, (1 - change) ** 2)
 
 
-def fsr2_unstable(now: Array, before: Array) -> Array:
-    """Luminance (...) that returns to an older one.  ``before`` (..., 4), newest first, 0 unknown."""
+def fsr2_unstable(now: Array, deviation: Array, before: Array) -> Array:
+    """Luminance (...) that returns to an older one.
+
+    ``deviation``: of its box; ``before`` (..., 4), newest first, 0 unknown."""
     change = np.abs(now - before[..., 0])
     returns = (before[..., 1:] > 0) & (np.abs(now[..., None] - before[..., 1:]) <= 0.5 * change[..., None])
-    return (before[..., 0] > 0) & (change >= FLICKER) & returns.any(axis=-1)
+    return (before[..., 0] > 0) & (change >= FLICKER) & (deviation > FLICKER_BOX) & returns.any(axis=-1)
 
 
 def fsr2_rectified(history: Array, box: Mapping[str, Array], scale: float, keep: Array, clear: Array) -> Array:
@@ -307,7 +314,8 @@ def fsr2_accumulate(
     sharp = np.where(exists, np.minimum(sharp * (0.5 + 0.5 * clear), 1.99), 1.0)
     new, new_weight, box = fsr2_upsample(frame.color, at, jitter, sharp)
     keep = np.clip(4 * life, 0, 1) * (1 - reactivity) * (composed < 0.9)
-    keep = np.maximum(keep, fsr2_unstable(new[..., 0], earlier))
+    steady = np.max([1 - clear, composed, change], axis=0) < STEADY
+    keep = np.maximum(keep, steady & fsr2_unstable(new[..., 0], box["deviation"][..., 0], earlier))
     history = np.where((weight > 0)[..., None], fsr2_rectified(color[..., :3], box, scale, keep, clear), color[..., :3])
     total = weight + new_weight
     share = np.where(weight > 0, new_weight / np.where(total > 0, total, 1), 1.0)

@@ -6,13 +6,15 @@
 //          fsr2_rectified
 // Departs  Locks are found by the pixel that contains a thin sample, where FSR2 writes them from the sample.  The color is kept
 //          tone-mapped, because the caller applies the exposure.  A luminance is unstable if it returns to that of an
-//          older frame within half of its last change.
+//          older frame within half of its last change, in a box as wide as AMD's shader asks for.
 #include "upsample.glsl"
 #include "history.glsl"
 
 const float MOST_MOVING = 3.0;  // largest weight of the history of a moving pixel
 const float MEAN_WEIGHT = 0.74; // of the upsampled color of one frame
 const float FLICKER = 1.0 / 255.0;
+const float FLICKER_BOX = 0.03970968; // 0.1 FLICKER^(1/6): narrower boxes need no protection
+const float STEADY = 0.1; // largest disocclusion, composition and shading change with which older luminances count
 
 float shading_luminance(vec2 at) {
     const int side = 16;
@@ -31,16 +33,16 @@ bool new_lock(ivec2 p, vec2 at) {
     ivec2 nearest = ivec2(floor(at - frame.jitter_px + 0.5));
     for (int i = 0; i < 9; ++i) {
         ivec2 q = nearest + ivec2(i % 3 - 1, i / 3 - 1);
-        if (any(lessThan(q, ivec2(0))) || any(greaterThanEqual(q, input_size()))) continue;
+        if (!in_inputs(q)) continue;
         ivec2 holder = ivec2(floor(output_from_input(vec2(q) + frame.jitter_px) + 0.5));
         if (all(equal(holder, p)) && fetch_prepared(q).a > 0.5) return true;
     }
     return false;
 }
 
-bool unstable(float now, vec4 before) {
+bool unstable(float now, float deviation, vec4 before) {
     float change = abs(now - before.x);
-    if (before.x <= 0.0 || change < FLICKER) return false;
+    if (before.x <= 0.0 || change < FLICKER || deviation <= FLICKER_BOX) return false;
     for (int i = 1; i < 4; ++i)
         if (before[i] > 0.0 && abs(now - before[i]) <= 0.5 * change) return true;
     return false;
@@ -83,7 +85,7 @@ void reuse(ivec2 p) {
     sharp = min(sharp * (0.5 + 0.5 * clear), 1.99);
     Upsampled now = upsample(at, exists ? sharp : 1.0);
 
-    bool flickers = unstable(now.color.x, earlier);
+    bool flickers = max(max(1.0 - clear, composed), change) < STEADY && unstable(now.color.x, now.deviation.x, earlier);
     if (weight > 0.0) {
         float locked = clamp(4.0 * lock.x, 0.0, 1.0) * (1.0 - reactivity) * float(composed < 0.9);
         vec3 reach = now.deviation * (1.0 + 0.5 * (max(scale.x, scale.y) - 1.0));

@@ -4,19 +4,25 @@
 //          pixels, the kernel scaled by ``sharp``; the sum of the weights is the weight of the color.  Box for the rectification: mean and
 //          standard deviation in YCoCg, weights exp(-3 d^2), within the range of the colors of 3x3 pixels.
 // Reference metrics.reuse_methods.fsr2_upsample
+// Departs  Samples outside the image have no weight, but the color takes those at the border for them, where FSR2 leaves them out:
+//          what remains of the kernel can be mostly its negative lobes, and the color then any corner of the box.
 #include "lanczos.glsl"
 
 struct Upsampled { vec4 color; vec3 middle, deviation, low, high; }; // color: YCoCg and weight
+
+bool in_inputs(ivec2 q) { return all(greaterThanEqual(q, ivec2(0))) && all(lessThan(q, input_size())); }
 
 Upsampled upsample(vec2 at, float sharp) {
     vec2 pixel = at - frame.jitter_px; // in pixel indices of the samples
     ivec2 nearest = ivec2(floor(pixel + 0.5)), base = ivec2(floor(pixel)) - 1;
     Upsampled u;
     vec4 sum = vec4(0.0);
+    float there = 0.0; // weight of the samples inside the image
     for (int i = 0; i < 16; ++i) {
         ivec2 q = base + ivec2(i % 4, i / 4);
-        if (any(lessThan(q, ivec2(0))) || any(greaterThanEqual(q, input_size()))) continue;
-        sum += lanczos2(sharp * length(vec2(q) - pixel)) * vec4(fetch_prepared(q).rgb, 1.0);
+        float w = lanczos2(sharp * length(vec2(q) - pixel));
+        sum += w * vec4(fetch_prepared(q).rgb, 1.0);
+        if (in_inputs(q)) there += w;
     }
     vec3 m1 = vec3(0.0), m2 = vec3(0.0);
     u.low = vec3(1.0e30);
@@ -24,7 +30,7 @@ Upsampled upsample(vec2 at, float sharp) {
     float total = 0.0;
     for (int i = 0; i < 9; ++i) {
         ivec2 q = nearest + ivec2(i % 3 - 1, i / 3 - 1);
-        if (any(lessThan(q, ivec2(0))) || any(greaterThanEqual(q, input_size()))) continue;
+        if (!in_inputs(q)) continue;
         vec3 c = fetch_prepared(q).rgb;
         vec2 d = vec2(q) - pixel;
         float w = exp(-3.0 * dot(d, d));
@@ -37,6 +43,6 @@ Upsampled upsample(vec2 at, float sharp) {
     u.middle = m1 / total;
     u.deviation = sqrt(max(m2 / total - u.middle * u.middle, 0.0));
     bool enough = sum.a > 1.0e-3;
-    u.color = vec4(enough ? clamp(sum.rgb / sum.a, u.low, u.high) : u.middle, enough ? sum.a : 0.0);
+    u.color = vec4(enough ? clamp(sum.rgb / sum.a, u.low, u.high) : u.middle, enough ? max(there, 0.0) : 0.0);
     return u;
 }
