@@ -18,7 +18,7 @@ CONFIDENCE = 1.96
 """Standard deviations beyond which two shares of the same pixels differ (McNemar 1947)."""
 
 PAYS = 0.75
-"""By default the recommendation follows the front while twice the time leaves at most this share of the error."""
+"""By default twice the time is worth it where it leaves at most this share of the error."""
 
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
@@ -51,8 +51,7 @@ def time_of(samples: Sequence[float], *, interleaved: bool = True) -> Time:
 
 def compare_times(a: Time, b: Time) -> int:
     """1 where ``a`` is slower than ``b``, -1 where it is faster, 0 where they are indistinguishable (``RULE``)."""
-    if a.rounds and len(a.rounds) == len(b.rounds):
-        ratios = [math.log(x / y) for x, y in zip(a.rounds, b.rounds)]
+    if ratios := _log_ratios(a, b):
         difference, spread = _median_and_spread(ratios)
         significant = abs(statistics.fmean(ratios)) > _half_width(ratios)
     else:
@@ -61,6 +60,12 @@ def compare_times(a: Time, b: Time) -> int:
     if spread is None or not significant or abs(difference) <= spread:
         return 0
     return 1 if difference > 0 else -1
+
+
+def _log_ratios(a: Time, b: Time) -> list[float]:
+    """Of common rounds; [] where there are none."""
+    same = len(a.rounds) == len(b.rounds)
+    return [math.log(x / y) for x, y in zip(a.rounds, b.rounds)] if same else []
 
 
 def _half_width(samples: Sequence[float]) -> float:
@@ -111,6 +116,17 @@ def mask_errors(found: Mapping[str, Array], reference: Mapping[str, Array]) -> d
     return out
 
 
+def noise_floor(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, float]:
+    """Percent of the pixels that each of two independent halves of the samples has wrong, by column and OVERALL.
+
+    Halves that are both wrong at a share p of alike pixels differ at 2p(1 - p) of them: half of that is given.  The
+    whole has less noise.  It need not fall with the number of samples n.  Light that both halves miss is no difference
+    yet.  And where the brightness x of paths is distributed as 1/x, as near a lamp that almost touches a surface, the
+    share of pixels with a path that alone moves their mean by a given ratio is the same at every n.
+    """
+    return {c: 0.5 * e.percent for c, e in mask_errors(one, other).items()}
+
+
 @dataclass(frozen=True, slots=True)
 class ColumnDifference:
     """One column of a configuration whose pixels or pairs are others than the baseline's, percent and points."""
@@ -154,11 +170,16 @@ def compare_errors(a: Any, b: Any, column: str, floor: float = 0.0) -> int:
     if x == y:
         return 0
     if isinstance(a, Point) and isinstance(b, Point):
-        one, other = a.masks[column].wrong, b.masks[column].wrong
-        alone, there = int((one & ~other).sum()), int((other & ~one).sum())
+        alone, there = _wrong_in_one(a, b, column)
         if abs(alone - there) <= CONFIDENCE * math.sqrt(alone + there):
             return 0
     return 1 if x > y else -1
+
+
+def _wrong_in_one(a: Point, b: Point, column: str) -> tuple[int, int]:
+    """Pixels that only ``a``, and that only ``b`` has wrong."""
+    one, other = a.masks[column].wrong, b.masks[column].wrong
+    return int((one & ~other).sum()), int((other & ~one).sum())
 
 
 def pareto_front(points: Sequence[P], column: str, floor: float = 0.0) -> list[P]:
@@ -208,7 +229,8 @@ def choose(
     budget_ms: float | None = None,
 ) -> Choice:  # fmt: skip
     """Of the Pareto front: the fastest with an error of at most ``within``, or the most exact in ``budget_ms`` (median
-    + spread), or both limits.  Without limits: the last one that pays, see ``PAYS``.
+    + spread), or both limits.  Without limits: the one with the smallest error x time^0.415, as twice the time must
+    leave at most PAYS of the error; of those that do not differ from it beyond noise, the fastest.
     """
     front = pareto_front([p for p in points if p.usable], column, floor)
     possible = [p for p in front if budget_ms is None or p.time.median + (p.time.spread or 0.0) <= budget_ms]
@@ -218,7 +240,7 @@ def choose(
     if within is not None:
         best = possible[0]
     else:
-        best = possible[-1] if budget_ms is not None else _last_that_pays(front, column, floor)
+        best = possible[-1] if budget_ms is not None else _best_trade_off(front, column, floor)
     i = front.index(best)
     faster, finer = front[i - 1] if i else None, front[i + 1] if i + 1 < len(front) else None
     words = describe(best, faster, finer, column)
@@ -227,17 +249,28 @@ def choose(
     return Choice(column, within, budget_ms, best, faster, finer, words)
 
 
-def _last_that_pays(front: Sequence[Point], column: str, floor: float) -> Point:
-    """From the fastest on: a slower point, if each doubling of the time up to it leaves at most PAYS of the error.
+def _best_trade_off(front: Sequence[Point], column: str, floor: float) -> Point:
+    """The fastest point whose merit is not worse than the best one beyond noise."""
+    best = min(front, key=lambda p: _merit(p, front[0], column, floor)[0])
+    return next(p for p in front if _merit(p, best, column, floor)[0] <= _merit(p, best, column, floor)[1])
+
+
+def _merit(p: Point, best: Point, column: str, floor: float) -> tuple[float, float]:
+    """How much worse ``p`` is than ``best``: log of (error x time^0.415), where twice the time is worth PAYS of the
+    error; and the noise of this, CONFIDENCE standard deviations.
 
     The noise of the reference is in every error, so what counts is the error above its floor, at least a quarter of it.
     """
-    best = front[0]
-    for p in front[1:]:
-        before, after = (max(q.error(column) - floor, 0.25 * floor, 1e-9) for q in (best, p))
-        if after <= before * PAYS ** math.log2(p.time.median / best.time.median):
-            best = p
-    return best
+    if p is best:
+        return 0.0, 0.0
+    one = 100.0 / len(p.masks[column].wrong)  # pixel
+    here, there = (max(q.error(column) - floor, 0.25 * floor, one) for q in (p, best))
+    noise = 2.0 * one * math.sqrt(sum(_wrong_in_one(p, best, column))) / (here + there)
+    ratios = _log_ratios(p.time, best.time)
+    spread = statistics.stdev(ratios) / math.sqrt(len(ratios)) if len(ratios) > 2 else 0.0
+    price = -math.log2(PAYS)
+    worse = math.log(here / there) + price * math.log(p.time.median / best.time.median)
+    return worse, CONFIDENCE * math.hypot(noise, price * spread)
 
 
 def describe(best: Point, faster: Point | None, finer: Point | None, column: str) -> str:

@@ -13,7 +13,7 @@ from taubench_gl.errors import OutputError
 from taubench_gl.outputs import cannot_write
 
 RECORDS_FILE = "records.jsonl"
-RECORDS_SCHEMA = "taubench-gl/cost-records/3"
+RECORDS_SCHEMA = "taubench-gl/cost-records/4"
 
 
 class Records:

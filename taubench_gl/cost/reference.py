@@ -20,9 +20,9 @@ SUMS_FILE = "reference.npz"
 MOST = 64
 """Samples of the largest part that is traced at once; the first has one, and each doubles the one before."""
 
-HALVES = (0, 1)
-HALF_START = 1 << 16
-"""First sample number of the second half; no half has as many samples."""
+HALVES = (1 << 31, (1 << 31) + 1)
+"""Seeds of the two halves, larger than those of settings: the halves and every path-traced configuration have
+independent numbers.  (Parts of one sequence have not: a later part of a Sobol sequence is the first one shifted.)"""
 
 
 def reference_light(settings: Settings) -> Settings:
@@ -36,58 +36,64 @@ def reference_light(settings: Settings) -> Settings:
 
 
 class TracedPixels:
-    """Path-traced light of the pixels that masks depend on, in two independent halves."""
+    """Path-traced light of the pixels that masks depend on, in parts with seeds of their own."""
 
-    def __init__(self, subject: Subject, pairs: PairChannels, settings: Settings):
-        """``settings``: path-traced, at pixel centers."""
+    def __init__(self, subject: Subject, pairs: PairChannels, settings: Settings, seeds: Sequence[int | None] = HALVES):
+        """``settings``: path-traced, at pixel centers.  ``seeds``: of the parts; None: that of the settings."""
         self._subject, self._lists = subject, pairs.looked_up()
         self._size = settings.sequence.width, settings.sequence.height
         with subject.gpu:
             options = SourceOptions(pixel_list=True)
             self._source = RasterSource(subject.gpu, subject.scene, subject.camera, settings, options)
-        self._sums = {half: {f: np.zeros((len(at), 6)) for f, at in self._lists.items()} for half in HALVES}
-        self._counts = dict.fromkeys(HALVES, 0)
+        self._sums = {seed: {f: np.zeros((len(at), 6)) for f, at in self._lists.items()} for seed in seeds}
+        self._counts = dict.fromkeys(seeds, 0)
 
     @property
     def samples(self) -> int:
-        """Per pixel, both halves."""
+        """Per pixel, all parts."""
         return sum(self._counts.values())
 
-    def trace(self, half: int, count: int, check: Callable[[], None] = lambda: None) -> None:
-        """Add ``count`` samples to ``half``.  ``check`` is called before each frame; if it raises, nothing is added."""
+    def trace(self, count: int, check: Callable[[], None] = lambda: None) -> None:
+        """Add ``count`` samples to every part.  ``check`` is called before each frame and may raise: then parts that
+        are not finished gain nothing."""
+        for seed in self._sums:
+            self._trace(seed, count, check)
+
+    def _trace(self, seed: int | None, count: int, check: Callable[[], None]) -> None:
         added = {}
         with self._subject.gpu:
             for frame, at in self._lists.items():
                 check()
                 self._source.draw(frame)
-                self._source.trace(frame, half * HALF_START + self._counts[half], count, at)
+                self._source.trace(frame, self._counts[seed], count, at, seed)
                 found = [self._read(name, at) for name in ("direct", "indirect")]
                 added[frame] = count * np.concatenate(found, axis=-1)
         for frame, sums in added.items():
-            self._sums[half][frame] += sums
-        self._counts[half] += count
+            self._sums[seed][frame] += sums
+        self._counts[seed] += count
 
     def _read(self, name: str, at: Array) -> Array:
         if name not in self._source.channels:
             return np.zeros((len(at), 3))
         return self._source.read(name)[at[:, 1], at[:, 0], :3].astype(np.float64)
 
-    def light(self, halves: Sequence[int] = HALVES) -> Light:
-        """Means over the samples of ``halves``; 0 at all other pixels."""
-        count = max(sum(self._counts[h] for h in halves), 1)
+    def light(self, *seeds: int) -> Light:
+        """Means over the samples of the parts ``seeds``, all unless given; 0 at all other pixels."""
+        chosen = seeds or tuple(self._sums)
+        count = max(sum(self._counts[s] for s in chosen), 1)
 
         def at(frame: int) -> tuple[Array, Array]:
             columns, rows = self._lists[frame].T
             image = np.zeros((self._size[1], self._size[0], 6))
-            image[rows, columns] = sum(self._sums[h][frame] for h in halves) / count
+            image[rows, columns] = sum(self._sums[s][frame] for s in chosen) / count
             return image[..., :3], image[..., 3:]
 
         return at
 
     def save(self, folder: Path) -> None:
         data = io.BytesIO()
-        sums = {f"{half}_{frame}": a for half, of in self._sums.items() for frame, a in of.items()}
-        np.savez_compressed(data, counts=np.array([self._counts[h] for h in HALVES]), **sums)
+        sums = {f"{seed}_{frame}": a for seed, of in self._sums.items() for frame, a in of.items()}
+        np.savez_compressed(data, counts=np.array(list(self._counts.values())), **sums)
         write_atomically(folder / SUMS_FILE, data.getvalue())
 
     def load(self, folder: Path) -> None:
@@ -101,7 +107,7 @@ class TracedPixels:
                 sums[h].get(f, np.zeros(0)).shape == a.shape for h, of in self._sums.items() for f, a in of.items()
             )
             if same:
-                self._sums, self._counts = sums, dict(zip(HALVES, stored["counts"].tolist(), strict=True))
+                self._sums, self._counts = sums, dict(zip(sums, stored["counts"].tolist(), strict=True))
 
     def release(self) -> None:
         with self._subject.gpu:
@@ -113,10 +119,10 @@ def traced_masks(
     subject: Subject, pairs: PairChannels, settings: Settings, check: Callable[[], None] = lambda: None
 ) -> Array:
     """Mask words of path-traced ``settings`` with their own samples per pixel and pattern: (n,) uint32."""
-    traced = TracedPixels(subject, pairs, at_pixel_centers(settings))
+    traced = TracedPixels(subject, pairs, at_pixel_centers(settings), seeds=(None,))
     try:
-        traced.trace(0, settings.lighting.path_samples, check)
-        return pairs.masks(traced.light((0,)))
+        traced.trace(settings.lighting.path_samples, check)
+        return pairs.masks(traced.light())
     finally:
         traced.release()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ from taubench_gl.cost.analysis import (
     Point,
     choose,
     mask_errors,
+    noise_floor,
     pareto_front,
     time_of,
 )
@@ -29,8 +29,9 @@ from taubench_gl.outputs import output_folder, write_atomically
 
 COST_SCHEMA = "taubench-gl/cost/3"
 STUDY_FILE, PRESET_FILE = "study.json", "preset.toml"
-BUSY_LOAD, BUSY_DRIFT = 1.5, 0.1
-"""A machine is busy if its load is above its cores' by this much, or if the baseline's time changes by this share."""
+BUSY_SHARE, BUSY_DRIFT = 0.1, 0.2
+"""A machine is busy if other processes take more than this share of its CPU time while configurations are timed, or if
+the baseline's time changes by more than this share."""
 
 Record = Mapping[str, Any]
 
@@ -207,26 +208,28 @@ def _decisions(words: str, columns: Sequence[str]) -> dict[str, Any]:
 def _reference_facts(
     found: Record | None, reference: Mapping[str, Any] | None, columns: Sequence[str]
 ) -> dict[str, Any]:
-    """Samples, discarded percent by column, and the noise floor: half of the pixels whose masks differ between the two
-    halves of the samples, as each half is wrong at about half of them.  The whole has less noise."""
+    """Samples, discarded percent by column, the noise floor, and that of half the samples."""
     if found is None or reference is None:
-        return {"samples": None, "percent": {}, "floor": {}}
+        return {"samples": None, "percent": {}, "floor": {}, "floor_before": {}}
     percent = {c: 100.0 * float(reference[c].mean()) for c in columns}
-    floor: dict[str, float | None] = {}
-    if found["halves"] is not None:
-        one, other = (_decisions(words, columns) for words in found["halves"])
-        floor = {c: 0.5 * e.percent for c, e in mask_errors(one, other).items()}
-    return {"samples": found["samples"], "percent": percent, "floor": floor}
+    floor, before = (
+        {} if halves is None else noise_floor(*(_decisions(words, columns) for words in halves))
+        for halves in (found["halves"], next((f["halves"] for f in found.get("before", ())), None))
+    )
+    return {"samples": found["samples"], "percent": percent, "floor": floor, "floor_before": before}
 
 
 def machine_state(records: Sequence[Record], cores: int | None) -> dict[str, Any]:
-    """Median load, drift of the baseline's time from the first to the last round, and whether the machine was busy."""
-    loads = [r["load"] for r in records if r.get("load") is not None]
-    baseline = [r["frame_ms"] for r in rounds_of((r for r in records if r["kind"] == "time"), BASELINE)]
-    load = statistics.median(loads) if loads else None
+    """While configurations were timed: the share of the machine's CPU time that other processes took, how much the
+    baseline's time changed from round to round, and whether the machine was busy.  None: not known."""
+    visits = [r for r in records if r["kind"] == "time"]
+    known = [(r["seconds"], r["other_seconds"]) for r in visits if r.get("other_seconds") is not None]
+    available = (cores or 1) * sum(seconds for seconds, _ in known)
+    other = max(0.0, sum(s for _, s in known)) / available if available else None
+    baseline = [r["frame_ms"] for r in rounds_of(visits, BASELINE)]
     drift = max(baseline) / min(baseline) - 1.0 if len(baseline) > 1 else None
-    busy = (load is not None and load > BUSY_LOAD * (cores or 1)) or (drift is not None and drift > BUSY_DRIFT)
-    return {"load": load, "drift": drift, "busy": busy}
+    busy = (other or 0.0) > BUSY_SHARE or (drift or 0.0) > BUSY_DRIFT
+    return {"other_work": other, "drift": drift, "busy": busy}
 
 
 def _choice_json(c: Choice) -> dict[str, Any]:

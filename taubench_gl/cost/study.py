@@ -34,7 +34,7 @@ from taubench_gl.cost.reference import (
     traced_masks,
 )
 from taubench_gl.cost.result import CostStudy, assemble
-from taubench_gl.cost.timing import Clock, Deadline, OpenConfiguration, OutOfTime, Pool, due_visits
+from taubench_gl.cost.timing import Clock, Deadline, OpenConfiguration, OtherWork, OutOfTime, Pool, due_visits
 from taubench_gl.effects.decide import decide
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.errors import SettingsError, note_renamed
@@ -367,33 +367,43 @@ class Measurements:
             self._add("reference", {"samples": None, "words": pack(words), "halves": None})
 
     def _trace_reference(self, known: Mapping[str, Any]) -> None:
-        """Trace until the samples that were asked for, or the reference's share of the time, are reached."""
+        """Trace until the samples that were asked for, or the reference's share of the time, are reached.
+
+        Without a given number each half has a power of two: a Sobol sequence is balanced there, and two runs of the
+        same length usually end at the same number, with the same masks.
+        """
         subject, limit = self._subject, self._request.time_limit
-        wanted = subject.samples or (SAMPLES if limit is None else math.inf)
+        total = subject.samples or (SAMPLES if limit is None else math.inf)
+        wanted = math.ceil(0.5 * total) if total < math.inf else total  # of a half
         share = math.inf if limit is None else REFERENCE_SHARE * limit
-        seconds = known["seconds"]
-        if known["samples"] and (known["samples"] >= wanted or seconds >= share):
+        if known["samples"] and (known["samples"] >= 2 * wanted or known["seconds"] + known["next_seconds"] > share):
             return
-        started = time.monotonic() - seconds
+        started = time.monotonic() - known["seconds"]
         self._report("reference: channels of the sampled pairs")
         traced = TracedPixels(subject.pixels, self._pairs, reference_light(subject.baseline))
         try:
             traced.load(self._out)
-            part = 1
-            while part and traced.samples < wanted:
-                self._report(f"reference: {traced.samples} samples per pixel", count=False)
-                before, began = traced.samples, time.monotonic()
-                for half in HALVES:
-                    traced.trace(half, int(min(part, max(0.5 * (wanted - before), 1))))
-                traced.save(self._out)
+            count, seconds, ahead, series = 1, 0.0, 0.0, []  # count: samples of a half
+            while count <= wanted and seconds + ahead <= share:
+                ahead = 2.0 * self._trace_up_to(count, traced)
+                halves = [pack(self._pairs.masks(traced.light(half))) for half in HALVES]
+                series.append({"samples": traced.samples, "halves": halves})
                 seconds = time.monotonic() - started
-                rate = (traced.samples - before) / (time.monotonic() - began)
-                part = int(min(2 * part, MOST, max(0.0, 0.5 * rate * (share - seconds))))
-            halves = [pack(self._pairs.masks(traced.light((half,)))) for half in HALVES]
-            words = pack(self._pairs.masks(traced.light()))
-            self._add("reference", {"samples": traced.samples, "seconds": seconds, "words": words, "halves": halves})
+                count = min(2 * count, wanted) if count < wanted else math.inf
+            found = series[-1] | {"seconds": seconds, "next_seconds": ahead, "before": series[-2:-1]}
+            self._add("reference", found | {"words": pack(self._pairs.masks(traced.light()))})
         finally:
             traced.release()
+
+    def _trace_up_to(self, count: int, traced: TracedPixels) -> float:
+        """Until each half has ``count`` samples, saved every MOST.  Seconds that ``count`` samples take."""
+        began, before = time.monotonic(), traced.samples
+        while 2 * count > traced.samples:
+            self._report(f"reference: {traced.samples} samples per pixel", count=False)
+            traced.trace(min(MOST, count - traced.samples // 2))
+            traced.save(self._out)
+        added = traced.samples - before
+        return 2 * count * (time.monotonic() - began) / added if added else 0.0
 
     def _measure_masks(self) -> None:
         for render in self._renders_due:
@@ -441,8 +451,10 @@ class Measurements:
                 if self._too_long(configuration) or (not configuration.comparable and self._deadline.left(0.85) < 0.0):
                     continue
                 self._report(f"round {number + 1} of {self._request.repeats}: {configuration.name}")
-                tag = {"configuration": configuration.name, "round": number, "load": _load_average()}
-                self._add("time", tag | pool.visit(configuration))
+                with OtherWork() as work:
+                    found = pool.visit(configuration)
+                tag = {"configuration": configuration.name, "round": number}
+                self._add("time", tag | {"seconds": work.seconds, "other_seconds": work.other_seconds} | found)
 
     def _too_long(self, configuration: Configuration) -> bool:
         """Whether a visit of path-traced light would end after the time limit, as far as other visits tell."""
@@ -478,7 +490,7 @@ class Measurements:
             if timed.count(kind) <= number:
                 self._report(f"round {number + 1} of {self._request.repeats}: {len(chosen)} methods, {kind}")
                 found = methods.time_methods(subject.scene, subject.camera, baseline, subject.frames, chosen)
-                self._add("image_time", {"input": kind, "round": number, "load": _load_average()} | found)
+                self._add("image_time", {"input": kind, "round": number} | found)
 
     def _image_reference(self, kind: str) -> str:
         """The reference of reuse methods on inputs of ``kind``."""
@@ -493,8 +505,3 @@ class Measurements:
     def _report(self, what: str, count: bool = True) -> None:
         self._progress(Step(self._done, self._total, what))
         self._done += count
-
-
-def _load_average() -> float | None:
-    """Processes that were ready to run in the last minute, this one included; None where the system does not say."""
-    return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None

@@ -7,9 +7,11 @@ counts read one pair late) over the same few frames.
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 from taubench_gl.animation import CameraTrack, Poser
@@ -137,6 +139,45 @@ class OpenConfiguration:
         self._context.release()
         self._source.release()
         self._gpu.collect()
+
+
+class OtherWork:
+    """CPU seconds that other processes of the machine take while this context is open.
+
+    The load average would not do: it lags by minutes, and counts this process.
+    """
+
+    def __init__(self, used: Callable[[], float | None] | None = None, own: Clock = time.process_time):
+        """``used``: CPU seconds of all processes since some start, None where the system does not say."""
+        self._used, self._own = used or (lambda: used_seconds(_stat())), own
+        self.seconds = 0.0
+        self.other_seconds: float | None = None
+
+    def __enter__(self) -> OtherWork:
+        self._started = time.monotonic(), self._used(), self._own()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        started, used, own = self._started
+        now = self._used()
+        self.seconds = time.monotonic() - started
+        self.other_seconds = None if now is None or used is None else now - used - (self._own() - own)
+
+
+def used_seconds(stat: str) -> float | None:
+    """CPU seconds since boot that were not idle, by the text of /proc/stat (proc(5)); stolen ones count."""
+    fields = stat.partition("\n")[0].split()
+    if len(fields) < 9 or fields[0] != "cpu":
+        return None
+    user, nice, system, _idle, _iowait, irq, softirq, steal = map(int, fields[1:9])
+    return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
+
+
+def _stat() -> str:
+    try:
+        return Path("/proc/stat").read_text(encoding="ascii")
+    except OSError:  # not Linux
+        return ""
 
 
 class Pool:

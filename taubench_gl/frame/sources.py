@@ -159,13 +159,17 @@ class RasterSource:
         """``advance`` without light; ``trace`` lights it."""
         return self._rasterize(frame, None if self._jitter is None else self._jitter(frame))
 
-    def trace(self, number: int, first: int, count: int, pixels: np.ndarray | None = None) -> None:
+    def trace(
+        self, number: int, first: int, count: int, pixels: np.ndarray | None = None, scramble: int | None = None
+    ) -> None:
         """Light the current frame by samples ``first`` .. ``first + count - 1`` of path-traced light.
 
         ``number``: frame number of the sample pattern.  ``pixels``: with ``SourceOptions.pixel_list``, the pixels to
-        light, (n, 2) integers, column and row from the top.
+        light, (n, 2) integers, column and row from the top.  ``scramble``: seed of the sequence of pattern ``fixed``,
+        from now on.
         """
         paths = self.light.paths
+        paths.scramble = paths.scramble if scramble is None else scramble
         if pixels is not None:
             paths.pixels = np.stack([pixels[:, 0], self.size[1] - 1 - pixels[:, 1]], axis=-1)
         paths.first_sample, paths.sample_count = first, count

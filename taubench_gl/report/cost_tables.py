@@ -53,7 +53,9 @@ def _compared(study: Study) -> str:
     text = f"Reference: {names[reference['kind']]}{samples}, {where}"
     floor = reference["floor"].get(OVERALL)
     if floor is not None:
-        return f"{text}; its noise floor is {three(floor)} %: errors below it are not ranked"
+        before = reference["floor_before"].get(OVERALL)
+        series = "" if before is None else f" ({three(before)} % at half the samples)"
+        return f"{text}; its noise floor is {three(floor)} %{series}: errors below it are not ranked"
     return f"{text}; its noise is unknown" if reference["kind"] == "exr" else text
 
 
@@ -62,9 +64,11 @@ def _trust(study: Study) -> str:
     text = f"Machine: {machine['renderer']}, {machine['cores']} cores"
     points = [*study["points"], *(study["methods"] or {"points": ()})["points"]]
     rounds = max((p["ms"]["samples"] for p in points if p["ms"]), default=0)
-    text += f"; {rounds} rounds" + ("" if state["load"] is None else f", load {state['load']:.1f}")
+    text += f"; {rounds} rounds"
+    if state["other_work"] is not None:
+        text += f", other processes took {100.0 * state['other_work']:.0f} % of the CPU time"
     if state["drift"] is not None:
-        text += f", drift of the baseline {100.0 * state['drift']:.0f} %"
+        text += f", the baseline's time changed by {100.0 * state['drift']:.0f} %"
     if state["busy"]:
         text += ": the machine was BUSY"
         text += ", times are too long" if "monotonic" in study["clock"] else f"; clock: {study['clock']}"

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
 from taubench_gl.animation import choose_camera
 from taubench_gl.cost.pixels import PairChannels, Subject, discarded, draw_pixels, pack, rendered_masks, unpack
-from taubench_gl.cost.reference import TracedPixels, reference_light, traced_masks
+from taubench_gl.cost.reference import HALVES, TracedPixels, reference_light, traced_masks
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.gpu.context import open_gpu
+from taubench_gl.metrics.path_samples import sample_table
 from taubench_gl.scene import load_scene
 from taubench_gl.settings import Settings
 
@@ -67,12 +70,40 @@ def test_traced_pixels_give_the_masks_of_whole_traced_frames(subject, pairs):
     assert discarded(listed, "indirect").any()
 
 
+def test_halves_of_the_reference_and_configurations_have_independent_numbers():
+    """A part of a Sobol sequence that starts later is the first part shifted: equal in the first dimension.
+
+    Sequences with seeds of their own are not: in no dimension are differences of their numbers all alike.
+    """
+    table = {seed: sample_table(0, 64, seed).reshape(64, -1) for seed in (Settings().lighting.seed, *HALVES)}
+    later = sample_table(1 << 16, 64).reshape(64, -1)
+    assert np.abs(later[:, 0].astype(float) - table[0][:, 0]).max() / 2.0**32 < 1e-4
+    assert (np.ptp(table[0] ^ later, axis=0) < 2**16).sum() > 100, "a digital shift, the same for all samples"
+    for a, b in itertools.combinations(table.values(), 2):
+        assert np.ptp(a ^ b, axis=0).min() > 2**24
+
+
+def test_each_half_has_the_samples_of_its_seed(subject, pairs):
+    """A half alone is what a configuration with that seed gives."""
+    settings = reference_light(SETTINGS)
+    pixels = TracedPixels(subject, pairs, settings)
+    pixels.trace(2)
+    halves = [pairs.masks(pixels.light(seed)) for seed in HALVES]
+    pixels.release()
+    for half, seed in zip(halves, HALVES, strict=True):
+        alone = TracedPixels(subject, pairs, settings, seeds=(seed,))
+        alone.trace(2)
+        assert np.array_equal(pairs.masks(alone.light()), half)
+        alone.release()
+    assert not np.array_equal(*halves)
+
+
 def test_a_reference_goes_on_where_it_was_saved(subject, pairs, tmp_path):
     def traced(*parts):
         pixels = TracedPixels(subject, pairs, reference_light(SETTINGS))
         pixels.load(tmp_path)
         for part in parts:
-            pixels.trace(0, part)
+            pixels.trace(part)
         pixels.save(tmp_path)
         samples, words = pixels.samples, pairs.masks(pixels.light())
         pixels.release()
@@ -82,4 +113,4 @@ def test_a_reference_goes_on_where_it_was_saved(subject, pairs, tmp_path):
     (tmp_path / "reference.npz").unlink()
     traced(2)
     resumed, words = traced(2)
-    assert samples == resumed == 4 and np.array_equal(whole, words)
+    assert samples == resumed == 8 and np.array_equal(whole, words)

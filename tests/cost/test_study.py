@@ -187,12 +187,15 @@ def test_the_clock_is_named_and_clocks_are_not_mixed(demo, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("load", "times", "busy"), [(1.0, [10, 10.5], False), (9.0, [10], True), (1.0, [10, 14], True)]
+    ("other", "times", "busy"),
+    [(0.1, [10, 10.5], False), (0.5, [10], True), (0.1, [10, 14], True), (None, [10, 10.5], False)],
 )
-def test_a_busy_machine_is_detected(load, times, busy):
-    tag = {"kind": "time", "configuration": "baseline", "load": load}
-    visits = [tag | {"round": i, "frame_ms": t} for i, t in enumerate(times)]
-    assert machine_state(visits, 2)["busy"] is busy
+def test_a_busy_machine_is_detected(other, times, busy):
+    """Visits of 1 s on two cores, during each of which other processes take ``other`` seconds."""
+    tag = {"kind": "time", "configuration": "baseline", "seconds": 1.0, "other_seconds": other}
+    state = machine_state([tag | {"round": i, "frame_ms": t} for i, t in enumerate(times)], 2)
+    assert state["busy"] is busy
+    assert state["other_work"] == (None if other is None else pytest.approx(0.5 * other))
 
 
 def test_records_of_another_study_are_refused(small_study, demo):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 
 import pytest
 
@@ -14,10 +15,12 @@ from taubench_gl.cost.timing import (
     WARM,
     Deadline,
     OpenConfiguration,
+    OtherWork,
     OutOfTime,
     Pool,
     due_visits,
     rounds_of,
+    used_seconds,
 )
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.frame.passes.masks import MaskPass
@@ -148,6 +151,27 @@ def test_timed_loop_reads_counts_one_pair_late(scene, monkeypatch):
         opened.visit()
         opened.release()
     assert len(lags) >= 2 * (WARM + TIMED - 2) and set(lags) == {1}
+
+
+def test_time_of_other_processes_is_all_time_less_the_own():
+    """Numbers of proc(5): user, nice, system, idle, iowait, irq, softirq, steal, guest (part of user), guest_nice."""
+    ticks = os.sysconf("SC_CLK_TCK")
+    assert used_seconds("cpu  700 10 200 5000 60 1 2 3 300 0\ncpu0 1 2 3") == pytest.approx(916 / ticks)
+    assert used_seconds("") is None and used_seconds("intr 5") is None
+    used, own = iter([100.0, 103.5]), iter([7.0, 9.0])
+    with OtherWork(lambda: next(used), lambda: next(own)) as work:
+        pass
+    assert work.other_seconds == pytest.approx(1.5) and work.seconds >= 0.0
+    with OtherWork(lambda: None) as unknown:
+        pass
+    assert unknown.other_seconds is None
+
+
+def test_own_work_is_not_that_of_others():
+    """A process that works alone for a while; where the machine does not say, nothing is claimed."""
+    with OtherWork() as work:
+        count = sum(i for i in range(300_000))
+    assert count > 0 and (work.other_seconds is None or work.other_seconds > -0.1 - work.seconds)
 
 
 class Opened:

@@ -247,6 +247,8 @@ class PathTracing:
             self.tables["environment_choice"].write(direction_choice(seen_of(spec.environment)).tobytes())
         self.first_sample = 0
         """Number of the first sample of the next frame: a sequence can be continued in several runs."""
+        self.scramble = spec.seed if spec.pattern == "fixed" else 0
+        """Seed of the sequence of the next frame; pattern ``independent`` shifts one sequence by ``spec.seed``."""
         self.sample_count = spec.spp
         """Samples per pixel of the next frame."""
         self.pixels = np.zeros((0, 2), dtype=np.uint32)
@@ -305,16 +307,11 @@ class PathTracing:
     def _table_row(self, sample: int) -> int:
         """Row of the table with the numbers of ``sample``, uploaded if need be."""
         first = sample // TABLE_ROWS * TABLE_ROWS
-        if self._rows != (first, self._spec.seed):
-            table = sample_table(first, TABLE_ROWS, self._scramble)
+        if self._rows != (first, self.scramble):
+            table = sample_table(first, TABLE_ROWS, self.scramble)
             self.tables["sample_table"].write(table.tobytes())
-            self._rows = first, self._spec.seed
+            self._rows = first, self.scramble
         return sample - first
-
-    @property
-    def _scramble(self) -> int:
-        """Seed of the sequence; pattern ``independent`` shifts one sequence by its seed."""
-        return self._spec.seed if self._spec.pattern == "fixed" else 0
 
     def counts(self) -> dict[str, int]:
         """Counters of all frames so far by name.  Waits for the GPU."""
