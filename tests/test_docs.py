@@ -51,6 +51,15 @@ def test_links_exist(page: Path):
     assert not missing
 
 
+def test_every_page_is_in_the_navigation():
+    """Of mkdocs.yml; the pages of the commands are added by tools/docs_pages.py."""
+    nav = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n")[1]
+    named = set(re.findall(r"[\w-]+\.md", nav))
+    assert {page.name for page in (ROOT / "docs").glob("*.md")} == named - {
+        "index.md", "README.md", "contributing.md", "changelog.md",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_scripts(shell: str):
     command = [sys.executable, "-m", "taubench_gl", "completion", shell]

@@ -154,7 +154,7 @@ def api_page() -> str:
     for module, names in MODULES.items():
         out.append(f"\n## {module}\n")
         for name in names:
-            out += _entry(f"{module}.{name}", getattr(importlib.import_module(module), name), "###")
+            out += _entry(name, getattr(importlib.import_module(module), name), "###")
             out += _members(name, getattr(importlib.import_module(module), name))
             out += settings_table() if name == "Settings" else []
     return "\n".join(out).rstrip() + "\n"
