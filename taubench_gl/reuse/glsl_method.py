@@ -9,6 +9,7 @@ import numpy as np
 
 from taubench_gl.conventions import GUARD_PX, NOT_COMPARABLE, Reason
 from taubench_gl.errors import GraphicsError, MethodError
+from taubench_gl.frame.pair_record import PAIR_FIELDS, pair_values
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.layout import Field, Struct, column_major
@@ -29,14 +30,8 @@ from taubench_gl.reuse.frame import FORMER_INPUTS, INPUTS, FrameInputs, read_res
 
 FRAME = Struct(
     "ReuseFrame",
-    Field("clip_from_current", "mat4", "clip from position relative to the current camera, world axes"),
-    Field("prev_clip_from_prev", "mat4", "previous clip from position relative to the previous camera, world axes"),
+    *PAIR_FIELDS,
     Field("key_clip_from_key", "mat4", "key frame's clip from position relative to its camera, world axes"),
-    Field("sky_origin", "vec4", "view ray of pixel (0, 0), world axes; w = 0 direction, 1 far-plane point"),
-    Field("sky_dx", "vec4", "its step per pixel to the right"),
-    Field("sky_dy", "vec4", "its step per pixel up"),
-    Field("prev_forward", "vec4", "xyz: unit view direction of the previous camera"),
-    Field("camera_delta", "vec4", "xyz: current - previous camera position, meters"),
     Field("key_delta", "vec4", "xyz: current - key frame's camera position, meters"),
     Field("size", "ivec4", "xy: pixels of the result; zw: of the inputs"),
     Field("jitter_px", "vec2", "pixels, sub-pixel offset of this frame's samples, +x right, +y up"),
@@ -379,10 +374,8 @@ class GlslPasses:
             record["key_clip_from_key"] = column_major(self._key_view.clip_from_relative(*self._sizes["input"]))
             record["key_delta"][:3] = frame.view.position - self._key_view.position
             record["is_key"], record["key_age"] = self._key_age == 0, self._key_age
-        record["clip_from_current"] = column_major(pair.clip_from_current)
-        record["prev_clip_from_prev"] = column_major(pair.prev_clip_from_prev)
-        record["sky_origin"], record["sky_dx"], record["sky_dy"] = pair.sky_origin, pair.sky_dx, pair.sky_dy
-        record["prev_forward"][:3], record["camera_delta"][:3] = pair.prev_forward, pair.camera_delta
+        for name, value in pair_values(pair).items():
+            record[name] = value
         record["size"][:2], record["size"][2:] = self._sizes["output"], self._sizes["input"]
         record["jitter_px"], record["prev_jitter_px"] = frame.jitter_px, frame.prev_jitter_px
         record["time"], record["exposure"] = frame.time, frame.exposure

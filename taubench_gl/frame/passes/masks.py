@@ -10,10 +10,11 @@ import numpy as np
 
 from taubench_gl import conventions
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, HISTOGRAM_MANTISSA_BITS, Reason
+from taubench_gl.frame.pair_record import PAIR_FIELDS, pair_values
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.frame.tuning import Tuning
 from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, UPDATE, WRITE, ComputePass, Pass, Use, stage
-from taubench_gl.gpu.layout import Field, Struct, column_major
+from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.gpu.passes import CompiledCompute, GpuContext
 from taubench_gl.metrics.reprojection import NEAR_GUARD, Reprojection
 from taubench_gl.settings import Settings
@@ -23,13 +24,7 @@ if TYPE_CHECKING:
 
 REPROJECTION = Struct(
     "Reprojection",
-    Field("clip_from_current", "mat4", "clip <- relative to the current camera, world axes"),
-    Field("prev_clip_from_prev", "mat4", "previous clip <- relative to the previous camera, world axes"),
-    Field("sky_origin", "vec4", "view ray of pixel (0, 0), world axes; w = 0 direction, 1 far-plane point"),
-    Field("sky_dx", "vec4", "its step per pixel to the right"),
-    Field("sky_dy", "vec4", "its step per pixel up"),
-    Field("prev_forward", "vec4", "xyz: unit view direction of the previous camera"),
-    Field("camera_delta", "vec4", "xyz: current - previous camera position, meters"),
+    *PAIR_FIELDS,
     Field("size", "ivec4", "xy: pixels; z: 0"),
     Field("prev_near", "float", "meters, previous camera's near plane minus NEAR_GUARD"),
     Field("near", "float", "meters, current camera's near plane"),
@@ -172,13 +167,7 @@ class MaskPass:
         """Submit the pass.  ``thresholds``: a_B of every feature; ``declared``: Reason.FIRST or CUT
         for the whole frame, else 0.  The number of this run, for ``read``."""
         record = {
-            "clip_from_current": column_major(pair.clip_from_current),
-            "prev_clip_from_prev": column_major(pair.prev_clip_from_prev),
-            "sky_origin": pair.sky_origin,
-            "sky_dx": pair.sky_dx,
-            "sky_dy": pair.sky_dy,
-            "prev_forward": (*pair.prev_forward, 0.0),
-            "camera_delta": (*pair.camera_delta, 0.0),
+            **pair_values(pair),
             "size": (*self._size, 0, 0),
             "prev_near": pair.prev_near * (1.0 - NEAR_GUARD),
             "near": pair.near,

@@ -10,6 +10,7 @@ from taubench_gl import conventions
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Visibility
 from taubench_gl.frame.context import FrameContext
+from taubench_gl.frame.pair_record import PAIR_FIELDS, pair_values
 from taubench_gl.frame.passes.pathtracing import pixel_footprint
 from taubench_gl.frame.raytracing.attributes import HitAttributes
 from taubench_gl.frame.raytracing.hit_tables import HitOptions
@@ -17,7 +18,7 @@ from taubench_gl.frame.raytracing.structure import SceneStructure
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.spec import FrameSpec
 from taubench_gl.gpu.declare import ComputePass, Pass, stage
-from taubench_gl.gpu.layout import Field, Struct, column_major
+from taubench_gl.gpu.layout import Field, Struct
 from taubench_gl.metrics.reprojection import NEAR_GUARD
 
 Array = np.ndarray
@@ -25,13 +26,7 @@ CHANNEL = "prev_visibility"
 
 PARAMETERS = Struct(
     "VisibilityRecord",
-    Field("clip_from_current", "mat4", "clip <- relative to the current camera, world axes"),
-    Field("prev_clip_from_prev", "mat4", "previous clip <- relative to the previous camera, world axes"),
-    Field("sky_origin", "vec4", "view ray of pixel (0, 0), world axes; w = 0 direction, 1 far-plane point"),
-    Field("sky_dx", "vec4", "its step per pixel to the right"),
-    Field("sky_dy", "vec4", "its step per pixel up"),
-    Field("prev_forward", "vec4", "xyz: unit view direction of the previous camera"),
-    Field("camera_delta", "vec4", "xyz: current - previous camera position, meters"),
+    *PAIR_FIELDS,
     Field("footprint", "vec4", "width of a previous pixel: x, meters of a parallel camera; y, for each meter of depth"),
     Field("size", "ivec4", "xy: pixels"),
     Field("prev_near", "float", "meters, previous camera's near plane"),
@@ -54,13 +49,7 @@ def declaration(spec: FrameSpec) -> ComputePass:
         before = frame.before[1]
         pair = reprojection(frame.view, before, width, height)
         return {
-            "clip_from_current": column_major(pair.clip_from_current),
-            "prev_clip_from_prev": column_major(pair.prev_clip_from_prev),
-            "sky_origin": pair.sky_origin,
-            "sky_dx": pair.sky_dx,
-            "sky_dy": pair.sky_dy,
-            "prev_forward": (*pair.prev_forward, 0.0),
-            "camera_delta": (*pair.camera_delta, 0.0),
+            **pair_values(pair),
             "footprint": (*pixel_footprint(before, spec.size), 0.0, 0.0),
             "size": (width, height, 0, 0),
             "prev_near": pair.prev_near,
