@@ -42,10 +42,6 @@ def _list_parameters(context: click.Context, _parameter: click.Parameter, wanted
         "levels\n    the named levels of 'evaluate --quality'\ncombinations\n    several parameters changed together"
     )
     click.echo("effects\n    each effect left out")
-    click.echo(
-        "method:NAME@setting=VALUES\n    a reuse method, evaluated by its images: 'taubench-gl reuse list' lists the "
-        "methods, 'reuse show NAME' their settings"
-    )
     context.exit()
 
 
@@ -56,7 +52,7 @@ Examples:
   taubench-gl cost scene.glb --out study --size 480x270 --time-limit 20m
   taubench-gl cost scene.glb --out study --within 0.5
   taubench-gl cost scene.glb --out study --budget-ms 20 --for direct
-  taubench-gl cost scene.glb --out study --parameters method:taa_variance@gamma=0.5:2:4,method:svgf
+  taubench-gl cost scene.glb --out study --parameters levels,shadow_size,indirect
   taubench-gl cost scene.glb --out study --reference exr:renders     # renders/spp_1, renders/spp_16, ...
   taubench-gl evaluate scene.glb --preset study/preset.toml
 \b
@@ -68,18 +64,10 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 @click.option(
     "--parameters",
     metavar="LIST",
-    help="Parameters to vary, comma-separated, see --list-parameters.  method:NAME@setting=VALUES evaluates a reuse "
-    "method by its images; VALUES: one, lo:hi:n or a/b/c.  [default: all but methods]",
+    help="Parameters to vary, comma-separated, see --list-parameters.  [default: all]",
 )
 @former_option("--knobs", "--parameters")
-@click.option(
-    "--method-input",
-    "method_inputs",
-    metavar="LIST",
-    default="noisy+jittered",
-    show_default=True,
-    help="Input of the methods, comma-separated kinds of 'reuse evaluate --input'.",
-)
+@removed_option("--method-input", "'reuse evaluate' shows error against time of reuse methods")
 @click.option(
     "--reference",
     metavar="path-traced[@M]|highest-quality|exr:DIR",
@@ -134,7 +122,6 @@ def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: 
     request = {name: options.pop(name) for name in names}
     request["time_limit"] = seconds_of(options.pop("time_limit"))
     request["parameters"] = None if parameters is None else _split(parameters)
-    request["method_inputs"] = _split(options.pop("method_inputs"))
     settings = settings_from(options)
     failed = 0
     for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):

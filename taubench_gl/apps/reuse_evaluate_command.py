@@ -29,7 +29,9 @@ from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.settings import Settings
 
 if TYPE_CHECKING:
-    from taubench_gl.reuse.evaluate import Evaluation
+    from collections.abc import Sequence
+
+    from taubench_gl.reuse.evaluate import Evaluation, MethodSpec
     from taubench_gl.reuse.evaluate_output import ReuseFolder
     from taubench_gl.reuse.input_kind import InputKind
 
@@ -38,8 +40,9 @@ DEFAULT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker", "warp_e
 METRICS_HELP = "Metrics to compute; also hdr_flip, lpips and cvvdp, which need more time or packages."
 FIT_METRICS = ("psnr", "ssim", "flip", "relmse", "tpsnr", "flicker")
 METHODS_HELP = (
-    "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1.  exr:DIR: frames "
-    "made elsewhere, with settings mapping, layer, offset, scale, label."
+    "Comma-separated: a built-in name, a folder, file.py or module:Class; settings as NAME@alpha=0.1, several values "
+    "as @alpha=0.1/0.2 or @alpha=lo:hi:n.  exr:DIR: frames made elsewhere, with settings mapping, layer, offset, "
+    "scale, label."
 )
 
 
@@ -128,7 +131,7 @@ Examples:
   taubench-gl reuse evaluate scene.glb --methods none,accumulate,svgf --frames 0:24 --out results --report
   taubench-gl reuse evaluate scene.glb --methods none,taa_clamp,ideal-masks --input full
   taubench-gl reuse evaluate scene.glb --methods accumulate,svgf --input noisy+jittered --out results
-  taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05,taa_clamp@alpha=0.2,./my_method
+  taubench-gl reuse evaluate scene.glb --methods taa_clamp@alpha=0.05/0.2,svgf@alpha=0.05:0.5:4,./my_method
   taubench-gl reuse evaluate scene.glb --methods svgf --input path-traced@1 --reference path-traced@1024
   taubench-gl reuse evaluate scene.glb --methods svgf --input exr:one-sample --reference exr:many-samples
   taubench-gl reuse evaluate scene.glb --methods svgf,exr:engine@mapping=unreal@label=TSR --out results --save results
@@ -166,15 +169,16 @@ def evaluate(
 
     A method that fails prints one line and does not affect the others; the exit code is then 2.
     """
+    from taubench_gl.reuse.fit import expand_methods
+
     settings, request = split_options(options)
+    specs = expand_methods(methods)
     if (save or report) and out is None:
         raise SettingsError("there is no folder to write to", hint="give --out DIR")
     failed = False
     for scene, folder in zip(scenes, out_folders(scenes, out), strict=True):
         try:
-            done = _evaluate_one(
-                scene, methods, settings, folder, (video, save, report), request | {"metrics": metrics}
-            )
+            done = _evaluate_one(scene, specs, settings, folder, (video, save, report), request | {"metrics": metrics})
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -189,7 +193,7 @@ def evaluate(
 
 def _evaluate_one(
     scene: str,
-    methods: tuple[str, ...],
+    methods: Sequence[MethodSpec],
     settings: Settings,
     folder: Path | None,
     files: tuple[str, tuple[str, ...], bool],

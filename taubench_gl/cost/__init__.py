@@ -4,7 +4,7 @@
 >>> study = cost("scene.glb", width=480, height=270, out="study", within=0.5)  # doctest: +SKIP
 >>> print(*study.answer(), sep="\n")  # doctest: +SKIP
 
-parameters -> configurations -> pixels, reference, errors, timing, methods -> records -> analysis -> result; ``study``
+parameters -> configurations -> pixels, reference, errors, timing -> records -> analysis -> result; ``study``
 runs them in order.
 """
 

@@ -62,6 +62,13 @@ def compare_times(a: Time, b: Time) -> int:
     return 1 if difference > 0 else -1
 
 
+def against(time: Time | None, baseline: Time | None) -> dict[str, Any] | None:
+    """Ratio of two times, and whether they differ by ``RULE``; None where one is not known."""
+    if time is None or baseline is None:
+        return None
+    return {"ratio": time.median / baseline.median, "different": compare_times(time, baseline) != 0}
+
+
 def _log_ratios(a: Time, b: Time) -> list[float]:
     """Of common rounds; [] where there are none."""
     same = len(a.rounds) == len(b.rounds)
@@ -307,18 +314,3 @@ def ms_text(time: Time) -> str:
     """``18.2 ± 0.41 ms/frame``."""
     spread = "" if time.spread is None else f" ± {time.spread:.2g}"
     return f"{f'{time.median:.3g}' if time.median < 1000 else f'{time.median:.0f}'}{spread} ms/frame"
-
-
-def error_increase(
-    coarse: Mapping[str, float], fine: Mapping[str, float], reference: Mapping[str, float]
-) -> tuple[float, float]:
-    """Mean over frames of |fine - reference| - |coarse - reference|, and its standard error.
-
-    Values by frame.  A mean above twice its standard error is an increase that the choice of pairs does not explain.
-    """
-    frames = sorted(coarse.keys() & fine.keys() & reference.keys())
-    increase = [abs(fine[f] - reference[f]) - abs(coarse[f] - reference[f]) for f in frames]
-    n = len(increase)
-    if n < 2:
-        return (increase[0] if increase else 0.0), math.inf
-    return math.fsum(increase) / n, statistics.stdev(increase) / math.sqrt(n)

@@ -81,18 +81,19 @@ class Plan:
         return next(c for c in self.configurations if c.name == name)
 
 
-def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *, bare: bool = False) -> Plan:
+def make_plan(context: StudyContext, parameters: Sequence[str] | None = None) -> Plan:
     """All configurations for one scene, in the order in which they are measured.
 
-    ``parameters``: names in ``PARAMETERS``, ``levels``, ``combinations``, ``effects``; None: all.  ``bare``: baseline
-    and highest quality alone are enough.  Parameters without an effect on this scene are left out, with the reason.
+    ``parameters``: names in ``PARAMETERS``, ``levels``, ``combinations``, ``effects``; None: all.  Parameters
+    without an effect on this scene are left out, with the reason.
     Raises SettingsError for an unknown name, and if nothing is left to vary.
     """
     every = (LEVEL_SET, COMBINATION_SET, *PARAMETERS, EFFECT_SET)
     chosen = tuple(every if parameters is None else dict.fromkeys(parameters))
     for name in chosen:
         if name not in every:
-            raise SettingsError(f"no parameter is named {name!r}", hint=f"choose from {', '.join(every)}, method:NAME")
+            moved = "use 'reuse evaluate --methods NAME@setting=VALUES'" if name.startswith("method:") else ""
+            raise SettingsError(f"no parameter is named {name!r}", hint=moved or f"choose from {', '.join(every)}")
     named = [name for name in chosen if name in PARAMETERS]
     inapplicable = {name: reason for name in named if (reason := PARAMETERS[name].inapplicable(context))}
     active = tuple(name for name in named if name not in inapplicable)
@@ -113,7 +114,7 @@ def make_plan(context: StudyContext, parameters: Sequence[str] | None = None, *,
         ]
         found.append(Configuration(EVERYTHING, "effect", {}, context.baseline.replace(effects="all"), title=EVERYTHING))
     found = _without_repetition(found)
-    if len(found) == 1 and not bare:
+    if len(found) == 1:
         why = "; ".join(f"{name}: {reason}" for name, reason in inapplicable.items())
         raise SettingsError("no parameter changes anything in this scene", hint=why or "choose other parameters")
     found.sort(key=lambda c: (not c.comparable, c.traced and c.role != BASELINE))  # last: they take long

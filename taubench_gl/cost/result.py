@@ -13,6 +13,7 @@ from taubench_gl.cost.analysis import (
     RULE,
     Choice,
     Point,
+    against,
     choose,
     mask_errors,
     noise_floor,
@@ -21,7 +22,6 @@ from taubench_gl.cost.analysis import (
 )
 from taubench_gl.cost.configurations import BASELINE, Plan
 from taubench_gl.cost.errors import column_differences
-from taubench_gl.cost.methods import MethodPoint, against, methods_json
 from taubench_gl.cost.pixels import discarded, pack_bits, unpack
 from taubench_gl.cost.preset import save_preset
 from taubench_gl.cost.timing import rounds_of
@@ -43,7 +43,6 @@ class CostStudy:
     about: dict[str, Any]
     points: list[Point]
     plan: Plan
-    methods: list[MethodPoint] = field(default_factory=list)
     requested_lighting: dict[str, Any] = field(default_factory=dict)  # light unit, exposure, environment; may be auto
     chosen: Choice | None = None
     out: Path | None = None
@@ -84,7 +83,6 @@ class CostStudy:
             "points": [self._point_json(p) for p in self.points],
             "fronts": {column: [p.name for p in self.front(column)] for column in measured},
             "chosen": None if self.chosen is None else _choice_json(self.chosen),
-            "methods": methods_json(self.methods),
         }
 
     def _point_json(self, p: Point) -> dict[str, Any]:

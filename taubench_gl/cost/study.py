@@ -10,15 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from datetime import date
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 from taubench_gl.animation import CameraTrack, camera_of_run
 from taubench_gl.conventions import COLUMNS
-from taubench_gl.cost import methods
 from taubench_gl.cost.analysis import OVERALL
-from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, fingerprint, identity, make_plan
+from taubench_gl.cost.configurations import BASELINE, Configuration, Plan, identity, make_plan
 from taubench_gl.cost.errors import measure_columns
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext
 from taubench_gl.cost.pixels import PairChannels, PixelSample, draw_pixels, pack, rendered_masks
@@ -44,10 +42,9 @@ from taubench_gl.frame.plan import FramePlan
 from taubench_gl.frame.spec import SceneFacts, ranked_with_sun
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.timing import WALL_CLOCK
-from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.series import Render, SampleCountSeries, find_series
 from taubench_gl.provenance import provenance
-from taubench_gl.reuse.input_kind import parse_input
 from taubench_gl.reuse.path_traced import reference_samples
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
@@ -117,7 +114,6 @@ class Subject:
     frames: range
     plan: Plan
     sample: PixelSample
-    methods: tuple[methods.MethodConfiguration, ...]
     series: SampleCountSeries | None  # path-traced renders as reference
     reference: str  # highest-quality | path-traced | exr
     samples: int | None  # asked for, of the path-traced reference
@@ -137,7 +133,6 @@ def cost(
     *,
     out: str | Path,
     parameters: Sequence[str] | None = None,
-    method_inputs: Sequence[str] = methods.INPUTS,
     reference: str | None = None,
     within: float | None = None,
     budget_ms: float | None = None,
@@ -153,12 +148,12 @@ def cost(
     """Measure mask error and time of every configuration, and recommend one.
 
     ``settings`` and ``overrides`` (fields of Settings) are the baseline.  ``parameters``: names in ``PARAMETERS``,
-    ``levels``, ``combinations``, ``effects`` (None: all these) and ``method:NAME@setting=VALUES``, reuse methods,
-    evaluated by their images on ``method_inputs``.  ``reference``: "path-traced", "path-traced@M" with M samples per
-    pixel, "highest-quality", or ``exr:DIR``, renders; None: path-traced where anything is lit.  ``within`` percent
-    of the pixels and ``budget_ms`` limit the recommendation, for one column or the overall error (``choose_for``).
+    ``levels``, ``combinations``, ``effects`` (None: all these).  ``reference``: "path-traced", "path-traced@M" with M
+    samples per pixel, "highest-quality", or ``exr:DIR``, renders; None: path-traced where anything is lit.
+    ``within`` percent of the pixels and ``budget_ms`` limit the recommendation, for one column or the overall error
+    (``choose_for``).
     ``repeats``: interleaved rounds of timing.  ``time_limit``: seconds; what is not measured by then is left to a later
-    run (the least that an answer needs is always measured, and reuse methods to their end).  ``out``
+    run (the least that an answer needs is always measured).  ``out``
     holds the records: called again, the study resumes; ``fresh`` starts from scratch.  Interrupted by the keyboard, it
     returns what is measured so far.
     ``clock``: of CLOCKS; ``now`` replaces it.  Raises TaubenchError.
@@ -169,9 +164,7 @@ def cost(
     request = Request(reference, within, budget_ms, choose_for, repeats, time_limit)
     request.check(baseline.metrics.columns)
     if parameters is not None and not parameters:
-        raise SettingsError("no parameter is given", hint=f"choose from {', '.join(PARAMETERS)}, method:NAME")
-    names, method_names = methods.split_parameters(parameters)
-    chosen_methods = methods.method_configurations(method_names, method_inputs)
+        raise SettingsError("no parameter is given", hint=f"choose from {', '.join(PARAMETERS)}")
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **baseline.sequence.reading)
     series = find_series(reference) if reference is not None and is_sequence(reference) else None
@@ -179,7 +172,7 @@ def cost(
         baseline = series.settings(baseline)
     requested = {name: baseline.get(name) for name in FIXED_LIGHTING}
     baseline = resolve_lighting(scene, baseline, camera_of_run(scene, baseline.sequence)).settings
-    subject = make_subject(scene, baseline, names, chosen_methods, series, reference)
+    subject = make_subject(scene, baseline, parameters, series, reference)
     out = Path(out)
     about = _about(subject, reference, CLOCKS[clock][1])
     header = {"identity": _identity(subject, about), "machine": about["machine"], "about": about}
@@ -196,7 +189,6 @@ def cost(
                 interrupted = True
             study = assemble(about, subject.plan, records.lines, repeats)
             study.about["interrupted"], study.requested_lighting = interrupted, requested
-            study.methods = methods.method_points(chosen_methods, records.lines, repeats)
             study.choose(within, budget_ms, choose_for)
     study.out = out
     return study
@@ -206,7 +198,6 @@ def make_subject(
     scene: Scene,
     baseline: Settings,
     names: Sequence[str] | None,
-    chosen_methods: tuple[methods.MethodConfiguration, ...],
     series: SampleCountSeries | None,
     reference: str | None,
 ) -> Subject:
@@ -220,9 +211,9 @@ def make_subject(
     limit = gpu.ctx.info["GL_MAX_TEXTURE_SIZE"]
     context = StudyContext(scene, decide(scene, baseline), baseline, len(frames) - 1, ranked, limit)
     kind, samples = ("exr", None) if series is not None else _reference_kind(reference, context)
-    plan = make_plan(context, names, bare=bool(chosen_methods))
+    plan = make_plan(context, names)
     sample = draw_pixels(frames, (baseline.sequence.width, baseline.sequence.height))
-    return Subject(gpu, scene, camera, frames, plan, sample, chosen_methods, series, kind, samples)
+    return Subject(gpu, scene, camera, frames, plan, sample, series, kind, samples)
 
 
 def _reference_kind(reference: str | None, context: StudyContext) -> tuple[str, int | None]:
@@ -282,16 +273,8 @@ def _about(subject: Subject, reference: str | None, clock: str) -> dict[str, Any
 
 
 def _identity(subject: Subject, about: Mapping[str, Any]) -> dict[str, str]:
-    found = identity(
-        subject.plan,
-        files_identity(file_hashes(subject.scene, subject.baseline)),
-        subject.frames,
-        about["reference"]["identity"],
-        about["camera"],
-    )
-    if subject.methods:
-        found["methods"] = fingerprint([c.name for c in subject.methods])
-    return found
+    files = files_identity(file_hashes(subject.scene, subject.baseline))
+    return identity(subject.plan, files, subject.frames, about["reference"]["identity"], about["camera"])
 
 
 def _processor() -> str:
@@ -313,29 +296,22 @@ class Measurements:
         self._subject, self._records, self._request, self._out, self._now = subject, records, request, out, now
         self._progress = progress or (lambda step: None)
         self._deadline = Deadline(request.time_limit)
-        self._methods_alone = bool(subject.methods) and len(subject.plan.configurations) == 1
-        plan = () if self._methods_alone else subject.plan.configurations
-        renders = () if subject.series is None or not plan else subject.series.renders
+        plan = subject.plan.configurations
+        renders = () if subject.series is None else subject.series.renders
         masks = {r["configuration"] for r in records.of("masks")}
         self._masks_due = [c for c in plan if c.comparable and c.name not in masks]
         self._renders_due = [r for r in renders if r.name not in masks]
         columns = {r["configuration"] for r in records.of("columns")}
         grid = [c for c in plan if not c.comparable]
         self._columns_due = [c for c in ((plan[0], *grid) if grid else ()) if c.name not in columns]
-        self._inputs = {c.input: [o for o in subject.methods if o.input == c.input] for c in subject.methods}
-        methods_due = len(self._inputs) * (1 + request.repeats)
-        methods_due -= len(records.of("images")) + len(records.of("image_time"))
-        visits = len(due_visits(plan, request.repeats, records.of("time"))) + (
-            bool(plan) and not records.of("reference")
-        )
+        visits = len(due_visits(plan, request.repeats, records.of("time"))) + (not records.of("reference"))
         due = len(self._masks_due) + len(self._renders_due) + len(self._columns_due)
-        self._done, self._total = 0, due + visits + max(methods_due, 0)
+        self._done, self._total = 0, due + visits
         self._channels: PairChannels | None = None
 
     def run(self) -> None:
-        """The reference, masks in the order of the plan, times in rounds, columns; then reuse methods."""
-        renderer = (self._measure_reference, self._measure_masks, self._measure_times, self._measure_columns)
-        for measure in (*(() if self._methods_alone else renderer), self._measure_methods):
+        """The reference, masks in the order of the plan, times in rounds, columns."""
+        for measure in (self._measure_reference, self._measure_masks, self._measure_times, self._measure_columns):
             with suppress(OutOfTime):
                 measure()
 
@@ -474,30 +450,6 @@ class Measurements:
             check = self._deadline.check
             found = measure_columns(self._subject.scene, self._subject.camera, configuration.settings, check)
             self._add("columns", {"configuration": configuration.name} | found)
-
-    def _measure_methods(self) -> None:
-        """Reuse methods: image errors once per input, then times, all inputs in turn."""
-        subject, baseline = self._subject, self._subject.baseline
-        measured = {r["input"] for r in self._records.of("images")}
-        for kind, chosen in self._inputs.items():
-            if kind not in measured:
-                self._report(f"images of {len(chosen)} methods: {kind}")
-                reference = self._image_reference(kind)
-                found = methods.measure_images(subject.scene, subject.camera, baseline, chosen, reference)
-                self._add("images", {"input": kind} | found)
-        timed = [r["input"] for r in self._records.of("image_time")]
-        for number, (kind, chosen) in product(range(self._request.repeats), self._inputs.items()):
-            if timed.count(kind) <= number:
-                self._report(f"round {number + 1} of {self._request.repeats}: {len(chosen)} methods, {kind}")
-                found = methods.time_methods(subject.scene, subject.camera, baseline, subject.frames, chosen)
-                self._add("image_time", {"input": kind, "round": number} | found)
-
-    def _image_reference(self, kind: str) -> str:
-        """The reference of reuse methods on inputs of ``kind``."""
-        subject = self._subject
-        if subject.series is not None:
-            return f"{PREFIX}{subject.series.reference.folder}"
-        return f"path-traced@{subject.samples or SAMPLES}" if parse_input(kind).path_samples else "max"
 
     def _add(self, kind: str, record: Mapping[str, Any]) -> None:
         self._records.add({"kind": kind, **record})

@@ -7,41 +7,32 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
-from taubench_gl.report.cost_page import METHOD_COLOR, OVERALL_COLOR
-from taubench_gl.report.cost_tables import OVERALL, method_axis
+from taubench_gl.report.cost_page import OVERALL_COLOR
+from taubench_gl.report.cost_tables import OVERALL
 from taubench_gl.report.figures import as_title, new_figure, save_figure
 
 Study = Mapping[str, Any]
 Point = Mapping[str, Any]
 
 MARKERS = {"baseline": "s", "level": "s", "highest_quality": "*", "single": "o", "combined": "^", "path_traced": "D",
-           "render": "*", "method": "o"}  # fmt: skip
+           "render": "*"}  # fmt: skip
 NAMES = {"baseline": "baseline", "level": "named level", "highest_quality": "highest quality",
          "single": "one parameter changed", "combined": "several changed", "path_traced": "path-traced",
-         "render": "renders", "method": "reuse method"}  # fmt: skip
-NAMED = ("baseline", "level", "highest_quality", "path_traced", "render", "method")
+         "render": "renders"}  # fmt: skip
+NAMED = ("baseline", "level", "highest_quality", "path_traced", "render")
 
 
 def plot_study(study: Study, folder: Path) -> list[Path]:
-    """``front``, the overall error against time, and ``methods_MEASURE``; PNG and SVG.  Raises OutputError."""
-    written = []
+    """``front``, the overall error against time, PNG and SVG; none where nothing is timed.  Raises OutputError."""
     errors = {p["name"]: p["masks"][OVERALL]["percent"] for p in study["points"] if p["masks"] and p["ms"]}
     shown = [p for p in study["points"] if p["role"] in MARKERS]
-    if errors:
-        figure, axes = new_figure(9.0, 5.4)
-        _draw(axes, shown, errors, study["fronts"][OVERALL], OVERALL_COLOR, study["reference"]["floor"].get(OVERALL))
-        axes.set(xlabel="ms per frame", ylabel="wrong masks, % of the pixels")
-        figure.suptitle(_title(study), fontsize=10)
-        written += save_figure(figure, folder / "front")
-    for measure in (study["methods"] or {}).get("measures", ()):
-        points, label = method_axis(study["methods"])
-        errors = {p["name"]: p["errors"][measure] for p in points if p["ms"] and p["errors"][measure] is not None}
-        figure, axes = new_figure(9.0, 5.4)
-        _draw(axes, points, errors, study["methods"]["fronts"][measure], METHOD_COLOR, None)
-        axes.set(xlabel=label, ylabel=measure)
-        figure.suptitle(f"Reuse methods, {measure}: {as_title(study['scene']['name'])}", fontsize=10)
-        written += save_figure(figure, folder / f"methods_{measure}")
-    return written
+    if not errors:
+        return []
+    figure, axes = new_figure(9.0, 5.4)
+    _draw(axes, shown, errors, study["fronts"][OVERALL], study["reference"]["floor"].get(OVERALL))
+    axes.set(xlabel="ms per frame", ylabel="wrong masks, % of the pixels")
+    figure.suptitle(_title(study), fontsize=10)
+    return save_figure(figure, folder / "front")
 
 
 def _draw(
@@ -49,7 +40,6 @@ def _draw(
     points: Sequence[Point],
     errors: Mapping[str, float],
     front: Sequence[str],
-    color: str,
     floor: float | None,
 ) -> None:
     """Points with the spread of their times; the front as steps, as only measured configurations are available."""
@@ -65,8 +55,8 @@ def _draw(
             x, spread = [p["ms"]["median"] for p in group], [p["ms"]["spread"] or 0.0 for p in group]
             axes.errorbar(
                 x, [height(p["name"]) for p in group], xerr=spread, fmt=marker, ms=11 if marker == "*" else 6,
-                mec="black", mew=0.6, color=color, alpha=0.85, ecolor="#888888", elinewidth=0.9, label=NAMES[role],
-                zorder=3 if role in NAMED else 2,
+                mec="black", mew=0.6, color=OVERALL_COLOR, alpha=0.85, ecolor="#888888", elinewidth=0.9,
+                label=NAMES[role], zorder=3 if role in NAMED else 2,
             )  # fmt: skip
         for p in group:
             if role in NAMED or p["name"] in front:

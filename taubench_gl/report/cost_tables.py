@@ -34,13 +34,8 @@ class Table:
 
 
 def answer(study: Study) -> list[str]:
-    """Three lines: what to use, against what it was compared, how far the numbers can be trusted.
-
-    Of reuse methods alone: what to use by each measure, and how far.
-    """
+    """Three lines: what to use, against what it was compared, how far the numbers can be trusted."""
     chosen = study["chosen"]
-    if study["methods"] is not None and len(study["points"]) == 1:
-        return [*study["methods"]["recommendations"], _trust(study)]
     first = "nothing has been measured yet" if chosen is None else chosen["words"]
     return [f"Use {first}" if chosen and chosen["configuration"] else first, _compared(study), _trust(study)]
 
@@ -62,8 +57,7 @@ def _compared(study: Study) -> str:
 def _trust(study: Study) -> str:
     machine, state = study["machine"], study["machine_state"]
     text = f"Machine: {machine['renderer']}, {machine['cores']} cores"
-    points = [*study["points"], *(study["methods"] or {"points": ()})["points"]]
-    rounds = max((p["ms"]["samples"] for p in points if p["ms"]), default=0)
+    rounds = max((p["ms"]["samples"] for p in study["points"] if p["ms"]), default=0)
     text += f"; {rounds} rounds"
     if state["other_work"] is not None:
         text += f", other processes took {100.0 * state['other_work']:.0f} % of the CPU time"
@@ -72,7 +66,7 @@ def _trust(study: Study) -> str:
     if state["busy"]:
         text += ": the machine was BUSY"
         text += ", times are too long" if "monotonic" in study["clock"] else f"; clock: {study['clock']}"
-    missing = sum(1 for p in study["points"] if not p["ms"] and p["usable"]) if len(study["points"]) > 1 else 0
+    missing = sum(1 for p in study["points"] if not p["ms"] and p["usable"])
     return text + (f"; {missing} configurations are not timed yet: run again to go on" if missing else "")
 
 
@@ -91,23 +85,9 @@ def heading(study: Study) -> list[str]:
     return lines
 
 
-def method_axis(block: Study) -> tuple[list[Point], str]:
-    """Reuse methods as the figures show them, and the label of their time.
-
-    On one input all have the same shading: its time, which would hide theirs, is left out.
-    """
-    points, inputs = block["points"], {p["input"] for p in block["points"]}
-    if len(inputs) > 1:
-        return points, "ms per frame, shading and method"
-    own = [p | {"ms": p["ms"] and p["ms"] | {"median": p["method_ms"], "spread": None}} for p in points]
-    shading = max((p["shading_ms"] for p in points if p["ms"]), default=0.0)
-    return own, f"ms per frame of the method; shading of every frame: {three(shading)} ms"
-
-
 def tables(study: Study) -> list[Table]:
     """All tables, in reading order; those without rows are left out."""
     found = [_front(study), _configurations(study), _effects(study), _columns(study), _storage(study)]
-    found += [] if study["methods"] is None else _methods(study["methods"])
     return [t for t in (*found, _arithmetic()) if t.rows]
 
 
@@ -232,33 +212,6 @@ def _arithmetic() -> Table:
     return Table("Numerics: the error that each rule avoids on the hard cases", heads, tuple(rows), notes)
 
 
-def _methods(block: Study) -> list[Table]:
-    """Reuse methods: all of them, and which are on the front of each measure."""
-    rows = []
-    for p in block["points"]:
-        on = [m for m in block["measures"] if p["name"] in block["fronts"][m]]
-        parts = [NONE if v is None else three(v) for v in (*p["errors"].values(), p["shading_ms"], p["method_ms"])]
-        count = len(p["errors"])
-        cells = (*parts[:count], ms_text(p), ratio_text(p), *parts[count:], _megabytes(p, 2), ", ".join(on) or NONE)
-        rows.append((p["label"], *cells))
-    first = next((p for p in block["points"] if not p["failed"]), None)
-    notes = [f"{m}: {doc}" for m, doc in block["measures"].items()]
-    notes += [] if first is None else [f"image errors against {first['reference']}; clock: {first['clock']}"]
-    notes += [f"{p['label']} failed: {p['failed']}" for p in block["points"] if p["failed"]]
-    notes += block["recommendations"]
-    heads = (
-        "method",
-        *block["measures"],
-        "ms/frame",
-        "of no reuse",
-        "shading, ms",
-        "method, ms",
-        "MB",
-        "on the front of",
-    )
-    return [Table("Reuse methods, evaluated by their images", heads, tuple(rows), tuple(notes))]
-
-
 def ms_text(point: Point) -> str:
     """``18.2 ± 0.4``."""
     ms = point["ms"]
@@ -268,7 +221,7 @@ def ms_text(point: Point) -> str:
 
 
 def ratio_text(point: Point) -> str:
-    """Time over that of the baseline (of methods: no reuse); ``~`` where they are indistinguishable."""
+    """Time over that of the baseline; ``~`` where they are indistinguishable."""
     against = point["against_baseline"]
     if against is None:
         return NONE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterable
 from pathlib import Path
 from types import MethodType
 from typing import Any
@@ -61,6 +62,15 @@ def legend_beside(axes: Any, *others: Any, x: float = 1.01, size: float = 9, **o
 def as_title(text: Any) -> str:
     """``text`` for a title: a lone dollar sign would start a formula."""
     return str(text).replace("$", r"\$")
+
+
+def pareto_steps(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Of (time, error): those with a smaller error than everything faster, fastest first."""
+    out: list[tuple[float, float]] = []
+    for time, error in sorted(points):
+        if not out or error < out[-1][1]:
+            out.append((time, error))
+    return out
 
 
 def save_figure(figure: Any, path: Path) -> list[Path]:

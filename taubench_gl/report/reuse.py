@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, save_figure
+from taubench_gl.report.figures import SERIES_COLORS, as_title, legend_beside, new_figure, pareto_steps, save_figure
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.page import data_uri, render_page
 from taubench_gl.report.render import to_html
@@ -379,6 +379,8 @@ def _time(summary: Summary, valid: Summary, measure: str, path: Path) -> list[Pa
             at = method["time_ms"], method["mean"][measure]
             style = _series_style(index, "marker", _MARKERS)
             axes.plot(*([v] for v in at), linestyle="", markersize=9, label=label, **style)
+    front = pareto_steps([(m["time_ms"], m["mean"][measure]) for m in timed.values()])
+    axes.step(*zip(*front, strict=True), where="post", color="black", linewidth=1.2, zorder=0, label="Pareto front")
     axes.set(xscale="log", xlabel=f"ms per frame, median ({summary['clock']})", ylabel=f"{measure} (lower is better)")
     axes.margins(x=0.1, y=0.1)
     axes.set_ylim(bottom=0)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.errors import MethodError, SettingsError
+from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.provenance import git_commit
 from taubench_gl.reuse.contract import Method, Setting, Value
 from taubench_gl.reuse.evaluate import MethodSpec, evaluate_methods, method_settings
@@ -32,6 +33,9 @@ DEFAULT_METRIC = "flip"
 
 DEFAULT_STEPS = 9
 MAX_POINTS = 4096
+MAX_METHODS = 48
+"""Methods of an evaluation, which are all held open at once."""
+
 AT_LIMIT, MAY_BE_OUTSIDE = "the setting allows no other value there", "the optimum may be outside: widen it"
 BATCH = 12
 """Points that are evaluated at once over the same frames."""
@@ -105,6 +109,41 @@ def parse_range(text: str, method: Method) -> Range:
     except ValueError:
         raise SettingsError(f"{text!r} is not a range", hint="give NAME=lo:hi:n, such as alpha=0.05:0.5:10") from None
     return _checked(Range(name, *ends, steps, setting.scale, setting.kind == "int"), setting)
+
+
+def expand_methods(texts: Sequence[str]) -> list[MethodSpec]:
+    """``NAME@setting=V`` with V a value, ``lo:hi:n`` or ``a/b/c``; several of these make a grid.  In their order.
+
+    Every setting of a grid is checked.  Raises MethodError, SettingsError.
+    """
+    found: dict[str, MethodSpec] = {}
+    for text in texts:
+        spec = MethodSpec.parse(text)
+        grid = isinstance(spec.method, str) and not is_sequence(spec.method)
+        for one in _grid(spec) if grid else (spec,):
+            found[one.label] = one
+    if len(found) > MAX_METHODS:
+        raise SettingsError(f"{len(found)} methods are more than {MAX_METHODS}", hint="give fewer values")
+    return list(found.values())
+
+
+def _grid(spec: MethodSpec) -> list[MethodSpec]:
+    several = {n: str(v) for n, v in spec.settings.items() if ":" in str(v) or "/" in str(v)}
+    if not several:
+        return [spec]
+    method, out = load_method(spec.method), []
+    values = [_values(method, name, text) for name, text in several.items()]
+    for chosen in itertools.product(*values):
+        given = {**spec.settings, **dict(zip(several, chosen, strict=True))}
+        method_settings(method, given)  # raises for invalid values
+        out.append(MethodSpec("@".join((str(spec.method), *(f"{n}={v}" for n, v in given.items()))), method, given))
+    return out
+
+
+def _values(method: Method, name: str, text: str) -> list[str]:
+    if ":" in text:
+        return [f"{value:.6g}" for value in parse_range(f"{name}={text}", method).values]
+    return [part for part in text.split("/") if part]
 
 
 def _checked(requested: Range, setting: Setting) -> Range:

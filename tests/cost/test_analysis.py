@@ -15,7 +15,6 @@ from taubench_gl.cost.analysis import (
     choose,
     compare_errors,
     compare_times,
-    error_increase,
     mask_errors,
     noise_floor,
     pareto_front,
@@ -230,12 +229,3 @@ def test_the_recommendation_is_kept_when_noisy_times_are_measured_again():
 def test_nothing_meets_the_limits(limits, nearest):
     choice = choose(POINTS, **limits)
     assert choice.point is None and nearest in choice.words
-
-
-def test_error_increase_over_pairs():
-    reference = {str(i): 5.0 for i in range(10)}
-    near = {k: 5.1 for k in reference}
-    far = {k: 5.5 + 0.01 * i for i, k in enumerate(reference)}
-    mean, error = error_increase(near, far, reference)
-    assert mean == pytest.approx(0.445) and mean > 2 * error
-    assert error_increase(far, near, reference)[0] < 0

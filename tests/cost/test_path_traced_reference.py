@@ -9,7 +9,6 @@ import pytest
 from taubench_gl.animation import choose_camera
 from taubench_gl.cost import cost
 from taubench_gl.cost.configurations import BASELINE, make_plan
-from taubench_gl.cost.methods import method_configurations
 from taubench_gl.cost.parameters import PARAMETERS, StudyContext, with_light
 from taubench_gl.cost.preset import LEVELS
 from taubench_gl.cost.reference import SUMS_FILE
@@ -63,13 +62,6 @@ def test_light_values():
     lighting = with_light(Settings(indirect="rsm"), "path-traced@16").lighting
     assert (lighting.light, lighting.spp, lighting.indirect) == ("path-traced", 16, "auto")
     assert with_light(Settings(light="path-traced"), "raster").lighting.light == "raster"
-
-
-def test_path_traced_inputs_are_compared_among_themselves():
-    found = method_configurations(["accumulate"], ("path-traced@1", "path-traced@2+jittered"))
-    assert {c.input for c in found} == {"path-traced@1", "path-traced@2+jittered"}
-    with pytest.raises(SettingsError):
-        method_configurations(["accumulate"], ("path-traced@1", "noisy"))
 
 
 def test_a_study_against_the_path_traced_reference(demo, tmp_path, monkeypatch):

@@ -13,7 +13,15 @@ from reuse_scenes import passing_box, settings, still
 from taubench_gl.errors import MethodError, SettingsError
 from taubench_gl.reuse.evaluate import MethodSpec
 from taubench_gl.reuse.evaluate_output import write_fit
-from taubench_gl.reuse.fit import AT_LIMIT, MAX_POINTS, MAY_BE_OUTSIDE, Range, fit_setting, parse_range
+from taubench_gl.reuse.fit import (
+    AT_LIMIT,
+    MAX_POINTS,
+    MAY_BE_OUTSIDE,
+    Range,
+    expand_methods,
+    fit_setting,
+    parse_range,
+)
 from taubench_gl.reuse.loading import load_method
 from taubench_gl.reuse.scores import EQUAL
 
@@ -212,3 +220,16 @@ def test_output_folder_is_checked_before_the_fit(tmp_path, monkeypatch, capsys):
             cli.main(["reuse", "fit", "s.glb", "--method", "taa_clamp", "--setting", "alpha", "--out", str(out)])
         err = capsys.readouterr().err
         assert ended.value.code == 2 and str(out) in err and err.count("\n") == 1
+
+
+def test_values_of_methods_make_a_grid():
+    found = expand_methods(["taa_variance@gamma=0.5:2:4@dilate=true/false", "none", "exr:a/b@label=c/d"])
+    assert [s.label for s in found[:8]] == [
+        f"taa_variance@gamma={g:g}@dilate={d}" for g in (0.5, 1, 1.5, 2) for d in ("true", "false")
+    ]
+    assert [s.label for s in found[8:]] == ["none", "c/d"], "paths and labels of files are no grid"
+    for wrong in ("taa_variance@gamma=2:1:4", "taa_variance@gama=1/2", "taa_variance@dilate=1:2:3", "svgf@alpha=7/8"):
+        with pytest.raises((MethodError, SettingsError)):
+            expand_methods([wrong])
+    with pytest.raises(SettingsError):
+        expand_methods(["taa_variance@gamma=0.5:2:49"])

@@ -17,6 +17,7 @@ from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Stage
+from taubench_gl.report.figures import pareto_steps
 from taubench_gl.scene.model import Scene
 
 Array = np.ndarray
@@ -128,15 +129,6 @@ def error_at(points: list[Point], scale: float, exact: float) -> float:
     return abs(percent(points, "baseline" if scale == 1.0 else f"scale={scale}") - exact)
 
 
-def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The Pareto front of (milliseconds, error)."""
-    out: list[tuple[float, float]] = []
-    for time, error in sorted(points):
-        if not out or error < out[-1][1]:
-            out.append((time, error))
-    return out
-
-
 def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
     axes = sheet.plot(
         96, sheet.grid_bottom + 46, 750, 240, xscale="log", yscale="log",
@@ -144,7 +136,7 @@ def _front(sheet: Sheet, points: list[Point], exact: float) -> None:
         title="Error against time: each dot is a configuration",
     )  # fmt: skip
     found = [(p, p.time.median, max(abs(p.columns["position"].percent - exact), 1e-4)) for p in points if p.time]
-    line = front([(time, error) for _, time, error in found])
+    line = pareto_steps((time, error) for _, time, error in found)
     axes.step(*zip(*line), where="post", color="#444", linewidth=1.4, label="Pareto front")
     top = sheet.grid_bottom + 48
     found.sort(key=lambda f: f[1])

@@ -1,8 +1,8 @@
 // The cost page: mask error against time, both logarithmic, one mark per configuration, the Pareto front as steps.
 
-const SHAPES = { baseline: "square", level: "square", highest_quality: "star", single: "circle", combined: "triangle", path_traced: "diamond", render: "star", method: "circle" };
-const NAMES = { baseline: "baseline", level: "named level", highest_quality: "highest quality", single: "one parameter changed", combined: "several changed", path_traced: "path-traced", render: "renders", method: "reuse method" };
-const NAMED = ["baseline", "level", "highest_quality", "path_traced", "render", "method"];
+const SHAPES = { baseline: "square", level: "square", highest_quality: "star", single: "circle", combined: "triangle", path_traced: "diamond", render: "star" };
+const NAMES = { baseline: "baseline", level: "named level", highest_quality: "highest quality", single: "one parameter changed", combined: "several changed", path_traced: "path-traced", render: "renders" };
+const NAMED = ["baseline", "level", "highest_quality", "path_traced", "render"];
 const box = document.getElementById("plot"), status = document.getElementById("status");
 const chooser = document.getElementById("column"), roles = document.getElementById("roles");
 
@@ -13,15 +13,14 @@ function shownPoints(column) {
 
 // The lines below the plot for one configuration.
 function describe(p, column) {
-  const e = p.masks[column], isMethod = p.role === "method", base = isMethod ? "no reuse" : "the baseline";
+  const e = p.masks[column];
   const spread = p.ms.spread === null ? "" : ` ± ${short(p.ms.spread)}`;
   const against = p.against_baseline === null || p.against_baseline.ratio === 1 ? ""
-    : p.against_baseline.different ? `, ${short(p.against_baseline.ratio)}x ${base}` : `, statistically indistinguishable from ${base}`;
+    : p.against_baseline.different ? `, ${short(p.against_baseline.ratio)}x the baseline` : ", statistically indistinguishable from the baseline";
   const on = [p.name === data.chosen ? "recommended" : "", data.fronts[column].includes(p.name) ? "on the Pareto front" : ""].filter(Boolean);
   const lines = [
     `${p.label}${on.length ? ` [${on.join(", ")}]` : ""}`,
-    isMethod ? `${column}: ${short(e.percent)}`
-      : `${column}: ${short(e.percent)} % of the masks are wrong: ${short(e.false_positive)} % discarded wrongly, ${short(e.false_negative)} % kept wrongly; difference ${e.points >= 0 ? "+" : ""}${short(e.points)} points`,
+    `${column}: ${short(e.percent)} % of the masks are wrong: ${short(e.false_positive)} % discarded wrongly, ${short(e.false_negative)} % kept wrongly; difference ${e.points >= 0 ? "+" : ""}${short(e.points)} points`,
     `${short(p.ms.median)}${spread} ms per frame, ${p.ms.samples} rounds${against}; clock: ${p.clock}`,
   ];
   if (p.bytes !== null) lines.push(`${short(p.bytes / 1e6)} MB allocated`);
@@ -29,7 +28,7 @@ function describe(p, column) {
 }
 
 function draw() {
-  const column = chooser.value, points = shownPoints(column), isMeasure = data.measures.includes(column);
+  const column = chooser.value, points = shownPoints(column);
   box.replaceChildren();
   if (!points.length) { status.textContent = "Nothing to show."; return; }
   const width = clamp(box.clientWidth || 1000, 300, 1200), height = Math.max(320, Math.round(0.5 * width));
@@ -42,8 +41,8 @@ function draw() {
   const x = logScale(Math.min(...times) * 0.8, Math.max(...times) * 1.6, area.left, area.right);
   const y = logScale(bottom, 1.6 * (most > bottom ? most : 10 * bottom), area.bottom, area.top);
   drawAxes(plot, area, {
-    x: { scale: x, ticks: x.ticks(width < 600 ? 4 : 8), label: `${isMeasure ? data.method_axis : "ms per frame"} (log)` },
-    y: { scale: y, ticks: y.ticks(5), label: isMeasure ? `${column} (log)` : "wrong masks, % of the pixels (log)" },
+    x: { scale: x, ticks: x.ticks(width < 600 ? 4 : 8), label: "ms per frame (log)" },
+    y: { scale: y, ticks: y.ticks(5), label: "wrong masks, % of the pixels (log)" },
   });
   if (floor) {
     plot.append(svg("line", { class: "floor", x1: area.left, x2: area.right, y1: y(floor), y2: y(floor) }));
@@ -56,7 +55,7 @@ function draw() {
   for (const p of order) {
     const px = x(p.ms.median), py = y(error(p));
     if (p.ms.spread) plot.append(svg("line", { class: "spread", x1: x(Math.max(p.ms.median - p.ms.spread, 0.5 * p.ms.median)), x2: x(p.ms.median + p.ms.spread), y1: py, y2: py }));
-    if (p.name === data.chosen && !isMeasure) plot.append(svg("circle", { class: "chosen", cx: px, cy: py, r: 12 }));
+    if (p.name === data.chosen) plot.append(svg("circle", { class: "chosen", cx: px, cy: py, r: 12 }));
     if (NAMED.includes(p.role)) plot.append(svg("text", { class: "name", x: px + 9, y: py - 7 }, p.label));
     addMark(plot, {
       shape: SHAPES[p.role], x: px, y: py, fill: data.colors[column], label: describe(p, column), title: p.label, name: p.name, dim: !front.includes(p),
@@ -67,8 +66,6 @@ function draw() {
 
 walkMarks(box, (name) => data.points.find((p) => p.name === name).ms.median);
 for (const name of data.columns) chooser.append(el("option", { value: name }, name === "overall" ? "overall: in any column" : name));
-for (const measure of data.measures) chooser.append(el("option", { value: measure }, `${measure} of reuse methods`));
-if (!data.points.some((p) => p.ms && p.masks.overall) && data.measures.length) chooser.value = data.measures[0];
 for (const role of Object.keys(NAMES)) {
   if (!data.points.some((p) => p.role === role && p.ms)) continue;
   const input = el("input", { type: "checkbox", value: role, checked: true, onchange: () => draw() });
