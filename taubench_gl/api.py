@@ -62,7 +62,6 @@ def evaluate(
     out: str | Path | None = None,
     save: str | Collection[str] = (),
     report: bool = False,
-    exact: bool = False,
     progress: Callable[[Progress], None] | None = None,
     on_pair: Callable[[Pair], None] | None = None,
     **options: Any,
@@ -76,8 +75,7 @@ def evaluate(
     ``lobes`` (``diffuse``, ``glossy``) measures direct and indirect of these lobes apart, of any scene.
     ``out``: the folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save``
     adds, per pair, ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``report`` adds
-    report.html, one self-contained page, and the folder ``images`` with the images on it.  ``exact`` compares the masks
-    with exact visibility: a ray to every surface point, which needs an acceleration structure.  ``progress`` and
+    report.html, one self-contained page, and the folder ``images`` with the images on it.  ``progress`` and
     ``on_pair`` are called once per pair; the images of a ``Pair`` are on the GPU until ``on_pair`` returns.
 
     Raises TaubenchError; for a name that does not exist with the nearest one.
@@ -87,9 +85,7 @@ def evaluate(
     _require_callable(progress=progress, on_pair=on_pair)
     if not isinstance(report, bool):
         raise SettingsError(f"report is {report!r:.60}", hint="give True or False")
-    if not isinstance(exact, bool):
-        raise SettingsError(f"exact is {exact!r:.60}", hint="give True or False")
-    own = ("settings", "out", "save", "report", "exact", "progress", "on_pair")
+    own = ("settings", "out", "save", "report", "progress", "on_pair")
     settings, path_traced = _settings_of(scene, settings, options, own)
     saved = _saves(save)
     folder = _folder(out)
@@ -103,11 +99,8 @@ def evaluate(
         on_finish=None if saver is None else lambda run: _write_views(run, saver, report),
     )
     if is_sequence(scene):
-        if exact:
-            raise SettingsError("path-traced files have no surfaces to trace rays against", where=str(scene),
-                                hint="leave exact out, or give the scene")  # fmt: skip
         return evaluate_path_traced(scene, settings, path_traced, observers, out=folder)
-    return evaluate_scene(_readable(scene), settings, observers, out=folder, lobes=path_traced.lobes, exact=exact)
+    return evaluate_scene(_readable(scene), settings, observers, out=folder, lobes=path_traced.lobes)
 
 
 def _write_views(run: Run, saver: _Saver, report: bool) -> None:

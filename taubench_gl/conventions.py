@@ -64,7 +64,7 @@ class Visibility(enum.IntFlag):
     """Bits of the channel ``prev_visibility``: what a ray from the previous camera to a pixel's surface point found.
 
     A pixel has exactly one of VISIBLE, OCCLUDED, OUTSIDE, BEHIND, NEW and INVALID.  The pixels of the previous image
-    decide nothing: the point itself is traced, at the place it had.
+    decide nothing: the point itself is traced, at the place it had.  ``exact_reasons`` adds CHANGED_LIGHT.
     """
 
     VISIBLE = 1 << 0  # inside the previous image, and nothing drawn before it
@@ -75,6 +75,13 @@ class Visibility(enum.IntFlag):
     INVALID = 1 << 5  # NaN or Inf in a position
     SKY = 1 << 6  # no surface at this pixel: the view direction is traced
     MOVED = 1 << 7  # the point itself moved by more than the position threshold
+    BRIGHTENED = 1 << 8  # a visible point's own radiance changed, most of it by time, and its luminance rose
+    DARKENED = 1 << 9  # the same, and its luminance fell
+    VIEW_DEPENDENT = 1 << 10  # a visible point's own radiance changed, most of it by the direction to the camera
+
+
+CHANGED_LIGHT = Visibility.BRIGHTENED | Visibility.DARKENED | Visibility.VIEW_DEPENDENT
+"""Of these, a pixel has at most one."""
 
 
 NO_HISTORY = 1 << 31

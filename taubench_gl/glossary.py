@@ -301,6 +301,19 @@ EXACT: Mapping[str, Term] = _by_key(
         "A pixel whose point was occluded, and that no frustum, position or normal discard rules out",
         "% of all pixels", _EXACT,
     ),
+    *(
+        Term(f"exact_{key}", f"{key}, exact", definition, "pixels", _EXACT)
+        for key, definition in (
+            ("outside", "The surface point was outside the previous image"),
+            ("behind", "The surface point was behind the previous camera"),
+            ("new", "The surface replaced another one, or its object was hidden in the previous frame"),
+            ("invalid", "A position is not finite"),
+        )
+    ),
+    Term(
+        "misregistered_color", "misregistered, color",
+        "Pixels that color discards although the previous camera saw their point in the same color", "pixels", _EXACT,
+    ),
     Term(
         "misregistered_position", "misregistered, position", "Misregistered pixels of the column position", "pixels",
         _EXACT,
@@ -320,11 +333,21 @@ EXACT: Mapping[str, Term] = _by_key(
     ),
     Term(
         "brightened", "brightened point",
-        "A visible point whose own direct radiance rose by more than the threshold", "pixels", _EXACT,
+        "A visible point whose own direct, else indirect, radiance changed by more than the threshold, most of it by "
+        "time, and rose in luminance", "pixels", _EXACT,
     ),
     Term(
-        "darkened", "darkened point", "A visible point whose own direct radiance fell by more than the threshold",
-        "pixels", _EXACT,
+        "darkened", "darkened point", "As brightened; the luminance fell", "pixels", _EXACT,
+    ),
+    Term(
+        "view_dependent", "view-dependent point",
+        "A visible point whose own radiance changed by more than the threshold, most of it because the camera sees it "
+        "from another direction: as a highlight or a reflection does", "pixels", _EXACT,
+    ),
+    Term(
+        "light_noise", "noise of exact light",
+        "Visible points whose light then differs by more than the threshold between two sets of samples of path-traced "
+        "light; measured in the first, middle and last frame", "pixels", _EXACT,
     ),
 )  # fmt: skip
 """Exact visibility: columns of Table 4 and of frames.csv, where it was asked for."""

@@ -40,8 +40,9 @@ FRAME_COLUMNS = ("frame", "time_s", *COUNT_COLUMNS, *CAMERA_COLUMNS, "camera_cut
 """
 
 EXACT_COLUMNS = (
-    "visible", "occluded", "misregistered_position", "misregistered_normal", "misregistered_direct",
-    "misregistered_indirect", "brightened", "darkened",
+    "visible", "occluded", "exact_outside", "exact_behind", "exact_new", "exact_invalid", "misregistered_color",
+    "misregistered_position", "misregistered_normal", "misregistered_direct", "misregistered_indirect", "missed",
+    "brightened", "darkened", "view_dependent", "light_noise",
 )  # fmt: skip
 """More columns of a run with exact visibility: pixel counts (``evaluation.exact``)."""
 

@@ -64,10 +64,16 @@ class ExactRate(Rate):
 class Exact(Struct):
     visible: Rate | None = None
     occluded: Rate | None = None
+    outside: Rate | None = None
+    behind: Rate | None = None
+    new: Rate | None = None
+    invalid: Rate | None = None
     misregistered: dict[str, ExactRate] | None = None
     missed: ExactRate | None = None
     brightened: Rate | None = None
     darkened: Rate | None = None
+    view_dependent: Rate | None = None
+    light_noise: Rate | None = None
     reprojection: str | None = None
 
 
@@ -90,6 +96,7 @@ class RunSettings(Struct):
     unit_scale: float | None = None
     samples_per_pixel: Count = None
     pairs: str | None = None
+    exact: bool | None = None
     light_unit: str | None = None
     exposure: float | str | None = None
     environment: str | list[float] | None = None

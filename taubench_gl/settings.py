@@ -250,6 +250,10 @@ class MetricsSettings(_Group):
         "pairs to evaluate: all | every:K | strata:H (two from each of H strata)",
         Check(f"one of {', '.join(PAIR_SAMPLES)}", _pairs_fault),
     )
+    exact: bool = _setting(
+        False,
+        "compare the masks with exact visibility and with the light of the same points",
+    )
 
     def __post_init__(self) -> None:
         # super() without arguments does not work in a dataclass with slots: the decorator makes another class.

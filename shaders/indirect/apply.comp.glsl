@@ -6,9 +6,9 @@
 // Reads      position normal base_color material, and probes, or irradiance and VPLs.
 // Writes     indirect and, where requested, each lobe; only of the pixels shaded in this frame.
 // Departs    The glossy lobe sees the irradiance of its mirror direction, not an image; only diffuse light bounces on.
-#include "common/affine.glsl"
 #include "common/vpl.glsl"
 #include "common/shading_rate.glsl"
+#include "common/to_camera.glsl"
 
 #if PROBES
 #include "common/probe_lookup.glsl"
@@ -52,7 +52,7 @@ void main() {
     vec3 radiance = vec3(0.0), diffuse_lobe = vec3(0.0), glossy_lobe = vec3(0.0);
     if (p.w > 0.0 && m.w >= 0.0) {
         vec3 n = normal_at(pixel).xyz, base = base_color_at(pixel).rgb;
-        vec3 v = safe_normalize(-p.xyz);
+        vec3 v = direction_to_camera(pixel, p.xyz);
         float fresnel = 0.04 * m.w;
 #if PROBES
         vec3 x = p.xyz + P.scene_from_relative.xyz;

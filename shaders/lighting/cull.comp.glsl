@@ -7,9 +7,9 @@
 // Reads      position normal base_color material, light table.
 // Writes     tile_counts, tile_lists: rows of the light table, ascending.
 // Reference  metrics.lighting
-#include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"
+#include "common/to_camera.glsl"
 
 const int BINS = 40; // powers of two of the bound, the last one 2^7 and above
 const int LOWEST = -32;
@@ -38,7 +38,7 @@ float largest_brdf(ivec2 pixel, vec3 p) {
     if (m.w < 0.0) return 0.0; // unlit
     float color = max(base.r, max(base.g, base.b));
 #if GLOSSY
-    vec3 v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p);
+    vec3 v = direction_to_camera(pixel, p);
     float n_v = max(dot(normal_at(pixel).xyz, v), 1e-4);
     float a = max(m.y * m.y, MIN_ALPHA), a2 = a * a;
     float peak = 1.0 / (2.0 * PI * a2 * sqrt(n_v * n_v * (1.0 - a2) + a2));

@@ -7,11 +7,11 @@
 // Reference  metrics.lighting (albedo_table for the environment), metrics.environment
 // Departs    Occlusion of the environment is not simulated: its light is that of an unoccluded point.  Glossy light of an image
 //            is its split sum.
-#include "common/affine.glsl"
 #include "common/brdf.glsl"
 #include "common/lights.glsl"
 #include "common/shading_rate.glsl"
 #include "common/sky.glsl"
+#include "common/to_camera.glsl"
 #include "common/tuning.glsl"
 #if SHADOWS
 #include "common/shadow.glsl"
@@ -44,7 +44,7 @@ void main() {
         s.alpha = max(m.y * m.y, MIN_ALPHA);
         s.specular = m.w;
         s.n = normal_at(pixel).xyz;
-        s.v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p.xyz);
+        s.v = direction_to_camera(pixel, p.xyz);
         vec3 g = geometric_normal_at(pixel).xyz;
 #if UNROLLED_LIGHTS
 #define ADD(i) add_light(unrolled_light(i), UNROLLED_FACES[i] >= 0.0, s, p.xyz, g, sum);

@@ -6,7 +6,7 @@
 // Writes     direct and, where enabled, indirect, and where requested their lobes; only of the pixels shaded in this frame.
 // Reference  metrics.stochastic
 // Departs    As lighting.comp: occlusion of the sky is not simulated, so its light has no noise.
-#include "common/affine.glsl"
+#include "common/to_camera.glsl"
 #include "common/brdf.glsl"
 #include "common/light_choice.glsl"
 #include "common/lights.glsl"
@@ -52,7 +52,7 @@ void main() {
         s.alpha = max(m.y * m.y, MIN_ALPHA);
         s.specular = m.w;
         s.n = normal_at(pixel).xyz;
-        s.v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p.xyz);
+        s.v = direction_to_camera(pixel, p.xyz);
         vec3 g = geometric_normal_at(pixel).xyz;
         uint samples = S.counts.x > 0 ? S.samples.z : 0u;
         for (uint k = 0u; k < samples; ++k) {

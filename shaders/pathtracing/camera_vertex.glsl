@@ -1,4 +1,6 @@
 // The surface of a pixel, as the rasterizer found it: the first vertex of its paths.
+#include "common/to_camera.glsl"
+
 struct CameraVertex {
     bool lit; // a surface that scatters light
     vec3 p;   // relative to the camera
@@ -18,6 +20,6 @@ CameraVertex camera_vertex(ivec2 local) {
     r.surface.alpha = max(m.y * m.y, MIN_ALPHA);
     r.surface.specular = m.w;
     r.surface.n = normal_at(pixel).xyz;
-    r.surface.v = P.parallel_view.w > 0.5 ? P.parallel_view.xyz : safe_normalize(-p.xyz);
+    r.surface.v = direction_to_camera(pixel, p.xyz);
     return r;
 }

@@ -51,6 +51,11 @@ class View:
             out[:2] -= shift[:, None] * out[3]
         return out
 
+    @property
+    def towards_parallel_camera(self) -> tuple[float, float, float, float]:
+        """xyz: unit, from every point to a parallel camera, w 1; zeros for a perspective camera."""
+        return (*self.world_from_view[:, 2], 1.0) if self.camera.parallel else (0.0,) * 4
+
     def centered(self) -> View:
         """The same view without jitter."""
         return replace(self, jitter_px=np.zeros(2)) if np.any(self.jitter_px) else self

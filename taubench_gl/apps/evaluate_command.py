@@ -66,16 +66,14 @@ Columns of Table 4 (all terms: docs/glossary.md):
     "--exact",
     is_flag=True,
     help="Compare the masks with exact visibility, a ray to every surface point: Table 4 gains the columns visible and "
-    "occluded, and the share of each geometric column that is misregistration.",
+    "occluded, and the share of each column that is misregistration (docs/reject.md).",
 )
 @preset_option
 @light_options
 @accuracy_options
 @path_traced_options
 @gpu_options
-def evaluate(
-    scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, exact: bool, **options: Any
-) -> int:
+def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, **options: Any) -> int:
     """Measure how much of each frame the next one can reuse, and print the paper's Tables 1 to 4.
 
     SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or a quoted pattern of numbered OBJ
@@ -97,7 +95,7 @@ def evaluate(
     failed = 0
     for scene, folder in zip(scenes, folders, strict=True):
         try:
-            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report=report, exact=exact))
+            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report=report))
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise

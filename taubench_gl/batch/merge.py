@@ -16,12 +16,20 @@ from taubench_gl.batch.spec import BatchSpec, Job
 from taubench_gl.batch.store import Store
 from taubench_gl.conventions import COLUMNS
 from taubench_gl.errors import OutputError
-from taubench_gl.evaluation import Brightness, assemble_summary, describe_brightness, mark_cuts, sampled_pairs
+from taubench_gl.evaluation import (
+    Brightness,
+    assemble_summary,
+    describe_brightness,
+    exact_summary,
+    frame_columns,
+    mark_cuts,
+    sampled_pairs,
+)
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report import run_tables
 from taubench_gl.report.render import write_tables as write_table_files
-from taubench_gl.run import CAMERA_COLUMNS, FRAME_COLUMNS, SUMMARY_FILE, Run, RunWriter, load_run
+from taubench_gl.run import CAMERA_COLUMNS, EXACT_COLUMNS, SUMMARY_FILE, Run, RunWriter, load_run
 from taubench_gl.scene.model import Camera
 
 SCHEMA = "taubench-gl/batch/2"
@@ -46,7 +54,8 @@ def merge_job(
         record = records[position]
         camera = {name: record.row[name] for name in (*CAMERA_COLUMNS, "gimbal")}
         first = {name: record.row[name] for name in ("frame", "time_s")}
-        rows.append(first | stats.add(record.counts) | camera)
+        exact = {name: record.row[name] for name in EXACT_COLUMNS} if settings.metrics.exact else {}
+        rows.append(first | stats.add(record.counts) | camera | exact)
     lens = Camera()  # camera activity depends on position and direction only
     views = [View(np.array(p), np.array(r), lens) for p, r in zip(head["positions"], head["rotations"])]
     summary = assemble_summary(head["facts"], frames, settings, views, stats)
@@ -58,6 +67,8 @@ def merge_job(
     source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}
     summary |= source
     describe_brightness(summary, brightness, settings)
+    if settings.metrics.exact:
+        summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}
     summary["provenance"] = _common([one["provenance"] for one in reports])
     mark_cuts(rows, summary)
@@ -80,7 +91,7 @@ def write_job(store: Store, job: Job, run: Run, reports: Sequence[Mapping[str, A
         for one in reports
     ]  # fmt: skip
     store.write_json(store.job(job.id) / "provenance.json", {"job": job.id, "chunks": chunks})
-    with RunWriter(store.job(job.id), FRAME_COLUMNS) as writer:
+    with RunWriter(store.job(job.id), frame_columns(job.settings)) as writer:
         writer.rewrite_rows(run.frames)
         writer.write_summary(run.summary)
 

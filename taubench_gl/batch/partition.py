@@ -19,7 +19,7 @@ from taubench_gl.data_files import parse_json
 from taubench_gl.errors import OutputError
 from taubench_gl.frame.passes.masks import MASK_WORDS, Counts
 from taubench_gl.outputs import plain_text
-from taubench_gl.run import CAMERA_COLUMNS, COUNT_COLUMNS
+from taubench_gl.run import CAMERA_COLUMNS, COUNT_COLUMNS, EXACT_COLUMNS
 
 REPORT_KEY = b"taubench-gl"
 """Key of the file's metadata: the worker's report on the job and on itself, as JSON."""
@@ -51,8 +51,8 @@ def encode(records: Sequence[PairRecord], report: Mapping[str, Any]) -> bytes:
     columns: dict[str, list[Any]] = {name: [] for name in _fields(pa)}
     for record in records:
         columns["pair"].append(record.position)
-        for name in (*_PLAIN, *COUNT_COLUMNS, *CAMERA_COLUMNS):
-            columns[name].append(record.row[name])
+        for name in (*_PLAIN, *COUNT_COLUMNS, *EXACT_COLUMNS, *CAMERA_COLUMNS):
+            columns[name].append(record.row.get(name) if name in EXACT_COLUMNS else record.row[name])
         for name, values in (("word", record.counts.mask_histogram), ("bin", record.counts.histograms)):
             flat = np.asarray(values, dtype=np.int64).ravel()
             used = np.flatnonzero(flat)
@@ -95,7 +95,9 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
     jobs = list(jobs)
     swept = list(dict.fromkeys(key for _, _, sweep, _ in jobs for key in sweep))
     fields = {"job": pa.string(), "scene": pa.string()} | {f"sweep_{key}": pa.string() for key in swept}
-    fields |= {name: kind for name, kind in _fields(pa).items() if name in (*_PLAIN, *COUNT_COLUMNS, *CAMERA_COLUMNS)}
+    exact = EXACT_COLUMNS if any(row.get(EXACT_COLUMNS[0]) is not None for *_, rows in jobs for row in rows) else ()
+    wanted = (*_PLAIN, *COUNT_COLUMNS, *exact, *CAMERA_COLUMNS)
+    fields |= {name: kind for name, kind in _fields(pa).items() if name in wanted}
     fields["camera_cut"] = pa.bool_()
     columns: dict[str, list[Any]] = {name: [] for name in fields}
     for job, scene, sweep, rows in jobs:
@@ -104,7 +106,7 @@ def frames_table(jobs: Iterable[tuple[str, str, Mapping[str, Any], Sequence[Mapp
                 {"job": job, "scene": _text(scene)} | {f"sweep_{k}": _text(sweep.get(k)) for k in swept} | dict(row)
             )
             for name in fields:
-                value = values[name]
+                value = values.get(name) if name in EXACT_COLUMNS else values[name]
                 columns[name].append(bool(value) if name in ("camera_cut", "gimbal") else value)
     arrays = [pa.array(columns[name], type=kind) for name, kind in fields.items()]
     sink = io.BytesIO()
@@ -129,7 +131,7 @@ def _fields(pa: Any) -> dict[str, Any]:
         "pair": pa.int64(),
         "frame": pa.int64(),
         "time_s": pa.float64(),
-        **dict.fromkeys(COUNT_COLUMNS, pa.int64()),
+        **dict.fromkeys((*COUNT_COLUMNS, *EXACT_COLUMNS), pa.int64()),  # exact ones are null where not asked for
         **dict.fromkeys(CAMERA_COLUMNS, pa.float64()),
         "gimbal": pa.bool_(),
         "word": pa.list_(pa.int32()),

@@ -28,21 +28,24 @@ from taubench_gl.batch.partition import PairRecord, encode, require_pyarrow
 from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDone, Unit
 from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
+    ExactColumns,
     Observers,
     checked_frames,
     environment_image,
     evaluate_pairs,
+    exact_channels,
     file_hashes,
     files_identity,
     frame_range,
     frame_schedule,
     pair_schedule,
+    require_exact,
     require_triangles,
     resolve_lighting,
     scene_facts,
 )
 from taubench_gl.frame.passes.masks import Counts
-from taubench_gl.frame.sources import RasterSource
+from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import Gpu, open_gpu
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.gpu.timing import PassTimer
@@ -72,6 +75,7 @@ class _Loaded:
     camera: Any
     source: RasterSource | None = None
     gpu: Gpu | None = None
+    exact: ExactColumns | None = None
 
 
 class Worker:
@@ -110,12 +114,17 @@ class Worker:
             timer = PassTimer(gpu)
             if loaded.source is None:
                 loaded.gpu = gpu
-                loaded.source = RasterSource(gpu, loaded.scene, loaded.camera, settings, poser=loaded.poser)
+                options = SourceOptions(extra=exact_channels() if settings.metrics.exact else ())
+                loaded.source = RasterSource(gpu, loaded.scene, loaded.camera, settings, options, poser=loaded.poser)
+                if settings.metrics.exact:
+                    parts = loaded.scene, loaded.camera, settings, loaded.poser, loaded.source
+                    loaded.exact = ExactColumns.of_source(gpu, *parts, frames)
             chosen = unit.positions
             schedule = pair_schedule(frames, chosen) if chosen else frame_schedule(frames, settings)
             counts: list[Counts] = []
             context = GpuContext(gpu, timer=timer)
-            observers = Observers(progress=lambda _: on_pair(), on_counts=counts.append)
+            observed = None if loaded.exact is None else loaded.exact.observer(None)
+            observers = Observers(progress=lambda _: on_pair(), on_counts=counts.append, on_pair=observed)
             checked = checked_frames(frame_schedule(frames, settings))
             results = evaluate_pairs(context, loaded.source, settings, schedule, observers, checked)
             rows = results.rows
@@ -125,6 +134,7 @@ class Worker:
                 "source": loaded.source.describe(),
                 "brightness": results.brightness.as_dict(),
                 "unmeasured": dict(loaded.source.unmeasured),
+                "reprojection": loaded.source.reprojection,
                 "provenance": provenance(gpu, timer.clock) | _process_info(time.perf_counter() - started),
                 "passes_ms": timer.median_ms(),
             }
@@ -136,6 +146,8 @@ class Worker:
         loaded, self._loaded = self._loaded, None
         if loaded is not None and loaded.source is not None:
             with loaded.gpu:
+                if loaded.exact is not None:
+                    loaded.exact.release()
                 loaded.source.release()
                 loaded.gpu.collect()
 
@@ -162,6 +174,8 @@ def head(scene: Scene, poser: Poser, camera: Any, settings: Settings) -> bytes:
     ``lighting``: the settings of ``LIGHTING``, resolved for all units of the job.
     """
     require_triangles(scene)
+    if settings.metrics.exact:
+        require_exact(settings)
     frames = frame_range(scene, camera, settings)
     resolved = resolve_lighting(scene, settings, camera, frames=frames, poser=poser)
     views = [camera.view_at(poser.sample(frame / settings.sequence.fps)) for frame in frames]

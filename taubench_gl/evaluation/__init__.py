@@ -7,6 +7,7 @@ Path-traced files: ``pathtraced.evaluation``.
 """
 
 from taubench_gl.evaluation.brightness import Brightness, checked_frames, describe_brightness
+from taubench_gl.evaluation.exact import ExactColumns, exact_channels, exact_summary, require_exact
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.evaluation.lighting import (
     ResolvedLighting,
@@ -25,7 +26,7 @@ from taubench_gl.evaluation.pairs import (
     evaluate_pairs,
     iterate_pairs,
 )
-from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, open_scene, require_triangles
+from taubench_gl.evaluation.scene import SceneInput, evaluate_scene, frame_columns, open_scene, require_triangles
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule, frame_total, pair_schedule, sampled_pairs
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, mark_cuts, scene_facts
 
@@ -33,6 +34,7 @@ __all__ = [
     "Brightness",
     "ChannelPair",
     "EvaluatedPair",
+    "ExactColumns",
     "Explanation",
     "Observers",
     "Pair",
@@ -46,9 +48,12 @@ __all__ = [
     "environment_image",
     "evaluate_pairs",
     "evaluate_scene",
+    "exact_channels",
+    "exact_summary",
     "file_hashes",
     "files_identity",
     "finish_run",
+    "frame_columns",
     "frame_range",
     "frame_schedule",
     "frame_total",
@@ -56,6 +61,7 @@ __all__ = [
     "mark_cuts",
     "open_scene",
     "pair_schedule",
+    "require_exact",
     "require_triangles",
     "resolve_lighting",
     "sampled_pairs",

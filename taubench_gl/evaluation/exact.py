@@ -1,34 +1,42 @@
-"""Exact visibility beside the masks: which discards a ray confirms, and which are misregistration.  On request only."""
+"""Exact visibility beside the masks: which discards rays and the light of the same points confirm.  On request only."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import FEATURE_BIT, FRUSTUM, Reason, Visibility
+from taubench_gl.animation import CameraTrack, Poser
+from taubench_gl.conventions import CHANGED_LIGHT, COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError
+from taubench_gl.evaluation.brightness import checked_frames
 from taubench_gl.evaluation.pairs import Pair
-from taubench_gl.evaluation.previous_shading import PreviousShading
+from taubench_gl.evaluation.previous_shading import LIGHT, PointLight, PreviousShading, needed
+from taubench_gl.evaluation.schedule import frame_schedule
 from taubench_gl.frame.passes.visibility import CHANNEL
-from taubench_gl.metrics.streaming import Welford
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.gpu.context import Gpu
+from taubench_gl.metrics.point_light import light_reasons
 from taubench_gl.run import EXACT_COLUMNS
+from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings
-from taubench_gl.srgb import LUMINANCE
 
 Array = np.ndarray
 CLASSES = {
     "visible": Visibility.VISIBLE, "occluded": Visibility.OCCLUDED, "outside": Visibility.OUTSIDE,
     "behind": Visibility.BEHIND, "new": Visibility.NEW, "invalid": Visibility.INVALID,
 }  # fmt: skip
-"""Disjoint classes that cover all pixels."""
+"""Disjoint classes that cover all pixels; the last four are ``exact_<name>`` in a row of frames.csv."""
 
 GEOMETRY = ("position", "normal")
-"""Columns whose discards a ray can confirm."""
+"""Columns whose discards a ray can confirm; those of other columns need the light of the same point too."""
 
-LIGHT = ("direct", "indirect")
-"""Columns whose discards the light of the same point can confirm (``previous_shading``)."""
+CHANGES = {
+    "brightened": Visibility.BRIGHTENED, "darkened": Visibility.DARKENED, "view_dependent": Visibility.VIEW_DEPENDENT,
+}  # fmt: skip
+"""Disjoint reasons of visible points whose light changed."""
 
 _SURFACE = FRUSTUM | Reason.FIRST | Reason.CUT | Reason.INVALID | Reason.POSITION | Reason.NORMAL
 
@@ -41,14 +49,63 @@ def require_exact(settings: Settings) -> None:
         raise SettingsError("exact visibility needs positions of 32 bits", hint="leave --storage at float")
 
 
-def misregistered(mask: Array, bits: Array, column: str, reprojection: str) -> Array:
-    """Pixels that ``column`` (one of GEOMETRY) discards although the previous camera saw their surface point.  (h, w).
+def exact_channels() -> tuple[str, ...]:
+    """Channels that a source must draw for ``ExactReasons`` besides those of its columns."""
+    return (CHANNEL, *needed())
 
-    What a point's own motion explains is left out: in position under camera reprojection, in normal always.
+
+@dataclass(frozen=True, slots=True)
+class Reasons:
+    """Of one pair.  ``bits`` (h, w) uint32 of ``Visibility``, with CHANGED_LIGHT; ``light``: None without light."""
+
+    bits: Array
+    light: PointLight | None
+
+
+class ExactReasons:
+    """Why history is wrong, for every pixel of the pairs of a source: rays, and the light of the same points."""
+
+    def __init__(
+        self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings, poser: Poser, radiance: Collection[str]
+    ):
+        """``radiance``: those of direct, indirect and color that the source has."""
+        self._thresholds = {name: settings.metrics.threshold(name) for name in LIGHT}
+        lit = {*LIGHT, "color"} & set(radiance)
+        self._shading = PreviousShading(gpu, scene, camera, settings, poser) if lit else None
+
+    @property
+    def lit(self) -> bool:
+        """Whether light is compared."""
+        return self._shading is not None
+
+    def of(self, source: RasterSource, frame: int, *, noise: bool = False) -> Reasons:
+        """``source`` holds the pair whose current frame has the number ``frame``, with ``exact_channels``."""
+        bits = source.read(CHANNEL)[..., 0]
+        if self._shading is None:
+            return Reasons(bits, None)
+        light = self._shading.of(source, frame, noise=noise)
+        seen = (bits & (Visibility.VISIBLE | Visibility.SKY)) == Visibility.VISIBLE
+        return Reasons(bits | light_reasons(light.total, light.by_direction, self._thresholds, seen), light)
+
+    def release(self) -> None:
+        if self._shading is not None:
+            self._shading.release()
+
+
+def misregistered(mask: Array, reasons: Reasons, column: str, settings: Settings, reprojection: str) -> Array:
+    """Pixels that ``column`` (of FEATURES) discards although the previous camera saw their surface point.  (h, w).
+
+    What a point's own motion explains is left out: under camera reprojection, and in normal always; and for columns of
+    light where the point's own value changed by more than the threshold.
     """
+    bits = reasons.bits
     found = ((mask & FEATURE_BIT[column]) != 0) & ((bits & Visibility.VISIBLE) != 0)
     if column == "normal" or reprojection == "camera":
         found &= (bits & Visibility.MOVED) == 0
+    if column in LIGHT:
+        found &= np.linalg.norm(reasons.light.total[column], axis=-1) <= settings.metrics.threshold(column)
+    if column == "color":
+        found &= reasons.light.color <= settings.metrics.threshold(column)
     return found
 
 
@@ -58,95 +115,109 @@ def missed(mask: Array, bits: Array) -> Array:
 
 
 class ExactColumns:
-    """Compares the masks of every pair with the channel ``prev_visibility`` and the light of the same points."""
+    """Adds EXACT_COLUMNS to the row of every pair."""
 
     def __init__(
-        self, measured: dict[str, str], settings: Settings, reprojection: str, shading: PreviousShading | None = None
+        self,
+        reasons: ExactReasons,
+        unmeasured: Mapping[str, str],
+        settings: Settings,
+        reprojection: str,
+        noisy: Collection[int] = (),
     ):
-        """``measured``: column of GEOMETRY and LIGHT -> why it is null, "" where it is measured; ``shading``: for the
-        columns of LIGHT that are."""
-        self._reasons, self._reprojection, self._shading = measured, reprojection, shading
-        self._limits = {name: settings.metrics.threshold(name) for name in LIGHT}
-        self._light = {name: Welford() for name in ("brightened", "darkened")}
-        self._classes = {name: Welford() for name in CLASSES}
-        self._wrong = {name: Welford() for name in (*GEOMETRY, *LIGHT)}
-        self._totals = {name: [0, 0] for name in (*GEOMETRY, *LIGHT, "missed")}  # wrong or missed, and of how many
-        self._missed = Welford()
+        """``unmeasured``: column -> why it is null; ``reprojection``: of the source; ``noisy``: frames at which the
+        noise of path-traced light is measured."""
+        self._reasons, self._settings, self._reprojection, self._noisy = reasons, settings, reprojection, noisy
+        self._measured = tuple(c for c in FEATURES if c not in unmeasured)
+
+    @classmethod
+    def of_source(
+        cls,
+        gpu: Gpu,
+        scene: Scene,
+        camera: CameraTrack,
+        settings: Settings,
+        poser: Poser,
+        source: RasterSource,
+        frames: range,
+    ) -> ExactColumns:
+        """For the pairs of ``source``, drawn with ``exact_channels``; ``frames``: of the whole run."""
+        reasons = ExactReasons(gpu, scene, camera, settings, poser, source.radiance)
+        noisy = checked_frames(frame_schedule(frames, settings))
+        return cls(reasons, source.unmeasured, settings, source.reprojection, noisy)
 
     def observer(self, on_pair: Callable[[Pair], None] | None) -> Callable[[Pair], None]:
-        """A callback that counts each pair, adds to its row, and then calls ``on_pair``."""
+        """A callback that adds to the row of each pair, and then calls ``on_pair``."""
 
         def observe(pair: Pair) -> None:
-            changes = {} if self._shading is None else self._shading.changes(pair.source, pair.frame)
-            pair.row.update(self.add(pair.mask, pair.read(CHANNEL)[..., 0], changes))
+            found = self._reasons.of(pair.source, pair.frame, noise=pair.frame in self._noisy)
+            pair.row.update(self.row(pair.mask, found))
             if on_pair is not None:
                 on_pair(pair)
 
         return observe
 
-    def add(self, mask: Array, bits: Array, changes: Mapping[str, Array] | None = None) -> dict[str, int | None]:
-        """Count one pair; its columns of frames.csv.  ``changes``: of ``PreviousShading.changes``."""
-        row: dict[str, int | None] = dict.fromkeys(EXACT_COLUMNS)
-        for name, bit in CLASSES.items():
-            count = int(np.count_nonzero(bits & bit))
-            self._classes[name].add(100.0 * count / bits.size)
-            if name in row:
-                row[name] = count
-        for column in GEOMETRY:
-            if self._reasons[column]:
-                continue
-            wrong = int(np.count_nonzero(misregistered(mask, bits, column, self._reprojection)))
-            row[f"misregistered_{column}"] = wrong
-            self._count(column, wrong, int(np.count_nonzero(mask & FEATURE_BIT[column])))
-            self._wrong[column].add(100.0 * wrong / bits.size)
-        self._add_light(row, mask, bits, changes or {})
-        if not any(self._reasons[column] for column in GEOMETRY):
-            unseen = int(np.count_nonzero(missed(mask, bits)))
-            self._count("missed", unseen, row["occluded"])
-            self._missed.add(100.0 * unseen / bits.size)
-        return row
+    def row(self, mask: Array, found: Reasons) -> dict[str, int | None]:
+        """EXACT_COLUMNS of one pair; None: not measured."""
+        bits, row = found.bits, dict.fromkeys(EXACT_COLUMNS)
+        counts: dict[str, Array] = {_class_column(name): bits & bit for name, bit in CLASSES.items()}
+        for column in self._measured:
+            counts[f"misregistered_{column}"] = misregistered(mask, found, column, self._settings, self._reprojection)
+        if set(GEOMETRY) <= set(self._measured):
+            counts["missed"] = missed(mask, bits)
+        if found.light is not None and found.light.total:
+            counts |= {name: bits & bit for name, bit in CHANGES.items()}
+        if found.light is not None and found.light.noise is not None:
+            counts["light_noise"] = self._noise(found)
+        return row | {name: int(np.count_nonzero(pixels)) for name, pixels in counts.items()}
 
-    def _add_light(self, row: dict[str, int | None], mask: Array, bits: Array, changes: Mapping[str, Array]) -> None:
-        visible = (bits & Visibility.VISIBLE) != 0
-        placed = visible & ((bits & Visibility.MOVED) == 0) if self._reprojection == "camera" else visible
-        for column, change in changes.items():
-            if self._reasons[column]:
-                continue
-            same = np.linalg.norm(change, axis=-1) <= self._limits[column]
-            discarded = (mask & FEATURE_BIT[column]) != 0
-            wrong = int(np.count_nonzero(discarded & placed & same))
-            row[f"misregistered_{column}"] = wrong
-            self._count(column, wrong, int(np.count_nonzero(discarded)))
-            self._wrong[column].add(100.0 * wrong / bits.size)
-            if column == "direct":
-                rise = change @ LUMINANCE
-                for name, found in (("brightened", rise > 0), ("darkened", rise < 0)):
-                    row[name] = int(np.count_nonzero(visible & ~same & found))
-                    self._light[name].add(100.0 * row[name] / bits.size)
+    def _noise(self, found: Reasons) -> Array:
+        limits = {name: self._settings.metrics.threshold(name) for name in LIGHT}
+        above = [np.linalg.norm(v, axis=-1) > limits[name] for name, v in found.light.noise.items()]
+        return np.logical_or.reduce(above) & ((found.bits & Visibility.VISIBLE) != 0)
 
-    def _count(self, name: str, part: int, whole: int) -> None:
-        self._totals[name][0] += part
-        self._totals[name][1] += whole
-
-    def summary(self) -> dict[str, Any]:
-        """The block ``exact`` of summary.json."""
-        out: dict[str, Any] = {name: _rate(w) for name, w in self._classes.items()}
-        wrong = {}
-        for column in (*GEOMETRY, *LIGHT):
-            reason = self._reasons[column] or None
-            wrong[column] = _rate(self._wrong[column]) | self._share(column)
-            wrong[column] |= {"reason": reason} if reason else {}
-        out["misregistered"] = wrong
-        out |= {name: _rate(w) for name, w in self._light.items()}
-        out["missed"] = _rate(self._missed) | self._share("missed")
-        return out | {"reprojection": self._reprojection}
-
-    def _share(self, name: str) -> dict[str, float | None]:
-        part, whole = self._totals[name]
-        return {"share_percent": 100.0 * part / whole if whole else None}
+    def release(self) -> None:
+        self._reasons.release()
 
 
-def _rate(values: Welford) -> dict[str, float | None]:
-    if not values.count:
-        return {"mean_percent": None, "max_percent": None}
-    return {"mean_percent": values.mean, "max_percent": values.max}
+def exact_summary(
+    rows: Sequence[Mapping[str, Any]], unmeasured: Mapping[str, str], reprojection: str
+) -> dict[str, Any]:
+    """The block ``exact`` of summary.json from the rows of frames.csv of all pairs.
+
+    ``unmeasured``: column -> why it is null; ``reprojection``: of the source.
+    """
+
+    def rate(column: str) -> dict[str, float | None]:
+        shares = [100.0 * row[column] / row["pixels"] for row in rows if row[column] is not None]
+        if not shares:
+            return {"mean_percent": None, "max_percent": None}
+        return {"mean_percent": float(np.mean(shares)), "max_percent": float(np.max(shares))}
+
+    def share(part: str, of: str) -> dict[str, float | None]:
+        known = [row for row in rows if row[part] is not None]
+        whole = sum(row[of] for row in known)
+        return {"share_percent": 100.0 * sum(row[part] for row in known) / whole if whole else None}
+
+    wrong = {}
+    for column in (c for c in COLUMNS if c in FEATURES):
+        name = f"misregistered_{column}"
+        wrong[column] = rate(name) | share(name, column)
+        wrong[column] |= {"reason": unmeasured[column]} if column in unmeasured else {}
+    return {
+        **{name: rate(_class_column(name)) for name in CLASSES},
+        "misregistered": wrong,
+        **{name: rate(name) for name in CHANGES},
+        "light_noise": rate("light_noise"),
+        "missed": rate("missed") | share("missed", "occluded"),
+        "reprojection": reprojection,
+    }
+
+
+def _class_column(name: str) -> str:
+    return name if name in EXACT_COLUMNS else f"exact_{name}"
+
+
+def changed_light(bits: Array) -> Array:
+    """Visible points whose light changed by more than a threshold, for whatever reason.  (h, w) bool."""
+    return (bits & CHANGED_LIGHT) != 0

@@ -9,14 +9,12 @@ from pathlib import Path
 from taubench_gl.animation import CameraTrack, Poser, camera_of_run
 from taubench_gl.errors import SceneError, SettingsError
 from taubench_gl.evaluation.brightness import describe_brightness
-from taubench_gl.evaluation.exact import GEOMETRY, LIGHT, ExactColumns, require_exact
+from taubench_gl.evaluation.exact import ExactColumns, exact_channels, exact_summary, require_exact
 from taubench_gl.evaluation.lighting import ResolvedLighting, resolve_lighting
 from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels
 from taubench_gl.evaluation.pairs import Observers, evaluate_pairs
-from taubench_gl.evaluation.previous_shading import PreviousShading, needed
 from taubench_gl.evaluation.schedule import frame_range, frame_schedule
 from taubench_gl.evaluation.summary import assemble_summary, finish_run, scene_facts
-from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -47,6 +45,8 @@ class SceneInput:
 
 def open_scene(scene: Scene | str | Path, settings: Settings, camera: CameraTrack | None = None) -> SceneInput:
     """Load a scene if it is a path, choose camera, frames and lighting.  Raises TaubenchError."""
+    if settings.metrics.exact:
+        require_exact(settings)
     if not isinstance(scene, Scene):
         scene = load_scene(scene, **settings.sequence.reading)
     camera = camera or camera_of_run(scene, settings.sequence)
@@ -63,48 +63,47 @@ def evaluate_scene(
     out: str | Path | None = None,
     camera: CameraTrack | None = None,
     lobes: Collection[str] = (),
-    exact: bool = False,
 ) -> Run:
     """Evaluate every frame pair of one scene.
 
     ``out`` receives frames.csv row by row and summary.json at the end; ``camera`` overrides ``sequence.camera``;
-    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary;
-    ``exact`` compares the masks with exact visibility, in ``exact`` of the summary and EXACT_COLUMNS of frames.csv.
+    ``lobes`` of direct and indirect (``conventions.LOBES``) are also measured apart, in ``lobes`` of the summary.
     Raises TaubenchError.
     """
     require_lobes(lobes)
     if lobes and (settings or Settings()).metrics.samples_per_pixel > 1:
         raise SettingsError("lobes are measured at one sample per pixel", hint="leave samples per pixel at 1")
-    if exact:
-        require_exact(settings or Settings())
     given = open_scene(scene, settings or Settings(), camera)
     observers = replace(observers or Observers(), scene=given.scene.name)
     if out is None:
-        return _run(given, observers, tuple(lobes), exact)
-    with RunWriter(out, FRAME_COLUMNS + EXACT_COLUMNS * exact) as writer:
-        return _run(given, replace(observers, writer=writer), tuple(lobes), exact)
+        return _run(given, observers, tuple(lobes))
+    with RunWriter(out, frame_columns(given.settings)) as writer:
+        return _run(given, replace(observers, writer=writer), tuple(lobes))
 
 
-def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...], exact: bool) -> Run:
+def frame_columns(settings: Settings) -> tuple[str, ...]:
+    """Columns of frames.csv."""
+    return FRAME_COLUMNS + EXACT_COLUMNS * settings.metrics.exact
+
+
+def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...]) -> Run:
     scene, camera, frames, settings = given.scene, given.camera, given.frames, given.settings
     gpu = open_gpu(settings.device.backend, settings.device.device)
     with gpu:
         timer, poser = PassTimer(gpu, first=TIMED_FIRST, every=TIMED_EVERY), Poser(scene)
         context = GpuContext(gpu, timer=timer)
-        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes), *((VISIBILITY, *needed()) * exact))))
+        exact = settings.metrics.exact
+        extra = tuple(dict.fromkeys((*observers.channels, *scene_channels(lobes), *exact_channels() * exact)))
         source = RasterSource(gpu, scene, camera, settings, SourceOptions(extra=extra), timer=timer, poser=poser)
         untimed, missing = GpuContext(gpu, context.shaders), missing_of_scene(lobes, source.unmeasured)
         apart = LobeColumns(untimed, source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
         if lobes:
             observers = replace(observers, on_pair=apart.observer(observers.on_pair))
+        schedule = frame_schedule(frames, settings)
         if exact:
-            lit = {"direct", "indirect"} & set(source.radiance)
-            shading = PreviousShading(gpu, scene, camera, settings, poser) if lit else None
-            measured = {c: source.unmeasured.get(c, "") for c in (*GEOMETRY, *LIGHT)}
-            confirmed = ExactColumns(measured, settings, source.reprojection, shading)
-            observers = replace(observers, on_pair=confirmed.observer(observers.on_pair))
+            columns = ExactColumns.of_source(gpu, scene, camera, settings, poser, source, frames)
+            observers = replace(observers, on_pair=columns.observer(observers.on_pair))
         try:
-            schedule = frame_schedule(frames, settings)
             results = evaluate_pairs(context, source, settings, schedule, observers)
             gpu.check("evaluation")
             views = results.views
@@ -119,11 +118,11 @@ def _run(given: SceneInput, observers: Observers, lobes: tuple[str, ...], exact:
             if lobes:
                 summary["lobes"] = apart.summary()
             if exact:
-                summary["exact"] = confirmed.summary()
+                summary["exact"] = exact_summary(results.rows, source.unmeasured, source.reprojection)
         finally:
             apart.release()
-            if exact and shading is not None:
-                shading.release()
+            if exact:
+                columns.release()
             source.release()
             context.release()
             gpu.collect()

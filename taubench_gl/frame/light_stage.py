@@ -22,7 +22,7 @@ from taubench_gl.frame.passes.shadows import ShadowPass, shadow_maps
 from taubench_gl.frame.plan import LIGHT
 from taubench_gl.frame.renderer import Renderer
 from taubench_gl.frame.shadow_faces import wanted_sizes
-from taubench_gl.frame.spec import FrameSpec
+from taubench_gl.frame.spec import TO_CAMERA, FrameSpec
 from taubench_gl.frame.tuning import MAX_LIGHTS
 from taubench_gl.gpu.declare import Stage
 from taubench_gl.gpu.passes import CompiledCompute
@@ -64,6 +64,8 @@ class LightStage:
             self._owned["albedo_table"].write(albedo_table().tobytes())
         for name in {MAP, LOBES} & self._owned.keys():
             self._owned[name].write(texels(spec.environment, name).tobytes())
+        if spec.given_directions:
+            self._owned[TO_CAMERA] = context.gpu.ctx.texture(spec.size, 4, dtype="f4")
         if self._stochastic:
             self._owned["light_choice"] = context.gpu.ctx.buffer(reserve=8 * max(len(self.table), 1), dynamic=True)
 
@@ -103,6 +105,15 @@ class LightStage:
             with timer.measure("path tracing"):
                 self.paths.run(frame)
         self.run_color()
+
+    def give_directions(self, directions: Array) -> None:
+        """Unit directions towards which every point is lit, (h, w, 3), world axes, row 0 at the top.
+
+        Before ``run``, where the spec has ``given_directions``.
+        """
+        rows = np.zeros((*directions.shape[:2], 4), dtype=np.float32)
+        rows[..., :3] = directions[::-1]
+        self._owned[TO_CAMERA].write(rows)
 
     def run_color(self) -> None:
         """Compute color from the light of the frame."""

@@ -64,6 +64,7 @@ def frame_spec(
     extra: tuple[str, ...] = (),
     tuning: Tuning = ON_GPU,
     pixel_list: bool = False,
+    given_directions: bool = False,
 ) -> FrameSpec:
     """What the passes of a frame with these ``effects`` are declared from; an effect that cannot work is left out."""
     enabled = {name for name, effect in effects.items() if effect.enabled}
@@ -71,7 +72,7 @@ def frame_spec(
     if not len(facts.scene.light_nodes) and "sun" not in enabled:
         enabled -= LIGHT_BOUND - {"indirect"} if traced else LIGHT_BOUND
     enabled = without_dependents(enabled, DEPENDS)
-    return FrameSpec(facts, settings, enabled, shading or Shading(), extra, tuning, pixel_list)
+    return FrameSpec(facts, settings, enabled, shading or Shading(), extra, tuning, pixel_list, given_directions)
 
 
 def frame_passes(spec: FrameSpec) -> tuple[Pass, ...]:

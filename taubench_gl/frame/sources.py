@@ -74,6 +74,7 @@ class SourceOptions:
     jitter: Callable[[int], np.ndarray] | None = None  # frame -> sub-pixel offset (2,) of its samples, pixels
     pixel_list: bool = False  # path-traced light for the pixels that ``trace`` is given
     shading: Shading | None = None  # fewer pixels or random samples instead of exact light
+    given_directions: bool = False  # light towards the directions of ``LightStage.give_directions``
 
 
 class RasterSource:
@@ -108,6 +109,7 @@ class RasterSource:
         poser, tuning = poser or Poser(scene), Tuning(gpu.software, gpu.ctx.info["GL_MAX_TEXTURE_SIZE"])
         facts = SceneFacts(scene, camera, poser)
         more = {"extra": options.extra, "tuning": tuning, "pixel_list": options.pixel_list}
+        more |= {"given_directions": options.given_directions}
         spec = frame_spec(facts, settings, self.effects, shading=shading, **more)
         self.size = spec.size
         self.context = GpuContext(gpu, timer=timer)
@@ -159,6 +161,11 @@ class RasterSource:
         """``advance`` without light; ``trace`` lights it."""
         return self._rasterize(frame, None if self._jitter is None else self._jitter(frame))
 
+    def draw_at(self, time: float, view: View) -> None:
+        """Draw the scene at ``time`` seconds from ``view``, without light."""
+        self._previous_time = time
+        self.renderer.draw(time, time, views=(view, view))
+
     def trace(
         self, number: int, first: int, count: int, pixels: np.ndarray | None = None, scramble: int | None = None
     ) -> None:
@@ -174,6 +181,11 @@ class RasterSource:
             paths.pixels = np.stack([pixels[:, 0], self.size[1] - 1 - pixels[:, 1]], axis=-1)
         paths.first_sample, paths.sample_count = first, count
         self.light.run(number)
+
+    @property
+    def previous_time(self) -> float:
+        """Seconds, of the frame before the current one."""
+        return self._previous_time
 
     def recolor(self) -> None:
         """Compute ``color`` of the current frame again, from light that the caller has changed."""

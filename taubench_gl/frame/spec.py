@@ -20,13 +20,16 @@ from taubench_gl.frame.materials import MaterialKey, material_key
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.shadow_faces import Face, faces_of, map_sizes
 from taubench_gl.frame.tuning import Tuning
-from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, WRITE, Use
+from taubench_gl.gpu.declare import IMAGE, READ, TEXTURE, WRITE, ComputePass, Use
 from taubench_gl.scene.model import Material, Primitive, Scene
 from taubench_gl.settings import Settings
 
 Array = np.ndarray
 BOUND_TIMES = 9
 """Times, evenly over the animation with both ends, at which bounds and the significance of lights are taken."""
+
+TO_CAMERA = "to_camera"
+"""Texture (rgba32f, xyz: unit, world axes) of the directions towards which a spec with ``given_directions`` lights."""
 
 BOUND_MARGIN = 1.05
 """Factor on the radius of the scene's bounds: what moves between those times."""
@@ -97,6 +100,7 @@ class FrameSpec:
     extra: tuple[str, ...] = ()  # channels besides those that passes read
     tuning: Tuning = ON_GPU
     pixel_list: bool = False  # path-traced light for listed pixels only
+    given_directions: bool = False  # light towards the directions of the texture ``to_camera``, not to the camera
 
     @property
     def scene(self) -> Scene:
@@ -106,6 +110,11 @@ class FrameSpec:
     def size(self) -> tuple[int, int]:
         """Pixels."""
         return self.settings.sequence.width, self.settings.sequence.height
+
+    def declare_directions(self, p: ComputePass) -> ComputePass:
+        """Where ``p`` looks up the direction to the camera (``shaders/common/to_camera.glsl``).  Returns ``p``."""
+        p.define(GIVEN_DIRECTIONS=self.given_directions)
+        return p.texture(TO_CAMERA, given=True) if self.given_directions else p
 
     @property
     def indirect_method(self) -> str:

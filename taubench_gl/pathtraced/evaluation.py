@@ -126,6 +126,7 @@ def require_supported(spec: str | Path, settings: Settings) -> None:
     for what, value, only in (
         ("pairs", settings.metrics.pairs, "all"),
         ("samples per pixel", settings.metrics.samples_per_pixel, 1),
+        ("exact", settings.metrics.exact, False),
     ):
         if value != only:
             raise SettingsError(f"{what} {value} is for rendered scenes", where=str(spec), hint=f"leave it at {only}")

@@ -14,11 +14,9 @@ from taubench_gl.animation import Poser
 from taubench_gl.conventions import NOT_COMPARABLE, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import PairEvaluator, open_scene
-from taubench_gl.evaluation.exact import require_exact
-from taubench_gl.evaluation.previous_shading import PreviousShading, needed
+from taubench_gl.evaluation.exact import CHANGES, ExactReasons, changed_light, exact_channels, require_exact
 from taubench_gl.evaluation.scene import SceneInput
 from taubench_gl.frame.materials import tests_alpha
-from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.gpu.passes import GpuContext
@@ -152,7 +150,7 @@ class _Run:
         try:
             self._timer = PassTimer(gpu)
             self._context = self._own(GpuContext(gpu, timer=self._timer))
-            extra = tuple(dict.fromkeys((VISIBILITY, *CHANNELS, *(needed() if color else ()))))
+            extra = tuple(dict.fromkeys((*exact_channels(), *CHANNELS)))
             self._source = self._own(
                 RasterSource(gpu, given.scene, given.camera, settings, SourceOptions(extra=extra), poser=poser)
             )
@@ -160,16 +158,15 @@ class _Run:
             single = {t.name: t for test in tests for t in test.single}
             self._differences = self._own(Differences(self._context, self._source, tuple(single.values())))
             self._single = tuple(single)
-            self._shading = None
-            if color and self._source.radiance:
-                self._shading = self._own(PreviousShading(gpu, given.scene, given.camera, settings, poser))
+            radiance = {"direct", "indirect"} & set(self._source.radiance)
+            self._reasons = self._own(ExactReasons(gpu, given.scene, given.camera, settings, poser, radiance))
         except BaseException:
             self.release()
             raise
-        truths = TRUTHS if self._shading is not None else TRUTHS[:1]
+        truths = TRUTHS if self._reasons.lit else TRUTHS[:1]
         self._scores = {test.name: Scores.of(test, truths) for test in tests}
         self._apart = dict.fromkeys(("sky", "frustum", "not_classified", "surface"), 0)
-        self._changed = 0
+        self._changed = dict.fromkeys(CHANGES, 0)
 
     def _own(self, part: Any) -> Any:
         self._parts.append(part)
@@ -191,7 +188,7 @@ class _Run:
 
     def _score(self, frame: int) -> None:
         source, settings = self._source, self._given.settings
-        mask, bits = self._pairs.mask(), source.read(VISIBILITY)[..., 0]
+        mask, bits = self._pairs.mask(), self._reasons.of(source, frame).bits
         position = source.read("position")
         compared, surface = (mask & NOT_COMPARABLE) == 0, position[..., 3] > 0
         scored = compared & surface & ((bits & (Visibility.OUTSIDE | Visibility.BEHIND | Visibility.INVALID)) == 0)
@@ -202,10 +199,10 @@ class _Run:
         self._apart["not_classified"] += int(np.count_nonzero(~scored & surface & ~frustum))
         positive = (bits & (Visibility.OCCLUDED | Visibility.NEW)) != 0
         truth = {TRUTHS[0]: positive[scored]}
-        if self._shading is not None:
-            changed = self._changes(frame)
-            self._changed += int(np.count_nonzero(changed & scored & ~positive))
-            truth[TRUTHS[1]] = (positive | changed)[scored]
+        if self._reasons.lit:
+            for name, bit in CHANGES.items():
+                self._changed[name] += int(np.count_nonzero(scored & ((bits & bit) != 0)))
+            truth[TRUTHS[1]] = (positive | changed_light(bits))[scored]
         strata = {name: rows[scored] for name, rows in self._strata(position, bits, scored).items()}
         textures = {"mask": self._pairs.mask_texture, "motion": self._pairs.motion_texture}
         forward = -source.renderer.frame.before[1].world_from_view[:, 2]
@@ -215,13 +212,6 @@ class _Run:
             values = [found[part.name] / (part.threshold or 1e-30) for part in test.parts]
             values = np.maximum.reduce(values) if test.parts else found[test.name]
             self._scores[test.name].add(np.where(np.isnan(values), np.inf, values), truth, strata)
-
-    def _changes(self, frame: int) -> Array:
-        """Pixels whose point has another direct or indirect light than in the frame before.  (h, w) bool."""
-        metrics, changed = self._given.settings.metrics, np.zeros(self._source.size[::-1], dtype=bool)
-        for name, change in self._shading.changes(self._source, frame).items():
-            changed |= np.linalg.norm(change, axis=-1) > metrics.threshold(name)
-        return changed
 
     def _strata(self, position: Array, bits: Array, scored: Array) -> dict[str, Array]:
         source, scale = self._source, self._given.settings.metrics.unit_scale
@@ -252,7 +242,7 @@ class _Run:
             times = [medians.get(part.name) for part in test.single]
             tests[test.name] = self._scores[test.name].block(None if None in times else sum(times))
         first = next(iter(self._scores.values())).confusion[TRUTHS[0]]
-        positive = first.true_positive + first.false_negative
+        positive, changed = first.true_positive + first.false_negative, self._changed.values()
         return {
             "schema": SCHEMA,
             "scene": {"name": given.scene.name, "path": None if given.scene.path is None else str(given.scene.path),
@@ -262,7 +252,8 @@ class _Run:
             "pairs": pairs,
             "pixels": dict(self._apart),
             "percent": {name: 100.0 * count / total for name, count in self._apart.items()},
-            "positive": {TRUTHS[0]: positive, "changed_shading": self._changed if self._shading is not None else None},
+            "positive": {TRUTHS[0]: positive, "changed_shading": sum(changed) if self._reasons.lit else None},
+            "changed_shading": dict(self._changed) if self._reasons.lit else None,
             "strata": {name: {"unit": unit, "limits": list(limits)} for name, (unit, limits) in STRATA.items()},
             "tests": tests,
             "clock": self._timer.clock,

@@ -199,8 +199,7 @@ def _misregistered(label: str, summary: Summary) -> Row:
     """Of the discards of each column, the share whose surface point was visible and unchanged."""
     wrong = summary["exact"].get("misregistered") or {}
     values = [(wrong.get(name) or {}).get("share_percent") for name in COLUMNS]
-    tone = "color depends on the tone map"
-    why = [(wrong.get(name) or {}).get("reason") or "nothing discarded" if name in wrong else tone for name in COLUMNS]
+    why = [(wrong.get(name) or {}).get("reason") or "nothing discarded" for name in COLUMNS]
     why[0] = "the frustum test is the same"
     row = table_row(
         f"{label}, share misregistered", [*values, *(None for _ in SEEN)], summary, *why, *("no discard" for _ in SEEN)

@@ -96,7 +96,7 @@ class DerivedInputs:
         if self._surface is not None:
             values = {"size": self._size}
             if {"specular_albedo", "transparency"} & self.textures.keys():  # GL removes unused uniforms
-                values["parallel_view"] = (*view.world_from_view[:, 2], 1.0) if view.camera.parallel else (0.0,) * 4
+                values["parallel_view"] = view.towards_parallel_camera
             self._surface.run(None, resources, **values)
         if self._demodulate is not None:
             self._demodulate.run(None, resources, size=self._size)

@@ -50,9 +50,10 @@ LIGHT = {"columns": ("frustum", "position", "direct", "indirect", "color"), "sha
         {"reprojection": "motion", "sampling": "bilinear", "frames": (5, 14), "thresholds": {"normal": 0.01}},
         {"pairs": "strata:3", "samples_per_pixel": 2},
         {"frames": (4, 5)},
+        {"frames": (4, 8), "exact": True, "columns": ("frustum", "position", "normal", "direct"), "shadow_lights": 0},
         pytest.param(LIGHT, marks=pytest.mark.long),
     ],
-    ids=["plain", "motion", "sampled", "no pairs", "light"],
+    ids=["plain", "motion", "sampled", "no pairs", "exact", "light"],
 )
 def test_results_equal_those_of_evaluate(tmp_path, changes):
     """Pairs, sums, curves, census, camera and cuts, with a chunk boundary at every other pair."""

@@ -9,7 +9,7 @@ from taubench_gl import evaluate
 from taubench_gl.conventions import Reason, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.evaluation.exact import CLASSES, ExactColumns, misregistered
+from taubench_gl.evaluation.exact import CLASSES, Reasons, exact_summary, misregistered
 from taubench_gl.paths import ASSETS
 from taubench_gl.run import EXACT_COLUMNS, FRAME_COLUMNS, load_run
 from taubench_gl.selftest.scenes import SceneBuilder, box, quad, turn_x
@@ -33,7 +33,7 @@ def floor():
 
 
 def test_all_discards_of_an_open_floor_are_misregistration():
-    run = evaluate_scene(floor(), settings(fps=24.0, frames=(0, 4)), exact=True)
+    run = evaluate_scene(floor(), settings(fps=24.0, frames=(0, 4), exact=True))
     exact, discard = run.summary["exact"], run.summary["discard"]
     assert discard["position"]["mean_percent"] > 1.0  # half a pixel is more than the threshold far away
     # Sky on floor at the horizon is a position discard of a visible point too: nothing is ever before anything.
@@ -86,15 +86,17 @@ def lit(lamp_to):
 def test_light_of_the_same_points():
     """Diffuse light of a still lamp is that of the point: all discards are misregistration; of a moving one few."""
     chosen = settings(
-        columns=("frustum", "position", "normal", "direct"), fps=4.0, frames=(0, 3), shadow_lights=0,
-        thresholds={"direct": 0.05}, **FIXED_LIGHTING,
+        columns=("frustum", "color", "position", "normal", "direct"), fps=4.0, frames=(0, 3), shadow_lights=0,
+        thresholds={"direct": 0.005, "color": 0.02}, exact=True, **(FIXED_LIGHTING | {"exposure": 0.1}),
     )  # fmt: skip
-    still, moving = (evaluate_scene(lit(to), chosen, exact=True).summary for to in ((0.0, 1.0, 0.0), (1.6, 0.0, 0.0)))
+    still, moving = (evaluate_scene(lit(to), chosen).summary for to in ((0.0, 1.0, 0.0), (1.6, 0.0, 0.0)))
     assert still["discard"]["direct"]["mean_percent"] > 0.1
     assert still["exact"]["misregistered"]["direct"]["share_percent"] == 100.0
+    assert still["exact"]["misregistered"]["color"]["share_percent"] > 99.0
+    assert still["exact"]["view_dependent"]["mean_percent"] == 0.0
     assert still["exact"]["brightened"]["mean_percent"] == still["exact"]["darkened"]["mean_percent"] == 0.0
     assert moving["exact"]["brightened"]["mean_percent"] > 10.0 and moving["exact"]["darkened"]["mean_percent"] > 1.0
-    assert moving["exact"]["misregistered"]["direct"]["share_percent"] < 20.0
+    assert all(moving["exact"]["misregistered"][name]["share_percent"] < 20.0 for name in ("direct", "color"))
     assert still["exact"]["misregistered"]["indirect"]["mean_percent"] is None
 
 
@@ -110,17 +112,18 @@ def test_a_moving_object_is_not_misregistered_under_camera_reprojection():
     moved = np.uint32(Visibility.VISIBLE | Visibility.MOVED)
     mask = np.full((1, 2), Reason.POSITION | Reason.NORMAL, dtype=np.uint32)
     bits = np.array([[moved, Visibility.VISIBLE]], dtype=np.uint32)
-    assert misregistered(mask, bits, "position", "camera").tolist() == [[False, True]]
-    assert misregistered(mask, bits, "position", "motion").tolist() == [[True, True]]
-    assert misregistered(mask, bits, "normal", "motion").tolist() == [[False, True]]
+    found = Reasons(bits, None)
+    assert misregistered(mask, found, "position", settings(), "camera").tolist() == [[False, True]]
+    assert misregistered(mask, found, "position", settings(), "motion").tolist() == [[True, True]]
+    assert misregistered(mask, found, "normal", settings(), "motion").tolist() == [[False, True]]
 
 
 def test_a_column_that_was_not_measured_is_null():
-    measured = {"position": "", "normal": "not asked for", "direct": "not asked for", "indirect": "not asked for"}
-    columns = ExactColumns(measured, settings(), "motion")
-    row = columns.add(np.zeros((2, 2), np.uint32), np.full((2, 2), Visibility.VISIBLE, np.uint32))
-    assert row["misregistered_normal"] is None and row["visible"] == 4
-    block = columns.summary()
+    run = evaluate_scene(DEMO, settings(frames=(0, 2), columns=("frustum", "position"), exact=True))
+    (row,) = run.frames
+    assert row["misregistered_normal"] is None and row["missed"] is None and row["visible"] > 0
+    unmeasured = dict.fromkeys(("color", "normal", "direct", "indirect"), "not asked for")
+    block = exact_summary([row | {"position": 0, "misregistered_position": 0}], unmeasured, "motion")
     assert block["misregistered"]["normal"] == {
         "mean_percent": None, "max_percent": None, "share_percent": None, "reason": "not asked for",
     }  # fmt: skip
@@ -130,7 +133,7 @@ def test_a_column_that_was_not_measured_is_null():
 @pytest.mark.parametrize("more", [{"storage": "half"}, {"samples_per_pixel": 4}])
 def test_settings_without_one_exact_position_are_refused(more):
     with pytest.raises(SettingsError):
-        evaluate_scene(DEMO, settings(frames=(0, 2), **more), exact=True)
+        evaluate_scene(DEMO, settings(frames=(0, 2), exact=True, **more))
 
 
 def test_path_traced_files_have_no_surfaces(tmp_path):

@@ -21,7 +21,7 @@ CHANGED = {
     "light": "auto", "spp": 3, "bounces": 2, "pattern": "independent", "seed": 7,
     "tone_map": "aces", "shadow_size": 64, "shadow_lights": 2, "shadow_filter": "hard",
     "indirect": "rsm", "indirect_samples": 16, "probes": 27, "light_error": 0.0, "storage": "half",
-    "samples_per_pixel": 4, "pairs": "every:3", "backend": "egl",
+    "samples_per_pixel": 4, "pairs": "every:3", "exact": True, "backend": "egl",
     "device": 0,
 }  # fmt: skip
 

@@ -37,6 +37,7 @@ Array = np.ndarray
 INDIRECT = Struct(
     "IndirectRecord",
     Field("scene_from_relative", "vec4", "xyz: current camera - center of the scene's bounds, meters"),
+    Field("parallel_view", "vec4", "xyz: unit, towards a parallel camera; w: 1 if the camera is parallel"),
     Field("grid_origin", "vec4", "xyz: low corner of the occupancy grid, scene space; w: size of a voxel, meters"),
     Field("probe_origin", "vec4", "xyz: first probe, scene space"),
     Field("probe_step", "vec4", "xyz: distance between probes along each axis, meters"),
@@ -194,6 +195,7 @@ class Declarations:
         shading_phase = phase(self._spec.shading.rate, frame.number)
         self.layout["counts"] = self.count, shading_phase, self._faces, self.count - 2 * self.patch_count
         self.layout["scene_from_relative"][:3] = frame.view.position - self.center
+        self.layout["parallel_view"] = frame.view.towards_parallel_camera
         return self.layout
 
     def _compute(self, shader: str) -> ComputePass:
@@ -355,6 +357,7 @@ class Declarations:
             .use(*spec.outputs("indirect", *(LOBES if lobes else ())))
             .dispatch(invocations(spec.shading.rate, spec.size), spec.tuning.pixel_group)
         )
+        spec.declare_directions(p)
         if self.probes:
             return p.image("probes")
         return p.image("vpls") if spec.shading.gather_each else p.image("vpls").texture("irradiance")

@@ -73,13 +73,13 @@ def _unrolled(spec: FrameSpec) -> UnrolledLights:
 
 def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
     """The common part of all passes over lights."""
-    lighting, view_axis = spec.settings.lighting, (0.0, 0.0, 0.0, 0.0)
+    lighting = spec.settings.lighting
     columns, rows = _tiles(spec)
 
     def values(frame: FrameContext) -> dict:
         return {
             "sky": (*spec.environment.radiance, 0.0),
-            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if frame.view.camera.parallel else view_axis,
+            "parallel_view": frame.view.towards_parallel_camera,
             "size": (*spec.size, columns, len(spec.light_kinds)),
             "tiles": columns * rows,
             "light_error": lighting.light_error,
@@ -89,7 +89,7 @@ def _lit(spec: FrameSpec, name: str, shader: str) -> ComputePass:
 
     constants = f"const float MIN_LIGHT_DISTANCE = {MIN_LIGHT_DISTANCE}, MIN_ALPHA = {MIN_ALPHA};"
     sizes = f"const int TILE = {TILE}, LIGHT_ROW = {LIGHT_ROW}, FACE_ROW = {FACE_ROW};"
-    return (
+    return spec.declare_directions(
         ComputePass(name, (shader,))
         .define(GLOSSY="glossy" in spec.enabled, SHADING_RATE=RATES.index(spec.shading.rate), **spec.tuning.defines)
         .glsl(LIGHT, FACE, constants, sizes)

@@ -103,7 +103,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
         candidates = min(len(spec.light_kinds), CANDIDATES)
         return {
             "sky": (*spec.environment.radiance, 0.0),
-            "parallel_view": (*frame.view.world_from_view[:, 2], 1.0) if frame.view.camera.parallel else (0.0,) * 4,
+            "parallel_view": frame.view.towards_parallel_camera,
             "footprint": (*pixel_footprint(frame.view, spec.size), 0.0, 0.0),
             "size": (*spec.size, 0, 0),
             "numbers": (frame.number & 0xFFFFFFFF, spec.seed, 0, 0),
@@ -113,6 +113,7 @@ def declarations(spec: FrameSpec) -> dict[str, ComputePass]:
     def make(name: str, traced: bool = True) -> ComputePass:
         p = ComputePass("path tracing", (f"pathtracing/{name}.comp.glsl",))
         p.define(EXACT_PUNCTUAL=exact_punctual(spec)).constants("P", PATH, values)
+        spec.declare_directions(p)
         p.image("path_state", access=UPDATE, given=True)
         p.buffer("path_counts", "uint", access=UPDATE, given=True)
         p.define(PIXEL_LIST=spec.pixel_list)
