@@ -136,7 +136,8 @@ class Noise:
         """``3.1 % of the mean luminance (RMS), 0.8 % typically``."""
         if self.percent is None or self.typical_percent is None:
             return "none: the image is black"
-        return f"{self.percent:.2g} % of the mean luminance (RMS), {self.typical_percent:.2g} % typically"
+        rms, typical = (f"{x:.0f}" if x >= 100.0 else f"{x:.2g}" for x in (self.percent, self.typical_percent))
+        return f"{rms} % of the mean luminance (RMS), {typical} % typically"
 
 
 @cache

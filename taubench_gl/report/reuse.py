@@ -111,7 +111,7 @@ def comparison_tables(summary: Summary) -> list[Table]:
     for entry in entries:
         values = [entry[end] for end in ends] + [entry["over_seeds"][end] for end in ends[1:] if seeds]
         rows.append(Row(f"{entry['a']} - {entry['b']}", (*values, entry["p_holm"]), reasons={0: entry["verdict"]}))
-    notes = [_interval_text(statistics, found, seeds), _ranking_text(found)]
+    notes = [_interval_text(statistics, found, seeds), *ranking_texts(summary)]
     notes += (
         [] if few else [f"Pairs with {best}, whose mean is best; reuse.json contains all {len(found['differences'])}."]
     )
@@ -133,18 +133,26 @@ def _interval_text(statistics: Summary, found: Summary, seeds: bool) -> str:
     return text + (" Columns of seeds: Student's t over the means of the seeds." if seeds else "")
 
 
-def _ranking_text(found: Summary) -> str:
-    """``Ranking (...): 1 svgf (0.05); 2-3 taa_clamp (0.07)``, in the order of the means."""
-    entries = [f"{_ranks(e)} {e['method']} ({e['mean']:.4g})" for e in found["ranking"]]
-    meaning = "ranks that remain possible after Holm's correction; mean"
-    return f"Ranking ({meaning}): {'; '.join(entries)}."
+def ranking_texts(summary: Summary) -> list[str]:
+    """A line for each measure of Table 1, ``FLIP: 1 svgf; 2-3 taa_clamp; 2-3 none``, in the order of the means.
+
+    Measures disagree, so no single one names a best method.
+    """
+    measures = summary["statistics"]["measures"]
+    titles = {name: column.name for name, column in _QUALITY if name in measures}
+    known = any(entry["rank"] is not None for name in titles for entry in measures[name]["ranking"])
+    meaning = "Ranks that remain possible after Holm's correction" if known else "Methods"
+    lines = [f"{meaning}, from the best mean on; measures differ in what they count:"]
+    for name, title in titles.items():
+        lines.append(f"{title}: {'; '.join(_ranked(entry) for entry in measures[name]['ranking'])}.")
+    return lines
 
 
-def _ranks(entry: Summary) -> str:
+def _ranked(entry: Summary) -> str:
     first, last = entry["rank"], entry["last_rank"]
     if first is None:
-        return "-"
-    return str(first) if first == last else f"{first}-{last}"
+        return entry["method"]
+    return f"{first if first == last else f'{first}-{last}'} {entry['method']}"
 
 
 _SAME = ("sha256", "name")
@@ -242,9 +250,10 @@ def _cost_row(label: str, method: Summary) -> Row:
 
 
 def _class_table(summary: Summary) -> Table:
-    classes = list(summary["classes"])
-    columns = tuple(Column(name, "", 4, definition) for name, definition in summary["classes"].items())
     good = {label: m for label, m in summary["methods"].items() if not m["failed"]}
+    absent = [c for c in summary["classes"] if good and not any(m["classes"][c]["pixels"] for m in good.values())]
+    classes = [c for c in summary["classes"] if c not in absent]
+    columns = tuple(Column(name, "", 4, summary["classes"][name]) for name in classes)
     rows = []
     for label, method in good.items():
         measure = _class_measure(method)
@@ -254,8 +263,9 @@ def _class_table(summary: Summary) -> Table:
         first = next(iter(good.values()))["classes"]
         rows.append(Row("share of pixels, %", tuple(first[c]["percent"] for c in classes)))
     measure = _class_measure(next(iter(good.values()))) if good else "flip"
-    meaning = "; ".join(f"{name}: {doc}" for name, doc in summary["classes"].items())
-    return Table(3, f"Mean {measure} by pixel class", columns, tuple(rows), (f"{meaning}.", _class_source(summary)))
+    meaning = "; ".join(f"{name}: {summary['classes'][name]}" for name in classes)
+    notes = [f"{meaning}.", *([f"No pixels: {', '.join(absent)}."] if absent else []), _class_source(summary)]
+    return Table(3, f"Mean {measure} by pixel class", columns, tuple(rows), tuple(notes))
 
 
 def _class_measure(method: Summary) -> str:

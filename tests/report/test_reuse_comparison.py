@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from taubench_gl.report.reuse import MOST_PAIRS, comparison_tables
+from taubench_gl.report.reuse import MOST_PAIRS, comparison_tables, ranking_texts
 from taubench_gl.reuse.comparison import compare_methods
 from taubench_gl.reuse.quality import MEASURES
 
 
-def summary_of(methods: int, seeds: int = 1) -> dict:
+def summary_of(methods: int, seeds: int = 1, frames: int = 24) -> dict:
+    """``m0`` has the smallest FLIP and the largest relMSE."""
     rng = np.random.default_rng(1)
     rows = [
-        dict.fromkeys(MEASURES) | {"method": f"m{m}", "seed": s, "frame": f, "flip": m + rng.random()}
+        dict.fromkeys(MEASURES)
+        | {"method": f"m{m}", "seed": s, "frame": f, "flip": m + rng.random(), "relmse": methods - m}
         for m in range(methods)
         for s in range(seeds)
-        for f in range(1, 25)
+        for f in range(1, frames + 1)
     ]
     measures = {m.name: {"unit": m.unit, "better": m.better, "doc": m.doc} for m in MEASURES.values()}
-    return {"measures": measures, "statistics": compare_methods(rows, range(1, 25))}
+    return {"measures": measures, "statistics": compare_methods(rows, range(1, frames + 1))}
 
 
 def test_all_pairs_of_few_methods_and_those_with_the_best_of_many():
@@ -34,6 +36,14 @@ def test_intervals_over_seeds_are_columns_from_five_seeds_on():
     (table,) = comparison_tables(summary_of(2, 5))
     difference, low, high, first, last, p = table.rows[0].values
     assert low < difference < high < 0 and first < difference < last and p < 0.05
+
+
+def test_every_measure_has_a_ranking():
+    """A method that is best by one measure and worst by another is printed with both."""
+    assert ranking_texts(summary_of(3))[1:] == ["FLIP: 1 m0; 2 m1; 3 m2.", "relMSE: 1 m2; 2 m1; 3 m0."]
+    assert ranking_texts(summary_of(3, frames=4))[1:] == ["FLIP: m0; m1; m2.", "relMSE: m2; m1; m0."]
+    (table,) = comparison_tables(summary_of(3))
+    assert set(ranking_texts(summary_of(3))) < set(table.notes)
 
 
 def test_one_method_or_an_older_file_has_no_table():

@@ -9,11 +9,12 @@ import pytest
 
 from taubench_gl.apps import cli
 from taubench_gl.paths import PACKAGE
+from taubench_gl.report.reuse import reuse_tables
 
 DEMO = PACKAGE.parent / "assets" / "demo.glb"
 COMMAND = (
     "reuse", "evaluate", str(DEMO), "--methods", "none,accumulate", "--size", "32x18", "--frames", "0:6", "--bounces",
-    "2", "--reference-time", "3", "--light", "auto", "--metrics", "psnr", "--video", "none",
+    "2", "--reference-time", "3", "--light", "auto", "--metrics", "psnr,flicker", "--video", "none",
 )  # fmt: skip
 
 
@@ -46,6 +47,7 @@ def test_reuse_has_a_smaller_relative_error_than_none(evaluated):
     (summary, _), _ = evaluated
     means = {label: method["mean"] for label, method in summary["methods"].items()}
     assert means["accumulate"]["relmse"] < means["none"]["relmse"]
+    assert means["accumulate"]["flicker"] < means["none"]["flicker"]
     assert summary["input"]["path_samples"] == 1 and summary["input"]["kind"] == "path-traced@1"
 
 
@@ -56,6 +58,14 @@ def test_the_reference_is_path_traced_with_a_power_of_two_of_samples(evaluated):
     assert summary["reference"]["noise_percent"] > 0
     assert again["reference"]["samples"] == samples  # stored: the same reference
     assert again["methods"]["none"]["mean"] == summary["methods"]["none"]["mean"]
+
+
+def test_classes_without_pixels_are_named_but_no_columns(evaluated):
+    (summary, _), _ = evaluated
+    table = reuse_tables(summary)[2]
+    pixels = {name: entry["pixels"] for name, entry in summary["methods"]["none"]["classes"].items()}
+    assert [c.name for c in table.columns] == [name for name, count in pixels.items() if count]
+    assert pixels["not_classified"] == 0 and any("not_classified" in note for note in table.notes)
 
 
 def test_the_time_is_announced_and_the_noise_floor_printed(evaluated):

@@ -57,7 +57,7 @@ function pick(index) {
   picked = index;
   cursor.setAttribute("visibility", index < 0 ? "hidden" : "visible");
   if (index >= 0) for (const end of ["x1", "x2"]) cursor.setAttribute(end, x(data.frames[index]));
-  readout.replaceChildren(el("span", {}, el("b", {}, index < 0 ? "mean of all frames" : `frame ${data.frames[index]}`)));
+  readout.replaceChildren(el("span", {}, el("b", {}, index < 0 ? "mean" : `frame ${data.frames[index]}`)));
   for (const m of data.methods) {
     readout.append(lineEntry(m.color, m.dash, `${m.label} ${short(index < 0 ? mean(m) : values(m)[index], 4)}`));
   }
