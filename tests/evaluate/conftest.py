@@ -1,4 +1,7 @@
-"""The shared scenes as parameters: a test with the argument ``real_scene`` runs once per scene."""
+"""The shared scenes as parameters: a test with the argument ``real_scene`` runs once per scene.
+
+``sampled_scene``: once per third scene, and once per scene in the long tests.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,12 @@ def _scenes(config: pytest.Config) -> list[Path]:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "real_scene" in metafunc.fixturenames:
         metafunc.parametrize("real_scene", _scenes(metafunc.config), ids=lambda p: p.stem)
+    if "sampled_scene" in metafunc.fixturenames:
+        scenes = [
+            pytest.param(path, id=path.stem, marks=[pytest.mark.long] if number % 3 else [])
+            for number, path in enumerate(_scenes(metafunc.config))
+        ]
+        metafunc.parametrize("sampled_scene", scenes)
 
 
 @pytest.fixture(scope="session")

@@ -18,12 +18,17 @@ AUTO_LIGHTING = dict.fromkeys((*FIXED_LIGHTING, "light"), "auto")
 SIZE = {"width": 128, "height": 72, "frames": (0, 3)}
 NO_LIGHT = (
     "BoxAnimated/BoxAnimated.glb",  # animated, no camera
-    "BoxInterleaved/BoxInterleaved.glb",  # still, saturated color
     "Duck/Duck.glb",  # still, with a camera
     "Fox/Fox.gltf",  # skinned, 155 m long
-    "MorphStressTest/MorphStressTest.glb",
-    "NegativeScaleTest/NegativeScaleTest.glb",  # the sun in a mirror
-    "TwoSidedPlane/TwoSidedPlane.gltf",
+    *(
+        pytest.param(name, marks=pytest.mark.long)
+        for name in (
+            "BoxInterleaved/BoxInterleaved.glb",  # still, saturated color
+            "MorphStressTest/MorphStressTest.glb",
+            "NegativeScaleTest/NegativeScaleTest.glb",  # the sun in a mirror
+            "TwoSidedPlane/TwoSidedPlane.gltf",
+        )
+    ),
 )
 OWN_LIGHT = (
     "khronos/LightsPunctualLamp/LightsPunctualLamp.gltf",
@@ -70,8 +75,8 @@ def test_a_file_with_lights_of_any_exporter(data, name):
     check(summary, color)
 
 
-@pytest.mark.parametrize("name", ["market", "room", "stage", "yard"])
-@pytest.mark.parametrize("factor", [683.0, 1.0 / 50.0])
+@pytest.mark.parametrize("name", [pytest.param("market", marks=pytest.mark.long), "room", "stage", "yard"])
+@pytest.mark.parametrize("factor", [683.0, pytest.param(1.0 / 50.0, marks=pytest.mark.long)])
 def test_metered_columns_do_not_depend_on_the_scale_of_the_lights(name, factor):
     """Another program's file: candela, metered, without emission and environment."""
     scene = replace(load_scene(BLENDER_LIGHTS / f"{name}.glb"), generator="")

@@ -92,11 +92,11 @@ def test_every_scene(real_scene: Path, tmp_path) -> None:
         assert any("orbit" in note for note in run.summary["notes"])
 
 
-def test_every_scene_with_motion_reprojection(real_scene: Path) -> None:
+def test_every_scene_with_motion_reprojection(sampled_scene: Path) -> None:
     """Motion reprojection is consistent, and equals camera reprojection where no surface moves."""
-    if real_scene.stem in NOTHING_TO_DRAW:
+    if sampled_scene.stem in NOTHING_TO_DRAW:
         return
-    scene = load_scene(real_scene)
+    scene = load_scene(sampled_scene)
     tiny = {"width": 64, "height": 36, "frames": (0, 3), "columns": ("frustum", "position", "normal")}
     bilinear = evaluate_scene(scene, Settings(**tiny, reprojection="motion", sampling="bilinear"))
     assert_consistent(bilinear, 64 * 36)
