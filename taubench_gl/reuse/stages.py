@@ -1,7 +1,8 @@
 """The stages of a published method, and which of them a method of this project has.  Plain data, no GL.
 
 A method that names the stages of its paper says of each where it is computed, or why it is missing.  A method with a
-missing stage carries that in its name: ``svgf_without_taa``.
+missing stage carries that in its name: ``svgf_without_taa``, or ``-class`` at its end: of this class of methods, but
+not complete.
 """
 
 from __future__ import annotations
@@ -11,6 +12,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+INCOMPLETE = "-class"
+"""End of the name of a method that is of a class of methods, and lacks stages that others of it have."""
+
 _KEYS = ("doc", "paper", "shader", "missing")
 
 
@@ -47,8 +51,10 @@ def parse_stages(raw: object, method: str, shaders: Collection[str] | None) -> t
         if stage is None:
             continue
         stages.append(stage)
-        if not stage.done and ("without" not in method or name not in method):
-            errors.append(f"stages.{name}: a missing stage is in the method's name: {method}_without_{name}")
+        named = method.endswith(INCOMPLETE) or ("without" in method and name in method)
+        if not stage.done and not named:
+            names = f"{method}_without_{name}, or {method}{INCOMPLETE}"
+            errors.append(f"stages.{name}: a missing stage is in the method's name: {names}")
     return tuple(stages), errors
 
 

@@ -105,6 +105,7 @@ from taubench_gl.metrics.reuse_methods.taa import (
     neighborhood_mean,
     rgb_from_ycocg,
     variance_box,
+    windowed,
     ycocg_from_rgb,
 )
 
@@ -195,5 +196,6 @@ __all__ = [
     "used_history",
     "variance_box",
     "virtual_px",
+    "windowed",
     "ycocg_from_rgb",
 ]

@@ -71,6 +71,16 @@ def neighborhood_mean(rgb: Array) -> Array:
     return np.mean(list(neighbors(ycocg_from_rgb(rgb)).values()), axis=0)
 
 
+def windowed(rgb: Array, jitter: Array) -> Array:
+    """Karis 2014: 3x3 samples, weighted by a Blackman-Harris window of their distances d, as exp(-2.29 d^2).
+
+    ``jitter`` (2,): pixels, +x right, +y up.  (h, w, 3) -> (h, w, 3).
+    """
+    around = neighbors(np.asarray(rgb, dtype=np.float64))
+    weights = {(dy, dx): np.exp(-2.29 * ((dx + jitter[0]) ** 2 + (jitter[1] - dy) ** 2)) for dy, dx in around}
+    return sum(weights[k] * around[k] for k in around) / sum(weights.values())
+
+
 def karis_blend(now: Array, history: Array, alpha: float, weighting: bool = True) -> tuple[Array, Array]:
     """Karis 2014: colors weighted by 1 / (1 + luminance).  -> color (..., 3), weight of history (..., 1)."""
     w_now, w_history = np.array(alpha), np.array(1.0 - alpha)

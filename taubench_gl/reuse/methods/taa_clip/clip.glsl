@@ -2,10 +2,21 @@
 //
 // Paper    Karis 2014: history is clipped to the YCoCg box of the 3x3 neighborhood where the ray from it to the average of the
 //          neighborhood enters the box; blended with weights 1 / (1 + L).  A clamp moves each component apart and so changes hue.
-// Reference metrics.reuse_methods.neighborhood_box, neighborhood_mean, clip_towards, karis_blend
-// Departs  Karis also filters the new samples by a Blackman-Harris window around the jitter; here they are not filtered.
+//          The new samples are filtered by a Blackman-Harris window of 3.3 pixels, as a Gaussian, around the pixel center.
+// Reference metrics.reuse_methods.neighborhood_box, neighborhood_mean, clip_towards, karis_blend, windowed
+// Departs  The window is off by default: without jitter it only blurs.
+vec3 windowed(ivec2 p) {
+    vec4 sum = vec4(0.0);
+    for (int y = -1; y <= 1; ++y)
+        for (int x = -1; x <= 1; ++x) {
+            vec2 d = vec2(x, y) + frame.jitter_px;
+            sum += exp(-2.29 * dot(d, d)) * vec4(fetch_radiance(p + ivec2(x, y)).rgb, 1.0);
+        }
+    return sum.rgb / sum.a;
+}
+
 void reuse(ivec2 p) {
-    vec3 now = fetch_radiance(p).rgb;
+    vec3 now = window ? windowed(p) : fetch_radiance(p).rgb;
     vec2 at = vec2(p) + fetch_motion(dilate ? nearest_surface(p) : p);
     vec3 color = now;
     float kept = 0.0;
@@ -39,6 +50,7 @@ void reuse(ivec2 p) {
         kept = w_history / (w_now + w_history);
         color = mix(now, history, kept);
     }
+    write_blend_input(p, now);
     write_reprojected_history(p, fetched);
     write_rectified_history(p, used);
     write_accumulated(p, vec4(color, 1.0));
