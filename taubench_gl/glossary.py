@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.conventions import FRUSTUM, Reason, Visibility
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,6 +351,18 @@ EXACT: Mapping[str, Term] = _by_key(
     ),
 )  # fmt: skip
 """Exact visibility: columns of Table 4 and of frames.csv, where it was asked for."""
+
+EXACT_REASONS: Mapping[Visibility, Term] = {
+    Visibility.OCCLUDED: Term("disoccluded", "disoccluded", EXACT["occluded"].definition, "", _EXACT),
+    Visibility.OUTSIDE | Visibility.BEHIND: Term(
+        "off_screen", "off-screen", "The surface point was outside the previous image, or behind its camera", "", _EXACT
+    ),
+    Visibility.NEW: Term("new", "new", EXACT["exact_new"].definition, "", _EXACT),
+    Visibility.BRIGHTENED: EXACT["brightened"],
+    Visibility.DARKENED: EXACT["darkened"],
+    Visibility.VIEW_DEPENDENT: EXACT["view_dependent"],
+}
+"""Why the history of a point is wrong, by rays and light of the point itself.  Disjoint."""
 
 CENSUS: Mapping[str, Term] = _by_key(
     Term(

@@ -37,7 +37,7 @@ Examples:
 Channels: gbuffer (position, depth, normal, geometric_normal, base_color, material, emission, ids), radiance (direct,
 indirect, color), lobes (direct_diffuse, direct_glossy, indirect_diffuse, indirect_glossy), flow (motion,
 motion_forward), masks (mask, mask_forward), prev_position,
-prev_visibility, path_info, all."""
+prev_visibility, path_info, all; exact_reasons."""
 )
 @click.argument("scene_path", metavar="SCENE")
 @click.option("--out", type=OutPath(), required=True, metavar="DIR", help="Folder of the files.")

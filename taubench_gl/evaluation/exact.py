@@ -66,12 +66,20 @@ class ExactReasons:
     """Why history is wrong, for every pixel of the pairs of a source: rays, and the light of the same points."""
 
     def __init__(
-        self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings, poser: Poser, radiance: Collection[str]
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        camera: CameraTrack,
+        settings: Settings,
+        poser: Poser,
+        radiance: Collection[str],
+        *,
+        without: tuple[str, ...] = (),
     ):
-        """``radiance``: those of direct, indirect and color that the source has."""
+        """``radiance``: those of direct, indirect and color that the source has; ``without``: as in SourceOptions."""
         self._thresholds = {name: settings.metrics.threshold(name) for name in LIGHT}
         lit = {*LIGHT, "color"} & set(radiance)
-        self._shading = PreviousShading(gpu, scene, camera, settings, poser) if lit else None
+        self._shading = PreviousShading(gpu, scene, camera, settings, poser, without) if lit else None
 
     @property
     def lit(self) -> bool:

@@ -50,9 +50,18 @@ class PreviousShading:
     are the current ones.
     """
 
-    def __init__(self, gpu: Gpu, scene: Scene, camera: CameraTrack, settings: Settings, poser: Poser):
+    def __init__(
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        camera: CameraTrack,
+        settings: Settings,
+        poser: Poser,
+        without: tuple[str, ...] = (),
+    ):
+        """``without``: as in SourceOptions."""
         self._exposure = settings.lighting.exposure_factor
-        options = SourceOptions(extra=SURFACE, given_directions=True)
+        options = SourceOptions(extra=SURFACE, without=without, given_directions=True)
         self._source = RasterSource(gpu, scene, camera, settings, options, poser=poser)
         self.radiance = tuple(name for name in LIGHT if name in self._source.radiance)
         self._copied = tuple(n for n in (*SURFACE, "emission") if n in self._source.channels)

@@ -14,6 +14,10 @@ from taubench_gl.errors import SettingsError
 _DTYPES = {"f4": np.float32, "f2": np.float16, "u4": np.uint32}
 
 
+EXACT_REASONS = "exact_reasons"
+"""Channel that lights every point four times; ``all`` does not have it."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExportChannel:
     """One channel of a file: an image (h, w, components), row 0 at the top."""
@@ -57,6 +61,11 @@ EXPORTS: dict[str, ExportChannel] = {
         ExportChannel(
             "mask", 1, np.dtype(np.uint32), "bits", "reason bits against the previous frame (conventions.Reason)",
             ("Mask",), True,
+        ),
+        ExportChannel(
+            EXACT_REASONS, 1, np.dtype(np.uint32), "bits",
+            "prev_visibility and, of visible points whose light changed, why (conventions.Visibility)",
+            ("ExactReasons",), True,
         ),
         ExportChannel(
             "mask_forward", 1, np.dtype(np.uint32), "bits",
@@ -112,7 +121,7 @@ def choose_channels(words: tuple[str, ...]) -> tuple[str, ...]:
     names: set[str] = set()
     for word in words or DEFAULT:
         if word == "all":
-            names |= EXPORTS.keys()
+            names |= EXPORTS.keys() - {EXACT_REASONS}
         elif word in GROUPS:
             names |= set(GROUPS[word])
         elif word in EXPORTS:

@@ -18,7 +18,8 @@ from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import Reason
 from taubench_gl.evaluation import PairEvaluator, frame_total
-from taubench_gl.export.channels import RADIANCE
+from taubench_gl.evaluation.exact import ExactReasons, exact_channels, require_exact
+from taubench_gl.export.channels import EXACT_REASONS, RADIANCE
 from taubench_gl.export.training import NO_TRAINING, TrainingLight, TrainingOptions
 from taubench_gl.frame.read_back import ChannelReader, Image
 from taubench_gl.frame.sources import RasterSource, SourceOptions
@@ -51,7 +52,7 @@ class ExportFrame:
     view: View
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Submitted:
     """A rendered frame whose images are in flight: ``images`` of GPU channels, ``moved`` of motion and its mask."""
 
@@ -59,6 +60,7 @@ class _Submitted:
     view: View
     images: dict[str, Image]
     moved: dict[str, tuple[Image, Image]]
+    reasons: Array | None = None  # (h, w) exact reasons
 
 
 class FrameSource:
@@ -86,7 +88,11 @@ class FrameSource:
         self._poser = Poser(scene)
         self._jitter = halton_jitter if jitter == "halton" else None
         columns = settings.metrics.columns if "mask" in names else ("frustum",)
-        columns += tuple(c for c in ("direct", "indirect", "color") if c in names and c not in columns)
+        exact = EXACT_REASONS in names
+        if exact:
+            require_exact(settings)
+        wanted = {*names, *(("direct", "indirect") if exact else ())}
+        columns += tuple(c for c in ("direct", "indirect", "color") if c in wanted and c not in columns)
         for column in ("direct", "indirect"):
             lobes = {f"{column}_diffuse", f"{column}_glossy", *(("path_info",) * (column == "direct"))}
             if lobes & set(names) and column not in columns:
@@ -95,7 +101,8 @@ class FrameSource:
         table = {"depth": "position", "motion": "prev_position", "motion_forward": "prev_position"}
         table |= {"mask_forward": "prev_position", "mask": "position"}
         light = {"direct", "indirect", "color"}
-        extra = tuple(dict.fromkeys(table.get(n, n) for n in names if n not in light))
+        extra = [table.get(n, n) for n in names if n not in light and n != EXACT_REASONS]
+        extra = tuple(dict.fromkeys([*extra, *(exact_channels() if exact else ())]))
         self.source = RasterSource(
             gpu, scene, camera, settings, SourceOptions(extra=extra, jitter=self._jitter), poser=self._poser
         )
@@ -112,6 +119,10 @@ class FrameSource:
             self._motion = PairEvaluator(
                 self._context, self.source, nearest, images=True, reprojection="motion", radiance=()
             )
+        self._exact: ExactReasons | None = None
+        if exact:
+            radiance = {"direct", "indirect"} & set(self.source.radiance)
+            self._exact = ExactReasons(gpu, scene, camera, settings, self._poser, radiance)
         self._ahead: History | None = None
         if set(FORWARD) & set(self.names):
             self._ahead = History(gpu, self.source.size, self.source.channels, settings.device.storage)
@@ -149,12 +160,17 @@ class FrameSource:
         self._advance(frame)
         submitted = _Submitted(frame, self._views[-1], self._start(), {})
         self._backward(submitted)
+        if self._exact is not None and frame > 0:
+            submitted.reasons = self._exact.of(self.source, frame).bits
         self._forward(submitted)
         return submitted
 
     def _collect(self, submitted: _Submitted) -> ExportFrame:
         arrays = {name: image.get() for name, image in submitted.images.items()}
         arrays = _arrays(arrays) | {name: _motion(*images) for name, images in submitted.moved.items()}
+        if EXACT_REASONS in self.names:  # without a frame before: no bit
+            none = np.zeros(self.source.size[::-1], dtype=np.uint32)
+            arrays[EXACT_REASONS] = (none if submitted.reasons is None else submitted.reasons)[..., None]
         out = {name: np.ascontiguousarray(arrays[name]) for name in self.names}
         if submitted.number == 0 and "prev_visibility" in out:
             out["prev_visibility"] = np.zeros_like(out["prev_visibility"])  # no frame before: no bit
@@ -210,7 +226,8 @@ class FrameSource:
         submitted.images["mask_forward"] = self._reader.start(self._motion.mask_texture, "mask")
 
     def release(self) -> None:
-        for part in (self.training, self._reader, self._masks, self._motion, self._context, self._ahead, self.source):
+        parts = (self._reader, self._masks, self._motion, self._exact, self._context, self._ahead, self.source)
+        for part in (self.training, *parts):
             if part is not None:
                 part.release()
         self._gpu.collect()

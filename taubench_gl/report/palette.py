@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.conventions import FRUSTUM, Reason, Visibility
 
 RGB = tuple[int, int, int]
 
@@ -41,6 +41,16 @@ REASON_COLORS: Mapping[Reason, RGB] = {
     Reason.SKY: (0x88, 0xCC, 0xEE),
     Reason.HISTORY_SKY: (0x99, 0xDD, 0xFF),
 }
+
+EXACT_COLORS: Mapping[Visibility, RGB] = {
+    Visibility.OCCLUDED: REASON_COLORS[Reason.DISOCCLUDED],
+    Visibility.OUTSIDE | Visibility.BEHIND: REASON_COLORS[FRUSTUM],
+    Visibility.NEW: REASON_COLORS[Reason.CUT],
+    Visibility.BRIGHTENED: REASON_COLORS[Reason.LIT],
+    Visibility.DARKENED: REASON_COLORS[Reason.SHADOWED],
+    Visibility.VIEW_DEPENDENT: REASON_COLORS[Reason.OCCLUDING],
+}
+"""Of the exact reasons (``glossary.EXACT_REASONS``), as the related reason of a mask where there is one."""
 
 DEFAULT_REASONS: tuple[Reason, ...] = (
     Reason.FIRST,

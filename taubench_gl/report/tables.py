@@ -9,8 +9,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from taubench_gl.conventions import COLUMNS
-from taubench_gl.glossary import CAMERA, CENSUS, EXACT, STATISTICS
+from taubench_gl.conventions import COLUMNS, Visibility
+from taubench_gl.glossary import CAMERA, CENSUS, EXACT, EXACT_REASONS, STATISTICS
 from taubench_gl.glossary import COLUMNS as COLUMN_TERMS
 from taubench_gl.report.labels import lighting_text, run_labels
 
@@ -188,6 +188,39 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
         notes += ("The paper does not state the thresholds of its Table 4.",)
     notes += _notes(summaries, labels, paper)
     return Table(4, "Discarded pixels, mean over the animation", columns, tuple(rows), notes)
+
+
+def exact_tables(summaries: Sequence[Summary]) -> list[Table]:
+    """Exact reasons and misses of the runs that have them; empty where none does."""
+    labels, rows = run_labels(summaries), []
+    for label, summary in zip(labels, summaries, strict=True):
+        exact = summary.get("exact")
+        if not exact:
+            continue
+        parts = [_sum_of(exact, names) for names in _REASON_BLOCKS.values()]
+        rates = [*parts, *((exact.get(name) or {}).get("mean_percent") for name in ("light_noise", "missed"))]
+        why = [*["no light was measured"] * len(parts), "no path-traced light", "position or normal not measured"]
+        rows.append(replace(table_row(label, rates, summary, *why), percent_of=STATISTICS["mean_percent"].label))
+    if not rows:
+        return []
+    named = [(term.label, term.tooltip) for term in EXACT_REASONS.values()]
+    named += [(name.replace("_", " "), EXACT[name].tooltip) for name in ("light_noise", "missed")]
+    columns = (*(Column(name, "%", 2, text) for name, text in named), *SAMPLING_COLUMNS)
+    title = "Exact reasons: by rays and the light of the same points"
+    return [Table("exact reasons", title, columns, tuple(rows))]
+
+
+_REASON_BLOCKS = {
+    Visibility.OCCLUDED: ("occluded",), Visibility.OUTSIDE | Visibility.BEHIND: ("outside", "behind"),
+    Visibility.NEW: ("new",), Visibility.BRIGHTENED: ("brightened",), Visibility.DARKENED: ("darkened",),
+    Visibility.VIEW_DEPENDENT: ("view_dependent",),
+}  # fmt: skip
+"""Exact reason -> blocks of ``exact`` in summary.json, in the order of EXACT_REASONS."""
+
+
+def _sum_of(exact: Mapping[str, Any], names: Sequence[str]) -> float | None:
+    values = [(exact.get(name) or {}).get("mean_percent") for name in names]
+    return None if None in values else sum(values)
 
 
 def _seen_values(summary: Summary, seen: Sequence[str], key: str) -> list[float | None]:

@@ -144,6 +144,7 @@ for _name, _reason in OVERLAYS.items():
 
 
 _toggle("overlays", "masks", "hide or show all masks", "overlays")
+_toggle("exact", "masks", "exact reasons instead of the masks: by rays and the light of the same points", "exact")
 
 
 def _opacity(s: ViewerState, by: float) -> None:
@@ -250,7 +251,7 @@ KEYS: dict[str, str] = {
     "Y": "compare", "SHIFT+Y": "compare with", "Z": "beside", "CTRL+S": "save session",
     "SEMICOLON": "split left", "APOSTROPHE": "split right",
     **{f"{'SHIFT+' if i >= 10 else ''}{(i + 1) % 10}": f"show {name}" for i, name in enumerate(OVERLAYS)},
-    "H": "overlays", "MINUS": "opacity down", "EQUAL": "opacity up",
+    "H": "overlays", "SHIFT+H": "exact", "MINUS": "opacity down", "EQUAL": "opacity up",
     "T": "next threshold", "PAGE_UP": "threshold up", "PAGE_DOWN": "threshold down",
     "SHIFT+PAGE_UP": "threshold double", "SHIFT+PAGE_DOWN": "threshold half", "BACKSPACE": "threshold default",
     "P": "pin probe", "CTRL+LEFT": "probe left", "CTRL+RIGHT": "probe right", "CTRL+UP": "probe up",

@@ -16,8 +16,8 @@ from taubench_gl.gpu.layout import column_major
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.metrics.display import BACKGROUND, KINDS, scale_glsl
 from taubench_gl.report.mask_images import STRIPE_PX
-from taubench_gl.report.palette import color_of
-from taubench_gl.viewer.state import OVERLAYS
+from taubench_gl.report.palette import EXACT_COLORS, color_of
+from taubench_gl.viewer.state import EXACT_OVERLAYS, OVERLAYS, SHIFT
 
 Array = np.ndarray
 Area = tuple[int, int, int, int]  # x, y, width, height
@@ -137,7 +137,9 @@ class Display:
         }
         bits, colors = np.zeros(len(OVERLAYS), dtype=np.uint32), np.zeros((len(OVERLAYS), 3), dtype=np.float32)
         for i, name in enumerate(content.shown):
-            bits[i], colors[i] = int(OVERLAYS[name]), np.array(color_of(OVERLAYS[name])) / 255.0
+            exact = EXACT_OVERLAYS.get(name)
+            bits[i] = int(OVERLAYS[name]) if exact is None else int(exact) << SHIFT
+            colors[i] = np.array(color_of(OVERLAYS[name]) if exact is None else EXACT_COLORS[exact]) / 255.0
         values["all_bits"] = int(np.bitwise_or.reduce(bits))
         values |= {"bits": bits.tolist(), "colors": [tuple(map(float, c)) for c in colors]}
         if content.frozen is not None:

@@ -15,8 +15,9 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
 from taubench_gl.conventions import FEATURES, Reason
-from taubench_gl.errors import TaubenchError
+from taubench_gl.errors import SettingsError, TaubenchError
 from taubench_gl.evaluation import PairEvaluator
+from taubench_gl.evaluation.exact import exact_channels, require_exact
 from taubench_gl.evaluation.explain import Explanation
 from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.gpu.context import Gpu
@@ -29,6 +30,7 @@ from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison
 from taubench_gl.viewer.display import ARROW_STEP_PX, VISUALIZATIONS, Content, Display, FrozenCamera, Other
+from taubench_gl.viewer.exact import ExactMasks
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.light import Lights
 from taubench_gl.viewer.magnifier import Magnifier
@@ -82,6 +84,8 @@ class ViewerEngine:
     _beside: list[Display] = field(default_factory=list)
     _magnifier: Magnifier | None = None
     _magnified: Any = None
+    _exact: ExactMasks | None = None
+    _exact_key: Any = None  # of the masks beside which exact reasons were found
     _range_key: Any = None
     _last: Shot | None = None  # of the user's camera at the last update
     _before: Shot | None = None  # the previous shot of that update
@@ -90,6 +94,7 @@ class ViewerEngine:
     def __post_init__(self) -> None:
         self._context = GpuContext(self.gpu, timer=self.timer)
         self._lights = Lights(self._context, self.timer)
+        self._exact = ExactMasks(self.gpu)
         self._display = Display(self.gpu, self.feed.size)
         self._magnifier = Magnifier(self.gpu)
         self.user = UserCamera(self.feed.file_shot(self.feed.frames[0]).view, self.feed.center, self.feed.radius)
@@ -122,7 +127,7 @@ class ViewerEngine:
         previous, current = self._choose_pair(state)
         channel = VISUALIZATIONS[state.channel].channel
         coarse = self._lights.choose(state, self.feed, channel)
-        shown = frozenset(VISUALIZATIONS[state.channel].channels)
+        shown = frozenset(VISUALIZATIONS[state.channel].channels) | self._exact_channels(state)
         self._drawn_feed = self.feed if coarse is None else self._lights.geometry(state, self.feed, shown)
         changed = self._drawn_feed.show(previous, current)
         self.shots = previous, current
@@ -131,7 +136,8 @@ class ViewerEngine:
         if changed or mask_key != self._mask_key:
             self.drawn.pairs += changed
             self._evaluate(state, Reason.FIRST if first else 0)
-            self._mask_key = mask_key
+            self._mask_key, self._exact_key = mask_key, None
+        self._find_exact(state)
         self._refine(state, current, channel)
         self._update_image(state)
 
@@ -141,17 +147,36 @@ class ViewerEngine:
         except TaubenchError as error:  # such as too little memory: rasterized light stays
             state.samples, state.message = 0, str(error)
 
+    @staticmethod
+    def _exact_channels(state: ViewerState) -> frozenset[str]:
+        return frozenset(exact_channels()) if state.exact else frozenset()
+
+    def _find_exact(self, state: ViewerState) -> None:
+        """Exact reasons of the pair shown, where they are asked for."""
+        if not state.exact or self._exact_key == self._mask_key:
+            return
+        try:
+            self._exact.update(self._drawn_feed, self.shots[1].frame, self.mask(), state.switched_off)
+            self._exact_key = self._mask_key
+        except TaubenchError as error:  # such as too little memory
+            state.exact, state.message = False, str(error)
+
     def _plan(self, state: ViewerState) -> None:
+        fault = self._without_exact() if state.exact else None
+        if fault is not None:
+            state.exact, state.message = False, str(fault)
         shown = VISUALIZATIONS.get(state.channel)
         asked = state.live
+        extra = frozenset(shown.channels if shown else ()) | self._exact_channels(state)
         try:
-            planned = self.feed.plan(frozenset(shown.channels if shown else ()), state.switched_off, asked)
+            planned = self.feed.plan(extra, state.switched_off, asked)
         finally:
             state.live = self.feed.live  # also where the source cannot change
         if state.live != asked:
             state.message = "path-traced files have their light and their size"
         if planned or self._evaluator is None:
             self._lights.reset()
+            self._exact.release()
             self._drawn_feed = self.feed
             if self._evaluator is not None:
                 self._evaluator.release()
@@ -166,6 +191,16 @@ class ViewerEngine:
             if state.channel not in state.channels:
                 state.message = f"the source has no {state.channel.replace('_', ' ')} channel"
                 state.channel = state.channels[0]
+
+    def _without_exact(self) -> SettingsError | None:
+        """Why there are no exact reasons; None where there are."""
+        if not self.feed.free:
+            return SettingsError("path-traced files have no surfaces to trace rays against")
+        try:
+            require_exact(self.feed.settings)
+        except SettingsError as error:
+            return error
+        return None
 
     def _resize(self, state: ViewerState) -> None:
         """Draw images of the size of the feed; the probe stays at its place in the image."""
@@ -251,7 +286,7 @@ class ViewerEngine:
             self._mask_key, shown.key, state.channel, state.low, state.high, state.auto_range, state.active_overlays(),
             state.opacity, state.comparison, state.against, state.split, state.gain, state.flicker_other, state.arrows,
             state.arrow_scale, self.light_samples(state), state.frusta, observed, state.switched_off,
-            state.freeze_previous, state.beside, state.method, state.method_input,
+            state.freeze_previous, state.beside, state.method, state.method_input, state.exact,
         )  # fmt: skip
         if key == self._image_key:
             return
@@ -297,7 +332,7 @@ class ViewerEngine:
             visual.kind,
             self._active.motion_texture if visual.channel == "motion" else channels[visual.channel],
             source.current["position"],
-            self._active.mask_texture,
+            self._exact.texture if state.exact else self._active.mask_texture,
             light_mask=None if coarse is None or frozen is not None else coarse.mask,
             low=state.low,
             high=state.high,
@@ -501,6 +536,7 @@ class ViewerEngine:
         needs = {"lit": ("direct",), "shadowed": ("direct",)}
         needs |= {f"reusable_{rate}": columns for rate, columns in RATE_COLUMNS.items()}
         out: dict[str, float | None] = {}
+        out |= self._exact.percent
         for name in self.counts:
             absent = any(column in missing for column in needs.get(name, (name,)))
             out[name] = None if absent else 100.0 * self.counts[name] / pixels
@@ -522,6 +558,7 @@ class ViewerEngine:
     def release(self) -> None:
         drawing = (
             self._lights,
+            self._exact,
             self._evaluator,
             self._context,
             self._display,

@@ -19,6 +19,7 @@ from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
 from taubench_gl.errors import OutputError
 from taubench_gl.evaluation import frame_range, require_triangles, resolve_lighting
+from taubench_gl.frame.passes.visibility import CHANNEL as VISIBILITY
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.frame.spec import bound_times
 from taubench_gl.gpu.context import Gpu
@@ -112,6 +113,10 @@ class SceneFeed:
         return self._all if self.source is None else self.source.effects
 
     @property
+    def poser(self) -> Poser:
+        return self._poser
+
+    @property
     def switchable(self) -> tuple[str, ...]:
         """Enabled effects that can be disabled."""
         return tuple(n for n in SWITCHABLE if self._all[n].enabled)
@@ -132,6 +137,8 @@ class SceneFeed:
         extra = extra | {"ids"}  # which object and material a pixel shows
         have = () if self.source is None else self.source.channels
         same = off == self._off and live == self.live
+        if self.source is not None and self.source.visibility is not None and VISIBILITY not in extra:
+            self._extra, same = self._extra - {VISIBILITY}, False  # its rays cost time in every pair
         if self.source is not None and same and extra <= {*have, *self._extra}:
             return False
         settings = self._given if live == self.live == live_of(self._given) else live_settings(self._given, live)

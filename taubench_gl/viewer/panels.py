@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from taubench_gl.glossary import CONCEPTS, REASONS, label_of
+from taubench_gl.glossary import CONCEPTS, EXACT_REASONS, REASONS, label_of
 from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
-from taubench_gl.report.palette import color_of
+from taubench_gl.report.palette import EXACT_COLORS, color_of
 from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.viewer.actions import help_lines, key_words
 from taubench_gl.viewer.display import VISUALIZATIONS
@@ -22,6 +22,7 @@ from taubench_gl.viewer.state import (
     CAMERAS,
     COMPARISONS,
     DOCKED,
+    EXACT_OVERLAYS,
     LIVE_CHOICES,
     METHOD_INPUTS,
     MOVING_LIGHTS,
@@ -187,7 +188,11 @@ class Panels:
         self._ui.check("masks", s.overlays, "overlays", "overlays")
         imgui.same_line()
         self._ui.slider("opacity", 0.0, 1.0, "%.2f")
+        self._ui.check("exact reasons", s.exact, "exact", "exact")
         self._ui.faint("% of all pixels")
+        if s.exact:
+            self._exact_legend(percentages)
+            return
         right = imgui.get_content_region_avail().x
         for name in OVERLAYS:
             percent = percentages.get(name)
@@ -204,6 +209,20 @@ class Panels:
         missing = [label_of(OVERLAYS[name]) for name in OVERLAYS if percentages.get(name) is None]
         if missing:
             self._ui.faint(f"not measured: {', '.join(missing)}", wrap=True)
+
+    def _exact_legend(self, percentages: Mapping[str, float | None]) -> None:
+        right = imgui.get_content_region_avail().x
+        for name, bits in EXACT_OVERLAYS.items():
+            color = ImVec4(*(c / 255.0 for c in EXACT_COLORS[bits]), 1.0)
+            imgui.color_button(f"##{name}", color, imgui.ColorEditFlags_.no_tooltip.value, ImVec2(12, 18))
+            imgui.same_line()
+            term, percent = EXACT_REASONS[bits], percentages.get(name)
+            imgui.text(term.label)
+            if imgui.is_item_hovered():
+                imgui.set_tooltip(wrapped(term.tooltip))
+            text = "not measured" if percent is None else f"{percent:.2f} %"
+            imgui.same_line(right - imgui.calc_text_size(text).x)
+            imgui.text(text)
 
     def _reusable(self) -> None:
         """The reuse rates of the pair and the largest reasons; the reprojection mode beside them."""

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from taubench_gl.conventions import FEATURES, FRUSTUM, Reason
+from taubench_gl.conventions import FEATURES, FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError, note_renamed
-from taubench_gl.glossary import key_of
+from taubench_gl.glossary import EXACT_REASONS, key_of
 from taubench_gl.reuse.loading import builtin_methods
 from taubench_gl.settings import LIGHTS, REPROJECTIONS, SAMPLINGS
 
@@ -38,6 +38,12 @@ OVERLAYS: dict[str, Reason] = {
     )
 }  # fmt: skip
 """Mask overlays by key, in the order of the legend and of the number keys."""
+
+EXACT_OVERLAYS: dict[str, Visibility] = {f"exact_{term.key}": bits for bits, term in EXACT_REASONS.items()}
+"""Overlays of exact reasons, in the order of the legend."""
+
+SHIFT = 16
+"""In the mask that the image shows, the bits of ``Visibility`` are this far above those of ``Reason``."""
 
 
 METHOD_INPUTS = ("full", "jittered", "noisy", "noisy+jittered", "path-traced", "path-traced+jittered")
@@ -90,6 +96,7 @@ class ViewerState:
     shown: dict[str, bool] = field(
         default_factory=lambda: {n: n in ("frustum", "position", "normal") for n in OVERLAYS}
     )
+    exact: bool = False  # exact reasons instead of the masks
     opacity: float = 0.7
     thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
     default_thresholds: dict[str, float] = field(default_factory=lambda: dict.fromkeys(FEATURES, 32 / 255))
@@ -201,7 +208,9 @@ class ViewerState:
         self.switched_off = self.switched_off ^ {effect}
 
     def active_overlays(self) -> tuple[str, ...]:
-        return tuple(n for n, on in self.shown.items() if on) if self.overlays else ()
+        if not self.overlays:
+            return ()
+        return tuple(EXACT_OVERLAYS) if self.exact else tuple(n for n, on in self.shown.items() if on)
 
 
 def following(items: tuple[str, ...], item: str, step: int = 1) -> str:
@@ -213,7 +222,7 @@ def following(items: tuple[str, ...], item: str, step: int = 1) -> str:
 
 _FLAGS = (
     "playing", "freeze_current", "freeze_previous", "frusta", "auto_range", "overlays", "arrows", "panels", "help",
-    "probe_pinned", "beside",
+    "probe_pinned", "beside", "exact",
 )  # fmt: skip
 _NUMBERS = {"speed": (0.01, 16.0), "opacity": (0.0, 1.0), "split": (0.0, 1.0), "gain": (0.01, 1e4),
             "flicker_hz": (0.25, 30.0), "arrow_scale": (0.0, 100.0)}  # fmt: skip

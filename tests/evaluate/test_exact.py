@@ -69,6 +69,10 @@ def test_columns_are_counts_of_channel_and_mask(tmp_path):
     row = next(r for r in table.rows if "all pixels" in r.label)
     assert row.values[names.index("visible")] == pytest.approx(exact["visible"]["mean_percent"])
     assert all(len(r.values) == len(names) for r in table.rows)
+    reasons = stored.tables()[-1]
+    (row,) = reasons.rows
+    assert reasons.number == "exact reasons" and row.values[0] == pytest.approx(exact["occluded"]["mean_percent"])
+    assert row.values[3] is None and row.reasons[3]  # no light was measured
 
 
 def lit(lamp_to):

@@ -198,3 +198,18 @@ def test_an_export_of_geometry_meters_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr("taubench_gl.evaluation.lighting.direct_luminance", None)
     export(tmp_path, "npz", frames=(8, 9), exposure="auto", channels=("position",))
     assert json.loads((tmp_path / "export.json").read_text())["settings"]["exposure"] == 1.0
+
+
+def test_exact_reasons_are_visibility_and_changed_light():
+    from export_tools import drawn
+
+    from taubench_gl.conventions import CHANGED_LIGHT, Visibility
+
+    first, second = drawn((0, 8), ("exact_reasons", "prev_visibility"))
+    assert not first.channels["exact_reasons"].any()
+    bits, seen = (second.channels[name][..., 0] for name in ("exact_reasons", "prev_visibility"))
+    assert ((bits & ~int(CHANGED_LIGHT)) == seen).all()
+    changed = (bits & int(CHANGED_LIGHT)) != 0
+    assert changed.any() and ((seen[changed] & int(Visibility.VISIBLE)) != 0).all()
+    with pytest.raises(SettingsError):
+        drawn((8,), ("exact_reasons",), storage="half")

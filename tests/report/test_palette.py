@@ -13,7 +13,7 @@ import pytest
 
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.glossary import key_of
-from taubench_gl.report.palette import REASON_COLORS
+from taubench_gl.report.palette import EXACT_COLORS, REASON_COLORS
 
 SIGHTS = {
     "normal": np.eye(3),
@@ -75,3 +75,9 @@ def test_any_two_colors_differ(sight):
         distance = np.linalg.norm(oklab(REASON_COLORS[a], sight) - oklab(REASON_COLORS[b], sight))
         least = SHADOWED if Reason.SHADOWED in (a, b) else MINIMUM
         assert distance >= least, f"{key_of(a)} and {key_of(b)}: {distance:.3f}"
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+def test_any_two_exact_reasons_differ(sight):
+    for a, b in itertools.combinations(EXACT_COLORS, 2):
+        assert np.linalg.norm(oklab(EXACT_COLORS[a], sight) - oklab(EXACT_COLORS[b], sight)) >= 2 * MINIMUM, f"{a}, {b}"

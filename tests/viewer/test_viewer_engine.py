@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from viewer_tools import DEMO, QUIET, ROOT, pixels
 
-from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.conventions import FRUSTUM, Reason, Visibility
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.evaluation.explain import in_words
 from taubench_gl.glossary import label_of
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.masks import pair_masks
-from taubench_gl.report.palette import color_of
+from taubench_gl.report.palette import EXACT_COLORS, color_of
 from taubench_gl.run import COUNT_COLUMNS
 from taubench_gl.settings import Settings
 
@@ -262,3 +262,30 @@ class TestPathTraced:
         with pytest.raises(SettingsError) as error:
             drive(scene, QUIET.replace(width=64), reference=f"exr:{self.renders}", options=self.options())
         assert "--size 96x54" in error.value.hint
+
+
+def test_exact_reasons_are_those_of_evaluate(drive, tmp_path):
+    """Shares and colors of the mode; the masks come back without it."""
+    settings = QUIET.replace(columns=("frustum", "position", "direct"), indirect="none", width=64, height=36)
+    run = evaluate_scene(DEMO, settings.replace(frames=(4, 6), exact=True))
+    row = run.frames[0]
+    driven = drive(settings=settings, light=True)
+    driven.run("frame 5\nset opacity 1\nset exact on\nscreenshot " + str(tmp_path / "a.png"))
+    percentages = driven.engine.percentages()
+    for name, column in (("disoccluded", "occluded"), ("brightened", "brightened"), ("darkened", "darkened"),
+                         ("view_dependent", "view_dependent"), ("new", "exact_new")):  # fmt: skip
+        assert percentages[f"exact_{name}"] == pytest.approx(100.0 * row[column] / row["pixels"]), name
+    assert percentages["exact_disoccluded"] > 1.0 and percentages["exact_brightened"] > 0.5
+    image = pixels(tmp_path / "a.png")
+    drawn = (image == EXACT_COLORS[Visibility.OCCLUDED]).all(axis=-1)
+    assert drawn.sum() == row["occluded"]
+    driven.run("set exact off\nscreenshot " + str(tmp_path / "b.png"))
+    assert driven.engine.source.visibility is None and not driven.state.exact
+    hit = (driven.engine.mask() & np.uint32(Reason.POSITION)) != 0
+    assert (pixels(tmp_path / "b.png")[hit] != image[hit]).any()
+
+
+def test_exact_reasons_need_positions_of_32_bits(drive):
+    driven = drive(settings=QUIET.replace(storage="half"))
+    driven.run("frame 5\nset exact on\nwait 1")
+    assert not driven.state.exact and driven.state.message
