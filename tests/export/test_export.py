@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from export_tools import DEMO, HEIGHT, WIDTH, export
 
@@ -208,7 +209,7 @@ def test_exact_reasons_are_visibility_and_changed_light():
     first, second = drawn((0, 8), ("exact_reasons", "prev_visibility"))
     assert not first.channels["exact_reasons"].any()
     bits, seen = (second.channels[name][..., 0] for name in ("exact_reasons", "prev_visibility"))
-    assert ((bits & ~int(CHANGED_LIGHT)) == seen).all()
+    assert ((bits & np.uint32(~CHANGED_LIGHT & 0xFFFFFFFF)) == seen).all()
     changed = (bits & int(CHANGED_LIGHT)) != 0
     assert changed.any() and ((seen[changed] & int(Visibility.VISIBLE)) != 0).all()
     with pytest.raises(SettingsError):
