@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import statistics
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -15,7 +13,6 @@ from taubench_gl.cost.analysis import ColumnDifference
 from taubench_gl.evaluation import Observers, evaluate_scene
 from taubench_gl.metrics.counts import percent
 from taubench_gl.metrics.pair_sample import PairSample, expected_half_width, sample_pairs
-from taubench_gl.run import Run
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings, scheme_of
 
@@ -27,11 +24,7 @@ def measure_columns(
     scene: Scene, camera: CameraTrack, settings: Settings, check: Callable[[], None] = lambda: None
 ) -> dict[str, Any]:
     """One full run: per column the mean and every pair's percentage of w * h.  ``check``: called after each pair."""
-    return from_run(evaluate_scene(scene, settings, Observers(on_counts=lambda _: check()), camera=camera))
-
-
-def from_run(run: Run) -> dict[str, Any]:
-    """The same block from a finished run."""
+    run = evaluate_scene(scene, settings, Observers(on_counts=lambda _: check()), camera=camera)
     sampling = (run.summary.get("sampling") or {}).get("columns", {})
     columns: dict[str, Any] = {}
     for column in COLUMNS:
@@ -72,12 +65,12 @@ def _half_width(record: Record, here: Mapping[str, Any], there: Mapping[str, Any
         values = np.array([there["pairs"][f] for f in sorted(there["pairs"], key=int)], dtype=np.float64)
         return max(own, expected_half_width(sample_of(record["settings"]["pairs"], len(values)), values))
     differences = [here["pairs"][f] - there["pairs"][f] for f in here["pairs"].keys() & there["pairs"].keys()]
-    n = len(differences)
-    if n < 3:
+    if len(differences) < 3:
         return None
-    from scipy.special import stdtrit  # imported late: 0.3 s
+    from taubench_gl.metrics.bootstrap import student_interval  # imported late: SciPy takes 0.3 s
 
-    return float(stdtrit(n - 1, 0.975)) * statistics.stdev(differences) / math.sqrt(n)
+    found = student_interval(np.array(differences))
+    return 0.5 * (found.high - found.low)
 
 
 def sample_of(pairs: str, total: int) -> PairSample:

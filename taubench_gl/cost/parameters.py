@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from taubench_gl.conventions import COLUMNS
 from taubench_gl.effects.decide import Effect
 from taubench_gl.effects.lighting import environment_of
 from taubench_gl.effects.path_tracing import traced_sources
@@ -23,7 +22,6 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import Settings, scheme_of
 
 LIGHT = ("direct", "indirect", "color")
-INDIRECT = ("indirect", "color")
 TRACED = "path-traced"
 """Value of ``light`` with its samples per pixel: path-traced@16."""
 
@@ -61,7 +59,6 @@ class Parameter:
     doc: str
     values: tuple[Any, ...]
     best: Any
-    columns: tuple[str, ...]  # columns of Table 4 that it may change
     phrase: Callable[[Any], str]  # a value in words
     kind: str = "accuracy"  # accuracy | grid
     inapplicable: Callable[[StudyContext], str | None] = lambda c: None  # why no value changes anything
@@ -167,56 +164,56 @@ PARAMETERS: dict[str, Parameter] = {
     for parameter in (
         Parameter(
             "scale", "image size relative to --size; larger pixels also discard a wider strip at the image edge",
-            (0.25, 0.5, 0.75, 1.0), None, COLUMNS, lambda v: f"{100 * v:g} % resolution", kind="grid",
+            (0.25, 0.5, 0.75, 1.0), None, lambda v: f"{100 * v:g} % resolution", kind="grid",
         ),
         Parameter(
             "pairs", "pairs to evaluate: every k-th, or two from each of H strata",
-            ("every:8", "strata:2", "every:4", "strata:4", "strata:8", "every:2", "all"), None, COLUMNS, _phrase_pairs,
+            ("every:8", "strata:2", "every:4", "strata:4", "strata:8", "every:2", "all"), None, _phrase_pairs,
             kind="grid", inapplicable_value=_bad_pair_sample,
         ),
         Parameter(
             "samples_per_pixel", "sub-pixel positions at which both frames of a pair are rendered and classified",
-            (1, 4, 16), None, COLUMNS, lambda v: f"{v} samples per pixel" if v > 1 else "1 sample per pixel",
+            (1, 4, 16), None, lambda v: f"{v} samples per pixel" if v > 1 else "1 sample per pixel",
             kind="grid",
         ),
         Parameter(
             "storage", "component type of channels between passes; double: float channels, masks by the float64 "
-            "reference on the CPU (not timed)", ("half", "float", CPU_FLOAT64), "float", COLUMNS,
+            "reference on the CPU (not timed)", ("half", "float", CPU_FLOAT64), "float",
             lambda v: {"half": "half floats", "float": "32-bit floats", CPU_FLOAT64: "masks in float64 on the CPU"}[v],
         ),
         Parameter(
-            "shadow_size", "texels along a shadow-map face", (256, 512, 1024, 2048), 2048, LIGHT,
+            "shadow_size", "texels along a shadow-map face", (256, 512, 1024, 2048), 2048,
             lambda v: f"shadow maps {v}", inapplicable=_without("shadows"), inapplicable_value=_too_large_an_atlas,
         ),
         Parameter(
             "shadow_filter", "filter of the shadow-map lookup: one texel, or four weighted", ("hard", "bilinear"),
-            "bilinear", LIGHT, lambda v: f"{v} shadow filter", inapplicable=_without("shadows"),
+            "bilinear", lambda v: f"{v} shadow filter", inapplicable=_without("shadows"),
         ),
         Parameter(
-            "shadow_lights", "lights with shadows, the most significant first", (4, 24), 24, LIGHT,
+            "shadow_lights", "lights with shadows, the most significant first", (4, 24), 24,
             lambda v: f"{v} light{'s' * (v != 1)} with shadows", inapplicable=_without("shadows"),
             inapplicable_value=_more_than_all_lights,
         ),
         Parameter(
-            "light_error", "radiance that light culling may leave out of a tile", (0.1, 0.001, 0.0), 0.0, LIGHT,
+            "light_error", "radiance that light culling may leave out of a tile", (0.1, 0.001, 0.0), 0.0,
             lambda v: f"light error {v:g}" if v else "no light culled", inapplicable=_without("light_culling"),
         ),
         Parameter(
-            "indirect", "method of indirect light", ("none", "rsm", "probes"), "probes", INDIRECT,
+            "indirect", "method of indirect light", ("none", "rsm", "probes"), "probes",
             lambda v: "no indirect light" if v == "none" else f"indirect light by {v}",
             inapplicable=_without_raster_indirect,
         ),
         Parameter(
-            "indirect_samples", "virtual point lights", (256, 1024, 4096), 4096, INDIRECT, lambda v: f"{v} VPLs",
+            "indirect_samples", "virtual point lights", (256, 1024, 4096), 4096, lambda v: f"{v} VPLs",
             inapplicable=_without_raster_indirect,
         ),
         Parameter(
             "light", "method of light, path-traced with its samples per pixel",
-            ("raster", *(f"{TRACED}@{n}" for n in (1, 4, 16, 64))), None, LIGHT, _phrase_light,
+            ("raster", *(f"{TRACED}@{n}" for n in (1, 4, 16, 64))), None, _phrase_light,
             inapplicable=_without_light, inapplicable_value=_same_light,
         ),
         Parameter(
-            "probes", "irradiance probes", (96, 768, 3072), 3072, INDIRECT, lambda v: f"{v} probes",
+            "probes", "irradiance probes", (96, 768, 3072), 3072, lambda v: f"{v} probes",
             inapplicable=_without_probes,
         ),
     )

@@ -31,21 +31,18 @@ def level_settings(name: str) -> dict[str, Any]:
 
 def save_level(path: Path, values: Mapping[str, Any], measured: Mapping[str, Any]) -> None:
     """Write ``values`` of LEVEL_FIELDS, None left out, as a preset.  Raises OutputError."""
-    lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]"]
-    lines += [f"{name} = {_toml(values[name])}" for name in LEVEL_FIELDS if values[name] is not None]
-    lines += ["", "[measured]  # for the reader, not read back", *(f"{k} = {_toml(v)}" for k, v in measured.items())]
-    write_atomically(path, "\n".join(lines) + "\n")
+    _write(path, {name: values[name] for name in LEVEL_FIELDS if values[name] is not None}, measured)
 
 
 def save_preset(path: Path, settings: Settings, measured: Mapping[str, Any]) -> None:
     """Write the size, every field that differs from its default, and ``measured``.  Raises OutputError."""
-    default = Settings().to_dict()
-    lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]"]
-    for name, value in settings.to_dict().items():
-        if name in SELECTING:
-            continue
-        if name in ("width", "height") or value != default[name]:
-            lines.append(f"{name} = {_toml(value)}")
+    default = {n: v for n, v in Settings().to_dict().items() if n not in ("width", "height")}
+    given = {n: v for n, v in settings.to_dict().items() if n not in SELECTING}
+    _write(path, {n: v for n, v in given.items() if n not in default or v != default[n]}, measured)
+
+
+def _write(path: Path, values: Mapping[str, Any], measured: Mapping[str, Any]) -> None:
+    lines = [f'schema = "{PRESET_SCHEMA}"', "", "[settings]", *(f"{k} = {_toml(v)}" for k, v in values.items())]
     lines += ["", "[measured]  # for the reader, not read back", *(f"{k} = {_toml(v)}" for k, v in measured.items())]
     write_atomically(path, "\n".join(lines) + "\n")
 

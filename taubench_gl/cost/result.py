@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -218,14 +219,19 @@ def _reference_facts(
 
 
 def machine_state(records: Sequence[Record], cores: int | None) -> dict[str, Any]:
-    """While configurations were timed: the share of the machine's CPU time that other processes took, how much the
-    baseline's time changed from round to round, and whether the machine was busy.  None: not known."""
+    """While configurations were timed: the share of the machine's CPU time that other processes took, the change of the
+    baseline's median time from the first to the second half of the rounds, and whether the machine was busy.
+
+    None: not known.
+    """
     visits = [r for r in records if r["kind"] == "time"]
     known = [(r["seconds"], r["other_seconds"]) for r in visits if r.get("other_seconds") is not None]
     available = (cores or 1) * sum(seconds for seconds, _ in known)
     other = max(0.0, sum(s for _, s in known)) / available if available else None
     baseline = [r["frame_ms"] for r in rounds_of(visits, BASELINE)]
-    drift = max(baseline) / min(baseline) - 1.0 if len(baseline) > 1 else None
+    half = len(baseline) // 2
+    first, last = (statistics.median(part) for part in (baseline[:half], baseline[-half:])) if half else (1.0, 1.0)
+    drift = max(first, last) / min(first, last) - 1.0 if half else None
     busy = (other or 0.0) > BUSY_SHARE or (drift or 0.0) > BUSY_DRIFT
     return {"other_work": other, "drift": drift, "busy": busy}
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from taubench_gl.report.cost_tables import OVERALL, answer, heading, tables_html
+from taubench_gl.report.cost_tables import OVERALL, answer, heading, tables
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import hex_of
+from taubench_gl.report.render import to_html
 
 Study = Mapping[str, Any]
 
@@ -25,7 +26,7 @@ def cost_html(study: Study) -> str:
         title=title,
         answer=answer(study),
         about=about,
-        tables=tables_html(study, scroll=True),
+        tables=to_html(tables(study), scroll=True),
     )
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from taubench_gl.outputs import csv_text
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.numerics import recorded
+from taubench_gl.report.render import NONE, TablesView, to_text
+from taubench_gl.report.tables import Column, Row, Table
 
 Study = Mapping[str, Any]
 Point = Mapping[str, Any]
 
-NONE = "–"
 OVERALL = "overall"
 ERROR_HEADS = ("% wrong", "discarded", "kept")
 """Of three columns: percent of the pixels with a wrong mask, and of these those discarded and kept wrongly."""
@@ -22,15 +21,8 @@ ERROR_HEADS = ("% wrong", "discarded", "kept")
 BAR = 24
 """Characters of the longest bar."""
 
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Heads (the first is that of the row labels), rows of text, notes below."""
-
-    title: str
-    heads: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
+WIDTH = 150
+"""Characters of a line of text."""
 
 
 def answer(study: Study) -> list[str]:
@@ -87,8 +79,14 @@ def heading(study: Study) -> list[str]:
 
 def tables(study: Study) -> list[Table]:
     """All tables, in reading order; those without rows are left out."""
-    found = [_front(study), _configurations(study), _effects(study), _columns(study), _storage(study)]
-    return [t for t in (*found, _arithmetic()) if t.rows]
+    found = [_front(study), _configurations(study), _effects(study), _columns(study), _storage(study), _arithmetic()]
+    return [t for t in found if t.rows]
+
+
+def _table(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *notes: str) -> Table:
+    """``heads``: without that of the labels, which are first in each row."""
+    named = tuple(Row(label, tuple(cells)) for label, *cells in rows)
+    return Table("cost", title, tuple(map(Column, heads)), named, notes)
 
 
 def _front(study: Study) -> Table:
@@ -96,12 +94,12 @@ def _front(study: Study) -> Table:
     column = study["chosen"]["column"] if study["chosen"] else OVERALL
     points = {p["name"]: p for p in study["points"]}
     rows = [_row(points[name], _overall(points[name], column)) for name in study["fronts"][column]]
-    heads = ("configuration", *ERROR_HEADS, "ms/frame", "of baseline", "MB")
-    return Table(f"Pareto front of the {column} error: nothing measured is as fast and as exact", heads, tuple(rows))
+    title = f"Pareto front of the {column} error: nothing measured is as fast and as exact"
+    return _table(title, (*ERROR_HEADS, "ms/frame", "of baseline", "MB"), rows)
 
 
 def _row(p: Point, cells: Sequence[str]) -> tuple[str, ...]:
-    return (p["label"], *cells, ms_text(p), ratio_text(p), _megabytes(p, 1))
+    return (p["label"], *cells, ms_text(p), ratio_text(p), NONE if p["bytes"] is None else f"{p['bytes'] / 1e6:.1f}")
 
 
 def _overall(p: Point, column: str) -> list[str]:
@@ -124,15 +122,16 @@ def _configurations(study: Study) -> Table:
         for p in study["points"]
         if p["masks"] and p["role"] != "effect"
     ]
-    notes = (
+    floor = ", ".join(f"{c} {three(v)}" for c, v in study["reference"]["floor"].items() if v is not None)
+    return _table(
+        "All configurations: masks that are wrong",
+        (*ERROR_HEADS, *study["columns"], "ms/frame", "of baseline", "MB"),
+        rows,
         "percent of the pixels whose mask differs from the reference's; overall: in any column; columns: + discarded "
         "wrongly, - kept wrongly: their sum is the error, their difference is what is left where they cancel",
-        "noise floor of the reference, %: "
-        + (", ".join(f"{c} {three(v)}" for c, v in study["reference"]["floor"].items() if v is not None) or "none"),
+        f"noise floor of the reference, %: {floor or 'none'}",
         f"times (~ marks those that are indistinguishable from the baseline's): {study['rule']}",
     )
-    heads = ("configuration", *ERROR_HEADS, *study["columns"], "ms/frame", "of baseline", "MB")
-    return Table("All configurations: masks that are wrong", heads, tuple(rows), notes)
 
 
 def _effects(study: Study) -> Table:
@@ -140,7 +139,7 @@ def _effects(study: Study) -> Table:
     baseline = next(p for p in study["points"] if p["role"] == "baseline")
     measured = [p for p in study["points"] if p["role"] == "effect" and p["masks"] and p["ms"]]
     if not measured or not baseline["ms"] or not baseline["masks"]:
-        return Table("What each effect costs", (), ())
+        return _table("What each effect costs", (), ())
     whole, wrong = baseline["ms"]["median"], baseline["masks"][OVERALL]["percent"]
     taken = [(abs(p["ms"]["median"] - whole), p) for p in measured]
     longest, rows = max(ms for ms, _ in taken) or 1.0, []
@@ -151,12 +150,13 @@ def _effects(study: Study) -> Table:
         megabytes = f"{(p['bytes'] - baseline['bytes']) / 1e6:+.1f}"
         rows.append((p["label"], *cells, f"{100.0 * ms / whole:.0f} %", megabytes, f"{change:+.2f}"))
     off = [name for name, e in study["effects"].items() if not e["on"]]
-    notes = (
+    return _table(
+        "What each effect costs",
+        ("change", "ms/frame", "of the frame", "MB", "wrong masks, points"),
+        rows,
         "change of time, memory and overall error against the baseline; ~ within the noise of the times",
         f"not called for by this scene and absent from its frames, unless every effect is on: {', '.join(off)}",
     )
-    heads = ("baseline", "change", "ms/frame", "of the frame", "MB", "wrong masks, points")
-    return Table("What each effect costs", heads, tuple(rows), notes)
 
 
 def _columns(study: Study) -> Table:
@@ -166,11 +166,12 @@ def _columns(study: Study) -> Table:
         if p["role"] == "grid" and p["columns"]:
             cells = [_difference(p["columns"][c]) for c in study["columns"]]
             rows.append((p["label"], *cells, ms_text(p), ratio_text(p)))
-    heads = ("configuration", *study["columns"], "ms/frame", "of baseline")
-    notes = (
+    return _table(
+        "Other pixels, other pairs: difference of each column",
+        (*study["columns"], "ms/frame", "of baseline"),
+        rows,
         "points: the column's mean less the baseline's, ± half the 95 % interval; wrong and missing discards cancel",
     )
-    return Table("Other pixels, other pairs: difference of each column", heads, tuple(rows), notes)
 
 
 def _difference(d: Mapping[str, Any]) -> str:
@@ -186,30 +187,25 @@ def _storage(study: Study) -> Table:
         for p in study["points"]
         if p["masks"] and (p["role"] == "baseline" or set(p["values"]) == {"storage"})
     ]
-    heads = (
-        "channels",
-        *(f"{c}, % wrong" for c in (OVERALL, *study["columns"])),
-        "ms/frame",
-        "of baseline",
-        "MB",
-    )
+    heads = (*(f"{c}, % wrong" for c in (OVERALL, *study["columns"])), "ms/frame", "of baseline", "MB")
     note = "float64 masks are computed on the CPU and not timed"
-    return Table("Numerics: storage of channels", heads, tuple(rows) if len(rows) > 1 else (), (note,))
+    return _table("Numerics: storage of channels", heads, rows if len(rows) > 1 else (), note)
 
 
 def _arithmetic() -> Table:
     """What the renderer's arithmetic avoids on the hard cases, as recorded: no variant without it is in the package."""
     found = recorded()
-    rows = [
-        (r["rule"], three(r["error_without"]), three(r["error"]), three(r["tolerance"]), r["what"])
+    rows = tuple(
+        Row(r["rule"], (*(three(r[k]) for k in ("error_without", "error", "tolerance")), ""), reasons={3: r["what"]})
         for r in found["rows"]
-    ]
+    )
     notes = (
         f"recorded {found['date']} on {found['renderer']}, {found['driver']} (tools/make_numerics.py)",
         "errors are in the unit of their case: pixels, relative errors or percentage points",
     )
-    heads = ("rule", "error without it", "with it", "allowed", "hard case")
-    return Table("Numerics: the error that each rule avoids on the hard cases", heads, tuple(rows), notes)
+    heads = ("error without it", "with it", "allowed", "hard case")
+    title = "Numerics: the error that each rule avoids on a hard case"
+    return Table("numerics", title, tuple(map(Column, heads)), rows, notes)
 
 
 def ms_text(point: Point) -> str:
@@ -239,65 +235,36 @@ def three(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
-def _megabytes(point: Point, decimals: int) -> str:
-    return NONE if point["bytes"] is None else f"{point['bytes'] / 1e6:.{decimals}f}"
-
-
-def cost_text(study: Study, width: int = 150) -> str:
+def cost_text(study: Study) -> str:
     """Plain text without color: the answer, then everything else."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table as RichTable
-    from rich.text import Text
-
-    sink = io.StringIO()
-    console = Console(file=sink, width=width, color_system=None, force_terminal=False, force_jupyter=False)
-    for line in (*answer(study), "", *heading(study)):
-        console.print(Text(line), soft_wrap=True)
-    for table in tables(study):
-        drawn = RichTable(title=Text("\n" + table.title), title_justify="left", box=box.SIMPLE_HEAD)
-        for i, head in enumerate(table.heads):
-            drawn.add_column(Text(head), justify="right" if i else "left", overflow="fold")
-        for row in table.rows:
-            drawn.add_row(*map(Text, row))
-        console.print(drawn)
-        for note in table.notes:
-            console.print(Text(f"  {note}"))
-    if study["inapplicable"]:
-        console.print(Text("\n" + "\n".join(f"not measured, {n}: {why}" for n, why in study["inapplicable"].items())))
-    return "\n".join(line.rstrip() for line in sink.getvalue().splitlines()) + "\n"
+    left_out = [f"not measured, {name}: {why}" for name, why in study["inapplicable"].items()]
+    lines = [*answer(study), "", *heading(study), "", to_text(tables(study), WIDTH), *left_out]
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def cost_csv(study: Study) -> str:
     """One line per configuration and column; all digits."""
-    masks, columns, times = (
-        ("percent", "false_positive", "false_negative", "points"),
-        ("percent", "points", "half_width"),
-        ("median", "spread", "samples"),
-    )
-    head = (
-        "configuration",
-        "label",
-        "role",
-        "column",
-        *(f"wrong_{m}" for m in masks),
-        *(f"column_{c}" for c in columns),
-        "on_front",
-    )
-    out: list[Sequence[Any]] = [(*head, *(f"ms_{t}" for t in times), "clock", "bytes")]
+    blocks = {
+        "wrong": ("percent", "false_positive", "false_negative", "points"),
+        "column": ("percent", "points", "half_width"),
+        "ms": ("median", "spread", "samples"),
+    }
+    heads = [f"{block}_{key}" for block, keys in blocks.items() for key in keys]
+    out: list[Sequence[Any]] = [("configuration", "label", "role", "column", "on_front", *heads, "clock", "bytes")]
     for p in study["points"]:
         for column in (OVERALL, *study["columns"]):
-            found, difference = p["masks"].get(column, {}), p["columns"].get(column, {})
-            cells = [*(found.get(m) for m in masks), *(difference.get(c) for c in columns)]
-            cells += [int(p["name"] in study["fronts"][column]), *((p["ms"] or {}).get(t) for t in times)]
-            out.append([p["name"], p["label"], p["role"], column, *cells, p["clock"], p["bytes"]])
+            found = {"wrong": p["masks"].get(column), "column": p["columns"].get(column), "ms": p["ms"]}
+            cells = [(found[block] or {}).get(key) for block, keys in blocks.items() for key in keys]
+            on_front = int(p["name"] in study["fronts"][column])
+            out.append([p["name"], p["label"], p["role"], column, on_front, *cells, p["clock"], p["bytes"]])
     return csv_text(out)
 
 
-class CostView:
+class CostView(TablesView):
     """A study to print, or to show in a notebook."""
 
     def __init__(self, study: Study):
+        super().__init__(tables(study))
         self.study = study
 
     def __str__(self) -> str:
@@ -306,21 +273,7 @@ class CostView:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        return tables_html(self.study)
+        from markupsafe import Markup
 
-
-def tables_html(study: Study, scroll: bool = False) -> str:
-    """The answer and the tables as an HTML fragment without scripts or style sheet.
-
-    ``scroll``: each table in a box that scrolls on a narrow screen, without the answer, for a page.
-    """
-    from markupsafe import Markup
-
-    from taubench_gl.report.page import render
-
-    values = [
-        {"title": t.title, "heads": t.heads, "rows": t.rows, "notes": t.notes, "dim": (), "region": scroll and t.title}
-        for t in tables(study)
-    ]
-    about = "" if scroll else Markup("<p>{}</p>").format(Markup("<br>").join([*answer(study), *heading(study)]))
-    return Markup("{}{}").format(about, Markup(render("tables.html", tables=values)))
+        about = Markup("<p>{}</p>").format(Markup("<br>").join([*answer(self.study), *heading(self.study)]))
+        return about + super()._repr_html_()

@@ -121,9 +121,9 @@ def test_names_are_escaped(small_study):
 def test_tables_list_the_front_first(small_study):
     _, study = small_study
     front, configurations, *others = tables(study.as_json())
-    assert [row[0] for row in front.rows] == [p.label for p in study.front()]
-    assert [row[0] for row in configurations.rows] == [p.label for p in study.points if p.masks]
-    baseline = next(row for row in configurations.rows if row[0] == "baseline")
-    assert baseline[-2] == "1x"
+    assert [row.label for row in front.rows] == [p.label for p in study.front()]
+    assert [row.label for row in configurations.rows] == [p.label for p in study.points if p.masks]
+    baseline = next(row for row in configurations.rows if row.label == "baseline")
+    assert baseline.values[-2] == "1x"
     (grid,) = [t for t in others if t.title.startswith("Other pixels")]
-    assert {row[0] for row in grid.rows} == {p.label for p in study.points if p.role == "grid"}
+    assert {row.label for row in grid.rows} == {p.label for p in study.points if p.role == "grid"}
