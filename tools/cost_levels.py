@@ -1,8 +1,8 @@
 """Writes the named levels of ``evaluate --quality`` from a recorded study: ``cost_levels.py STUDY.json [FOLDER]``.
 
-``balanced`` is the defaults.  ``draft`` is the fastest of the Pareto front, ``highest`` the most exact that is
-measured; ``fast`` and ``accurate`` are the points of the front whose times are nearest to the geometric middle between
-balanced and those.
+``balanced`` is the defaults.  ``draft`` is the fastest of the Pareto front, ``highest`` the most exact
+of the front; ``fast`` and ``accurate`` are the points whose times are nearest to the geometric middle between balanced
+and those.
 """
 
 from __future__ import annotations
@@ -47,18 +47,23 @@ def chosen_points(study: Study) -> dict[str, Point]:
     draft, highest = front[0], front[-1]
     return {
         "draft": draft,
-        "fast": _between(front, draft, balanced),
+        "fast": _between(study, front, draft, balanced),
         "balanced": balanced,
-        "accurate": _between(front, balanced, highest),
+        "accurate": _between(study, front, balanced, highest),
         "highest": highest,
     }
 
 
-def _between(front: list[Point], low: Point, high: Point) -> Point:
-    """The point of the front, not ``low`` or ``high`` where it has others, nearest to the middle of their times."""
-    middle = 0.5 * (math.log(low["ms"]["median"]) + math.log(high["ms"]["median"]))
-    others = [p for p in front if p["name"] not in (low["name"], high["name"])] or front
-    return min(others, key=lambda p: abs(math.log(p["ms"]["median"]) - middle))
+def _between(study: Study, front: list[Point], low: Point, high: Point) -> Point:
+    """Of the points with times between ``low`` and ``high`` the nearest to their geometric middle: one of the front, or
+    of all that are measured where the front has none."""
+    ends = [math.log(p["ms"]["median"]) for p in (low, high)]
+    measured = [p for p in study["points"] if p["usable"] and p["ms"] and p["masks"]]
+    for points in (front, measured):
+        between = [p for p in points if ends[0] < math.log(p["ms"]["median"]) < ends[1]]
+        if between:
+            return min(between, key=lambda p: abs(math.log(p["ms"]["median"]) - 0.5 * sum(ends)))
+    return high
 
 
 def settings_of(point: Point) -> dict[str, Any]:

@@ -182,12 +182,13 @@ def _difference(d: Mapping[str, Any]) -> str:
 
 def _storage(study: Study) -> Table:
     """Half floats, 32-bit floats and float64: the same settings but for the numbers."""
-    rows = [
-        ("32-bit floats" if p["role"] == "baseline" else p["label"], *_row(p, _overall(p, OVERALL))[1:])
-        for p in study["points"]
-        if p["masks"] and (p["role"] == "baseline" or set(p["values"]) == {"storage"})
-    ]
-    heads = (*(f"{c}, % wrong" for c in (OVERALL, *study["columns"])), "ms/frame", "of baseline", "MB")
+    columns = (OVERALL, *study["columns"])
+    rows = []
+    for p in study["points"]:
+        if p["masks"] and (p["role"] == "baseline" or set(p["values"]) == {"storage"}):
+            _, *cells = _row(p, [three(p["masks"][c]["percent"]) for c in columns])
+            rows.append(("32-bit floats" if p["role"] == "baseline" else p["label"], *cells))
+    heads = (*(f"{c}, % wrong" for c in columns), "ms/frame", "of baseline", "MB")
     note = "float64 masks are computed on the CPU and not timed"
     return _table("Numerics: storage of channels", heads, rows if len(rows) > 1 else (), note)
 
