@@ -71,8 +71,8 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 @click.option(
     "--reference",
     metavar="path-traced[@M]|highest-quality|exr:DIR",
-    help="Reference of the masks: all light path-traced at the sampled pixels, for a third of the time or with M "
-    "samples per pixel; exr:DIR: path-traced renders; highest-quality: the raster method at its best.  "
+    help="What masks are compared with.  path-traced: light traced at the compared pixels, for up to a third of the "
+    "time or with M samples per pixel; exr:DIR: path-traced renders; highest-quality: the raster method at its best.  "
     "[default: path-traced where anything is lit, else highest-quality]",
 )
 @click.option(
@@ -111,12 +111,12 @@ recommended settings, and records.jsonl: run again after an interruption or for 
 @accuracy_options
 @gpu_options
 def cost(scenes: tuple[str, ...], out: Path, parameters: str | None, **options: Any) -> int:
-    """Measure mask errors and times of configurations, and recommend one.
+    """Recommend settings for SCENE: how many masks they get wrong, and what a frame takes.
 
-    The options below are the baseline.  It is compared with the named levels, with each parameter changed one at a time
-    and in declared combinations, and without each effect.  Errors are shares of random pixels whose masks differ from
-    the reference's.  Times are measured in interleaved rounds, A B C A B C.  With several scenes, each gets a folder
-    inside DIR and its own time.
+    The options below are the baseline.  It is compared with the quality levels, with one parameter changed, with
+    several changed, and without each effect.  A mask is wrong where it differs from the reference's; a random set of
+    pixels is compared.  Configurations are timed in turn, A B C A B C.  The first three lines are the answer.  With
+    several scenes, each gets a folder inside DIR and its own time.
     """
     names = ("reference", "within", "budget_ms", "repeats", "fresh", "choose_for", "clock")
     request = {name: options.pop(name) for name in names}
