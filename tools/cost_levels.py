@@ -1,4 +1,4 @@
-"""Writes the named levels of ``evaluate --quality`` from a recorded study: ``cost_levels.py STUDY.json [FOLDER]``.
+"""Writes the named levels of ``evaluate --quality`` from a study, and records it: ``cost_levels.py STUDY.json [FOLDER]``.
 
 ``balanced`` is the defaults.  ``draft`` is the fastest of the Pareto front, ``highest`` the most exact
 of the front; ``fast`` and ``accurate`` are the points whose times are nearest to the geometric middle between balanced
@@ -27,6 +27,9 @@ RECORDED = Path(__file__).resolve().parents[1] / "docs" / "cost-levels.json"
 def main() -> int:
     study = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     folder = Path(sys.argv[2]) if len(sys.argv) > 2 else None
+    if folder is None:
+        study["provenance"]["command"] = "tools/cost_study"  # without the folders of this machine
+        RECORDED.write_text(json.dumps(study, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     for name, (values, measured) in levels(study).items():
         save_level(LEVELS[name] if folder is None else folder / f"{name}.toml", values, measured)
     return 0
