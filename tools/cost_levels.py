@@ -1,4 +1,4 @@
-"""Writes the named levels of ``evaluate --quality`` from a study, and records it: ``cost_levels.py STUDY.json [FOLDER]``.
+"""Writes the named levels of ``evaluate --quality`` from a study and records it: ``cost_levels.py STUDY [FOLDER]``.
 
 ``balanced`` is the defaults.  ``draft`` is the fastest of the Pareto front, ``highest`` the most exact
 of the front; ``fast`` and ``accurate`` are the points whose times are nearest to the geometric middle between balanced
