@@ -90,6 +90,10 @@ def reject_notes(summary: Summary) -> tuple[str, ...]:
         f"{share['frustum']:.2f} %, sky {share['sky']:.2f} %, not classified {share['not_classified']:.2f} %.",
         f"Times: {summary['clock']}.",
     ]
+    changed, scored = summary.get("changed_shading"), max(summary["pixels"]["surface"], 1)
+    if changed:
+        parts = ", ".join(f"{name.replace('_', '-')} {100.0 * n / scored:.2f} %" for name, n in changed.items())
+        lines.append(f"Visible points whose light changed, of the scored: {parts}.")
     lines += [f"{lighting_text(summary)}."] if lighting_text(summary) else []
     return tuple(lines)
 
