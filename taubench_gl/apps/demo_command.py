@@ -105,8 +105,37 @@ def _scene(chosen: list[Demo], path: Path | None, size: tuple[int, int] | None) 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"{one.stem}.glb"
         write_scene(one.scene(), file)
-        size_option = [] if size is None else ["--size", f"{size[0]}x{size[1]}"]
-        view.main(args=[str(file), "--lighting", *size_option], standalone_mode=False)
+        view.main(args=[str(write_session(one, file, size))], standalone_mode=False)
+
+
+def write_session(one: Demo, scene: Path, size: tuple[int, int] | None) -> Path:
+    """A session file beside ``scene`` that opens the lesson: its pair, its masks and its text."""
+    from taubench_gl.demos.opening import opening_settings
+    from taubench_gl.demos.stage import SIZE
+    from taubench_gl.glossary import key_of
+    from taubench_gl.settings import FIXED_LIGHTING, Settings
+    from taubench_gl.viewer.session_file import SUFFIX, save_lesson
+    from taubench_gl.viewer.state import OVERLAYS, SECTIONS
+
+    width, height = size or SIZE
+    defaults = {"width": width, "height": height, "indirect": "none", **FIXED_LIGHTING}
+    settings = Settings(**(defaults | opening_settings(one)))
+    masks = {key_of(mask) for mask in one.opening.masks}
+    opened = {"lesson", "compare", "masks", "thresholds", "playback"}
+    values = {"frame": one.opening.frame, "channel": "color", "against": "history", "overlays": 1, "panels": 1,
+              "samples": 0}  # fmt: skip
+    values |= {f"show.{name}": int(name in masks) for name in OVERLAYS}
+    values |= {f"section.{name}": int(name in opened) for name in SECTIONS}
+    look_for = (f"- {item}" for item in one.look_for)
+    lesson = [
+        f"{one.number}. {one.title}",
+        one.idea,
+        *look_for,
+        "Press Y twice: the previous frame in turn with this one.",
+    ]
+    path = scene.with_name(f"{one.stem}{SUFFIX}")
+    save_lesson(path, str(scene), settings, values, "\n".join(lesson))
+    return path
 
 
 def _notebooks(chosen: list[Demo], out: Path, size: tuple[int, int] | None) -> None:

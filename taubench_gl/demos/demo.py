@@ -6,12 +6,17 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taubench_gl.conventions import Reason
 
 if TYPE_CHECKING:
     from taubench_gl.demos.stage import Stage
     from taubench_gl.scene.model import Scene
 
+Array = np.ndarray
 RGB = tuple[int, int, int]
 
 
@@ -77,11 +82,104 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter that the reader drags: an image and a number at each of its values, with the number's theory.
+
+    The images are given, or follow from ``plane``, (h, w) uint8: at value i the pixels above i are marked on ``base``.
+    ``expected`` is None where there is no theory; ``tolerance`` is in the unit of the number.
+    """
+
+    name: str
+    unit: str
+    values: tuple[float, ...]
+    meaning: str  # of the number: "of the pixels are discarded"
+    number_unit: str
+    measured: tuple[float, ...]
+    expected: tuple[float | None, ...]
+    tolerance: tuple[float, ...]
+    source: str  # of the theory
+    start: int = 0  # index of the value that is shown first
+    images: tuple[Array, ...] = ()  # (h, w, 3) uint8 each
+    plane: Array | None = None
+    base: Array | None = None  # (h, w, 3) uint8
+    mark: RGB = (0, 114, 178)
+    note: str = ""  # how to read the image: colors, scale
+    digits: int = 2
+
+    def picture(self, i: int) -> Array:
+        """The image at value ``i``.  (h, w, 3) uint8."""
+        if self.plane is None or self.base is None:
+            return self.images[i]
+        out = self.base.copy()
+        out[self.plane > i] = self.mark
+        return out
+
+    @property
+    def as_expected(self) -> tuple[bool, ...]:
+        """For every value: whether the number agrees with its theory; True where there is none."""
+        rows = zip(self.measured, self.expected, self.tolerance, strict=True)
+        return tuple(e is None or abs(m - e) <= t for m, e, t in rows)
+
+
+def value_texts(parameter: Parameter) -> list[str]:
+    """The values of a parameter with their unit."""
+    return [f"{value:.3g} {parameter.unit}".strip() for value in parameter.values]
+
+
+def threshold_parameter(
+    distance: Array, values: Array, expected: Array, base: Array, mark: RGB, *, start: float, **texts: Any
+) -> Parameter:
+    """A threshold: at each of ``values``, pixels with a greater ``distance`` (h, w) are marked and counted.
+
+    ``expected``: distances in theory, (h, w); the tolerance is half of the pixels on the edges of its marked region.
+    ``base`` (h, w, 3) uint8; ``start``: the value that is shown first; ``texts``: fields of Parameter.
+    """
+    from taubench_gl.demos.theory import edge_pixels
+
+    regions = [expected > value for value in values]
+    return Parameter(
+        values=tuple(map(float, values)),
+        meaning=texts.pop("meaning", "of the pixels are discarded"),
+        number_unit="%",
+        measured=tuple(100.0 * float((distance > value).mean()) for value in values),
+        expected=tuple(100.0 * float(region.mean()) for region in regions),
+        tolerance=tuple(50.0 * edge_pixels(region) / region.size + 1e-9 for region in regions),
+        start=int(np.argmin(np.abs(np.log(np.asarray(values) / start)))),
+        plane=np.searchsorted(values, distance, side="left").astype(np.uint8),
+        base=base,
+        mark=mark,
+        **texts,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """The pair of frames that page and viewer open at.
+
+    ``frame``: the current one; ``masks``: the reasons that are colored; ``settings``: fields of Settings.
+    """
+
+    masks: tuple[Reason, ...]
+    frame: int = 1
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What the reader guesses before seeing the first finding: a number from ``low`` to ``high`` in its unit."""
+
+    text: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
 class Result:
     """Findings and figures of a demo; the first finding is its main number."""
 
     findings: tuple[Finding, ...]
     figures: tuple[Figure, ...]
+    parameter: Parameter
 
     @property
     def number(self) -> float:
@@ -105,12 +203,13 @@ class Result:
         return all(f.as_expected for f in self.findings)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Demo:
     """One numbered demo.
 
-    ``idea``: two or three sentences for students; ``look_for``: what to notice in the figures.  ``run`` writes
-    figures into a folder and returns its result; ``scene`` builds its scene, for the viewer and other commands.
+    ``idea``: two or three sentences for students; ``look_for``: what to notice in the figures; ``question``: asked
+    before the first finding is shown.  ``run`` writes figures into a folder and returns its result; ``scene`` builds
+    its scene, for the viewer and other commands; ``opening``: the pair of it that page and viewer show.
     """
 
     number: int
@@ -118,8 +217,10 @@ class Demo:
     title: str
     idea: str
     look_for: tuple[str, ...]
+    question: Question
+    opening: Opening
     run: Callable[[Stage, Path], Result]
-    scene: Callable[[], Scene] | None = None
+    scene: Callable[[], Scene]
     see_also: tuple[tuple[str, str], ...] = ()  # (text, page of docs/)
 
     @property
@@ -138,7 +239,9 @@ def demo(
     *,
     idea: str,
     look_for: tuple[str, ...],
-    scene: Callable[[], Scene] | None = None,
+    question: Question,
+    opening: Opening,
+    scene: Callable[[], Scene],
     see_also: tuple[tuple[str, str], ...] = (),
 ) -> Callable[[Callable[[Stage, Path], Result]], Callable[[Stage, Path], Result]]:
     """Register a function as the run of demo ``number``."""
@@ -146,7 +249,7 @@ def demo(
     def register(run: Callable[[Stage, Path], Result]) -> Callable[[Stage, Path], Result]:
         if name in REGISTRY or any(d.number == number for d in REGISTRY.values()):
             raise ValueError(f"two demos have number {number} or name {name}")
-        REGISTRY[name] = Demo(number, name, title, idea, look_for, run, scene, see_also)
+        REGISTRY[name] = Demo(number, name, title, idea, look_for, question, opening, run, scene, see_also)
         return run
 
     return register

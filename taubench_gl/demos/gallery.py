@@ -9,15 +9,21 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from taubench_gl import __version__
-from taubench_gl.demos.demo import Demo, Finding, Result
+from taubench_gl.demos.demo import Array, Demo, Finding, Parameter, Result, value_texts
 from taubench_gl.demos.lessons import find_demo
-from taubench_gl.demos.stage import SIZE, Stage
+from taubench_gl.demos.opening import opening_settings, pair_text
+from taubench_gl.demos.sheet import as_bytes
+from taubench_gl.demos.stage import SIZE, LitPair, Stage
 from taubench_gl.errors import SettingsError
+from taubench_gl.glossary import label_of
 from taubench_gl.gpu.context import open_gpu
 from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.report.mask_images import mask_overlay
 from taubench_gl.report.page import data_uri, render_page
+from taubench_gl.report.palette import color_of, hex_of
 
 INDEX_FILE = "index.html"
 NOTEBOOK_SIZE = (320, 180)
@@ -31,6 +37,12 @@ class Shown:
     demo: Demo
     result: Result
     page: Path
+
+
+def open_pair(stage: Stage, demo: Demo) -> LitPair:
+    """The pair of frames that the page and the viewer open at."""
+    frame = demo.opening.frame
+    return stage.evaluate(demo.scene(), frames=(frame - 1, frame + 1), **opening_settings(demo))[1][0]
 
 
 @contextmanager
@@ -71,10 +83,10 @@ def run_demos(
     folder = output_folder(out)
     shown: list[Shown] = []
     for i, demo in enumerate(chosen):
-        result = demo.run(stage, folder)
+        result, pair = demo.run(stage, folder), open_pair(stage, demo)
         around = (chosen[i - 1] if i else None, chosen[i + 1] if i + 1 < len(chosen) else None)
         page = folder / f"{demo.stem}.html"
-        write_atomically(page, demo_page(demo, result, around if index else None))
+        write_atomically(page, demo_page(demo, result, pair, around if index else None))
         shown.append(Shown(demo, result, page))
         if on_demo is not None:
             on_demo(shown[-1])
@@ -83,18 +95,90 @@ def run_demos(
     return shown
 
 
-def demo_page(demo: Demo, result: Result, around: tuple[Demo | None, Demo | None] | None = None) -> str:
-    """The page of one demo.  ``around``: the previous and the next demo, whose pages are in the same folder."""
+def demo_page(demo: Demo, result: Result, pair: LitPair, around: tuple[Demo | None, Demo | None] | None = None) -> str:
+    """The page of one demo.
+
+    ``pair``: the frames of ``open_pair``; ``around``: the previous and the next demo, whose pages are in the same
+    folder.
+    """
+    figures = [{"uri": data_uri(figure.path.read_bytes()), "caption": figure.caption} for figure in result.figures]
+    numbered = len(figures) > 1
+    figure_links = [(f"figure-{i}", f"Figure {i}" if numbered else "Figure") for i in range(1, len(figures) + 1)]
+    before, after = around or (None, None)
     return render_page(
         "demo.html",
         styles=("demo.css",),
+        scripts=("demo.js",),
+        data={
+            "question": _question(demo, result.findings[0]),
+            "parameter": _parameter(result.parameter),
+            "previous": before and f"{before.stem}.html",
+            "next": after and f"{after.stem}.html",
+        },
         demo=demo,
+        sections=[("frames", "Frames"), ("question", "Question"), *figure_links, ("parameter", "Parameter"),
+                  ("numbers", "Numbers")],
+        screens=_screens(demo, pair),
+        pair=pair_text(demo),
+        key=[(label_of(m), hex_of(color_of(m)), f"{pair.percent(m):.2f} % of the pixels") for m in demo.opening.masks],
+        drawn=result.parameter.picture(0).shape[1::-1],
+        parameter=result.parameter,
         findings=result.findings,
         strips=[_strip(finding) for finding in result.findings],
-        figures=[{"uri": data_uri(figure.path.read_bytes()), "caption": figure.caption} for figure in result.figures],
+        figures=figures,
         links=_links(around),
         version=__version__,
-    )
+    )  # fmt: skip
+
+
+def _screens(demo: Demo, pair: LitPair) -> list[tuple[str, str]]:
+    """Name and image of the previous frame, the current frame, and its mask."""
+    current, masks = pair.now["color"][..., :3], demo.opening.masks
+    return [
+        ("previous", data_uri(_webp(as_bytes(pair.before["color"][..., :3])), "webp")),
+        ("current", data_uri(_webp(as_bytes(current)), "webp")),
+        ("mask", data_uri(_webp(mask_overlay(pair.mask, current, masks)), "webp")),
+    ]
+
+
+def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
+    """The data of the guess; infinite ends of the expected range are those of the guess."""
+    asked, expected = demo.question, finding.expected
+    digits = max(0, 2 - math.floor(math.log10(asked.high - asked.low)))
+    return {
+        "low": asked.low, "high": asked.high, "guess_digits": min(digits, 3), "unit": finding.unit,
+        "measured": finding.number, "text": finding.text, "meaning": finding.meaning,
+        "expected": [max(expected.low, asked.low), min(expected.high, asked.high)],
+        "theory": f"{expected.text} {finding.unit}".strip() + f" ({expected.source})",
+    }  # fmt: skip
+
+
+def _parameter(parameter: Parameter) -> dict[str, Any]:
+    """The data that the page redraws from."""
+    names = ("name", "unit", "values", "meaning", "number_unit", "measured", "expected", "tolerance", "mark", "digits")
+    out = {name: getattr(parameter, name) for name in names} | {"texts": value_texts(parameter)}
+    if parameter.plane is not None and parameter.base is not None:
+        # Lossless: the page counts the pixels of the plane.
+        return out | {"plane": data_uri(png_bytes(parameter.plane)), "base": data_uri(_webp(parameter.base), "webp")}
+    return out | {"images": [data_uri(_webp(image), "webp") for image in parameter.images]}
+
+
+def _webp(image: Array) -> bytes:
+    """(h, w, 3) uint8 as WebP."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, format="WEBP", quality=82, method=4)
+    return buffer.getvalue()
+
+
+def png_bytes(image: Array) -> bytes:
+    """(h, w) or (h, w, 3) uint8 as PNG."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, format="PNG", optimize=True)
+    return buffer.getvalue()
 
 
 def index_page(shown: Sequence[tuple[Demo, Result]]) -> str:
@@ -161,19 +245,21 @@ def write_notebook(demo: Demo, folder: Path, size: tuple[int, int] = NOTEBOOK_SI
 
     look = "\n".join(f"- {item}" for item in demo.look_for)
     cells = [
-        new_markdown_cell(f"# {demo.number}. {demo.title}\n\n{demo.idea}\n\n**What to look for**\n\n{look}"),
+        new_markdown_cell(
+            f"# {demo.number}. {demo.title}\n\n{demo.idea}\n\n**What to look for**\n\n{look}\n\n"
+            f"**Guess first.** {demo.question.text}"
+        ),
         new_code_cell(_RUN.format(name=demo.name, width=size[0], height=size[1])),
         new_markdown_cell("## Measured numbers and theory"),
         new_code_cell(_NUMBERS),
+        new_markdown_cell("## Drag a parameter"),
+        new_code_cell(_EXPLORE),
+        new_markdown_cell(
+            "## Experiments\n\nEvaluate the scene of this demo. Change a setting and run the cell "
+            'again: `reprojection="motion"`, `thresholds={"position": 0.01}`, another `fps`.'
+        ),
+        new_code_cell(_EVALUATE.format(width=size[0], height=size[1])),
     ]
-    if demo.scene is not None:
-        cells += [
-            new_markdown_cell(
-                "## Experiments\n\nEvaluate the scene of this demo. Change a setting and run the cell "
-                'again: `reprojection="motion"`, `thresholds={"position": 0.01}`, another `fps`.'
-            ),
-            new_code_cell(_EVALUATE.format(width=size[0], height=size[1])),
-        ]
     for i, cell in enumerate(cells):
         cell["id"] = f"{demo.name}-{i}"  # reproducible file
     notebook = new_notebook(cells=cells)
@@ -201,6 +287,11 @@ rows = ["| measured | meaning | expected | reason |", "| --- | --- | --- | --- |
 rows += [f"| {f.text} | {f.meaning} | {f.expected.text} | {f.expected.source} |" for f in result.findings]
 display(Markdown("\\n".join(rows)))
 assert result.as_expected"""
+
+_EXPLORE = """\
+from taubench_gl.demos.explore import explore
+
+explore(result.parameter)"""
 
 _EVALUATE = """\
 import taubench_gl as tb

@@ -21,21 +21,28 @@ Array = np.ndarray
 PAPER, INK, SOFT = "#fbfaf7", "#1c1d21", "#5d6068"
 WIDTH = 1280
 _DPI = 125  # layout units are 1/100 inch: a sheet is 1600 pixels wide
-_PAD, _TITLE, _LEGEND = 24, 34, 44
+_PAD, _TITLE, _LEGEND, _BAR = 24, 34, 44, 58
 BLUE, ORANGE, GREEN, PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 """From the palette of Okabe and Ito (2008), as the mask colors."""
 
 
 class Sheet:
-    """``columns`` x ``rows`` panels of one aspect ratio above ``below`` units for plots.  Lengths in layout units."""
+    """``columns`` x ``rows`` panels of one aspect ratio above ``below`` units for plots.  Lengths in layout units.
 
-    def __init__(self, columns: int, rows: int, aspect: float, *, below: float = 0, legend: bool = True):
+    ``bars``: leave room for a color bar below each panel.
+    """
+
+    def __init__(
+        self, columns: int, rows: int, aspect: float, *, below: float = 0, legend: bool = True, bars: bool = False
+    ):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
         self._width = (WIDTH - _PAD * (columns + 1)) / columns
         self._height = self._width / aspect
-        self.grid_bottom = rows * (self._height + _TITLE) + _PAD * max(rows - 1, 0) * 0.5 + _PAD * 0.5 if rows else 0
+        self._bar = _BAR if bars else 0
+        gaps = _PAD * max(rows - 1, 0) * 0.5 + _PAD * 0.5
+        self.grid_bottom = rows * (self._height + _TITLE + self._bar) + gaps if rows else 0
         self.legend_top = self.grid_bottom + below
         self.height = self.legend_top + (_LEGEND if legend else 0) + 0.5 * _PAD
         self._figure = Figure(figsize=(WIDTH / 100, self.height / 100), facecolor=PAPER)
@@ -60,13 +67,30 @@ class Sheet:
         axes.title.set(fontsize=13.5, color=INK)
         return axes
 
+    def place(self, column: int, row: int) -> tuple[float, float, float, float]:
+        """Left, top, width and height of a panel."""
+        left = _PAD + column * (self._width + _PAD)
+        top = _TITLE + row * (self._height + _TITLE + self._bar + 0.5 * _PAD)
+        return left, top, self._width, self._height
+
+    def color_bar(
+        self, column: int, row: int, ticks: Sequence[tuple[float, str]], label: str, colors: str = "viridis"
+    ) -> None:
+        """Add the color bar of ``heat`` below a panel.  ``ticks``: place in [0, 1] and text."""
+        import matplotlib
+
+        left, top, width, height = self.place(column, row)
+        axes = self.axes(left, top + height + 10, 0.5 * width, 15)
+        ramp = np.linspace(0.0, 1.0, 256)[None]
+        axes.imshow(matplotlib.colormaps[colors](ramp)[..., :3], extent=(0, 1, 0, 1), aspect="auto")
+        axes.set(yticks=[], xticks=[place for place, _ in ticks], xticklabels=[text for _, text in ticks])
+        axes.tick_params(labelsize=11, colors=INK, length=3)
+        self.text(left + 0.5 * width + 16, top + height + 9, label, size=12.5)
+
     def panel(self, column: int, row: int, image: Array, title: str = "") -> Any:
         """Add an image (h, w, 3), uint8 or float in [0, 1], below its title.  Returns its axes, in pixels."""
-        left = _PAD + column * (self._width + _PAD)
-        top = _TITLE + row * (self._height + _TITLE + 0.5 * _PAD)
-        axes = self.axes(left, top, self._width, self._height)
-        image = np.asarray(image)
-        image = image if image.dtype == np.uint8 else np.clip(np.nan_to_num(image), 0.0, 1.0)
+        axes = self.axes(*self.place(column, row))
+        image = as_bytes(image)
         # "auto" keeps strongly enlarged pixels sharp and resamples images near their own size smoothly.
         axes.imshow(image, interpolation="auto", aspect="auto")
         axes.set(xticks=[], yticks=[])
@@ -137,6 +161,16 @@ def note(axes: Any, text: str, *, at: tuple[float, float] = (0.02, 0.03), va: st
     )  # fmt: skip
 
 
+def inset(axes: Any, image: Array, title: str, *, part: float = 0.3) -> None:
+    """Add a small image (h, w, 3) at the top left of a panel, ``part`` as wide as the panel, with a title below."""
+    inner = axes.inset_axes((0.02, 0.97 - part, part, part))
+    inner.imshow(image, interpolation="auto", aspect="auto")
+    inner.set(xticks=[], yticks=[])
+    for spine in inner.spines.values():
+        spine.set(color="white", linewidth=1.6)
+    note(axes, title, at=(0.02, 0.955 - part), va="top")
+
+
 def overlay(mask: Array, base: Array | None, *reasons: Reason) -> Array:
     """Mask colors over a gray image, as in the mask images of ``evaluate``.  (h, w, 3) uint8."""
     return mask_overlay(mask, base, reasons)
@@ -176,6 +210,21 @@ def heat(values: Array, top: float, colors: str = "viridis") -> Array:
     return np.where(np.isnan(values)[..., None], 0.86, shown)
 
 
+def as_bytes(image: Array) -> Array:
+    """(h, w, 3) float in [0, 1], NaN as black -> uint8; uint8 as it is."""
+    image = np.asarray(image)
+    if image.dtype == np.uint8:
+        return image
+    return np.round(255.0 * np.clip(np.nan_to_num(image), 0.0, 1.0)).astype(np.uint8)
+
+
 def enlarged(image: Array, left: int, top: int, width: int, height: int) -> Array:
     """A part of an image, for an enlarged panel."""
     return image[top : top + height, left : left + width]
+
+
+def frame_of(left: int, top: int, width: int, height: int) -> Any:
+    """The outline of a part of an image, for the panel of the whole image."""
+    from matplotlib.patches import Rectangle
+
+    return Rectangle((left, top), width, height, fill=False, edgecolor="white", linewidth=1.6)

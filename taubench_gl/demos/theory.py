@@ -136,6 +136,24 @@ def innermost_pixel(region: Array) -> tuple[float, float]:
         remaining = smaller
 
 
+def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:
+    """Distance from each point of the ground of ``ground_discards`` to that at the nearest previous pixel.  (h, w) m.
+
+    0 above the horizon.  ``focal``: pixels.
+    """
+    width, height = size
+    below = (np.arange(height) + 0.5 - height / 2)[:, None]
+    aside = (np.arange(width) + 0.5 - width / 2)[None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = np.where(below > 0, eye * focal / below, np.nan)
+        then = far + step
+        across = aside * far / focal
+        row, column = np.floor(eye * focal / then) + 0.5, np.floor(focal * across / then) + 0.5
+        seen = eye * focal / row
+        away = np.hypot(seen - then, column * seen / focal - across)
+    return np.nan_to_num(away)
+
+
 def ground_discards(height_px: int, eye: float, focal: float, step: float, threshold: float) -> float:
     """Share of an image that a fixed distance discards on level ground under a camera that moves forward, %.
 

@@ -45,7 +45,7 @@ class Panels:
         self._bodies: dict[str, Callable[[], None]] = {
             "camera": self._camera, "image": self._image, "compare": self._compare, "masks": self._masks,
             "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw, "settings": self._settings,
-            "effects": self._effects, "time": self._time,
+            "effects": self._effects, "time": self._time, "lesson": self._lesson,
         }  # fmt: skip
 
     @property
@@ -58,10 +58,10 @@ class Panels:
 
     def draw(self, layout: Layout) -> None:
         self._ui.rects.clear()
-        docks = self._viewer.state.docks
+        docks, shown = self._viewer.state.docks, [n for n in DOCKED if n != "lesson" or self._viewer.state.lesson]
         for side, rect in (("left", layout.left), ("right", layout.right)):
             if rect is not None:
-                names = [n for n in DOCKED if n in self._bodies and (layout.merged or docks[n] == side)]
+                names = [n for n in shown if n in self._bodies and (layout.merged or docks[n] == side)]
                 self._window(side, rect, lambda names=names: self._sections(names, layout.merged))
         if layout.bar is not None:
             self._window("bar", layout.bar, self._bar)
@@ -131,6 +131,17 @@ class Panels:
         at = f"{s.frame / s.fps:.3f} s at {s.fps:g} fps"
         self._ui.faint(f"{at}   {reusable}{speed}{loop}")
         self._ui.faint(s.message or viewer.hint, wrap=True)
+
+    def _lesson(self) -> None:
+        """The text of a session file: its title, then its paragraphs."""
+        title, *paragraphs = self._viewer.state.lesson.splitlines()
+        imgui.push_text_wrap_pos(0.0)
+        imgui.text_colored(ImVec4(*ACCENT, 1.0), title)
+        for paragraph in filter(None, paragraphs):
+            if paragraph.startswith("- "):
+                imgui.bullet()
+            imgui.text_wrapped(paragraph.removeprefix("- "))
+        imgui.pop_text_wrap_pos()
 
     def _camera(self) -> None:
         s = self._viewer.state

@@ -44,7 +44,8 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     settings: dict[str, Any]
     given: list[str]
     values: dict[str, str | int | float]
-    camera: _Pose
+    camera: _Pose | None = None
+    lesson: str = ""
     reference: str | None = None
     run: str | None = None
     path_traced: dict[str, str | None] = {}
@@ -52,17 +53,21 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class Restored:
-    """How the viewer showed a source: values of variables, and the camera of the user."""
+    """How the viewer showed a source: values of variables, and the camera of the user, None for that of the source.
+
+    ``lesson``: text of the section lesson.
+    """
 
     values: Mapping[str, str | int | float]
-    position: tuple[float, float, float]
-    yaw: float
-    pitch: float
+    camera: _Pose | None = None
+    lesson: str = ""
 
     def apply(self, state: ViewerState, camera: UserCamera) -> list[str]:
         """Set values and camera; the names of values that do not fit what is open."""
-        camera.position[:] = self.position
-        camera.yaw, camera.pitch = self.yaw, self.pitch
+        if self.camera is not None:
+            camera.position[:] = self.camera.position
+            camera.yaw, camera.pitch = self.camera.yaw, self.camera.pitch
+        state.lesson = self.lesson
         left = []
         for name, value in self.values.items():
             try:
@@ -87,10 +92,23 @@ def save(path: Path, request: OpenRequest, state: ViewerState, camera: UserCamer
         sorted(request.given),
         {name: now[name] for name in variable_names(state) if name not in _NOT_KEPT},
         _Pose(tuple(map(float, camera.position)), float(camera.yaw), float(camera.pitch)),
+        state.lesson,
         None if request.reference is None else _stored(request.reference, folder),
         None if request.run is None else _stored(request.run, folder),
         {name: None if value is None else _stored(str(value), folder) for name, value in options.items()},
     )
+    write_atomically(path, json.dumps(msgspec.to_builtins(file), indent=1) + "\n")
+
+
+def save_lesson(
+    path: Path, source: str, settings: Settings, values: Mapping[str, str | int | float], lesson: str
+) -> None:
+    """Write a session file that opens ``source`` with ``values`` of variables and the text ``lesson``.
+
+    Raises OutputError.
+    """
+    given = [name for name, value in settings.to_dict().items() if value != Settings().to_dict().get(name)]
+    file = _File(SCHEMA, _stored(source, path.parent), settings.to_dict(), given, dict(values), None, lesson)
     write_atomically(path, json.dumps(msgspec.to_builtins(file), indent=1) + "\n")
 
 
@@ -105,7 +123,6 @@ def load(path: str | Path, resolve: Resolve | None = None) -> OpenRequest:
         raise OutputError(f"there is no option {unknown[0]!r} of path-traced files", where=str(path))
     paths = {name: value and _found(value, folder) for name, value in file.path_traced.items()}
     options = {n: Path(v) if v and n.endswith("_file") else v for n, v in paths.items()}
-    camera = file.camera
     return OpenRequest(
         _found(file.source, folder),
         Settings.from_dict(file.settings),
@@ -114,7 +131,7 @@ def load(path: str | Path, resolve: Resolve | None = None) -> OpenRequest:
         frozenset(file.given),
         resolve,
         run=file.run and _found(file.run, folder),
-        restored=Restored(file.values, camera.position, camera.yaw, camera.pitch),
+        restored=Restored(file.values, file.camera, file.lesson),
     )
 
 

@@ -21,11 +21,23 @@ CAMERAS = ("file", "fly", "orbit")
 COMPARISONS = ("off", "split", "flicker", "difference", "error")
 HISTORY = ("history", "reprojected")
 """What every image can be compared with: the previous frame, and that frame looked up where motion leads."""
-SECTIONS = ("playback", "camera", "image", "compare", "masks", "thresholds", "probe", "settings", "effects", "time")
+SECTIONS = (
+    "playback",
+    "camera",
+    "image",
+    "compare",
+    "masks",
+    "thresholds",
+    "probe",
+    "settings",
+    "effects",
+    "time",
+    "lesson",
+)
 DOCKS = ("left", "right")
-DOCKED = ("probe", "thresholds", "camera", "image", "compare", "masks", "settings", "effects", "time")
+DOCKED = ("lesson", "probe", "thresholds", "camera", "image", "compare", "masks", "settings", "effects", "time")
 """Sections of the side panels, from the top."""
-_LEFT = ("probe", "thresholds")
+_LEFT = ("lesson", "probe", "thresholds")
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 MIN_THRESHOLD, MAX_THRESHOLD = 1e-5, 100.0
 
@@ -132,6 +144,7 @@ class ViewerState:
     magnified: int = 11  # pixels along a side of the magnified images, odd
     size: tuple[int, int] = (1, 1)  # image width and height, pixels
     message: str = ""
+    lesson: str = ""  # text of a session file: a title, then paragraphs; empty: no section
     requests: list[str] = field(default_factory=list)  # actions that the model serves: screenshot, quit, ...
     clock: float = 0.0  # frames due while playing, fractional
     flicker_clock: float = 0.0  # seconds since the flicker changed images

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from taubench_gl.demos.demo import Demo, Result
+from taubench_gl.demos.gallery import Shown, open_pair, run_demos
 from taubench_gl.demos.lessons import demos
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.stage import LitPair, Stage
 
 SIZE = (160, 90)
 
@@ -18,17 +19,33 @@ class Runs:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self._results: dict[str, Result] = {}
+        self._shown: dict[str, Shown] = {}
+        self._pairs: dict[str, LitPair] = {}
 
     def of(self, demo: Demo, gpu) -> Result:
-        if demo.name not in self._results:
+        return self.shown(demo, gpu).result
+
+    def shown(self, demo: Demo, gpu) -> Shown:
+        """The demo with its result and its page, which has no neighbors."""
+        if demo.name not in self._shown:
             stage = Stage(gpu, SIZE)
             try:
-                self._results[demo.name] = demo.run(stage, self.folder)
+                self._shown[demo.name] = run_demos(stage, [demo], self.folder)[0]
             finally:
                 stage.release()
                 gpu.collect()
-        return self._results[demo.name]
+        return self._shown[demo.name]
+
+    def pair(self, demo: Demo, gpu) -> LitPair:
+        """The pair that the page opens at."""
+        if demo.name not in self._pairs:
+            stage = Stage(gpu, SIZE)
+            try:
+                self._pairs[demo.name] = open_pair(stage, demo)
+            finally:
+                stage.release()
+                gpu.collect()
+        return self._pairs[demo.name]
 
 
 @pytest.fixture(scope="session")

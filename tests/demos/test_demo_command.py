@@ -29,7 +29,7 @@ def run(capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize("arguments", [(), ("--list",), ("--list", "--all")])
 def test_without_a_name_the_demos_are_listed(run, arguments, tmp_path):
     code, out, _ = run(*arguments)
-    assert code == 0 and len(out.splitlines()) == 13
+    assert code == 0 and len(out.splitlines()) == 16
     assert re.match(r" 1  rotations +\w+", out) and "11  cost" in out
     assert list(tmp_path.iterdir()) == []
 
@@ -68,7 +68,7 @@ def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
     ("arguments", "named"),
     [
         (("ghost-busters",), "ghost-busters"),
-        (("14",), "13"),
+        (("17",), "16"),
         (("r",), "rotations"),
         (("--all", "half"), "--all"),
         (("half", "--size", "16x9"), "160x90"),
@@ -99,14 +99,20 @@ def test_scene_is_written_for_other_commands(run, tmp_path):
 
 
 def test_view_opens_the_scene(run, monkeypatch, tmp_path):
-    """Only the call: tests/viewer tests the viewer."""
+    """Only the call: tests/viewer/test_viewer_lessons.py opens it."""
     from taubench_gl.apps import view_command
+
+    load = pytest.importorskip("taubench_gl.viewer.session_file", reason="the viewer extra is not installed").load
 
     seen = []
 
     def instead(args, standalone_mode):
-        seen.append((load_scene(args[0]).duration, args[1:]))
+        request = load(args[0])
+        seen.append((load_scene(request.source).duration, request.settings, request.restored, args[1:]))
 
     monkeypatch.setattr(view_command.view, "main", instead)
     code, _, _ = run("7", "--view", "--size", "320x180")
-    assert code == 0 and seen == [(1.0, ["--lighting", "--size", "320x180"])]
+    ((duration, settings, restored, more),) = seen
+    assert code == 0 and duration == 1.0 and more == []
+    assert settings.sequence.width == 320 and settings.metrics.reprojection == "motion"
+    assert restored.values["frame"] == 1 and restored.lesson.startswith("7. Disocclusion")

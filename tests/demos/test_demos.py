@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from taubench_gl.demos.gallery import demo_page, index_page
+from taubench_gl.demos.gallery import index_page
 from taubench_gl.demos.lessons import demos, find_demo
 from taubench_gl.demos.stage import Stage
 from taubench_gl.errors import SettingsError
@@ -35,6 +36,26 @@ def test_every_demo_could_fail(demo, runs, gpu):
         assert not all(finding.expected.met_by(value) for value in others), finding.meaning
 
 
+def test_parameters_agree_with_theory_at_every_value(demo, runs, gpu):
+    parameter = runs.of(demo, gpu).parameter
+    count = len(parameter.values)
+    assert 3 <= count <= 64 and 0 <= parameter.start < count
+    assert all(parameter.as_expected), [
+        row
+        for row, good in zip(zip(parameter.values, parameter.measured, parameter.expected), parameter.as_expected)
+        if not good
+    ]
+    assert all(parameter.picture(i).shape == parameter.picture(0).shape for i in range(count))
+    assert len({parameter.picture(i).tobytes() for i in range(count)}) > 2, "the image does not follow the parameter"
+
+
+def test_every_parameter_could_disagree(demo, runs, gpu):
+    """Numbers of the parameter's other end, or none at all, are not as expected."""
+    parameter = runs.of(demo, gpu).parameter
+    for wrong in (parameter.measured[::-1], tuple(2.0 * m + 1.0 for m in parameter.measured)):
+        assert not all(dataclasses.replace(parameter, measured=wrong).as_expected)
+
+
 def test_figures_contain_their_legend_colors(demo, runs, gpu):
     """Exactly in the legend, and blended with the background in the figure itself."""
     for figure in runs.of(demo, gpu).figures:
@@ -49,11 +70,12 @@ def test_figures_contain_their_legend_colors(demo, runs, gpu):
 
 
 def test_pages_are_self_contained(demo, runs, gpu):
-    page = demo_page(demo, runs.of(demo, gpu))
+    page = runs.shown(demo, gpu).page.read_text(encoding="utf-8")
     parser = Texts()
     parser.feed(page)
-    assert parser.loaded and all(link.startswith("data:") for link in parser.loaded)
-    assert not re.search(r"https?:|url\(|<script|@import", re.sub(r"data:[^'\"]*", "", page))
+    assert parser.loaded and all(link.startswith(("data:", "#")) for link in parser.loaded)
+    own = re.sub(r"data:[^'\"]*", "", page).replace("http://www.w3.org/2000/svg", "")
+    assert not re.search(r"https?:|url\(|<script src|@import", own)
     text = " ".join(parser.texts)
     for expected in (demo.title, demo.look_for[0], runs.of(demo, gpu).findings[0].text):
         assert " ".join(expected.split()) in " ".join(text.split())
@@ -73,7 +95,7 @@ def test_index_links_every_page(runs, gpu):
 class Texts(HTMLParser):
     """Collects the texts of a page, its links, and open tags."""
 
-    VOID = ("meta", "link", "img", "br", "line", "rect", "circle")
+    VOID = ("meta", "link", "img", "br", "line", "rect", "circle", "input", "path")
 
     def __init__(self):
         super().__init__()
@@ -98,7 +120,7 @@ class Texts(HTMLParser):
 
 def test_numbers_and_names_are_in_order():
     every = demos()
-    assert [d.number for d in every] == list(range(1, 14))
+    assert [d.number for d in every] == list(range(1, 17))
     assert len({d.name for d in every}) == len(every)
     for one in every:
         assert find_demo(one.name) is find_demo(str(one.number)) is one

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from taubench_gl.demos import gallery as module
+from taubench_gl.demos.explore import explore
 from taubench_gl.demos.gallery import write_notebook
 from taubench_gl.demos.lessons import demos, find_demo
 from taubench_gl.errors import SettingsError
@@ -33,6 +37,7 @@ def check(demo, tmp_path) -> None:
     assert len(shown(outputs, "image/png")) >= 1
     assert any("| measured | meaning |" in text for text in shown(outputs, "text/markdown"))
     assert shown(outputs, "text/html"), "the table of the last cell"
+    assert shown(outputs, "application/vnd.jupyter.widget-view+json"), "the slider"
 
 
 def test_one_notebook_runs(tmp_path):
@@ -43,6 +48,29 @@ def test_one_notebook_runs(tmp_path):
 @pytest.mark.parametrize("name", [d.name for d in demos() if d.name != "thresholds"])
 def test_every_notebook_runs(name, tmp_path):
     check(find_demo(name), tmp_path)
+
+
+def test_the_slider_redraws_image_and_number(runs, gpu):
+    pytest.importorskip("ipywidgets", reason="the notebook extra is not installed")
+    parameter = runs.of(find_demo("thresholds"), gpu).parameter
+    slider, reading, image, _ = explore(parameter).children
+    assert slider.index == parameter.start
+    seen = set()
+    for i in (0, len(parameter.values) // 2, len(parameter.values) - 1):
+        slider.index = i
+        assert f"{parameter.measured[i]:.2f} %" in reading.value and f"{parameter.expected[i]:.2f}" in reading.value
+        seen.add(image.value)
+        drawn = np.asarray(Image.open(io.BytesIO(image.value)))
+        assert (drawn == parameter.mark).all(axis=-1).sum() == (parameter.plane > i).sum()
+    assert len(seen) == 3
+
+
+def test_without_ipywidgets_is_an_error_that_names_the_extra(runs, gpu, monkeypatch):
+    parameter = runs.of(find_demo("thresholds"), gpu).parameter
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(SettingsError) as error:
+        explore(parameter)
+    assert "taubench-gl[notebook]" in error.value.hint
 
 
 def test_notebooks_are_reproducible(tmp_path):

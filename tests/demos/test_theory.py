@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from taubench_gl import math3d
+from taubench_gl.animation.jitter import halton_jitter
 from taubench_gl.conventions import DEFAULT_THRESHOLD
 from taubench_gl.demos import theory
+from taubench_gl.demos.lessons import half, jitter
 from taubench_gl.demos.lessons.cost import beside
 from taubench_gl.demos.lessons.half import half_step
 from taubench_gl.demos.lessons.noise import expected_many_samples, expected_one_sample
@@ -115,3 +117,49 @@ def test_ground_moved_by_less_than_the_threshold_is_kept_where_no_row_changes():
     """One row: at y = 0.5 the ground is 193 m away; 0.1 m closer is the same row, 0.2 m is a discard of that row."""
     assert theory.ground_discards(2, 1.0, 96.5, 0.1, 0.125) == 0.0
     assert theory.ground_discards(2, 1.0, 96.5, 0.2, 0.125) == 50.0
+
+
+def test_ground_distances_agree_with_the_rows_of_ground_discards():
+    """In the middle column the lateral part vanishes; rows there are those of the one-dimensional count."""
+    height, eye, focal, step = 400, 1.6, 300.0, 1.3
+    column = theory.ground_distance((1, height), eye, focal, step)[:, 0]
+    for threshold in (0.05, 0.12, 0.5, 1.2):
+        expected = theory.ground_discards(height, eye, focal, step, threshold)
+        assert 100.0 * np.mean(column > threshold) == pytest.approx(expected, abs=1e-9)
+    assert np.all(column[: height // 2] == 0.0)
+
+
+@pytest.mark.parametrize("bits", [8, 11])
+def test_share_of_other_pixels_by_precision(bits):
+    """The law of demo 5 against rounding random motion of up to half a pixel of spacing."""
+    rng = np.random.default_rng(bits)
+    motion = rng.uniform(-100.0, 100.0, (200_000, 2)).astype(np.float32)
+    moved = np.floor(half.in_half(motion, bits).astype(np.float64) + 0.5) != np.floor(motion.astype(np.float64) + 0.5)
+    share = 100.0 * float(moved.any(axis=-1).mean())
+    assert share == pytest.approx(half.law(motion, bits), abs=0.15)
+
+
+def test_in_half_is_float16_at_11_bits():
+    motion = np.random.default_rng(2).uniform(-300.0, 300.0, 1000)
+    step = half.half_step(motion)
+    assert np.array_equal(np.round(motion / step) * step, motion.astype(np.float16).astype(np.float64))
+
+
+def test_spread_of_a_still_edge_is_that_of_offsets_and_pixels():
+    """Equal weights of one period: the variance of the offsets, and 1/12 of the rounding to pixels."""
+    offsets = np.array([halton_jitter(i) for i in range(16)])
+    u = offsets[:, 0] - jitter.SLOPE * offsets[:, 1]
+    weights = np.array([(1 - 0.3) ** (15 - i) * (0.3 if i else 1.0) for i in range(16)])
+    mean = -(weights @ u)
+    found = jitter.predicted(lambda now, before: np.zeros(2), 0.3, 16)
+    assert weights.sum() == pytest.approx(1.0)
+    assert found.shift == pytest.approx(mean)
+    assert found.sigma**2 == pytest.approx(weights @ u**2 + 1 / 12 - mean**2)
+
+
+def test_bilinear_history_adds_the_variance_of_its_weights():
+    """A constant error of half a pixel: 1/4 px^2 a frame, and half a pixel of shift."""
+    found = jitter.predicted(lambda now, before: np.array([0.5, 0.0]), 1e-9, 9)
+    start = jitter.predicted(lambda now, before: np.zeros(2), 1e-9, 1)
+    assert found.sigma**2 == pytest.approx(start.sigma**2 + 8 * 0.25, rel=1e-6)
+    assert found.shift == pytest.approx(start.shift - 8 * 0.5, rel=1e-6)

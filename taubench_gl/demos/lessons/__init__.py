@@ -7,22 +7,25 @@ from taubench_gl.demos.lessons import (
     behind,
     cost,
     counting,
+    exposure,
     features,
     ghosting,
     ground,
     half,
+    jitter,
     noise,
     occlusion,
     relative,
     rotations,
+    samples,
     sampling,
     thresholds,
 )
 from taubench_gl.errors import SettingsError
 
 __all__ = [
-    "behind", "cost", "counting", "demos", "features", "find_demo", "ghosting", "ground", "half", "noise", "occlusion",
-    "relative", "rotations", "sampling", "thresholds",
+    "behind", "cost", "counting", "demos", "exposure", "features", "find_demo", "ghosting", "ground", "half", "jitter",
+    "noise", "occlusion", "relative", "rotations", "samples", "sampling", "thresholds",
 ]  # fmt: skip
 
 

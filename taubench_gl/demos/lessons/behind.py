@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from taubench_gl import math3d
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import Sheet, checkerboard, note
+from taubench_gl.demos import theory
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard, note
 from taubench_gl.demos.stage import BRICK, LEAF, SEA, Props, Stage, hall
 from taubench_gl.metrics.reprojection import Reprojected, reproject
 from taubench_gl.scene.model import Scene
@@ -19,6 +21,7 @@ from taubench_gl.selftest.scenes import IDENTITY, turn_y
 Array = np.ndarray
 YFOV = np.radians(60.0)
 CHECKER = (237, 237, 237)
+ANGLES = np.arange(0.0, 181.0, 15.0)
 
 
 def scene() -> Scene:
@@ -63,6 +66,13 @@ def without_the_test(stage: Stage) -> Reprojected:
         "The false history is the previous image upside down.",
         "Bottom right: with the test no pixel is reused.",
     ),
+    question=Question(
+        "The camera turns by 180 degrees between two frames: nothing that it sees now was in the previous "
+        "image. For which share of the pixels does reprojection without the test of w find a history?",
+        0.0,
+        100.0,
+    ),
+    opening=Opening((Reason.BEHIND, Reason.OUTSIDE)),
     scene=scene,
     see_also=(("the self-test cases turn-180 and w-exactly-zero", "hard-cases.md"),),
 )
@@ -95,4 +105,30 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.between(0.0, 0.01, "(x, -y) again, in float32 at coordinates of some hundreds", 3), 4),
     )  # fmt: skip
     caption = "Top: two frames, rotated by 180°. Bottom: reprojected history without and with the test of w."
-    return Result(findings, (Figure(path, caption, {"checkerboard": CHECKER}),))
+    figure = Figure(path, caption, {"checkerboard": CHECKER})
+    return Result(findings, (figure,), _angle(stage, last, cell))
+
+
+def _angle(stage: Stage, before: Array, cell: int) -> Parameter:
+    """The angle of the turn: history without the test, from the previous image ``before`` (h, w, 3)."""
+    images, wrong, theoretical = [], [], []
+    for angle in ANGLES:
+        pair = stage.bench.pair(scene(), (0.0, angle / 180.0))
+        position = pair.current["position"].astype(np.float64)
+        naive = reproject(dataclasses.replace(pair.pair, prev_near=-np.inf), position)
+        reused = ~(naive.behind | naive.outside)
+        false = reused & reproject(pair.pair, position).behind
+        history = np.nan_to_num(reprojected(before, naive.motion_px, reused))
+        images.append(as_bytes(checkerboard(history, ~reused, cell)))
+        wrong.append(100.0 * float(false.mean()))
+        # The directions d whose opposite -d the previous camera saw.
+        turned = -math3d.mat3_from_quat(turn_y(angle))
+        outside, slack = theory.frustum_share(turned, YFOV, stage.size)
+        theoretical.append((100.0 - outside, 2.0 * slack))
+    shares, slacks = zip(*theoretical)
+    return Parameter(
+        "angle of the turn", "°", tuple(map(float, ANGLES)), "of the pixels are wrongly reused without the test of w",
+        "%", tuple(wrong), shares, slacks,
+        "area of the polygon of directions whose opposite the previous camera saw; ± the pixels on its edge",
+        start=len(ANGLES) - 1, images=tuple(images), note="History without the test of w; checkerboard: none.",
+    )  # fmt: skip

@@ -13,7 +13,7 @@ from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.cost.analysis import Point
 from taubench_gl.cost.study import cost
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.lessons.features import BALL, BALL_AT, YFOV, moving_ball, walls
 from taubench_gl.demos.sheet import BLUE, INK, ORANGE, Sheet, enlarged, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import Stage
@@ -76,6 +76,13 @@ def slack(size: Size, samples: int = 1) -> float:
         "Below: each dot is one configuration: its error against the exact area of the mask, and its time here.",
         "The line is the Pareto front: no dot lies to the left of it and below.",
     ),
+    question=Question(
+        "A mask is counted with a sixteenth of the pixels: a quarter of the width and of the height. By how "
+        "many percentage points does its share differ from the exact area?",
+        0.0,
+        1.0,
+    ),
+    opening=Opening((Reason.POSITION,), frame=2, settings={"fps": FPS}),
     scene=scene,
     see_also=(
         ("the command cost", "commands/cost.md"),
@@ -86,11 +93,13 @@ def run(stage: Stage, out: Path) -> Result:
     size, points = stage.size, measured(stage)
     exact = exact_percent(size)
     sheet = Sheet(3, 1, size[0] / size[1], below=360)
+    details = []
     for place, scale in enumerate(SCALES):
         w, h = (max(1, round(side * scale)) for side in size)
         pair = stage.evaluate(scene(), columns=("frustum", "position", "color"), fps=FPS, width=w, height=h)[1][1]
         drawn = overlay(pair.mask, pair.now["color"], Reason.POSITION)
         part = enlarged(drawn, int(0.3 * w), int(0.25 * h), max(w // 3, 4), max(h // 3, 4))
+        details.append(scaled_to(part, (size[1] // 3, size[0] // 3)))
         axes = sheet.panel(place, 0, part, f"{100 * scale:g} % resolution: {w} x {h}, detail")
         note(axes, f"error {error_at(points, scale, exact):.3f} pp")
     _front(sheet, points, exact)
@@ -110,7 +119,21 @@ def run(stage: Stage, out: Path) -> Result:
         expected = Expected.between(-np.inf, bound, source, 3)
         findings.append(Finding(error, "pp", f"is the error {what}", expected, 4))
     caption = "Resolution and samples per pixel: the error of each configuration, and the time of a frame."
-    return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
+    parameter = Parameter(
+        "resolution", "%", tuple(100.0 * scale for scale in SCALES), "is the error of the share", "pp",
+        tuple(error_at(points, scale, exact) for scale in SCALES), (0.0,) * len(SCALES),
+        tuple(slack((max(1, round(size[0] * s)), max(1, round(size[1] * s)))) for s in SCALES),
+        "each of the samples on an edge is wrong by up to half a sample at random; 6 deviations", images=tuple(details),
+        note="The same detail of the mask. Blue: discarded by position.", digits=3,
+    )  # fmt: skip
+    figure = Figure(path, caption, {"position": rgb(Reason.POSITION)})
+    return Result(tuple(findings), (figure,), parameter)
+
+
+def scaled_to(image: Array, shape: tuple[int, int]) -> Array:
+    """``image`` (h, w, 3) with the nearest pixels at ``shape`` = (height, width)."""
+    rows, columns = (np.arange(n) * m // n for n, m in zip(shape, image.shape[:2]))
+    return image[rows][:, columns]
 
 
 def measured(stage: Stage) -> list[Point]:

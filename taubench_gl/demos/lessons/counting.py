@@ -8,11 +8,11 @@ import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances
 from taubench_gl.demos.lessons.thresholds import scene as keys
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, heat, note, overlay, reason_entries, rgb
-from taubench_gl.demos.stage import Stage
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, heat, note, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.stage import LitPair, Stage
 from taubench_gl.metrics.counts import bin_of, discarded_above, edges
 from taubench_gl.scene.model import Scene
 
@@ -80,6 +80,10 @@ def scene() -> Scene:
         "The compensated float32 sum stays below one rounding error, 2^-24; the integer sum is exact.",
         "Right: at the dashed threshold the curve with 1 bin per octave is too high, although no key moved that far.",
     ),
+    question=Question(
+        "A float32 counter adds one pixel at a time. At how many million pixels does it stop growing?", 0.0, 40.0
+    ),
+    opening=Opening((Reason.POSITION,), settings={"thresholds": {"position": THRESHOLD}, "shadow_lights": 0}),
     scene=scene,
     see_also=(("what a run records", "formats.md"),),
 )
@@ -99,7 +103,25 @@ def run(stage: Stage, out: Path) -> Result:
     path = sheet.save(out / "12-counting.png")
     caption = "An hour of the same pair summed in float32, and the same distances in histograms of three widths."
     findings = (*_sum_findings(discarded, stage.pixels), *_curve_findings(stage, moved, discarded))
-    return Result(findings, (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
+    figure = Figure(path, caption, {"position": rgb(Reason.POSITION)})
+    return Result(findings, (figure,), _threshold(pair, moved))
+
+
+def _threshold(pair: LitPair, moved: Array) -> Parameter:
+    """The threshold that the coarse curve is read at; theory is the count of the pixels themselves."""
+    values = tuple(float(v) for v in np.geomspace(0.02, 1.0, 40))
+    exact = [100.0 * float((moved > value).mean()) for value in values]
+    read = tuple(100.0 * curve_at(moved, value, COARSE) / moved.size for value in values)
+    low = edges(COARSE)[np.searchsorted(edges(COARSE), values, side="right") - 1]
+    inside = [100.0 * float(((moved >= a) & (moved < 2.0 * a)).mean()) for a in low]
+    gray = overlay(np.zeros_like(pair.mask), pair.now["color"])
+    images = tuple(painted(gray / 255.0, (moved > value, rgb(Reason.POSITION))) for value in values)
+    return Parameter(
+        "position threshold", "m", values, "of the pixels by the curve with 1 bin per octave", "%", read, tuple(exact),
+        tuple(share + 1e-9 for share in inside), "the pixels above the threshold; ± all pixels of its bin",
+        start=int(np.argmin(np.abs(np.log(np.array(values) / THRESHOLD)))), images=images,
+        note="Blue: the pixels above the threshold.",
+    )  # fmt: skip
 
 
 def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
@@ -108,8 +130,8 @@ def _sum_findings(discarded: int, pixels: int) -> tuple[Finding, ...]:
     rounded = 100.0 * rounded_sum(discarded, PAIRS) / rounded_sum(pixels, PAIRS)
     compensated = abs(compensated_sum(np.full(PAIRS, discarded)) / (discarded * PAIRS) - 1.0) * 2.0**24
     return (
-        Finding(limit, "pixels", "is where a float32 counter that adds single pixels stops",
-                Expected.near(2.0**24, 0.0, "above 2^24 float32 has steps of 2, and 1 is rounded away", 0), 0),
+        Finding(limit / 1e6, "million pixels", "is where a float32 counter that adds single pixels stops",
+                Expected.near(2.0**24 / 1e6, 0.0, "above 2^24 float32 has steps of 2, and 1 is rounded away", 6), 6),
         Finding(plain, "%", f"is discarded in an hour by plain float32 sums; exact: {100.0 * discarded / pixels:.4f} %",
                 Expected.near(rounded, 1e-9, "each sum rounded to 24 bits, half to even, in integers", 4), 4),
         Finding(compensated, "x 2^-24", "is the relative error of the compensated float32 sum",

@@ -12,8 +12,18 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import Sheet, letter, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import (
+    Expected,
+    Figure,
+    Finding,
+    Opening,
+    Parameter,
+    Question,
+    Result,
+    demo,
+    threshold_parameter,
+)
+from taubench_gl.demos.sheet import Sheet, as_bytes, inset, letter, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SEA, LitPair, Props, Stage
 from taubench_gl.scene.model import Primitive, Scene
 from taubench_gl.selftest.scenes import IDENTITY, turn, turn_x, turn_y
@@ -142,8 +152,8 @@ def expected_fan(size: Size) -> Array:
     return (np.hypot(x, y) < FAN) & (blade(angle) != blade(angle - 0.5 * width))
 
 
-def expected_sun(size: Size) -> dict[str, Array]:
-    """(d) to (g): cosine law and a shadow ray at every pixel of both frames."""
+def sun_change(size: Size) -> tuple[Array, Array]:
+    """Change of the norm of direct radiance, with and without shadows: cosine law, shadow rays.  (h, w) each."""
     rays = theory.pixel_rays(size, YFOV)
     ball = theory.hit_sphere(np.zeros(3), rays, SUN_AT, SUN_BALL)
     behind, normal = walls(rays)
@@ -158,7 +168,12 @@ def expected_sun(size: Size) -> dict[str, Array]:
         radiance = SUN_LUX / np.pi * np.linalg.norm(CHALK) * cosine
         bare.append(radiance)
         lit.append(radiance * np.where(on_ball, 1.0, free))
-    change, bare_change = lit[1] - lit[0], bare[1] - bare[0]
+    return lit[1] - lit[0], bare[1] - bare[0]
+
+
+def expected_sun(size: Size) -> dict[str, Array]:
+    """(d) to (g): light that comes or goes, with shadows or already without them."""
+    change, bare_change = sun_change(size)
     came, went = change > DEFAULT_THRESHOLD, change < -DEFAULT_THRESHOLD
     bare_came, bare_went = bare_change > DEFAULT_THRESHOLD, bare_change < -DEFAULT_THRESHOLD
     return {"d": came & bare_came, "e": went & bare_went, "f": came & ~bare_came, "g": went & ~bare_went}
@@ -197,8 +212,9 @@ def expected_wall(size: Size) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column of the figure.  ``found`` and ``expected``: letter -> region (h, w) bool, measured and in theory."""
+    """One panel of the figure.  ``found`` and ``expected``: letter -> region (h, w) bool, measured and in theory."""
 
+    feature: str
     title: str
     pair: LitPair
     reasons: tuple[Reason, ...]
@@ -207,26 +223,26 @@ class Column:
     source: str
 
 
-def _position(stage: Stage, size: dict[str, int]) -> Column:
-    pair = stage.pair(moving_ball(), columns=("frustum", "position", "color"), **size)
+def _position(stage: Stage) -> Column:
+    pair = stage.pair(moving_ball(), columns=("frustum", "position", "color"))
     found = {"a": pair.has(Reason.DISOCCLUDED), "b": pair.has(Reason.OCCLUDING)}
     expected = expected_ball(pair.mask.shape[::-1])
     source = "ray intersections with ball and walls, float64"
-    return Column("a ball moves", pair, (Reason.DISOCCLUDED, Reason.OCCLUDING), found, expected, source)
+    return Column("position", "a ball moves", pair, (Reason.DISOCCLUDED, Reason.OCCLUDING), found, expected, source)
 
 
-def _normal(stage: Stage, size: dict[str, int]) -> Column:
-    pair = stage.pair(turning_fan(), columns=("frustum", "normal", "color"), **size)
+def _normal(stage: Stage) -> Column:
+    pair = stage.pair(turning_fan(), columns=("frustum", "normal", "color"))
     expected = {"c": expected_fan(pair.mask.shape[::-1])}
     source = "half of the fan: a rotation by half a blade moves each blade over half of its neighbor"
-    return Column("a fan turns", pair, (Reason.NORMAL,), {"c": pair.has(Reason.NORMAL)}, expected, source)
+    return Column("normal", "a fan turns", pair, (Reason.NORMAL,), {"c": pair.has(Reason.NORMAL)}, expected, source)
 
 
-def _direct(stage: Stage, size: dict[str, int]) -> Column:
+def _direct(stage: Stage) -> Column:
     columns = ("frustum", "direct", "color")
-    pair = stage.pair(moving_sun(), columns=columns, **size)
+    pair = stage.pair(moving_sun(), columns=columns)
     # The same pair without shadows: changes that remain are due to the light's angle, the others to shadows.
-    bare = stage.pair(moving_sun(), columns=columns, shadow_lights=0, **size)
+    bare = stage.pair(moving_sun(), columns=columns, shadow_lights=0)
     lit, dark = pair.has(Reason.LIT), pair.has(Reason.SHADOWED)
     found = {
         "d": lit & bare.has(Reason.LIT),
@@ -236,22 +252,29 @@ def _direct(stage: Stage, size: dict[str, int]) -> Column:
     }
     expected = expected_sun(pair.mask.shape[::-1])
     source = "cosine law and one shadow ray per pixel, float64"
-    return Column("a light moves", pair, (Reason.LIT, Reason.SHADOWED), found, expected, source)
+    return Column("direct", "a light moves", pair, (Reason.LIT, Reason.SHADOWED), found, expected, source)
 
 
-def _indirect(stage: Stage, size: dict[str, int]) -> Column:
+def _indirect(stage: Stage) -> Column:
     pair = stage.pair(
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
-        indirect_samples=4096, **size,
+        indirect_samples=4096,
     )  # fmt: skip
-    found = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION)}
+    lit_side = pair.now["position"][..., 0] > PANEL["x"]
+    found = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION) & lit_side}
     expected = {"h": expected_wall(pair.mask.shape[::-1])}
     return Column(
-        "a red wall appears", pair, (Reason.INDIRECT,), found, expected, "form factor by Lambert's formula, one bounce"
+        "indirect",
+        "a red wall appears",
+        pair,
+        (Reason.INDIRECT,),
+        found,
+        expected,
+        "form factor by Lambert's formula, one bounce",
     )
 
 
-COLUMNS: tuple[Callable[[Stage, dict[str, int]], Column], ...] = (_position, _normal, _direct, _indirect)
+COLUMNS: tuple[Callable[[Stage], Column], ...] = (_position, _normal, _direct, _indirect)
 
 
 @demo(
@@ -262,32 +285,54 @@ COLUMNS: tuple[Callable[[Stage, dict[str, int]], Column], ...] = (_position, _no
     "normal detects rotated surfaces, direct detects moving lights and shadows, indirect detects changes elsewhere in "
     "the scene. A mask compares one feature of the two frames at every pixel.",
     look_for=(
-        "a and b: the pixels that the ball left have no history; the pixels that it covers have that of the wall.",
-        "c: no point leaves its plane, yet half of the fan is shaded differently.",
-        "d to g: light that appears and disappears on the ball, and its shadow on the floor.",
-        "h: red light on a floor that did not change.",
+        "Position, a and b: the pixels that the ball left have no history; those that it covers have that of the wall.",
+        "Normal, c: no point leaves its plane, yet half of the fan is shaded differently.",
+        "Direct, d to g: light that appears and disappears on the ball, and its shadow on the floor.",
+        "Indirect, h: red light on a floor that did not change.",
     ),
+    question=Question(
+        "A ball with a radius of 75 cm moves by 1.2 m, 4 m in front of the camera. Which share of the image "
+        "does it uncover?",
+        0.0,
+        30.0,
+    ),
+    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING)),
     scene=lambda: moving_ball(),
     see_also=(("what the masks compare", "conventions.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
-    width = 4 * stage.size[1] // 3
-    columns = [make(stage, {"width": width}) for make in COLUMNS]
-    sheet = Sheet(4, 3, width / stage.size[1])
+    columns = [make(stage) for make in COLUMNS]
+    sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings = []
     for place, column in enumerate(columns):
-        sheet.panel(place, 0, column.pair.before["color"][..., :3], f"previous frame: {column.title}")
-        sheet.panel(place, 1, column.pair.now["color"][..., :3], "current frame")
-        axes = sheet.panel(place, 2, overlay(column.pair.mask, column.pair.now["color"], *column.reasons), "mask")
+        marked = overlay(column.pair.mask, column.pair.now["color"], *column.reasons)
+        axes = sheet.panel(place % 2, place // 2, marked, f"{column.feature}: {column.title}")
+        inset(axes, as_bytes(column.pair.before["color"][..., :3]), "previous frame")
         for name, region in column.found.items():
             if region.sum() >= MIN_PIXELS:
                 letter(axes, theory.innermost_pixel(region), name)
             findings.append(_finding(name, region, column))
+        shares = (f"{name} {100.0 * region.mean():.2f} %" for name, region in column.found.items())
+        note(axes, ", ".join(shares) + " of the image")
     reasons = [reason for column in columns for reason in column.reasons]
     sheet.legend(reason_entries(*reasons))
     path = sheet.save(out / "02-features.png")
     caption = "The paper's figure 2: " + "; ".join(f"({name}) {text}" for name, text in MEANING.items()) + "."
-    return Result(tuple(findings), (Figure(path, caption, {r.name.lower(): rgb(r) for r in reasons}),))
+    figure = Figure(path, caption, {r.name.lower(): rgb(r) for r in reasons})
+    return Result(tuple(findings), (figure,), _threshold(columns[2].pair))
+
+
+def _threshold(pair: LitPair) -> Parameter:
+    """The threshold of direct light, for the light that moves."""
+    change = np.linalg.norm(pair.now["direct"][..., :3] - pair.before["direct"][..., :3], axis=-1)
+    size = change.shape[::-1]
+    gray = overlay(np.zeros_like(pair.mask), pair.now["color"])
+    return threshold_parameter(
+        change, np.geomspace(0.01, 2.0, 47), np.abs(sun_change(size)[0]), gray, rgb(Reason.DIRECT),
+        start=DEFAULT_THRESHOLD, name="threshold of direct light", unit="",
+        source="cosine law and one shadow ray per pixel; ± half of the pixels on the edges",
+        note="A light moves. Yellow: direct light changed by more than the threshold.",
+    )  # fmt: skip
 
 
 def _finding(name: str, region: Array, column: Column) -> Finding:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from taubench_gl.animation import choose_camera
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, note
+from taubench_gl.conventions import Reason
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, note
 from taubench_gl.demos.stage import Props, Stage, checkered
 from taubench_gl.metrics.color import display_color
 from taubench_gl.reuse.evaluate import MethodSpec, method_settings
@@ -27,16 +29,20 @@ FRAMES, ALPHA = 13, 0.1
 AGE = 5  # frames since a pixel was disoccluded, for the number
 GLOW = (2.0, 0.75, 0.1)
 TILE = (0.10, 0.30)
+
+
+def untested(alpha: float) -> str:
+    """An exponential moving average of the nearest history pixels."""
+    return f"taa_clamp@alpha={alpha}@clamping=false@weighting=false@dilate=false@filtering=nearest"
+
+
 METHODS = {
-    "history not tested": (
-        f"taa_clamp@alpha={ALPHA}@clamping=false@weighting=false@dilate=false@filtering=nearest",
-        ORANGE,
-        "o",
-    ),
+    "history not tested": (untested(ALPHA), ORANGE, "o"),
     "clamped to neighborhood colors": (f"taa_clamp@alpha={ALPHA}", PINK, "s"),
     "position and normal tested": ("bmfr_temporal", BLUE, "^"),
     "ideal masks: those of the exact frames": ("ideal-masks", GREEN, "D"),
 }
+ALPHAS = (0.05, 0.1, 0.2, 0.3, 0.5, 0.8)
 MARKER_PT = (6, 14, 9, 4)
 """Sizes in the order of METHODS: three curves coincide, so each marker is visible around the next."""
 
@@ -61,10 +67,10 @@ class Trail:
     weights: dict[int, float]
 
 
-def run_methods(stage: Stage) -> dict[str, Trail]:
-    """The last image of every method and its remaining ball weight by age."""
+def run_methods(stage: Stage, texts: Mapping[str, str]) -> dict[str, Trail]:
+    """The last image of every method and its remaining ball weight by age.  ``texts``: specification by name."""
     what, settings = scene(), stage.settings(reprojection="motion", environment="none")
-    specs = {name: MethodSpec.parse(text) for name, (text, _, _) in METHODS.items()}
+    specs = {name: MethodSpec.parse(text) for name, text in texts.items()}
     methods = {name: load_method(spec.method) for name, spec in specs.items()}
     reads = {read for method in methods.values() for read in method.reads} | {"radiance", "ids"}
     request = InputRequest(stage.gpu, what, choose_camera(what), settings, parse_input("full"))
@@ -111,15 +117,24 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
         "Top right: clamping keeps only neighborhood colors: no ball, but blur along the edges of the tiles.",
         "Bottom: with position tests, disoccluded pixels restart without history and no ghost remains.",
     ),
+    question=Question(
+        "Each new frame has a weight of 10 %, history 90 %. Which share of a bright ball is left five frames "
+        "after it has moved on?",
+        0.0,
+        100.0,
+    ),
+    opening=Opening((Reason.DISOCCLUDED, Reason.OCCLUDING), settings={"environment": "none"}),
     scene=scene,
     see_also=(("reuse methods", "reuse.md"), ("how they are evaluated", "reuse-evaluation.md")),
 )
 def run(stage: Stage, out: Path) -> Result:
-    trails = run_methods(stage)
+    texts = {name: text for name, (text, _, _) in METHODS.items()}
+    blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
+    found = run_methods(stage, texts | blended)
+    trails = {name: found[name] for name in texts}
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1], below=330, legend=False)
     for place, (name, trail) in enumerate(trails.items()):
-        shown = display_color(np.maximum(trail.image.astype(np.float64), 0.0), 1.0, "linear")
-        axes = sheet.panel(place % 2, place // 2, shown, name)
+        axes = sheet.panel(place % 2, place // 2, shown(trail.image), name)
         note(axes, f"{100 * trail.weights.get(AGE, np.nan):.1f} % of the ball after {AGE} frames")
     _plot(sheet, trails)
     path = sheet.save(out / "10-ghosting.png")
@@ -136,8 +151,25 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(0.0, 0.1, "every pixel that the ball left is discarded by position")),
     )  # fmt: skip
     caption = f"A moving ball after {FRAMES - 1} frames with four reuse methods, and the decay of its ghost."
+    parameter = _weight({alpha: found[name] for alpha, name in zip(ALPHAS, blended)})
     colors = {name: tuple(int(color[i : i + 2], 16) for i in (1, 3, 5)) for name, (_, color, _) in METHODS.items()}
-    return Result(findings, (Figure(path, caption, colors),))
+    return Result(findings, (Figure(path, caption, colors),), parameter)
+
+
+def _weight(trails: Mapping[float, Trail]) -> Parameter:
+    """The weight of the new frame, with history that is not tested."""
+    left = tuple(100.0 * (1.0 - alpha) ** AGE for alpha in trails)
+    return Parameter(
+        "weight of the new frame", "", tuple(trails), f"of the ball's radiance remains {AGE} frames after it left", "%",
+        tuple(100.0 * trail.weights[AGE] for trail in trails.values()), left, tuple(0.01 * v + 1e-3 for v in left),
+        f"moving average: (1 - weight)^{AGE}; ± 1 % for float32", start=ALPHAS.index(ALPHA),
+        images=tuple(as_bytes(shown(trail.image)) for trail in trails.values()), note="The image after 12 frames.",
+    )  # fmt: skip
+
+
+def shown(image: Array) -> Array:
+    """Linear radiance (h, w, 3) as a display color."""
+    return display_color(np.maximum(image.astype(np.float64), 0.0), 1.0, "linear")
 
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:

@@ -6,13 +6,25 @@ from pathlib import Path
 
 import numpy as np
 
-from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURE_BIT, Visibility
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import Sheet, note, painted
+from taubench_gl.conventions import DEFAULT_THRESHOLD, FEATURE_BIT, FRUSTUM, Reason, Visibility
+from taubench_gl.demos.demo import (
+    Expected,
+    Figure,
+    Finding,
+    Opening,
+    Parameter,
+    Question,
+    Result,
+    demo,
+    threshold_parameter,
+)
+from taubench_gl.demos.sheet import Sheet, as_bytes, note, overlay, painted
 from taubench_gl.demos.stage import CHALK, SAND, Props, Stage
-from taubench_gl.demos.theory import ground_discards
+from taubench_gl.demos.theory import ground_discards, ground_distance
+from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.reject.evaluate import evaluate_tests
 from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.bench import limits
 from taubench_gl.selftest.scenes import turn_x
 
 YFOV = np.radians(50.0)
@@ -42,6 +54,13 @@ def scene() -> Scene:
         "Left: pixels that the distance of positions discards are rows, ever denser towards the horizon.",
         "Right: every one of these points was visible from the previous camera.",
     ),
+    question=Question(
+        "A camera 1.6 m above level ground moves forward by 1.3 m. Nothing hides any of the ground. Which "
+        "share of the image does the default position threshold discard?",
+        0.0,
+        60.0,
+    ),
+    opening=Opening((Reason.POSITION,), frame=2),
     scene=scene,
     see_also=(("rejection tests", "reject.md"),),
 )
@@ -78,4 +97,21 @@ def run(stage: Stage, out: Path) -> Result:
         Finding(kept, "% of the scored pixels", "are rejected by the distance in widths of a pixel on the surface",
                 Expected.between(0.0, 500.0 / height, "half a pixel is less than one; 2.5 rows at the horizon")),
     )  # fmt: skip
-    return Result(findings, (Figure(path, "Level ground: discarded pixels, and hidden ones."),))
+    figure = Figure(path, "Level ground: discarded pixels, and hidden ones.")
+    return Result(findings, (figure,), _threshold(stage, focal))
+
+
+def _threshold(stage: Stage, focal: float) -> Parameter:
+    """The threshold of the distance of positions, meters."""
+    pair = stage.bench.pair(scene(), (1.0, 2.0))
+    distance = pair_masks(pair.current, pair.history, pair.pair, limits(None)).distances["position"]
+    distance = np.where(pair.has(FRUSTUM), 0.0, np.nan_to_num(distance))
+    color = stage.evaluate(scene(), columns=("frustum", "color"), frames=(1, 3))[1][0].now["color"]
+    gray = as_bytes(overlay(np.zeros(color.shape[:2], np.uint32), color))
+    thresholds = np.geomspace(0.03, 8.0, 40)
+    return threshold_parameter(
+        distance, thresholds, ground_distance(stage.size, EYE, focal, STEP), gray, DISCARDED,
+        start=DEFAULT_THRESHOLD, name="position threshold", unit="m",
+        source="distance to the ground at the nearest previous pixel; ± half of the pixels on the edges",
+        note="Orange: discarded, although nothing hid them.",
+    )  # fmt: skip

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, heat, note
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, ORANGE, PAPER, Sheet, as_bytes, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import pixel_grid
@@ -18,6 +18,8 @@ Array = np.ndarray
 YFOV = np.radians(60.0)
 ROLL = 50.0
 WRONG, RIGHT = (213, 94, 0), (52, 54, 58)
+BLOCK = 8  # pixels along a side
+BITS = tuple(range(7, 15))
 
 
 def scene() -> Scene:
@@ -29,10 +31,18 @@ def scene() -> Scene:
     return b.build()
 
 
-def half_step(motion: Array) -> Array:
-    """Spacing of 16-bit floats at ``motion``: 2^-10 of the power of two below it (11 bits of precision)."""
+def half_step(motion: Array, bits: int = 11) -> Array:
+    """Spacing of floats with ``bits`` of precision at ``motion``; 11: 16-bit floats."""
     _, exponent = np.frexp(np.abs(np.asarray(motion, dtype=np.float64)))
-    return np.exp2(np.maximum(exponent - 1, -14) - 10.0)
+    return np.exp2(np.maximum(exponent - 1, -14) - (bits - 1.0))
+
+
+def in_half(motion: Array, bits: int = 11) -> Array:
+    """``motion`` rounded to ``bits`` of precision, half to even."""
+    if bits == 11:
+        return motion.astype(np.float16).astype(np.float32)
+    step = half_step(motion, bits)
+    return (np.round(motion / step) * step).astype(np.float32)
 
 
 def texels(motion: Array) -> Array:
@@ -41,70 +51,124 @@ def texels(motion: Array) -> Array:
     return np.floor(pixel_grid(size) + motion.astype(np.float64) + 0.5).astype(int)
 
 
+def law(motion: Array, bits: int = 11) -> float:
+    """Percent of pixels that read another pixel.  ``motion`` (n, 2), pixels.
+
+    Up to a spacing of half a pixel the midpoint of two pixels is a float: motion up to half a spacing below it rounds
+    to it, a probability of spacing / 2 per axis.  A spacing of 1 has no midpoints; of 2 and more, only one pixel in
+    ``spacing`` can be read.
+    """
+    step = half_step(motion, bits)
+    wrong = np.where(step <= 0.5, step / 2.0, np.where(step == 1.0, 0.0, 1.0 - 1.0 / step))
+    return 100.0 * float(1.0 - np.mean(np.prod(1.0 - wrong, axis=-1)))
+
+
+def largest_in_blocks(values: Array) -> Array:
+    """The largest value, NaN aside, of the block of BLOCK x BLOCK pixels around each pixel.  (h, w) -> (h, w)."""
+    height, width = values.shape
+    rows, columns = -(-height // BLOCK), -(-width // BLOCK)
+    padded = np.full((rows * BLOCK, columns * BLOCK), -1.0)
+    padded[:height, :width] = np.nan_to_num(values, nan=-1.0)
+    most = padded.reshape(rows, BLOCK, columns, BLOCK).max(axis=(1, 3))
+    spread = np.repeat(np.repeat(most, BLOCK, axis=0), BLOCK, axis=1)[:height, :width]
+    return np.where(spread < 0.0, np.nan, spread)
+
+
 @demo(
     5,
     "half",
     "Motion vectors in 16-bit floats",
     idea="16-bit floats save memory, and their 11 bits of precision are enough for a color. They are not enough for "
-    "motion of several hundred pixels: above 256 pixels the spacing is a quarter of a pixel, so fast pixels read the "
+    "motion of many pixels: between 128 and 256 pixels the spacing is an eighth of a pixel, so fast pixels read the "
     "wrong history pixel. Store motion in 32-bit floats, or normalized to the screen size with enough bits.",
     look_for=(
-        "Top right: steps. The error doubles at every power of two of the motion: 32, 64, 128 pixels.",
-        "Bottom left: pixels that read another pixel of the previous frame because of the error.",
-        "Bottom right: measured errors reach half of the spacing and never exceed it.",
+        "Left: terraces. The largest error doubles where the motion along an axis passes 16, 32, 64 and 128 pixels.",
+        "Right: the same as a staircase. Measured errors reach half of the spacing and never exceed it.",
+        "Drag the precision: each bit less doubles the share of pixels that read another history pixel.",
     ),
+    question=Question(
+        "The camera rolls by 50 degrees and motion vectors are stored as 16-bit floats. Which share of the "
+        "pixels reads another pixel of the previous frame?",
+        0.0,
+        20.0,
+    ),
+    opening=Opening((FRUSTUM,)),
     scene=scene,
 )
 def run(stage: Stage, out: Path) -> Result:
     pair = stage.pair(scene(), columns=("frustum", "color"))
     reusable = ~pair.has(FRUSTUM)
-    half = pair.motion.astype(np.float16).astype(np.float32)
+    half = in_half(pair.motion)
     error = np.where(reusable[..., None], np.abs(half - pair.motion), np.nan)
     other = reusable & (texels(half) != texels(pair.motion)).any(axis=-1)
     steps = half_step(pair.motion)
-    top = float(np.nanmax(error))
-    sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
+    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], legend=False, bars=True)
+    worst = largest_in_blocks(np.max(error, axis=-1))
+    low, high = -11.0, -4.0  # exponents of the color scale
     axes = sheet.panel(
-        0, 0, np.where(reusable[..., None], pair.now["color"][..., :3], 0.86), f"the camera rolled by {ROLL:g}°"
-    )
-    note(axes, f"motion up to {np.abs(pair.motion[reusable]).max():.0f} px")
-    worst = np.max(error, axis=-1)
-    axes = sheet.panel(1, 0, heat(worst, top), f"error of a 16-bit motion vector: 0 to {top:.3f} px")
-    note(axes, "brighter: larger")
-    dots = np.where(other[..., None], np.array(WRONG) / 255, np.where(reusable[..., None], np.array(RIGHT) / 255, 0.86))
-    axes = sheet.panel(0, 1, dots, "pixels that read another history pixel")
-    share = 100.0 * float(other.sum() / reusable.sum())
-    note(axes, f"{share:.2f} % of the reusable pixels")
+        0, 0, heat(np.log2(np.maximum(worst, 2.0**low)) - low, high - low),
+        f"largest error in blocks of {BLOCK} x {BLOCK} pixels",
+    )  # fmt: skip
+    ticks = [((e - low) / (high - low), f"1/{2**-e:.0f}") for e in (-10, -8, -6, -4)]
+    sheet.color_bar(0, 0, ticks, "px, logarithmic; gray: no history")
+    most = float(np.abs(pair.motion[reusable]).max())
+    note(axes, f"the camera rolls by {ROLL:g}°: motion up to {most:.0f} px along an axis")
     _staircase(sheet, np.abs(pair.motion[reusable]).ravel(), error[reusable].ravel())
-    sheet.legend([("another pixel", WRONG), ("same pixel", RIGHT)])
     path = sheet.save(out / "05-half.png")
-    flips = steps[reusable] / 2.0
-    law = 100.0 * float(1.0 - np.mean(np.prod(1.0 - flips, axis=-1)))
-    chance = 100.0 * 5.0 * np.sqrt(law / 100.0 / reusable.sum())
+    share = 100.0 * float(other.sum() / reusable.sum())
+    expected = law(pair.motion[reusable])
     findings = (
         Finding(share, "%", "of the reusable pixels read another pixel of the previous frame",
-                Expected.near(law, chance, "the midpoint of two pixels is a 16-bit float: motion up to half a spacing "
-                              "below it rounds to it, a probability of spacing / 2 per axis; ± 5 sigma")),
+                Expected.near(expected, _chance(expected, reusable), "the midpoint of two pixels is a 16-bit float: "
+                              "motion up to half a spacing below it rounds to it, with a probability of spacing / 2 "
+                              "per axis; ± 5 sigma")),
         Finding(float(np.nanmax(error / (0.5 * steps))), "half spacings", "is the largest error of any motion vector",
                 Expected.between(0.9, 1.0, "rounding to nearest: at most half a spacing, nearly reached", 3), 3),
     )  # fmt: skip
-    caption = "Motion vectors of a rolling camera in 16-bit floats: error, and pixels that read the wrong history."
-    return Result(findings, (Figure(path, caption, {"another pixel": WRONG}),))
+    caption = (
+        "Motion vectors of a rolling camera in 16-bit floats: the largest errors, and all of them against the motion."
+    )
+    colors = {"measured": (0, 114, 178), "half a spacing": WRONG}
+    return Result(findings, (Figure(path, caption, colors),), _precision(pair.motion, reusable))
+
+
+def _chance(percent: float, reusable: Array) -> float:
+    """Five standard deviations of a share of the reusable pixels, percentage points."""
+    return 500.0 * float(np.sqrt(percent / 100.0 / reusable.sum()))
+
+
+def _precision(motion: Array, reusable: Array) -> Parameter:
+    """The bits of precision of a motion vector."""
+    images, shares, laws = [], [], []
+    for bits in BITS:
+        other = reusable & (texels(in_half(motion, bits)) != texels(motion)).any(axis=-1)
+        image = np.where(other[..., None], np.array(WRONG), np.where(reusable[..., None], np.array(RIGHT), 219))
+        images.append(as_bytes(image / 255.0))
+        shares.append(100.0 * float(other.sum() / reusable.sum()))
+        laws.append(law(motion[reusable], bits))
+    return Parameter(
+        "precision", "bits", tuple(map(float, BITS)), "of the reusable pixels read another pixel", "%", tuple(shares),
+        tuple(laws), tuple(_chance(value, reusable) for value in laws),
+        "half of the spacing per axis, where it is at most half a pixel; ± 5 sigma",
+        start=BITS.index(11), images=tuple(images),
+        note="Orange: another pixel; dark: the same pixel; light gray: no history. 16-bit floats have 11 bits.",
+    )  # fmt: skip
 
 
 def _staircase(sheet: Sheet, motion: Array, error: Array) -> None:
     """Errors against motion, with the largest possible error."""
-    left, top = 720.0, sheet.grid_bottom - 292
+    left, top, width, height = sheet.place(1, 0)
     axes = sheet.plot(
-        left, top, 525, 236, xlabel="motion along one axis, pixels", ylabel="error, pixels",
-        title="at most half a spacing",
+        left + 66, top, width - 66, height, xlabel="motion along one axis, pixels", ylabel="error, pixels",
+        title="every error, and half of the spacing", xticks=[0, 16, 32, 64, 128, 192],
     )  # fmt: skip
     pick = np.linspace(0, len(motion) - 1, min(len(motion), 12000)).astype(int)
     axes.scatter(
         motion[pick], error[pick], s=2, color=BLUE, alpha=0.35, linewidths=0, rasterized=True, label="measured"
     )
     line = np.linspace(1.0, motion.max(), 3000)
-    axes.plot(line, 0.5 * half_step(line), color=ORANGE, linewidth=2, label="half a spacing")
-    legend = axes.legend(fontsize=11, loc="upper left", facecolor=PAPER, edgecolor="none", framealpha=0.9)
+    axes.plot(line, 0.5 * half_step(line), color=ORANGE, linewidth=2, label="theory: half a spacing")
+    axes.set_xlim(0, 1.02 * motion.max())
+    legend = axes.legend(fontsize=12, loc="upper left", facecolor=PAPER, edgecolor="none", framealpha=0.9)
     for handle in legend.legend_handles[:1]:
         handle.set(sizes=[30], alpha=1.0)

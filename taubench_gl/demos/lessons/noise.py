@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -10,8 +11,18 @@ import numpy as np
 from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, note, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import (
+    Expected,
+    Figure,
+    Finding,
+    Opening,
+    Parameter,
+    Question,
+    Result,
+    demo,
+    threshold_parameter,
+)
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions
@@ -55,13 +66,13 @@ def direct_light(stage: Stage, what: Scene, frames: tuple[int, ...], samples: in
         source.release()
 
 
-def expected_one_sample(per_lamp: Array) -> float:
+def expected_one_sample(per_lamp: Array, threshold: float = DEFAULT_THRESHOLD) -> float:
     """Percent of pixels discarded if each frame samples one of K lamps: all K^2 outcomes, each 1 / K^2.
 
     ``per_lamp`` (K, h, w, 3): radiance of each lamp alone.
     """
     count = len(per_lamp)
-    over = [np.linalg.norm(count * (a - b), axis=-1) > DEFAULT_THRESHOLD for a in per_lamp for b in per_lamp]
+    over = [np.linalg.norm(count * (a - b), axis=-1) > threshold for a in per_lamp for b in per_lamp]
     return 100.0 * float(np.mean(over))
 
 
@@ -89,6 +100,16 @@ def expected_many_samples(per_lamp: Array, samples: int) -> float:
         "Bottom: yellow pixels are discarded. The correct value is 0 %.",
         "The curve: four times as many samples halve the noise, and the discard rate drops quickly.",
     ),
+    question=Question(
+        "A static room under four equal lamps; in each frame each pixel samples one of them at random. "
+        "Which share of the image does the default threshold count as changed?",
+        0.0,
+        100.0,
+    ),
+    opening=Opening(
+        (Reason.DIRECT,),
+        settings={"light": "path-traced", "spp": 1, "bounces": 1, "pattern": "independent", "indirect": "auto"},
+    ),
     scene=scene,
     see_also=(("noise in path-traced reference images", "path-traced.md"),),
 )
@@ -96,10 +117,11 @@ def run(stage: Stage, out: Path) -> Result:
     still = scene()
     per_lamp = np.stack([direct_light(stage, scene((place,)), (0,), 0)[0] for place in LAMPS])
     sheet = Sheet(4, 2, stage.size[0] / stage.size[1], below=330)
-    shares = {}
+    shares, first = {}, None
     for place, samples in enumerate(SAMPLES):
         before, now = direct_light(stage, still, (0, 1), samples)
         pair = stage.bench.compare({"direct": now}, {"direct": before})
+        first = (before, now) if first is None else first
         shares[samples] = 100.0 * float(pair.has(Reason.DIRECT).mean())
         shown = display_color(now, 1.0, "linear")
         sheet.panel(place, 0, shown, f"{samples} sample{'s' if samples > 1 else ''} per pixel")
@@ -122,7 +144,22 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(0.0, 0.0, "nothing moves and nothing is random")),
     )  # fmt: skip
     caption = "A static room with random light samples: images, masks, and discard rate."
-    return Result(findings, (Figure(path, caption, {"direct": rgb(Reason.DIRECT)}),))
+    figure = Figure(path, caption, {"direct": rgb(Reason.DIRECT)})
+    return Result(findings, (figure,), _threshold(stage, *first, per_lamp))
+
+
+def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Parameter:
+    """The threshold at one sample per pixel, of two frames (h, w, 3); theory: all pairs of lamps (K, h, w, 3)."""
+    thresholds = np.geomspace(0.01, 2.0, 40)
+    base = as_bytes(np.repeat(display_color(now, 1.0, "linear").mean(axis=-1, keepdims=True), 3, axis=-1))
+    marked = threshold_parameter(
+        np.linalg.norm(now - before, axis=-1), thresholds, np.zeros(now.shape[:2]), base, rgb(Reason.DIRECT),
+        start=DEFAULT_THRESHOLD, name="threshold of direct light", unit="",
+        source="all 16 pairs of lamps, 1/16 each; ± 5 sigma", note="One sample per pixel. Yellow: counted as change.",
+    )  # fmt: skip
+    shares = tuple(expected_one_sample(per_lamp, float(threshold)) for threshold in thresholds)
+    slacks = tuple(_chance(min(max(share, 0.1), 99.9), stage) for share in shares)
+    return dataclasses.replace(marked, expected=shares, tolerance=slacks)
 
 
 def _chance(percent: float, stage: Stage) -> float:

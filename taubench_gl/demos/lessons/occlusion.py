@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.conventions import Reason
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import Sheet, arrow, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, LitPair, Props, Stage
 from taubench_gl.scene.model import Scene
@@ -16,10 +16,11 @@ YFOV = np.radians(50.0)
 NEAR, FAR, STEP = 2.5, 6.0, 0.32
 BOARD = (0.55, 0.6)  # half width and height
 SHOWN = (Reason.DISOCCLUDED, Reason.OCCLUDING)
+STEPS = (0.0, 0.08, 0.16, 0.24, 0.32, 0.4, 0.48)  # meters
 
 
-def scene(moves: str = "board") -> Scene:
-    """A board in front of a wall.  In one second the ``board`` or the ``camera`` moves right by STEP meters."""
+def scene(moves: str = "board", step: float = STEP) -> Scene:
+    """A board in front of a wall.  In one second the ``board`` or the ``camera`` moves right by ``step`` meters."""
     b = Props()
     b.checkered(12.0, 8.0, (48, 32), (CHALK, SAND), translation=(0, 0, -FAR))
     board = b.checkered(*BOARD, (6, 6), (BRICK, SEA), translation=(0, 0, -NEAR))
@@ -27,7 +28,7 @@ def scene(moves: str = "board") -> Scene:
     camera = b.camera(yfov=YFOV, znear=0.05)
     start = np.array([(0.0, 0.0, -NEAR)] if moves == "board" else [(0.0, 0.0, 0.0)])
     node = board if moves == "board" else camera
-    b.animate(node, "translation", [0.0, 1.0], np.concatenate([start, start + [STEP, 0, 0]]))
+    b.animate(node, "translation", [0.0, 1.0], np.concatenate([start, start + [step, 0, 0]]))
     return b.build()
 
 
@@ -53,6 +54,14 @@ def width_of(pair: LitPair, reason: Reason) -> float:
         "Middle: for a moving board, reprojection by the camera alone discards both sides.",
         "Right: motion vectors recover the history of the board. The disoccluded strip never has history.",
     ),
+    question=Question(
+        "A board 2.5 m away moves to the right by 32 cm between two frames, in front of a wall 6 m away. "
+        "The image is 50 degrees high. If the camera moves as far instead of the board, how many pixels "
+        "wide is the strip of the wall that appears?",
+        0.0,
+        60.0,
+    ),
+    opening=Opening(SHOWN, settings={"reprojection": "motion"}),
     scene=scene,
     see_also=(("camera and motion reprojection", "conventions.md"),),
 )
@@ -96,4 +105,20 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
     )  # fmt: skip
     caption = "A board in front of a wall: masks for a moving camera and a moving board."
-    return Result(findings, (Figure(path, caption, {r.name.lower(): rgb(r) for r in SHOWN}),))
+    figure = Figure(path, caption, {r.name.lower(): rgb(r) for r in SHOWN})
+    return Result(findings, (figure,), _distance(stage))
+
+
+def _distance(stage: Stage) -> Parameter:
+    """How far the board moves: its masks with motion reprojection."""
+    images, widths = [], []
+    for step in STEPS:
+        pair = stage.pair(scene("board", step), columns=("frustum", "position", "color"), reprojection="motion")
+        images.append(overlay(pair.mask, pair.now["color"], *SHOWN))
+        widths.append(width_of(pair, Reason.DISOCCLUDED))
+    return Parameter(
+        "motion of the board", "m", STEPS, "is the strip without history", "px", tuple(widths),
+        tuple(focal(stage.size[1]) * step / NEAR for step in STEPS), (1.0,) * len(STEPS),
+        "motion f t / z_near; counted at pixel centers", start=STEPS.index(STEP), images=tuple(images), digits=0,
+        note="Light blue: disoccluded.",
+    )  # fmt: skip

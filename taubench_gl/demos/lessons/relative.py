@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, heat, note
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.bench import PairImages
@@ -95,10 +95,17 @@ def expected_motion_error(pair: PairImages, step: float) -> Array:
     "it is 6 cm, and every position is rounded to that grid. If the camera position is subtracted in float64 first, "
     "the GPU only handles small numbers, wherever the scene is.",
     look_for=(
-        "Top right: steps in the error of a stored position, up to 3 cm along each axis.",
-        "Bottom left: after reprojection these centimeters are pixels, most of all near the camera.",
-        "Bottom right: camera-relative motion equals that of the hall at the origin, bit for bit.",
+        "Top right: bands on a column. In a band all pixels store the same x; its error goes from -3 to 3 cm.",
+        "Bottom left: the positions of one row of pixels are steps of 6.25 cm, not a ramp.",
+        "Bottom right: after reprojection the steps are pixels of motion, the more the farther from the origin.",
     ),
+    question=Question(
+        "A scene is 1000 km from the origin. By how many millimeters (RMS) is a position wrong that is "
+        "stored as float32 in world space?",
+        0.0,
+        60.0,
+    ),
+    opening=Opening((FRUSTUM,)),
     scene=scene,
     see_also=(("the self-test cases offset-1e3, 1e6 and 1e9", "hard-cases.md"),),
 )
@@ -109,25 +116,10 @@ def run(stage: Stage, out: Path) -> Result:
     position = there.current["position"].astype(np.float64)
     shift = (moved - position)[..., :3]
     seen = there.surface & ~there.has(FRUSTUM)
-    false = np.where(seen[..., None], previous_px(there, moved) - previous_px(there, position), 0.0)
+    false = motion_error(there, moved)
     ours = np.linalg.norm(there.motion - here.motion, axis=-1)
-    top = 3.0 * stage.size[1] / 270  # pixels, end of the color scale
-    sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    sheet.panel(0, 0, image, "the hall, a million meters from the origin")
-    axes = sheet.panel(
-        1, 0, heat(100 * np.linalg.norm(shift, axis=-1), 5.0), "error of float32 world positions: 0 to 5 cm"
-    )
-    note(axes, f"{100 * rms(shift[extends(there)]):.2f} cm along an axis (RMS)")
-    for column, error, title in (
-        (0, np.linalg.norm(false, axis=-1), f"error of motion from world positions: 0 to {top:.2g} px"),
-        (1, ours, f"error of camera-relative motion: 0 to {top:.2g} px"),
-    ):
-        axes = sheet.panel(column, 1, heat(error, top), title)
-        note(axes, f"{rms(error[seen]):.2f} px (RMS)")
-    colors = [tuple(round(255 * c) for c in heat(np.array([[v]]), 1.0)[0, 0]) for v in (0.0, 0.5, 1.0)]
-    sheet.legend(list(zip(("no error", "half of the scale", "end of the scale or more"), colors)))
-    path = sheet.save(out / "04-relative.png")
-    curve = _curve(there, out)
+    parameter = _distance(there)
+    path = _figure(stage, image, there, shift, parameter, out)
     step = step_at(FAR)
     predicted = rms(expected_motion_error(there, step)[seen])
     findings = (
@@ -137,33 +129,82 @@ def run(stage: Stage, out: Path) -> Result:
         Finding(float(np.count_nonzero(ours) + np.count_nonzero(there.mask != here.mask)), "pixels",
                 "differ in camera-relative motion or masks from the hall at the origin",
                 Expected.near(0.0, 0.0, "all keys are dyadic: every float64 difference is exact", 0), 0),
-        Finding(rms(np.linalg.norm(false, axis=-1)[seen]), "px", "is the error (RMS) of motion from such positions",
+        Finding(rms(false[seen]), "px", "is the error (RMS) of motion from such positions",
                 Expected.near(predicted, 0.05 * predicted, "derivative of Eq. (3) times spacing / sqrt(12); ± 5 %")),
     )  # fmt: skip
-    return Result(
-        findings,
-        (
-            Figure(path, "The hall at 1000 km: errors of float32 world positions and of the motion from them.",
-                   dict(zip(("no error", "half", "end"), colors))),
-            Figure(curve, "Rounding error of a stored world position as a function of the distance from the origin."),
-        ),
-    )  # fmt: skip
+    caption = (
+        "The hall at 1000 km: float32 world positions on a column and along a row of pixels, and the error of motion."
+    )
+    return Result(findings, (Figure(path, caption, {"stored": _rgb(ORANGE), "exact": _rgb(BLUE)}),), parameter)
 
 
-def _curve(pair: PairImages, out: Path) -> Path:
-    """Plot of the RMS rounding error of world positions against the distance."""
-    meters = [10.0**i for i in range(2, 8)]
-    eye, position = pair.view.position - FAR, pair.current["position"][..., :3]
-    found = [rms((in_world_floats(pair, eye + m)[..., :3] - position)[extends(pair)]) for m in meters]
-    sheet = Sheet(1, 0, 1.0, below=400, legend=False)
+def motion_error(pair: PairImages, position: Array) -> Array:
+    """Error of motion from ``position`` (h, w, 4), pixels; 0 where there is no history.  (h, w)."""
+    exact = pair.current["position"].astype(np.float64)
+    seen = pair.surface & ~pair.has(FRUSTUM)
+    away = np.where(seen[..., None], previous_px(pair, position) - previous_px(pair, exact), 0.0)
+    return np.linalg.norm(away, axis=-1)
+
+
+def _rgb(color: str) -> tuple[int, int, int]:
+    return tuple(int(color[i : i + 2], 16) for i in (1, 3, 5))  # type: ignore[return-value]
+
+
+def _figure(stage: Stage, image: Array, pair: PairImages, shift: Array, parameter: Parameter, out: Path) -> Path:
+    """The hall with a frame, the error of x inside the frame, a row of its pixels, and the error of motion."""
+    width, height = stage.size
+    part = column_front(pair, int(0.42 * height), width // 4)
+    sheet = Sheet(2, 1, width / height, below=370, legend=False, bars=True)
+    axes = sheet.panel(0, 0, image, "the hall, a million meters from the origin")
+    axes.add_patch(frame_of(*part))
+    half = 50.0 * step_at(FAR)  # cm
+    detail = enlarged(100.0 * shift[..., 0], *part)
+    axes = sheet.panel(1, 0, heat(detail + half, 2.0 * half, "RdBu"), "in the frame: error of the stored x")
+    ticks = [(0.0, f"-{half:.1f}"), (0.5, "0"), (1.0, f"{half:.1f}")]
+    sheet.color_bar(1, 0, ticks, "cm, stored - exact", "RdBu")
+    note(axes, f"{100 * rms(shift[extends(pair)]):.2f} cm (RMS)")
+    row = part[1] + part[3] // 2
+    columns = np.arange(part[0], part[0] + part[2])
+    exact = pair.current["position"].astype(np.float64)[row, columns, 0]
     axes = sheet.plot(
-        96, 40, 1140, 290, xscale="log", yscale="log", xlabel="distance from the origin, meters",
-        ylabel="error along an axis, meters", title="Error of float32 world coordinates",
+        88, sheet.grid_bottom + 40, 520, 260, xlabel="pixel of the row in the middle of the frame",
+        ylabel="x from the camera, meters", title="A row of pixels: steps instead of a ramp",
     )  # fmt: skip
-    line = np.logspace(2, 7, 2000)
-    axes.plot(line, [step_at(m) / np.sqrt(12) for m in line], color=BLUE, linewidth=2, label="theory")
-    axes.plot(meters, found, "o", color=ORANGE, markersize=9, markeredgecolor="black", label="measured, RMS")
-    axes.axhline(32 / 255, color="#444", linewidth=1, linestyle="--")
-    axes.text(110, 32 / 255 * 1.3, "the paper's position threshold, 32/255 m", fontsize=12)
-    axes.legend(frameon=False, fontsize=12, loc="lower right")
-    return sheet.save(out / "04-relative-curve.png")
+    axes.plot(columns, exact, color=BLUE, linewidth=1.6, label="exact")
+    axes.step(columns, exact + shift[row, columns, 0], where="mid", color=ORANGE, linewidth=2, label="stored, float32")
+    axes.legend(frameon=False, fontsize=12, loc="upper left")
+    axes.margins(y=0.25)
+    axes = sheet.plot(
+        730, sheet.grid_bottom + 40, 520, 260, xscale="log", yscale="log", xlabel="distance from the origin, meters",
+        ylabel="error of motion (RMS), px", title="Error of motion from stored positions",
+    )  # fmt: skip
+    axes.plot(parameter.values, parameter.expected, color=BLUE, linewidth=2, label="theory")
+    axes.plot(parameter.values, parameter.measured, "o", color=ORANGE, markersize=8, markeredgecolor="black",
+              label="measured")  # fmt: skip
+    axes.legend(frameon=False, fontsize=12, loc="upper left")
+    return sheet.save(out / "04-relative.png")
+
+
+def column_front(pair: PairImages, row: int, before: int) -> tuple[int, int, int, int]:
+    """Left, top, width and height of a part of the image around ``row``: the first front left of column ``before``."""
+    facing = pair.surface[row, :before] & (pair.current["normal"][row, :before, 2] > 0.9)
+    near = facing & (pair.current["position"][row, :before, 3] < 3.5)
+    columns = np.nonzero(near)[0]
+    left, wide = int(columns[0]), len(columns)
+    high = max(wide * pair.mask.shape[0] // pair.mask.shape[1], 2)
+    return left, row - high // 2, wide, high
+
+
+def _distance(pair: PairImages) -> Parameter:
+    """The distance from the origin: error of motion from float32 world positions."""
+    eye, seen = pair.view.position - FAR, pair.surface & ~pair.has(FRUSTUM)
+    meters = (1e2, 1e3, 1e4, 1e5, 1e6, 3e6)
+    errors = [motion_error(pair, in_world_floats(pair, eye + m)) for m in meters]
+    predicted = tuple(rms(expected_motion_error(pair, step_at(m))[seen]) for m in meters)
+    images = tuple(as_bytes(heat(np.log10(np.maximum(error, 1e-4)) + 4.0, 6.0)) for error in errors)
+    return Parameter(
+        "distance from the origin", "m", meters, "is the error (RMS) of motion from stored positions", "px",
+        tuple(rms(error[seen]) for error in errors), predicted, tuple(0.1 * value for value in predicted),
+        "derivative of Eq. (3) times spacing / sqrt(12); ± 10 %", start=4, images=images, digits=4,
+        note="Error of motion, logarithmic: dark blue 0.0001 px or less, green 0.1 px, yellow 100 px.",
+    )  # fmt: skip

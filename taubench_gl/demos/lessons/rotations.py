@@ -9,8 +9,9 @@ import numpy as np
 from taubench_gl import math3d
 from taubench_gl.conventions import FRUSTUM
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import Sheet, checkerboard, note
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.lessons.behind import reprojected
+from taubench_gl.demos.sheet import Sheet, as_bytes, checkerboard, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
 from taubench_gl.selftest.scenes import IDENTITY, turn
@@ -21,12 +22,15 @@ TURNS = {"pitch": ("upwards", (1, 0, 0)), "yaw": ("to the left", (0, 1, 0)), "ro
 CHECKER = (237, 237, 237)
 
 
-def scene(axis: str = "yaw") -> Scene:
-    """The hall and a camera that rotates by DEGREES in one second."""
+ANGLES = np.arange(5.0, 61.0, 5.0)
+
+
+def scene(axis: str = "yaw", degrees: float = DEGREES) -> Scene:
+    """The hall and a camera that rotates by ``degrees`` in one second."""
     b = Props()
     hall(b)
     camera = b.camera(translation=(0.0, 0.0, 1.2), yfov=YFOV, znear=0.05)
-    b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn(TURNS[axis][1], DEGREES)])
+    b.animate(camera, "rotation", [0.0, 1.0], [IDENTITY, turn(TURNS[axis][1], degrees)])
     return b.build()
 
 
@@ -42,16 +46,24 @@ def scene(axis: str = "yaw") -> Scene:
         "Its straight edges are the border of the previous image, seen from the new orientation.",
         "Roll discards little, although the angle is the same.",
     ),
+    question=Question(
+        "The camera turns 25 degrees to the left between two frames. Its horizontal field of view is 85 "
+        "degrees. Which share of the new image was not in the previous one?",
+        0.0,
+        100.0,
+    ),
+    opening=Opening((FRUSTUM,)),
     scene=scene,
     see_also=(("the conventions of the frustum test", "conventions.md"),),
 )
 def run(stage: Stage, out: Path) -> Result:
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
-    findings = []
+    findings, before = [], None
     for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
         pair = stage.pair(scene(axis), columns=("frustum", "color"))
         if place == 1:
-            sheet.panel(0, 0, pair.before["color"], "previous frame")
+            before = pair.before["color"][..., :3]
+            sheet.panel(0, 0, before, "previous frame")
         lost = pair.percent(FRUSTUM)
         prev_from_now = math3d.mat3_from_quat(turn(vector, DEGREES))
         share, slack = theory.frustum_share(prev_from_now, YFOV, stage.size)
@@ -66,4 +78,24 @@ def run(stage: Stage, out: Path) -> Result:
     path = sheet.save(out / "01-rotations.png")
     findings.sort(key=lambda f: "yaw" not in f.meaning)
     caption = "The hall before and after rotations by 25 degrees about three axes, as in the paper's figure 1."
-    return Result(tuple(findings), (Figure(path, caption, {"checkerboard": CHECKER}),))
+    figure = Figure(path, caption, {"checkerboard": CHECKER})
+    return Result(tuple(findings), (figure,), _angle(stage, before))
+
+
+def _angle(stage: Stage, before: np.ndarray) -> Parameter:
+    """The angle of yaw: the previous image (h, w, 3) seen from the new orientation."""
+    turning, images, lost, theoretical = scene("yaw", ANGLES[-1]), [], [], []
+    for angle in ANGLES:
+        pair = stage.bench.pair(turning, (0.0, angle / ANGLES[-1]))
+        gone = pair.has(FRUSTUM)
+        history = reprojected(before, pair.motion, ~gone)
+        images.append(as_bytes(checkerboard(np.nan_to_num(history), gone, max(stage.size[0] // 60, 1))))
+        lost.append(100.0 * float(gone.mean()))
+        theoretical.append(theory.frustum_share(math3d.mat3_from_quat(turn((0, 1, 0), angle)), YFOV, stage.size))
+    shares, slacks = zip(*theoretical)
+    return Parameter(
+        "angle of yaw", "°", tuple(map(float, ANGLES)), "of the pixels have no history", "%", tuple(lost), shares,
+        slacks, "area of the polygon that both cameras see; ± half of the pixels on its edge",
+        start=int(np.argmin(np.abs(ANGLES - DEGREES))),
+        images=tuple(images), note="The previous image, reprojected; checkerboard: no history.",
+    )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy as np
 from taubench_gl.animation import View
 from taubench_gl.conventions import Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import Sheet, enlarged, heat, note, painted, rgb
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, note, painted, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera, Scene
@@ -20,32 +21,40 @@ from taubench_gl.selftest.scenes import turn, turn_y
 Array = np.ndarray
 YFOV = np.radians(50.0)
 JITTER = 0.3
+PAGE_HEIGHT = 270
 SLANT = 20.0
-FARTHEST = 0.10  # meters, end of the color scale
+JITTERS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.45)
 
 
 def scene() -> Scene:
-    """A slanted board in front of a wall, and a side wall at a grazing angle.  Nothing moves."""
+    """A slanted board in front of a wall, and a side wall at a grazing angle.  Nothing moves.
+
+    The camera of the file turns by what is JITTER pixels in an image of PAGE_HEIGHT rows, for page and viewer.
+    """
     b = Props()
     b.wall(14.0, 9.0, SEA, translation=(0, 0, -14))
     b.checkered(0.55, 6.0, (3, 30), (BRICK, SAND), translation=(-0.7, 0, -4), rotation=turn((0, 0, 1), SLANT))
     b.checkered(12.0, 9.0, (24, 18), (CHALK, SAND), translation=(2.2, 0, -12), rotation=turn_y(-90))
     b.light(translation=(-1.0, 1.5, 0.0), intensity=90.0)
     camera = b.camera(yfov=YFOV, znear=0.05)
-    b.animate(camera, "translation", [0.0, 1.0], [(0, 0, 0), (0, 0, 0)])
+    b.animate(camera, "rotation", [0.0, 1.0], [turn_y(0.0), turn_y(-np.degrees(JITTER / focal(PAGE_HEIGHT)))])
     return b.build()
 
 
-def camera() -> MovingCamera:
-    """A static camera whose sub-pixel sample moves right by JITTER pixels, as for temporal antialiasing."""
+def focal(height: int) -> float:
+    """Focal length in pixels."""
+    return float(0.5 * height / np.tan(0.5 * YFOV))
+
+
+def camera(jitter: float = JITTER) -> MovingCamera:
+    """A static camera whose sub-pixel sample moves right by ``jitter`` pixels, as for temporal antialiasing."""
     lens = Camera(yfov=YFOV, znear=0.05)
-    return MovingCamera(lambda t: View(np.zeros(3), np.eye(3), lens, np.array([JITTER if t else 0.0, 0.0])))
+    return MovingCamera(lambda t: View(np.zeros(3), np.eye(3), lens, np.array([jitter if t else 0.0, 0.0])))
 
 
 def left_of_the_side_wall(size: tuple[int, int]) -> slice:
     """Columns that show the board and the wall but not the side wall."""
-    focal = 0.5 * size[1] / np.tan(0.5 * YFOV)
-    return slice(0, int(0.5 * size[0] + focal * 2.2 / 14.0) - 4)
+    return slice(0, int(0.5 * size[0] + focal(size[1]) * 2.2 / 14.0) - 4)
 
 
 def per_row(pair: PairImages) -> float:
@@ -68,10 +77,17 @@ def distance(pair: PairImages, sampling: str) -> Array:
     "foreground and background into a position where no surface is. Here nothing moves except the sub-pixel sample, so "
     "every discard is a sampling error.",
     look_for=(
-        "Right, nearest: the error on the side wall grows with the grazing angle. Bilinear: no error.",
-        "Left, bilinear: every edge is discarded, one pixel wide, without gaps.",
-        "Left, nearest: only pixels of an edge whose nearest history pixel is on the other side.",
+        "Top left, nearest: discarded are only pixels of an edge whose nearest history pixel is on the other side.",
+        "Top right, bilinear: every edge is discarded, one pixel wide, without gaps.",
+        "Below: the nearest sample on the side wall is the farther off the more grazing the view. Bilinear: no error.",
     ),
+    question=Question(
+        "Nothing moves, only the sample moves by 0.3 pixels. With bilinear sampling of history, how many "
+        "pixels are discarded where a row crosses the edge of an object?",
+        0.0,
+        4.0,
+    ),
+    opening=Opening((Reason.POSITION,)),
     scene=scene,
     see_also=(("how history is sampled", "conventions.md"),),
 )
@@ -80,20 +96,15 @@ def run(stage: Stage, out: Path) -> Result:
     color = stage.pair(scene(), columns=("frustum", "color")).now["color"][..., :3]
     width, height = stage.size
     part = (int(0.27 * width), int(0.35 * height), width // 7, height // 7)
-    sheet = Sheet(2, 2, width / height)
-    for row, (sampling, pair) in enumerate(pairs.items()):
+    sheet = Sheet(2, 1, width / height, below=330)
+    for place, (sampling, pair) in enumerate(pairs.items()):
         marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
-        axes = sheet.panel(0, row, enlarged(marked, *part), f"{sampling}: an edge of the board, enlarged")
+        title = f"{sampling}: an edge of the board, {part[2]} x {part[3]} pixels"
+        axes = sheet.panel(place, 0, enlarged(marked, *part), title)
         note(axes, f"{per_row(pair):.2f} px discarded per edge; correct: 0")
-        error = distance(pair, sampling)
-        axes = sheet.panel(1, row, heat(error, FARTHEST), f"{sampling}: distance of the history sample, 0 to 10 cm")
-        axes.add_patch(_frame(*part))
-        wall = side_wall(pair)
-        note(axes, f"side wall: {100 * np.median(error[wall]):.2f} cm (median)", at=(0.98, 0.03), ha="right")
-    end = tuple(round(255 * c) for c in heat(np.array([[1.0]]), 1.0)[0, 0])
-    sheet.legend([("discarded by position", rgb(Reason.POSITION)), ("10 cm or more", end)])
+    _plot(sheet, pairs, height // 2)
+    sheet.legend(reason_entries(Reason.POSITION))
     path = sheet.save(out / "06-sampling.png")
-    chance = 4.0 * np.sqrt(JITTER * (1 - JITTER) / (2.0 * height))
     where = "an edge crosses a row at a uniformly distributed position between two pixel centers"
     wall = side_wall(pairs["nearest"])
     predicted = 100.0 * float(np.median(sample_distance(stage.size)[wall]))
@@ -101,13 +112,54 @@ def run(stage: Stage, out: Path) -> Result:
         Finding(per_row(pairs["bilinear"]), "px", "per edge are discarded with bilinear sampling",
                 Expected.near(1.0, 2.0 / height + 0.02, f"{where}, always between two of the four pixels")),
         Finding(per_row(pairs["nearest"]), "px", "per edge are discarded with nearest sampling",
-                Expected.near(JITTER, chance, f"{where}: in {JITTER} of all rows between point and nearest pixel")),
+                Expected.near(JITTER, _chance(JITTER, height),
+                              f"{where}: in {JITTER} of all rows between point and nearest pixel")),
         Finding(100.0 * float(np.median(distance(pairs["nearest"], "nearest")[wall])), "cm",
                 "is the distance of the nearest history sample on the side wall (median)",
                 Expected.near(predicted, 0.02 * predicted, f"two rays {JITTER} pixels apart against the wall; ± 2 %")),
     )  # fmt: skip
     caption = f"A static scene with samples {JITTER} pixels apart in the two frames. Every discard is a sampling error."
-    return Result(findings, (Figure(path, caption, {"position": rgb(Reason.POSITION), "10 cm": end}),))
+    figure = Figure(path, caption, {"position": rgb(Reason.POSITION)})
+    return Result(findings, (figure,), _jitter(stage, color, part))
+
+
+def _chance(jitter: float, height: int) -> float:
+    """Four standard deviations of the discards per edge over the rows of two edges."""
+    return 4.0 * float(np.sqrt(jitter * (1 - jitter) / (2.0 * height)))
+
+
+def _plot(sheet: Sheet, pairs: Mapping[str, PairImages], row: int) -> None:
+    """Distance of the history sample on the side wall along a row of pixels."""
+    wall = side_wall(pairs["nearest"])[row]
+    columns = np.nonzero(wall)[0]
+    axes = sheet.plot(
+        88, sheet.grid_bottom + 40, 1150, 220, xlabel="pixel of the middle row; the side wall is the more grazing the "
+        "farther to the left", ylabel="distance, cm", title="The side wall: distance of the history sample",
+    )  # fmt: skip
+    size = pairs["nearest"].mask.shape[::-1]
+    axes.plot(columns, 100.0 * sample_distance(size)[row, columns], color="#777777", linewidth=5, alpha=0.5,
+              label="theory, nearest: two rays")  # fmt: skip
+    for sampling, color in (("nearest", ORANGE), ("bilinear", BLUE)):
+        axes.plot(columns, 100.0 * distance(pairs[sampling], sampling)[row, columns], color=color, linewidth=2,
+                  label=sampling)  # fmt: skip
+    axes.legend(frameon=False, fontsize=12, loc="upper right")
+
+
+def _jitter(stage: Stage, color: Array, part: tuple[int, int, int, int]) -> Parameter:
+    """How far the sample moves, with nearest sampling."""
+    images, found = [], []
+    for jitter in JITTERS:
+        pair = stage.bench.pair(scene(), camera=camera(jitter), sampling="nearest")
+        marked = painted(color, (pair.has(Reason.POSITION), rgb(Reason.POSITION)), strength=1.0)
+        images.append(as_bytes(enlarged(marked, *part)))
+        found.append(per_row(pair))
+    height = stage.size[1]
+    return Parameter(
+        "offset of the sample", "px", JITTERS, "are discarded per edge with nearest sampling", "px", tuple(found),
+        JITTERS, tuple(_chance(jitter, height) for jitter in JITTERS),
+        "the share of rows in which the edge is between point and nearest pixel; ± 4 sigma",
+        start=JITTERS.index(JITTER), images=tuple(images), note="An edge of the board. Blue: discarded by position.",
+    )  # fmt: skip
 
 
 def side_wall(pair: PairImages) -> Array:
@@ -130,9 +182,3 @@ def sample_distance(size: tuple[int, int]) -> Array:
     with np.errstate(divide="ignore"):
         a, b = (2.2 * r / r[..., :1] for r in (rays, shifted))
     return np.linalg.norm(a - b, axis=-1)
-
-
-def _frame(left: int, top: int, width: int, height: int) -> object:
-    from matplotlib.patches import Rectangle
-
-    return Rectangle((left, top), width, height, fill=False, edgecolor="white", linewidth=1.6)

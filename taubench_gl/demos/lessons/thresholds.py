@@ -8,8 +8,8 @@ import numpy as np
 
 from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Result, demo
-from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, note, overlay, reason_entries, rgb
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Question, Result, demo, threshold_parameter
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
 from taubench_gl.demos.stage import BRICK, CHALK, LEAF, SAND, SEA, Props, Stage
 from taubench_gl.report.plots import discard_curve
 from taubench_gl.scene.model import Scene
@@ -69,6 +69,13 @@ def distances(size: Size) -> Array:
         "Each step of the curve is one key that is no longer discarded once the threshold exceeds its motion.",
         "The paper's threshold is on the plateau between 8 cm and 16 cm: its exact value does not matter here.",
     ),
+    question=Question(
+        "Each of eight keys has 1.9 % of the image and moves twice as far as the one before, from 1 cm to "
+        "128 cm. Which share of the image does a threshold of 12.5 cm discard?",
+        0.0,
+        40.0,
+    ),
+    opening=Opening((Reason.POSITION,), settings={"shadow_lights": 0}),
     scene=scene,
     see_also=(("what a run records", "formats.md"),),
 )
@@ -106,7 +113,15 @@ def run(stage: Stage, out: Path) -> Result:
                 Expected.near(0.0, 0.0, "bin edges are exact float32 values: nothing is interpolated", 0), 0)
     )  # fmt: skip
     caption = "Three thresholds and their curve. The number on each key is its motion in cm."
-    return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),))
+    pair = masks[DEFAULT_THRESHOLD]
+    moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
+    gray = overlay(np.zeros_like(pair.mask), pair.now["color"])
+    parameter = threshold_parameter(
+        moved, np.geomspace(0.005, 2.0, 53), expected, as_bytes(gray), rgb(Reason.POSITION), start=DEFAULT_THRESHOLD,
+        name="position threshold", unit="m", source="ray-square intersection; ± half of the pixels on the edges",
+        note="Blue: discarded by position.",
+    )  # fmt: skip
+    return Result(tuple(findings), (Figure(path, caption, {"position": rgb(Reason.POSITION)}),), parameter)
 
 
 def _just_below(value: float) -> float:

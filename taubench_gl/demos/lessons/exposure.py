@@ -1,0 +1,159 @@
+"""Demo 14: light units, exposure, and what a threshold on radiance depends on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
+from taubench_gl.demos import theory
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, note, overlay, painted, reason_entries, rgb
+from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.evaluation import resolve_lighting
+from taubench_gl.metrics.color import display_color
+from taubench_gl.metrics.exposure import MIDDLE_GRAY
+from taubench_gl.scene.model import Scene
+
+Array = np.ndarray
+Size = tuple[int, int]
+YFOV = np.radians(50.0)
+WALL, LAMP = -4.0, -3.0  # z of the wall and of the lamp
+PLACES = (-0.6, 0.6)  # x of the lamp in the two frames
+CANDELA, ALBEDO = 100.0, 0.8
+LUMENS_PER_WATT = 683.0
+STOPS = tuple(float(s) for s in np.arange(-12.0, 5.0))
+SHOWN = (Reason.LIT, Reason.SHADOWED)
+
+
+def scene() -> Scene:
+    """A gray wall and a lamp 1 m in front of it, which moves from left to right."""
+    b = Props()
+    b.wall(12.0, 8.0, (ALBEDO,) * 3, translation=(0, 0, WALL))
+    lamp = b.light(intensity=CANDELA, translation=(PLACES[0], 0, LAMP))
+    b.animate(lamp, "translation", [0.0, 1.0], [(x, 0, LAMP) for x in PLACES])
+    b.camera(yfov=YFOV, znear=0.05)
+    return b.build()
+
+
+def wall_radiance(size: Size, frame: int) -> Array:
+    """Radiance of the wall in each of R, G and B: albedo intensity cos / (pi r^2).  (h, w) cd/m2."""
+    point = theory.pixel_rays(size, YFOV) * -WALL
+    height = LAMP - WALL
+    distance = np.sqrt((point[..., 0] - PLACES[frame]) ** 2 + point[..., 1] ** 2 + height**2)
+    return ALBEDO * CANDELA * height / (np.pi * distance**3)
+
+
+def expected_exposure(size: Size) -> float:
+    """Middle gray over the log-average of the luminance, which both frames share by symmetry."""
+    return MIDDLE_GRAY / float(np.exp(np.mean(np.log(wall_radiance(size, 0)))))
+
+
+def change(size: Size) -> Array:
+    """Change of direct light, the norm of R, G and B, before the exposure.  (h, w)."""
+    return np.sqrt(3.0) * np.abs(wall_radiance(size, 1) - wall_radiance(size, 0))
+
+
+@demo(
+    14,
+    "exposure",
+    "Light units and exposure",
+    idea="Files give lights in candela, so radiance is in cd/m2: tens for a lamp in a room, thousands outdoors. A "
+    "threshold is a number without such a unit. It compares radiance times exposure, and the exposure decides what "
+    "counts as a change. It is metered once, so that the average of a scene is middle gray, whatever its lights are.",
+    look_for=(
+        "Top left: with an exposure of 1 a lamp of 100 cd makes the wall white, and most pixels count as changed.",
+        "Top right: with the metered exposure the wall is gray, and discarded is where the light changed visibly.",
+        "The plot: the discard rate depends on the exposure as much as on the scene. The line is a closed form.",
+    ),
+    question=Question(
+        "A lamp of 100 candela hangs 1 m in front of a wall that reflects 80 %. Which luminance does the "
+        "brightest point of the wall have?",
+        0.0,
+        100.0,
+    ),
+    opening=Opening(SHOWN, settings={"exposure": "auto"}),
+    scene=scene,
+    see_also=(("units and exposure", "light.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    columns = ("frustum", "direct")
+    metered = float(
+        resolve_lighting(
+            scene(), stage.settings(columns=columns, frames=(0, 2), exposure="auto")
+        ).settings.lighting.exposure_factor
+    )
+    bright = stage.pair(scene(), columns=columns)
+    gray = stage.pair(scene(), columns=columns, exposure=metered)
+    watt = stage.pair(scene(), columns=columns, light_unit="watt")
+    found, radiance = bright.now["direct"][..., 0].astype(np.float64), wall_radiance(stage.size, 1)
+    parameter = _exposure(stage, bright.before["direct"], bright.now["direct"], metered)
+    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=330)
+    for place, (pair, factor, name) in enumerate(((bright, 1.0, "exposure 1"), (gray, metered, "metered exposure"))):
+        image = display_color(pair.now["direct"][..., :3].astype(np.float64), factor)
+        axes = sheet.panel(place, 0, overlay(pair.mask, image, *SHOWN), f"{name}: mask over the image")
+        note(axes, f"exposure {factor:.4g}: {pair.percent(Reason.DIRECT):.1f} % discarded")
+    _plot(sheet, parameter, metered, stage.size)
+    sheet.legend(reason_entries(*SHOWN))
+    path = sheet.save(out / "14-exposure.png")
+    ratio = float(np.median(found / watt.now["direct"][..., 0]))
+    findings = (
+        Finding(float(found.max()), "cd/m2", "is the luminance of the brightest pixel",
+                Expected.near(float(radiance.max()), 0.005 * float(radiance.max()),
+                              "Lambert's law: albedo intensity / (pi distance^2); ± 0.5 %")),
+        Finding(ratio, "", "is the ratio of radiance in candela to that in watt",
+                Expected.near(LUMENS_PER_WATT, 0.01, "683 lumens per watt, as Blender's exporter writes")),
+        Finding(metered, "", "is the metered exposure",
+                Expected.near(expected_exposure(stage.size), 0.005 * expected_exposure(stage.size),
+                              "0.18 / log-average of the closed form; ± 0.5 %", 4), 4),
+        Finding(bright.percent(Reason.DIRECT), "%", "of the pixels are discarded with an exposure of 1",
+                _share(change(stage.size) > DEFAULT_THRESHOLD)),
+        Finding(gray.percent(Reason.DIRECT), "%", "of the pixels are discarded with the metered exposure",
+                _share(metered * change(stage.size) > DEFAULT_THRESHOLD)),
+    )  # fmt: skip
+    caption = (
+        "A lamp moves in front of a wall: the mask of direct light with two exposures, and the discard rate of all."
+    )
+    return Result(findings, (Figure(path, caption, {r.name.lower(): rgb(r) for r in SHOWN}),), parameter)
+
+
+def _share(region: Array) -> Expected:
+    slack = 50.0 * theory.edge_pixels(region) / region.size
+    return Expected.near(100.0 * float(region.mean()), slack, "closed form; ± half of the pixels on its edge")
+
+
+def _exposure(stage: Stage, before: Array, now: Array, metered: float) -> Parameter:
+    """The exposure, in stops around 1.  ``before``, ``now``: direct light (h, w, >= 3)."""
+    moved = np.linalg.norm(now[..., :3].astype(np.float64) - before[..., :3], axis=-1)
+    images, shares, expected = [], [], []
+    for stop in STOPS:
+        region = moved * 2.0**stop > DEFAULT_THRESHOLD
+        image = display_color(now[..., :3].astype(np.float64), 2.0**stop)
+        images.append(as_bytes(painted(image, (region, rgb(Reason.DIRECT)), strength=0.45)))
+        shares.append(100.0 * float(region.mean()))
+        expected.append(_share(change(stage.size) * 2.0**stop > DEFAULT_THRESHOLD))
+    return Parameter(
+        "exposure", "stops", STOPS, "of the pixels are discarded", "%", tuple(shares),
+        tuple(0.5 * (e.low + e.high) for e in expected), tuple(0.5 * (e.high - e.low) + 1e-9 for e in expected),
+        "closed form; ± half of the pixels on the edges",
+        start=int(np.argmin(np.abs(np.array(STOPS) - np.log2(metered)))),
+        images=tuple(images), note="0 stops: exposure 1; each stop doubles it. Yellow: discarded.",
+    )  # fmt: skip
+
+
+def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> None:
+    axes = sheet.plot(
+        88, sheet.grid_bottom + 40, 1150, 220, xlabel="exposure, stops (0: radiance as it is)", ylabel="discarded, %",
+        title="Discard rate of direct light", ylim=(-4, 104),
+    )  # fmt: skip
+    line = np.linspace(STOPS[0], STOPS[-1], 300)
+    moved = np.sort(change(size).ravel())
+    shares = 100.0 * (1.0 - np.searchsorted(moved, DEFAULT_THRESHOLD / 2.0**line) / moved.size)
+    axes.plot(line, shares, color=BLUE, linewidth=2, label="theory: closed form")
+    axes.plot(parameter.values, parameter.measured, "o", color=ORANGE, markeredgecolor="black", markersize=7,
+              label="measured")  # fmt: skip
+    for stop, name in ((0.0, "exposure 1"), (float(np.log2(metered)), "metered")):
+        axes.axvline(stop, color="#777777", linewidth=1, linestyle="--")
+        axes.text(stop - 0.12, 50, name, fontsize=12, rotation=90, ha="right", va="center")
+    axes.legend(frameon=False, fontsize=12, loc="upper left")

@@ -1,0 +1,232 @@
+"""Demo 16: jitter that stays in motion vectors blurs, shakes or shifts what is accumulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.animation.jitter import halton_jitter
+from taubench_gl.conventions import Reason
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, PINK, Sheet, as_bytes, enlarged, note
+from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.metrics.color import display_color
+from taubench_gl.reuse.evaluate import MethodSpec, method_settings
+from taubench_gl.reuse.frame import read_result, write_input
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import quad, turn
+
+Array = np.ndarray
+YFOV, DEPTH = np.radians(42.0), 4.0
+SLOPE = 1.0 / 7.3  # pixels to the right per pixel upwards: rows meet the edge at all sub-pixel positions
+DARK, BRIGHT = 0.05, 0.8
+FRAMES, ALPHA = 40, 0.1
+ALPHAS = (0.05, 0.1, 0.2, 0.4, 0.8)
+REACH = 20  # pixels to either side of the edge in which its spread is measured
+
+Error = Callable[[Array, Array], Array]
+CASES: Mapping[str, tuple[Error, str]] = {
+    "jitter removed: correct": (lambda now, before: np.zeros(2), GREEN),
+    "jitter left in the motion": (lambda now, before: now - before, ORANGE),
+    "removed with the wrong sign": (lambda now, before: 2.0 * (before - now), BLUE),
+    "only removed from one frame": (lambda now, before: now, PINK),
+}
+"""Name -> error of the motion vectors (2,), pixels, +y up, from the offsets of both frames; color in the plot."""
+
+
+def scene() -> Scene:
+    """A bright half-plane on a dark one, both emissive; the edge goes through the center.  Nothing moves."""
+    b = Props()
+    dark, bright = (b.material(base_color=(0, 0, 0, 1), emissive=(v, v, v), specular=0.0) for v in (DARK, BRIGHT))
+    angle = float(np.degrees(np.arctan(SLOPE)))
+    b.thing(quad(12.0, 8.0, material=dark), translation=(0, 0, -DEPTH - 0.01))
+    lean = np.radians(angle)
+    middle = 6.0 * np.array([np.cos(lean), -np.sin(lean), 0.0]) + [0, 0, -DEPTH]
+    b.thing(quad(6.0, 12.0, material=bright), translation=middle, rotation=turn((0, 0, 1), -angle))
+    camera = b.camera(yfov=YFOV, znear=0.05)
+    b.animate(camera, "translation", [0.0, FRAMES - 1.0], [(0, 0, 0), (0, 0, 0)])
+    return b.build()
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Where an edge is, and its standard deviation.  Pixels; ``shift``: to the right of the true edge."""
+
+    shift: float
+    sigma: float
+
+
+def predicted(error: Error, alpha: float, frames: int = FRAMES) -> Spread:
+    """The spread of an edge under an exponential average with bilinear history, by its first two moments.
+
+    A frame shows the edge at -u, u = j_x - SLOPE j_y for the offset j of its samples, rounded to pixel centers: a
+    variance of 1/12 over the rows.  Bilinear history at an error e shifts by -(e_x - SLOPE e_y) and adds the variance
+    f (1 - f) of its two weights along each axis, f the fraction of e.
+    """
+    mean = second = 0.0
+    for frame in range(frames):
+        offset, before = halton_jitter(frame), halton_jitter(max(frame - 1, 0))
+        u = offset[0] - SLOPE * offset[1]
+        if frame == 0:
+            mean, second = -u, u * u + 1.0 / 12.0
+            continue
+        e = error(offset, before)
+        fraction = e - np.floor(e)
+        blur = fraction * (1.0 - fraction)
+        step = -(e[0] - SLOPE * e[1])
+        moved = second + 2.0 * mean * step + step * step + blur[0] + SLOPE**2 * blur[1]
+        second = alpha * (u * u + 1.0 / 12.0) + (1.0 - alpha) * moved
+        mean = alpha * -u + (1.0 - alpha) * (mean + step)
+    return Spread(mean, float(np.sqrt(second - mean * mean)))
+
+
+def measured(image: Array) -> Spread:
+    """The spread of the edge in an image (h, w), over the rows in which it is REACH pixels inside."""
+    height, width = image.shape
+    row = np.arange(height)
+    true = 0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row)
+    rows = row[(np.abs(row - 0.5 * (height - 1)) < 0.5 * min(height, width // 2) - 4)]
+    place = np.arange(width - 1) + 0.5 - true[rows, None]
+    weight = np.diff(image[rows], axis=1) * (np.abs(place) < REACH)
+    total = weight.sum()
+    mean = float((weight * place).sum() / total)
+    return Spread(mean, float(np.sqrt((weight * place**2).sum() / total - mean * mean)))
+
+
+def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[str, Array]:
+    """The last image (h, w, 3) of every run: an error of the motion vectors, and a weight of the new frame."""
+    settings = stage.settings(reprojection="motion", environment="none")
+    specs = {
+        name: MethodSpec.parse(
+            f"taa_clamp@alpha={alpha}@clamping=false@weighting=false@dilate=false@filtering=bilinear"
+        )
+        for name, (_, alpha) in runs.items()
+    }
+    method = load_method("taa_clamp")
+    request = InputRequest(stage.gpu, scene(), choose_camera(scene()), settings, parse_input("jittered"))
+    inputs = RasterInputs(request, {*method.reads, "radiance"})
+    runners = {
+        name: MethodRunner(stage.gpu, method, stage.size, method_settings(method, spec.settings))
+        for name, spec in specs.items()
+    }
+    still, images = np.ones((*stage.size[::-1], 2), dtype=np.float32), {}
+    try:
+        for frame in range(FRAMES):
+            given = inputs.advance(frame)
+            for name, runner in runners.items():
+                error = runs[name][0](given.jitter_px, given.prev_jitter_px) * [1.0, -1.0]  # rows go down
+                write_input(given.textures["motion"], "motion", still * np.float32(error))
+                result = runner.step(given)
+                if frame == FRAMES - 1:
+                    images[name] = read_result(result)[..., :3].astype(np.float64)
+    finally:
+        for part in (*runners.values(), inputs):
+            part.release()
+    return images
+
+
+@demo(
+    16,
+    "jitter",
+    "What a wrong jitter does",
+    idea="Temporal antialiasing moves the samples of each frame by a part of a pixel, the jitter. Motion vectors must "
+    "not contain it: where a surface was is a matter of the surface, not of the samples. If it stays in, or is removed "
+    "with the wrong sign, history is resampled between pixels in every frame although nothing moves.",
+    look_for=(
+        "Top left: correct. The edge is spread over about a pixel and stands still.",
+        "Top right and bottom left: every frame blurs history a little more, and the edge shakes with the jitter.",
+        "Bottom right: jitter removed from one frame only. The offsets do not add up to zero, so the edge is shifted.",
+        "The plot: profiles across the edge, their spread (standard deviation) predicted from the offsets alone.",
+    ),
+    question=Question(
+        "A still image is accumulated with a weight of 10 % for the new frame, and the jitter stays in the "
+        "motion vectors. How many pixels is the standard deviation of a sharp edge then?",
+        0.0,
+        4.0,
+    ),
+    opening=Opening((Reason.POSITION,), settings={"environment": "none"}),
+    scene=scene,
+    see_also=(("the frames that reuse methods get", "reuse.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    weights = {f"{alpha:g}": (CASES["jitter left in the motion"][0], alpha) for alpha in ALPHAS}
+    cases = {name: (error, ALPHA) for name, (error, _) in CASES.items()}
+    images = accumulated(stage, cases | weights)
+    found = {name: measured(profile_image(image)) for name, image in images.items()}
+    theory = {name: predicted(*settings) for name, settings in (cases | weights).items()}
+    width, height = stage.size
+    side = (32, 18)
+    part = (width // 2 - side[0] // 2, height // 2 - side[1] // 2, *side)
+    details = {name: as_bytes(enlarged(shown(image), *part)) for name, image in images.items()}
+    sheet = Sheet(2, 2, width / height, below=330, legend=False)
+    for place, name in enumerate(CASES):
+        axes = sheet.panel(place % 2, place // 2, details[name], name)
+        note(axes, f"spread {found[name].sigma:.2f} px, shift {found[name].shift:+.2f} px")
+    _plot(sheet, {name: images[name] for name in CASES}, found)
+    path = sheet.save(out / "16-jitter.png")
+    right, left_in, sign, forgotten = CASES
+    source = "moments of bilinear weights and Halton offsets"
+    findings = (
+        Finding(found[left_in].sigma, "px", "is the spread of the edge with jitter in the motion vectors",
+                _near(theory[left_in].sigma, f"{source}; ± 3 %")),
+        Finding(found[right].sigma, "px", "is the spread with jitter removed",
+                _near(theory[right].sigma, "offsets and pixel rounding, 1/6 px^2; ± 3 %")),
+        Finding(found[sign].sigma, "px", "is the spread with jitter removed with the wrong sign",
+                _near(theory[sign].sigma, f"{source}; ± 3 %")),
+        Finding(found[forgotten].shift, "px", "is the shift with jitter removed from one frame only",
+                Expected.near(theory[forgotten].shift, 0.03, f"{source}; ± 0.03 px")),
+        Finding(found[right].shift, "px", "is the shift with jitter removed",
+                Expected.near(theory[right].shift, 0.03, "mean of the offsets, the last ones with the largest weight; "
+                              "± 0.03 px")),
+    )  # fmt: skip
+    caption = (
+        f"A sharp edge after {FRAMES} jittered frames of a still scene, {side[0]} x {side[1]} pixels, and its profile."
+    )
+    colors = {name: tuple(int(color[i : i + 2], 16) for i in (1, 3, 5)) for name, (_, color) in CASES.items()}
+    parameter = Parameter(
+        "weight of the new frame", "", ALPHAS, "is the spread of the edge with jitter in the motion vectors", "px",
+        tuple(found[name].sigma for name in weights), tuple(theory[name].sigma for name in weights),
+        tuple(0.03 * theory[name].sigma for name in weights), f"{source}; ± 3 %", start=ALPHAS.index(ALPHA),
+        images=tuple(details[name] for name in weights), note=f"The same {side[0]} x {side[1]} pixels, enlarged.",
+    )  # fmt: skip
+    return Result(findings, (Figure(path, caption, colors),), parameter)
+
+
+def _near(value: float, source: str) -> Expected:
+    return Expected.near(value, 0.03 * value, source)
+
+
+def profile_image(image: Array) -> Array:
+    """Radiance (h, w, 3) as 0 on the dark and 1 on the bright side.  (h, w)."""
+    return (image[..., 0] - DARK) / (BRIGHT - DARK)
+
+
+def shown(image: Array) -> Array:
+    return display_color(image, 1.0, "linear")
+
+
+def _plot(sheet: Sheet, images: Mapping[str, Array], found: Mapping[str, Spread]) -> None:
+    """The profile across the edge: all rows, by their distance from the true edge."""
+    axes = sheet.plot(
+        88, sheet.grid_bottom + 40, 1150, 226, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",
+        title="Profile across the edge, all rows", xlim=(-5, 5), ylim=(-0.05, 1.05),
+    )  # fmt: skip
+    for name, image in images.items():
+        height, width = image.shape[:2]
+        row = np.arange(height // 4, 3 * height // 4)
+        true = 0.5 * (width - 1) + SLOPE * (0.5 * (height - 1) - row)
+        place = (np.arange(width) - true[:, None]).ravel()
+        value = profile_image(image)[row].ravel()
+        bins = np.arange(-5.0, 5.01, 0.125)
+        which = np.digitize(place, bins)
+        middle = [value[which == i].mean() for i in range(1, len(bins))]
+        axes.plot(bins[:-1] + 0.0625, middle, color=CASES[name][1], linewidth=2.2, label=name)
+    axes.legend(frameon=False, fontsize=12, loc="lower right")

@@ -1,0 +1,167 @@
+"""Demo 15: noise of path-traced light falls with the square root of the samples."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.conventions import DEFAULT_THRESHOLD, Reason
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.lessons.cost import scaled_to
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, note, overlay, reason_entries, rgb
+from taubench_gl.demos.stage import BRICK, CHALK, SAND, SEA, Props, Stage
+from taubench_gl.frame.sources import RasterSource
+from taubench_gl.metrics.color import display_color
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import quad, turn_x, turn_y
+
+Array = np.ndarray
+SIZE = (96, 54)  # path tracing takes long on a CPU
+COUNTS = (1, 4, 16, 64)
+SHOWN = (1, 64)
+FRAMES = 2 * COUNTS[-1]
+PATHS = {"light": "path-traced", "pattern": "independent", "bounces": 2, "indirect": "auto", "fps": 1.0}
+
+
+def scene() -> Scene:
+    """A static corner of a room under a glowing panel."""
+    b = Props()
+    b.checkered(5.0, 4.0, (10, 8), (SAND, CHALK), translation=(0, -1.3, -4), rotation=turn_x(-90))
+    b.wall(5.0, 2.5, SEA, translation=(0, 1.2, -6.5))
+    b.wall(4.0, 2.5, CHALK, translation=(-3.2, 1.2, -4), rotation=turn_y(90))
+    b.ball(0.5, BRICK, translation=(-0.6, -0.8, -4.4))
+    b.block((0.35, 0.6, 0.35), CHALK, translation=(1.2, -0.7, -4.6), rotation=turn_y(35))
+    glow = b.material(base_color=(0, 0, 0, 1), emissive=(9.0, 9.0, 9.0), specular=0.0)
+    b.thing(dataclasses.replace(quad(1.2, 0.5), material=glow), translation=(0.4, 2.0, -4.2), rotation=turn_x(90))
+    camera = b.camera(yfov=np.radians(50.0), znear=0.05)
+    b.animate(camera, "translation", [0.0, FRAMES - 1.0], [(0, 0, 0), (0, 0, 0)])
+    return b.build()
+
+
+def light(stage: Stage, samples: int, frames: int) -> Array:
+    """Direct light of ``frames`` frames with independent numbers.  (frames, h, w, 3)."""
+    settings = stage.settings(columns=("direct",), spp=samples, width=SIZE[0], height=SIZE[1], **PATHS)
+    source = RasterSource(stage.gpu, scene(), choose_camera(scene()), settings)
+    try:
+        found = []
+        for frame in range(frames):
+            source.advance(frame)
+            found.append(source.read("direct")[..., :3].astype(np.float64))
+        return np.stack(found)
+    finally:
+        source.release()
+
+
+def means(frames: Array, count: int) -> Array:
+    """Means of groups of ``count`` frames.  (n, h, w, 3) -> (n / count, h, w, 3)."""
+    return frames.reshape(-1, count, *frames.shape[1:]).mean(axis=1)
+
+
+def noise(images: Array) -> float:
+    """RMS over the pixels of the standard deviation of images (n, h, w, 3), the norm of R, G and B."""
+    return float(np.sqrt(np.mean(images.var(axis=0, ddof=1).sum(axis=-1))))
+
+
+def expected_rejections(sigma: Array, count: int) -> float:
+    """Percent of pixels whose two means differ by more than the threshold, normal by the central limit theorem.
+
+    ``sigma`` (h, w): standard deviation of one frame, the norm of R, G and B, which vary together in white light; the
+    difference of two means has sqrt(2 / count) times that.
+    """
+    with np.errstate(divide="ignore"):
+        x = DEFAULT_THRESHOLD * math.sqrt(count) / (2.0 * sigma)
+    return 100.0 * float(np.mean([math.erfc(v) for v in np.minimum(x, 30.0).ravel()]))
+
+
+@demo(
+    15,
+    "samples",
+    "Path-traced noise and what a threshold rejects",
+    idea="A path-traced pixel is the mean of random samples. The noise of a mean of N independent frames falls as "
+    "N^(-1/2): four times the frames for half the noise. A rejection test that compares two noisy buffers with a "
+    "threshold discards history wherever the noise is larger, although nothing moves.",
+    look_for=(
+        "Top: the mean of one and of 64 frames, with the pixels that the threshold of direct light discards.",
+        "Left plot: noise against samples, both logarithmic. Independent frames are on a line with a slope of -1/2.",
+        "Samples of one frame are better than that: their numbers are stratified (a Sobol sequence).",
+        "Right plot: what the threshold discards. It ends when the noise is well below the threshold everywhere.",
+    ),
+    question=Question(
+        "The mean of 4 path-traced frames with one sample per pixel is replaced by that of 64. Which "
+        "share of its noise is left?",
+        0.0,
+        1.0,
+    ),
+    opening=Opening((Reason.DIRECT,), settings={**PATHS, "spp": 1}),
+    scene=scene,
+    see_also=(("path-traced light", "light.md"), ("rejection tests", "reject.md")),
+)
+def run(stage: Stage, out: Path) -> Result:
+    frames = light(stage, 1, FRAMES)
+    noises = {count: noise(means(frames, count)) for count in COUNTS}
+    stratified = {count: noise(light(stage, count, 2)) for count in COUNTS[1:]}
+    sigma = np.sqrt(frames.var(axis=0, ddof=1).sum(axis=-1))
+    pairs = {count: means(frames, count)[:2] for count in COUNTS}
+    masks = {count: stage.bench.compare({"direct": b}, {"direct": a}).mask for count, (a, b) in pairs.items()}
+    rejected = {count: 100.0 * float(((mask & Reason.DIRECT) != 0).mean()) for count, mask in masks.items()}
+    sheet = Sheet(2, 1, SIZE[0] / SIZE[1], below=370)
+    for place, count in enumerate(SHOWN):
+        image = overlay(masks[count], display_color(pairs[count][1]), Reason.DIRECT)
+        axes = sheet.panel(place, 0, image, f"mean of {count} frame{'s' * (count > 1)}, one sample per pixel each")
+        note(axes, f"{rejected[count]:.1f} % discarded, noise {noises[count]:.4f}")
+    _plots(sheet, noises, stratified, rejected, sigma)
+    sheet.legend(reason_entries(Reason.DIRECT))
+    path = sheet.save(out / "15-samples.png")
+    slope = float(np.polyfit(np.log(COUNTS), np.log(list(noises.values())), 1)[0])
+    share = expected_rejections(sigma, 16)
+    findings = (
+        Finding(noises[64] / noises[4], "", "of the noise of 4 frames is left with 64",
+                Expected.near(0.25, 0.02, "N^(-1/2): sqrt(4 / 64)", 3), 3),
+        Finding(slope, "", "is the slope of the noise in logarithmic scales",
+                Expected.near(-0.5, 0.03, "variance of a mean of N independent numbers", 3), 3),
+        Finding(rejected[16], "%", "of a static image is discarded with 16 frames",
+                Expected.near(share, 0.1 * share + 0.5, "normal distribution of the noise; ± 10 % and 0.5 pp")),
+    )  # fmt: skip
+    caption = "A static room in path-traced light: masks of the mean of 1 and of 64 frames, noise, and discard rate."
+    figure = Figure(path, caption, {"direct": rgb(Reason.DIRECT)})
+    return Result(findings, (figure,), _count(pairs, noises))
+
+
+def _count(pairs: dict[int, Array], noises: dict[int, float]) -> Parameter:
+    """The number of frames: their mean and its noise."""
+    shape = (SIZE[1] * 4, SIZE[0] * 4)
+    images = tuple(as_bytes(scaled_to(display_color(pair[1]), shape)) for pair in pairs.values())
+    law = tuple(noises[1] / math.sqrt(count) for count in COUNTS)
+    return Parameter(
+        "frames in the mean", "", tuple(map(float, COUNTS)), "is the noise of direct light (RMS)", "",
+        tuple(noises.values()), law, tuple(0.08 * value for value in law), "noise of one frame times N^(-1/2); ± 8 %",
+        start=0, images=images, digits=4, note="Direct light.",
+    )  # fmt: skip
+
+
+def _plots(
+    sheet: Sheet, noises: dict[int, float], stratified: dict[int, float], rejected: dict[int, float], sigma: Array
+) -> None:
+    line = np.geomspace(1, 256, 30)
+    common = {"xscale": "log", "xlabel": "samples per pixel"}
+    left = sheet.plot(96, sheet.grid_bottom + 40, 510, 250, yscale="log", ylabel="noise (RMS)",
+                      title="Noise of direct light", **common)  # fmt: skip
+    left.plot(line, noises[1] / np.sqrt(line), color=BLUE, linewidth=2, label="theory: N^(-1/2)")
+    left.plot(list(noises), list(noises.values()), "o", color=ORANGE, markeredgecolor="black", markersize=8,
+              label="N frames")  # fmt: skip
+    left.plot(list(stratified), list(stratified.values()), "s", color=GREEN, markeredgecolor="black", markersize=7,
+              label="one frame, N samples")  # fmt: skip
+    right = sheet.plot(730, sheet.grid_bottom + 40, 510, 250, ylabel="discarded, %", ylim=(0, None),
+                       title="Discarded although nothing moves", **common)  # fmt: skip
+    normal = line[line >= 4]
+    right.plot(normal, [expected_rejections(sigma, n) for n in normal], color=BLUE, linewidth=2,
+               label="theory: normal noise")  # fmt: skip
+    right.plot(list(rejected), list(rejected.values()), "o", color=ORANGE, markeredgecolor="black", markersize=8,
+               label="N frames")  # fmt: skip
+    for axes in (left, right):
+        axes.set_xticks([1, 4, 16, 64, 256], ["1", "4", "16", "64", "256"])
+        axes.legend(frameon=False, fontsize=12, loc="upper right")

@@ -1,0 +1,45 @@
+"""How page and viewer open at the pair of frames of a demo."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from taubench_gl.conventions import FEATURE_BIT, Reason
+from taubench_gl.demos.demo import Demo
+from taubench_gl.glossary import label_of
+
+FPS = 1.0
+"""Frames per second of a demo whose opening names no other rate."""
+_PARTS = {
+    "position": Reason.DISOCCLUDED | Reason.OCCLUDING | Reason.POSITION,
+    "direct": Reason.LIT | Reason.SHADOWED | Reason.DIRECT,
+}
+"""Reasons that a column measures, where they are more than its own."""
+
+
+def opening_settings(demo: Demo) -> dict[str, Any]:
+    """Fields of Settings of the pair: the columns of its masks and color, and what the opening sets."""
+    return {"columns": _columns(demo), "fps": FPS, **demo.opening.settings}
+
+
+def _columns(demo: Demo) -> tuple[str, ...]:
+    """The columns that measure the masks of the opening, and color."""
+    shown = 0
+    for mask in demo.opening.masks:
+        shown |= mask
+    measured = (name for name, bit in FEATURE_BIT.items() if name != "color" and _PARTS.get(name, bit) & shown)
+    return ("frustum", *measured, "color")
+
+
+def pair_text(demo: Demo) -> str:
+    """``Frames 0 and 1 at 1 frame per second; masks: position; reprojection: motion.``"""
+    opening, fps = demo.opening, opening_settings(demo)["fps"]
+    masks = ", ".join(label_of(mask) for mask in opening.masks)
+    rest = {k: v for k, v in opening.settings.items() if k not in ("fps", "columns")}
+    more = "".join(f"; {name.replace('_', ' ')}: {_text(value)}" for name, value in rest.items())
+    rate = f"{fps:g} frame{'s' if fps != 1 else ''} per second"
+    return f"Frames {opening.frame - 1} and {opening.frame} at {rate}; masks: {masks}{more}."
+
+
+def _text(value: Any) -> str:
+    return ", ".join(f"{k} {v:.4g}" for k, v in value.items()) if isinstance(value, dict) else str(value)

@@ -1,0 +1,84 @@
+"""``demo N --view``: the viewer opens at the pair, the masks and the text of a lesson, with the numbers of its page."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from taubench_gl.apps.demo_command import write_session
+from taubench_gl.datasets.gltf_from_scene import write_scene
+from taubench_gl.demos.gallery import open_pair
+from taubench_gl.demos.lessons import demos, find_demo
+from taubench_gl.demos.stage import Stage
+from taubench_gl.glossary import key_of
+
+SIZE = (160, 90)
+QUICK = ("occlusion", "thresholds", "sampling")
+
+
+def session(name, folder):
+    """The session file of a lesson beside its scene."""
+    demo, file = find_demo(name), folder / "lesson.glb"
+    write_scene(demo.scene(), file)
+    return demo, write_session(demo, file, SIZE)
+
+
+def check(name, gpu, drive, tmp_path) -> None:
+    """The viewer shows the frame, the masks and the counts of the page, with light, and the text."""
+    from taubench_gl.viewer.session_file import load
+
+    demo, path = session(name, tmp_path)
+    stage = Stage(gpu, SIZE)
+    pair = open_pair(stage, demo)
+    stage.release()
+    request = load(path)
+    driven = drive(request.source, request.settings, window=(1280, 720), restored=request.restored,
+                   given=request.given)  # fmt: skip
+    driven.run(f"expect frame == {demo.opening.frame}\nexpect channel == color\nexpect against == history")
+    state, percentages = driven.state, driven.engine.percentages()
+    assert {n for n, on in state.shown.items() if on} == {key_of(mask) for mask in demo.opening.masks}
+    assert state.message == "restored" and state.lesson.startswith(f"{demo.number}. {demo.title}")
+    for mask in demo.opening.masks:
+        # glTF stores float32, so a pixel on an edge can differ.
+        assert percentages[key_of(mask)] == pytest.approx(pair.percent(mask), abs=0.1 if demo.name != "noise" else 1.0)
+    left, top, width, height = driven.viewer.panels.widgets["section.lesson"]
+    assert left >= 0 and top >= 0 and left + width <= 300 and top + height <= 720
+    driven.run("key Y\nkey Y\nexpect comparison == flicker\nclick @section.lesson\nexpect section.lesson == 0")
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_lesson(name, gpu, drive, tmp_path):
+    check(name, gpu, drive, tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [d.name for d in demos() if d.name not in QUICK])
+def test_every_lesson(name, gpu, drive, tmp_path):
+    check(name, gpu, drive, tmp_path)
+
+
+def test_a_scene_without_a_lesson_has_no_such_section(drive):
+    driven = drive()
+    assert "section.lesson" not in driven.viewer.panels.widgets
+
+
+def test_a_lesson_in_a_window(display, tmp_path):
+    _, path = session("occlusion", tmp_path)
+    script = tmp_path / "steps.txt"
+    script.write_text(f"expect section.lesson == 1\nexpect frame == 1\nscreenshot {tmp_path / 'w.png'} window\nquit\n")
+    command = [
+        sys.executable,
+        "-m",
+        "taubench_gl",
+        "view",
+        path,
+        "--script",
+        script,
+        "--window",
+        "1280x720",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=display)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "w.png").stat().st_size > 10_000
