@@ -148,10 +148,16 @@ def ground_distance(size: Size, eye: float, focal: float, step: float) -> Array:
         far = np.where(below > 0, eye * focal / below, np.nan)
         then = far + step
         across = aside * far / focal
-        row, column = np.floor(eye * focal / then) + 0.5, np.floor(focal * across / then) + 0.5
+        row = nearest_center(eye * focal / then, height)
+        column = nearest_center(focal * across / then, width)
         seen = eye * focal / row
         away = np.hypot(seen - then, column * seen / focal - across)
     return np.nan_to_num(away)
+
+
+def nearest_center(place: Array, count: int) -> Array:
+    """The pixel center nearest to ``place`` along an axis of ``count`` pixels, both from the middle of the image."""
+    return np.floor(place + count / 2) + 0.5 - count / 2
 
 
 def ground_discards(height_px: int, eye: float, focal: float, step: float, threshold: float) -> float:

@@ -67,7 +67,10 @@ def test_a_scene_without_a_lesson_has_no_such_section(drive):
 def test_a_lesson_in_a_window(display, tmp_path):
     _, path = session("occlusion", tmp_path)
     script = tmp_path / "steps.txt"
-    script.write_text(f"expect section.lesson == 1\nexpect frame == 1\nscreenshot {tmp_path / 'w.png'} window\nquit\n")
+    script.write_text(
+        "resize 1280 720\nexpect section.lesson == 1\nexpect frame == 1\n"
+        f"screenshot {tmp_path / 'w.png'} window\nquit\n"
+    )
     command = [
         sys.executable,
         "-m",
@@ -76,8 +79,6 @@ def test_a_lesson_in_a_window(display, tmp_path):
         path,
         "--script",
         script,
-        "--window",
-        "1280x720",
     ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=display)
     assert done.returncode == 0, done.stderr

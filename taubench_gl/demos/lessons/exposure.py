@@ -155,5 +155,5 @@ def _plot(sheet: Sheet, parameter: Parameter, metered: float, size: Size) -> Non
               label="measured")  # fmt: skip
     for stop, name in ((0.0, "exposure 1"), (float(np.log2(metered)), "metered")):
         axes.axvline(stop, color="#777777", linewidth=1, linestyle="--")
-        axes.text(stop - 0.12, 50, name, fontsize=12, rotation=90, ha="right", va="center")
+        axes.text(stop + 0.32, 30, name, fontsize=12, rotation=90, ha="right", va="center")
     axes.legend(frameon=False, fontsize=12, loc="upper left")

@@ -258,10 +258,9 @@ def _direct(stage: Stage) -> Column:
 def _indirect(stage: Stage) -> Column:
     pair = stage.pair(
         appearing_wall(), columns=("frustum", "position", "indirect", "color"), indirect="rsm",
-        indirect_samples=4096,
+        indirect_samples=4096, width=4 * stage.size[1] // 3,
     )  # fmt: skip
-    lit_side = pair.now["position"][..., 0] > PANEL["x"]
-    found = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION) & lit_side}
+    found = {"h": pair.has(Reason.INDIRECT) & ~pair.has(Reason.POSITION)}
     expected = {"h": expected_wall(pair.mask.shape[::-1])}
     return Column(
         "indirect",
@@ -305,12 +304,14 @@ def run(stage: Stage, out: Path) -> Result:
     sheet = Sheet(2, 2, stage.size[0] / stage.size[1])
     findings = []
     for place, column in enumerate(columns):
-        marked = overlay(column.pair.mask, column.pair.now["color"], *column.reasons)
+        marked = widened(overlay(column.pair.mask, column.pair.now["color"], *column.reasons), stage.size[0])
+        aside = (stage.size[0] - column.pair.mask.shape[1]) // 2
         axes = sheet.panel(place % 2, place // 2, marked, f"{column.feature}: {column.title}")
-        inset(axes, as_bytes(column.pair.before["color"][..., :3]), "previous frame")
+        inset(axes, widened(as_bytes(column.pair.before["color"][..., :3]), stage.size[0]), "previous frame")
         for name, region in column.found.items():
             if region.sum() >= MIN_PIXELS:
-                letter(axes, theory.innermost_pixel(region), name)
+                x, row = theory.innermost_pixel(region)
+                letter(axes, (x + aside, row), name)
             findings.append(_finding(name, region, column))
         shares = (f"{name} {100.0 * region.mean():.2f} %" for name, region in column.found.items())
         note(axes, ", ".join(shares) + " of the image")
@@ -320,6 +321,12 @@ def run(stage: Stage, out: Path) -> Result:
     caption = "The paper's figure 2: " + "; ".join(f"({name}) {text}" for name, text in MEANING.items()) + "."
     figure = Figure(path, caption, {r.name.lower(): rgb(r) for r in reasons})
     return Result(tuple(findings), (figure,), _threshold(columns[2].pair))
+
+
+def widened(image: Array, width: int) -> Array:
+    """(h, w, 3) uint8 in the middle of an image ``width`` pixels wide."""
+    left = (width - image.shape[1]) // 2
+    return np.pad(image, ((0, 0), (left, width - image.shape[1] - left), (0, 0)), constant_values=251)
 
 
 def _threshold(pair: LitPair) -> Parameter:

@@ -155,7 +155,8 @@ def _plots(
               label="N frames")  # fmt: skip
     left.plot(list(stratified), list(stratified.values()), "s", color=GREEN, markeredgecolor="black", markersize=7,
               label="one frame, N samples")  # fmt: skip
-    right = sheet.plot(730, sheet.grid_bottom + 40, 510, 250, ylabel="discarded, %", ylim=(0, None),
+    top = 1.2 * max(rejected.values())
+    right = sheet.plot(730, sheet.grid_bottom + 40, 510, 250, ylabel="discarded, %", ylim=(0, top),
                        title="Discarded although nothing moves", **common)  # fmt: skip
     normal = line[line >= 4]
     right.plot(normal, [expected_rejections(sigma, n) for n in normal], color=BLUE, linewidth=2,
