@@ -17,13 +17,15 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+OPTIONS = re.search(r"-m mkdocs (.*)", (ROOT / "tools" / "docs").read_text())[1].replace('"$@"', "").split()
+"""Of MkDocs, as in tools/docs."""
 BLOCKS = re.compile(r"<(h[1-6]|table|tr|td|th|ul|ol|li|pre|a|img)\b")
 
 pytest.importorskip("material", reason="mkdocs-material is not installed")
 
 
 def build(*arguments: str | Path, cwd: Path = ROOT, **environment: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "mkdocs", "build", *map(str, arguments)]
+    command = [sys.executable, "-m", "mkdocs", *OPTIONS, *map(str, arguments)]
     variables = os.environ | {"NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)} | environment
     return subprocess.run(command, cwd=cwd, env=variables, capture_output=True, text=True, timeout=120)
 
