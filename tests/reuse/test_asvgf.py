@@ -110,7 +110,6 @@ def test_gradient_is_the_relative_change():
     np.testing.assert_allclose(gradient_lambda(gradient, SIZE), 0.75, atol=1e-6)
 
 
-@pytest.mark.long
 def test_path_traced_light_that_moves_away(gpu):
     """One sample per pixel, shaded again by the path tracer: the share of the old light that is left a frame later.
 
