@@ -32,7 +32,7 @@ LAYERS: tuple[set[str], ...] = (
     {"pathtraced"},
     {"api"},
     {"reuse", "reject", "selftest", "datasets", "export", "batch"},
-    {"cost"},
+    {"cost", "benchmark"},
     {"demos"},
     {"viewer"},
     {"apps"},

@@ -17,6 +17,7 @@ from click.shell_completion import get_completion_class
 from taubench_gl import __version__
 from taubench_gl.apps.aliases import Group, former_commands
 from taubench_gl.apps.batch_command import batch
+from taubench_gl.apps.benchmark_command import benchmark
 from taubench_gl.apps.compare_command import compare
 from taubench_gl.apps.convert_command import convert
 from taubench_gl.apps.cost_command import cost
@@ -85,6 +86,7 @@ for command in (
     evaluate,
     view,
     batch,
+    benchmark,
     export,
     compare,
     report,

@@ -38,9 +38,27 @@ class Unit:
         return f"pairs {self.positions[0]} to {self.positions[-1]}" if self.positions else "frames without pairs"
 
 
+class Task(Protocol):
+    """A unit of another package, which engines run as they run a Unit.  It can be pickled; ``run`` returns its result.
+
+    ``job``: a worker gets units of the same one if it can; ``name`` and ``scene`` are for messages.
+    """
+
+    @property
+    def job(self) -> str: ...
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def scene(self) -> str: ...
+
+    def run(self) -> bytes: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Finished:
-    unit: Unit
+    unit: Unit | Task
     data: bytes  # head: JSON; pairs: a Parquet file
 
 
@@ -48,7 +66,7 @@ class Finished:
 class Failed:
     """The unit raised an exception.  It is not repeated: the result would be the same."""
 
-    unit: Unit
+    unit: Unit | Task
     message: str  # one line
     details: str  # traceback
 
@@ -57,7 +75,7 @@ class Failed:
 class Lost:
     """The worker died while it ran the unit."""
 
-    unit: Unit
+    unit: Unit | Task
     reason: str
     details: str = ""  # the end of the worker's output
     attempts: int = 1  # workers that died in it
@@ -69,7 +87,7 @@ class NoGraphics:
 
     worker: str
     message: str
-    unit: Unit | None = None
+    unit: Unit | Task | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +127,7 @@ class Engine(Protocol):
     def idle(self) -> list[Slot]:
         """Workers that can take a unit.  Empty while nothing is in flight: no worker is left."""
 
-    def submit(self, slot: Slot, unit: Unit) -> None:
+    def submit(self, slot: Slot, unit: Unit | Task) -> None:
         """Start a unit."""
 
     def wait(self) -> list[Event]:

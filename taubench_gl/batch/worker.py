@@ -25,7 +25,7 @@ import numpy as np
 from taubench_gl import __version__
 from taubench_gl.animation import Poser, camera_of_run
 from taubench_gl.batch.partition import PairRecord, encode, require_pyarrow
-from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDone, Unit
+from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDone, Task, Unit
 from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
     ExactColumns,
@@ -209,10 +209,13 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot be stored in a head")
 
 
-def attempt(worker: Worker, unit: Unit, on_pair: Callable[[], None] = lambda: None) -> Event:
-    """Run a unit and return an event, whatever it raises except NoOpenGL: the caller knows the worker's name."""
+def attempt(worker: Worker, unit: Unit | Task, on_pair: Callable[[], None] = lambda: None) -> Event:
+    """Run a unit and return an event, whatever it raises except NoOpenGL: the caller knows the worker's name.
+
+    A ``Task`` runs itself.
+    """
     try:
-        return Finished(unit, worker.run(unit, on_pair))
+        return Finished(unit, worker.run(unit, on_pair) if isinstance(unit, Unit) else unit.run())
     except NoOpenGL:
         raise
     except TaubenchError as error:
@@ -222,7 +225,7 @@ def attempt(worker: Worker, unit: Unit, on_pair: Callable[[], None] = lambda: No
         return _failed(worker, unit, f"{unit.scene}: internal error, {type(error).__name__}: {error}")
 
 
-def _failed(worker: Worker, unit: Unit, message: str) -> Failed:
+def _failed(worker: Worker, unit: Unit | Task, message: str) -> Failed:
     details = traceback.format_exc()
     worker.release()
     return Failed(unit, " ".join(message.split()), f"in {unit.name} of {unit.scene}\n\n{details}")

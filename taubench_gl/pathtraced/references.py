@@ -157,9 +157,12 @@ class References:
         samples: int,
         *,
         poser: Poser | None = None,
+        exact: bool = False,
     ) -> References:
-        """Of a scene with resolved ``settings``.  Raises SettingsError."""
-        store = StoredReference(identity(reference_settings(settings), file_hashes(scene, settings)), scene.name)
+        """Of a scene with resolved ``settings``.  ``exact``: frames have ``samples`` and are stored apart, so that no
+        other evaluation adds samples to them.  Raises SettingsError."""
+        about = identity(reference_settings(settings), file_hashes(scene, settings))
+        store = StoredReference(about | ({"samples": samples} if exact else {}), scene.name)
         return cls(SceneTracer(gpu, scene, camera, settings, poser), store, samples)
 
     def estimate(self, frames: Iterable[int]) -> Estimate:

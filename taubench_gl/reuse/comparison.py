@@ -113,7 +113,7 @@ def _measure(series: Series) -> dict[str, Any]:
         "left_out": dict.fromkeys(series.left_out, NO_VALUE),
         "means": means,
         "differences": differences,
-        "ranking": _ranking(series.measure, means, differences),
+        "ranking": ranking(means, differences, higher=MEASURES[series.measure].better == "higher"),
     }
 
 
@@ -173,15 +173,15 @@ def verdict(measure: str, entry: Mapping[str, Any]) -> str:
     return f"{better} is better ({ends})"
 
 
-def _ranking(
-    measure: str, means: Mapping[str, Mapping[str, Any]], differences: Sequence[Mapping[str, Any]]
+def ranking(
+    means: Mapping[str, Mapping[str, Any]], differences: Sequence[Mapping[str, Any]], *, higher: bool
 ) -> list[dict[str, Any]]:
-    """Methods from the best mean on.
+    """Methods from the best mean on.  ``higher``: higher is better.
 
     ``rank``: 1 + the methods that are better beyond Holm's correction; ``last_rank``: all less those that are worse;
     ``indistinguishable``: the others.  None: there are no intervals.
     """
-    sign = -1.0 if MEASURES[measure].better == "higher" else 1.0
+    sign = -1.0 if higher else 1.0
     better: dict[str, int] = dict.fromkeys(means, 0)
     worse: dict[str, int] = dict.fromkeys(means, 0)
     alike: dict[str, list[str]] = {label: [] for label in means}

@@ -101,7 +101,8 @@ class EvaluationRequest:
     ``reference_time`` seconds, ``References.fit``) or ``exr:DIR``; ``metrics`` of quality.CHOICES; ``cuts``:
     frames declared to have no history; ``mapping``: names of the passes of EXR files; ``seeds``: the sequence is
     repeated with this many seeds of the random numbers, from that of ``input`` on; ``warmup``: first frames of the
-    sequence that means leave out; ``statistics``: intervals, differences and rankings.
+    sequence that means leave out; ``statistics``: intervals, differences and rankings; ``exact_samples``: a path-traced
+    reference has exactly M samples, also where more are stored.
     """
 
     input: str | InputKind = "full"
@@ -114,6 +115,7 @@ class EvaluationRequest:
     seeds: int = 1
     warmup: int = 1
     statistics: bool = True
+    exact_samples: bool = False
 
     @property
     def kind(self) -> InputKind:
@@ -281,7 +283,7 @@ class _Evaluator:
         traced = reference_samples(request.reference)
         try:
             if traced is not None:
-                self._reference = PathTracedReference(inputs, traced)
+                self._reference = PathTracedReference(inputs, traced, request.exact_samples)
             self._open_inputs(self.seeds[0])
             self._check_frames()
             if isinstance(self._reference, PathTracedReference):

@@ -73,6 +73,22 @@ class InputRequest:
     poser: Poser | None = None
 
 
+def missing_inputs(kind: InputKind, *, traced: bool) -> dict[str, str]:
+    """Input that frames of ``kind`` do not have -> why.  ``traced``: their light is path-traced."""
+    out = {}
+    if not (kind.noisy or kind.path_samples) or kind.rate != "full":
+        why = "only noisy and path-traced light is shaded again, where every pixel is shaded"
+        out |= dict.fromkeys(RESHADED, why)
+    if not traced:
+        out |= dict.fromkeys(("hit_distance", "variance"), "only path-traced light has it (--input path-traced@N)")
+    if kind.upscale != 1:
+        out["exact_mask"] = "exact frames have the size of the output"
+    for name, needs in NEEDS.items():
+        if missing := next((out[need] for need in needs if need in out), None):
+            out[name] = missing
+    return out
+
+
 class RasterInputs:
     """Inputs rasterized from a scene.  Call ``advance`` for every frame in order."""
 
@@ -135,7 +151,7 @@ class RasterInputs:
                 unshared = SourceOptions(shading=Shading(gather_each=kind.noisy))
                 self.exact = RasterSource(gpu, request.scene, request.camera, exact_settings, unshared, poser=poser)
         self._context = GpuContext(gpu)
-        self.missing = self._missing_inputs()
+        self.missing = missing_inputs(kind, traced="path_info" in self.source.channels)
         derived = tuple(name for name in with_needs(self.reads) if name not in self.missing)
         self._compose = ComposePass(
             self._context, self.size, self.settings, light_channels(self.source), rate=kind.rate,
@@ -150,22 +166,6 @@ class RasterInputs:
         if needs_exact:
             self._exact_masks = MaskInputs(self._context, self.exact, exact_settings, self.exact.radiance)
         self._index, self._previous = 0, None
-
-    def _missing_inputs(self) -> dict[str, str]:
-        """Input that is read -> why these frames do not have it."""
-        out = {}
-        if not (self.kind.noisy or self.kind.path_samples) or self.kind.rate != "full":
-            why = "only noisy and path-traced light is shaded again, where every pixel is shaded"
-            out |= dict.fromkeys(RESHADED, why)
-        for name in ("hit_distance", "variance"):
-            if "path_info" not in self.source.channels:
-                out[name] = "only path-traced light has it (--input path-traced@N)"
-        if self.kind.upscale != 1:
-            out["exact_mask"] = "exact frames have the size of the output"
-        for name, needs in NEEDS.items():
-            if missing := next((out[need] for need in needs if need in out), None):
-                out[name] = missing
-        return out
 
     def advance(self, frame: int) -> FrameInputs:
         """The inputs of ``frame``; textures are valid until the next call."""

@@ -53,8 +53,8 @@ class PathTracedReference:
 
     cuts = True
 
-    def __init__(self, request: InputRequest, samples: int):
-        """Raises SettingsError."""
+    def __init__(self, request: InputRequest, samples: int, exact: bool = False):
+        """``exact``: as for ``References.open``.  Raises SettingsError."""
         gpu, settings = request.gpu, request.settings
         self._settings, self._environment = settings, environment_of(settings)
         geometry = settings.replace(columns=("frustum", "position", "normal"), samples_per_pixel=1)
@@ -76,7 +76,7 @@ class PathTracedReference:
         self._image = np.zeros((self.size[1], self.size[0], 3), dtype=np.float32)
         try:
             self.references = References.open(
-                gpu, request.scene, request.camera, settings, samples, poser=request.poser
+                gpu, request.scene, request.camera, settings, samples, poser=request.poser, exact=exact
             )
         except BaseException:
             self.release()

@@ -1,0 +1,1 @@
+"""The benchmark: a versioned suite of cases, a scorecard per method, rankings, and error against camera speed."""

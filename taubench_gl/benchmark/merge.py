@@ -1,0 +1,222 @@
+"""Merges the results of units into benchmark.json: scorecards, rankings, and error against speed.
+
+Sums run in the order of the suite and of the methods, never in that of the results: equal results give equal numbers,
+bit for bit.  All times are in the block ``times``; what depends on machine and checkout is in ``provenance``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.benchmark.ranking import CaseValues, ranked
+from taubench_gl.benchmark.scenes import SceneRecipe
+from taubench_gl.benchmark.speed import speed_curves
+from taubench_gl.benchmark.suite import Case, Suite
+from taubench_gl.benchmark.unit import FAILED, INAPPLICABLE, Entry, yardstick
+from taubench_gl.benchmark.values import (
+    GEOMETRIC,
+    HEADLINES,
+    by_seed,
+    interval_over_seeds,
+    of_scale,
+    over_cases,
+    to_scale,
+)
+from taubench_gl.reuse.comparison import MIN_SEEDS
+from taubench_gl.reuse.quality import MEASURES
+from taubench_gl.reuse.scores import CLASSES
+
+SCHEMA = "taubench-gl/benchmark/1"
+
+LEVELS = {"easy": 10.0, "medium": 30.0, "hard": 100.0}
+"""Difficulty of a case -> largest percentage of pixels whose history the exact masks discard."""
+
+VALID = ("rest", "sky")
+"""Classes of pixels whose history is valid."""
+
+Result = Mapping[str, Any]
+
+
+def merge(
+    suite: Suite, entries: Sequence[Entry], stored: Mapping[str, Result], scenes: Mapping[SceneRecipe, str]
+) -> dict[str, Any]:
+    """benchmark.json.  ``stored``: results by ``Case.identity``; ``scenes``: sha256 of their files."""
+    of_case = {case.id: stored[case.identity(scenes[case.scene])] for case in suite.cases}
+    tracks = tracks_of(suite, scenes)
+    measures = [n for n in MEASURES if any(_mean(r, e.label, n) is not None for r in of_case.values() for e in entries)]
+    yardsticks = {entry.label: why for entry in entries if (why := yardstick(entry))}
+    methods = {e.label: _scorecard(e, suite, of_case, tracks, measures) for e in entries}
+    for label, method in methods.items():
+        method["yardstick"] = yardsticks.get(label)
+    headlines = [name for name in HEADLINES if name in measures]
+    rankings: dict[str, Any] = {}
+    for track in tracks:
+        rankings[track] = {
+            name: ranked(name, _values(name, tracks[track], of_case, methods), methods, track) for name in headlines
+        }
+    return {
+        "schema": SCHEMA,
+        "suite": suite.describe(),
+        "measures": {n: {"unit": MEASURES[n].unit, "better": MEASURES[n].better, "doc": MEASURES[n].doc,
+                         "mean_over_cases": "geometric" if n in GEOMETRIC else "arithmetic"} for n in measures},
+        "classes": {name: doc for name, (_, doc) in CLASSES.items()},
+        "levels": LEVELS,
+        "cases": {case.id: _case(case, scenes[case.scene], of_case[case.id]) for case in suite.cases},
+        "methods": methods,
+        "rankings": rankings,
+        "speeds": speed_curves(suite, of_case, list(methods), headlines),
+        "times": _times(suite, of_case, entries, tracks),
+        "provenance": _provenance(of_case),
+    }  # fmt: skip
+
+
+def tracks_of(suite: Suite, scenes: Mapping[SceneRecipe, str]) -> dict[str, list[Case]]:
+    """Track -> its cases; of those of equal identity, such as speed 0 of two series, the first."""
+    out: dict[str, dict[str, Case]] = {}
+    for case in suite.cases:
+        out.setdefault(case.track, {}).setdefault(case.identity(scenes[case.scene]), case)
+    return {track: list(cases.values()) for track, cases in out.items()}
+
+
+def _case(case: Case, sha256: str, result: Result) -> dict[str, Any]:
+    discarded = _discarded(result)
+    return {
+        "sha256": case.identity(sha256), "track": case.track, "series": case.series, "value": case.value,
+        "scene": case.id.partition("/")[0], "scene_sha256": sha256, "size": list(case.size),
+        "frames": [case.first, case.first + case.frames - 1], "fps": case.fps, "input": case.input,
+        "seeds": case.seeds, "cuts": list(case.cuts), "reference": result.get("reference"),
+        "exposure": result.get("exposure"), "classes_percent": _shares(result), "discarded_percent": discarded,
+        "level": _level(discarded),
+    }  # fmt: skip
+
+
+def _shares(result: Result) -> dict[str, float] | None:
+    """Class -> percentage of the pixels; the same for all methods of a case.  None if no method has run."""
+    classes = next((m["classes"] for m in result["methods"].values() if m["state"] == "done"), None)
+    return None if classes is None else {name: entry["percent"] for name, entry in classes.items()}
+
+
+def _discarded(result: Result) -> float | None:
+    """Percentage of pixels without valid history."""
+    shares = _shares(result)
+    return None if shares is None else sum(share for name, share in shares.items() if name not in VALID)
+
+
+def _level(discarded: float | None) -> str | None:
+    return None if discarded is None else next(name for name, most in LEVELS.items() if discarded <= most + 1e-9)
+
+
+def _mean(result: Result, label: str, measure: str) -> float | None:
+    method = result["methods"].get(label, {})
+    return method["mean"].get(measure) if method.get("state") == "done" else None
+
+
+def _scorecard(
+    entry: Entry,
+    suite: Suite,
+    of_case: Mapping[str, Result],
+    tracks: Mapping[str, Sequence[Case]],
+    measures: Sequence[str],
+) -> dict[str, Any]:
+    """One method: state, quality, classes, difficulty and bound by track; and all of it by case."""
+    found = {case.id: of_case[case.id]["methods"][entry.label] for case in suite.cases}
+    facts = next((m for m in found.values() if "title" in m), {})
+    out: dict[str, Any] = {"sha256": entry.sha256} | {name: facts.get(name) for name in ("title", "cite", "settings")}
+    out["memory_bytes"] = max(m.get("memory_bytes") or 0 for m in found.values()) or None
+    out["tracks"] = {track: _track(cases, found, of_case, measures) for track, cases in tracks.items()}
+    out["cases"] = {case.id: _cell(found[case.id], measures) for case in suite.cases}
+    return out
+
+
+def _cell(method: Result, measures: Sequence[str]) -> dict[str, Any]:
+    """One method in one case."""
+    if method["state"] != "done":
+        return {"state": method["state"], "reason": method["reason"]}
+    classes = {name: entry.get("flip") for name, entry in method["classes"].items()}
+    mean = {name: method["mean"].get(name) for name in measures}
+    seeds = {name: interval_over_seeds(by_seed(method, name)) for name in HEADLINES if name in measures}
+    return {"state": "done", "reason": None, "mean": mean, "over_seeds": seeds, "bound": method["bound"],
+            "classes": classes, "reuse": method["reuse"], "reasons": method["reasons"]}  # fmt: skip
+
+
+def _track(
+    cases: Sequence[Case], found: Mapping[str, Result], of_case: Mapping[str, Result], measures: Sequence[str]
+) -> dict[str, Any]:
+    """One method over the cases of a track.  A failure in one case is a failure of the track."""
+    for state in (FAILED, INAPPLICABLE):
+        if bad := next((case for case in cases if found[case.id]["state"] == state), None):
+            return {"state": state, "reason": found[bad.id]["reason"], "case": bad.id}
+    levels = {level: [c for c in cases if _level(_discarded(of_case[c.id])) == level] for level in LEVELS}
+    headroom = [found[c.id]["bound"] and found[c.id]["bound"]["headroom_db"] for c in cases]
+    return {
+        "state": "done",
+        "reason": None,
+        "mean": _means(cases, found, measures),
+        "levels": {level: _means(own, found, measures) for level, own in levels.items() if own},
+        "classes": _classes(cases, found),
+        "headroom_db": None if None in headroom else float(np.mean(headroom)),
+    }
+
+
+def _means(cases: Sequence[Case], found: Mapping[str, Result], measures: Sequence[str]) -> dict[str, Any]:
+    out = {}
+    for name in measures:
+        values = [found[case.id]["mean"].get(name) for case in cases]
+        out[name] = None if None in values else over_cases(name, values)
+    return out
+
+
+def _classes(cases: Sequence[Case], found: Mapping[str, Result]) -> dict[str, float | None]:
+    """Mean FLIP of the pixels of each class over all cases; None for a class without pixels."""
+    out: dict[str, float | None] = {}
+    for name in CLASSES:
+        entries = [found[case.id]["classes"][name] for case in cases]
+        entries = [entry for entry in entries if entry["pixels"] and entry.get("flip") is not None]
+        pixels = sum(entry["pixels"] for entry in entries)
+        out[name] = sum(entry["flip"] * entry["pixels"] for entry in entries) / pixels if pixels else None
+    return out
+
+
+def _values(
+    measure: str, cases: Sequence[Case], of_case: Mapping[str, Result], methods: Mapping[str, Any]
+) -> CaseValues:
+    """Values of the methods that have one in every case and are ranked, on the scale of means over cases."""
+    track = cases[0].track
+    values, seeds = {}, {}
+    for label, method in methods.items():
+        if method["yardstick"] or method["tracks"][track]["state"] != "done":
+            continue
+        means = [_mean(of_case[case.id], label, measure) for case in cases]
+        if None in means:
+            continue
+        values[label] = to_scale(measure, np.array(means))
+        each = [by_seed(of_case[case.id]["methods"][label], measure) for case in cases]
+        counts = {len(one) for one in each if one is not None}
+        if None not in each and len(counts) == 1 and min(counts) >= MIN_SEEDS:
+            seeds[label] = np.mean(to_scale(measure, np.array(each)), axis=0)
+    return CaseValues(values, seeds if len(seeds) == len(values) else {}, lambda value: float(of_scale(measure, value)))
+
+
+def _times(
+    suite: Suite, of_case: Mapping[str, Result], entries: Sequence[Entry], tracks: Mapping[str, Sequence[Case]]
+) -> dict[str, Any]:
+    """Seconds per case; per method the median over the cases of a track of ms per frame."""
+    methods: dict[str, Any] = {}
+    for entry in entries:
+        methods[entry.label] = {}
+        for track, cases in tracks.items():
+            own = [of_case[case.id]["times"]["methods"].get(entry.label) for case in cases]
+            known = [value for value in own if value is not None]
+            methods[entry.label][track] = float(np.median(known)) if known else None
+    seconds = {case.id: of_case[case.id]["times"]["seconds"] for case in suite.cases}
+    return {"unit": "ms per frame, median; seconds per case", "seconds": seconds, "methods": methods}
+
+
+def _provenance(of_case: Mapping[str, Result]) -> dict[str, Any]:
+    """What ran the units; where they differ, every value, sorted."""
+    found = [result["provenance"] for result in of_case.values() if "provenance" in result]
+    names = dict.fromkeys(name for one in found for name in one)
+    return {name: " + ".join(sorted({str(one.get(name)) for one in found})) for name in names}

@@ -1,0 +1,93 @@
+"""Scenes of a suite: files, the demo scene, stand-ins, and their stressed variants, made once and cached.
+
+A stressed variant has a camera of constant speed in free space (``rotation``: yaw, degrees per frame; ``translation``:
+meters per frame) or a still camera and moving lights or objects (meters per frame); ``datasets.stress`` writes it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+
+from taubench_gl.datasets.camera_path import CameraSpec
+from taubench_gl.datasets.motion_stats import MotionStats
+from taubench_gl.datasets.scene_cache import sha256_of
+from taubench_gl.datasets.stand_ins import STAND_INS, make_stand_in
+from taubench_gl.datasets.stress import Moves, stress
+from taubench_gl.errors import SettingsError
+from taubench_gl.outputs import output_folder, replacing
+from taubench_gl.paths import ASSETS, PACKAGE, cache_folder
+
+STRESS = ("rotation", "translation", "light_speed", "object_speed")
+DEMO = "demo"
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRecipe:
+    """How to make a scene.  ``source``: ``demo``, a stand-in or an absolute path; ``axis`` of STRESS, None: as it is.
+
+    ``value``: of the axis, per frame at ``fps``; ``frames``: length of the camera path.
+    """
+
+    source: str
+    axis: str | None = None
+    value: float = 0.0
+    frames: int = 0
+    fps: float = 0.0
+
+
+def known_source(text: str, folder: Path) -> str:
+    """``demo``, the name of a stand-in, or the absolute path of a file beside the suite.  Raises SettingsError."""
+    if text == DEMO or text in STAND_INS:
+        return text
+    path = folder / text
+    if not path.is_file():
+        hint = f"give {DEMO}, {', '.join(STAND_INS)}, or a file beside the suite"
+        raise SettingsError(f"there is no scene {text!r}", hint=hint)
+    return str(path.resolve())
+
+
+def scene_file(recipe: SceneRecipe) -> Path:
+    """The file of a scene; it is written to the cache on first use.  Raises TaubenchError."""
+    if recipe.axis is None and recipe.source in STAND_INS:
+        path = _cached(recipe.source, recipe.source)
+        if not path.is_file():
+            with replacing(path, suffix=".glb") as partial:
+                make_stand_in(recipe.source, partial)
+        return path
+    if recipe.axis is None:
+        return ASSETS / "demo.glb" if recipe.source == DEMO else Path(recipe.source)
+    source = scene_file(SceneRecipe(recipe.source))
+    name = f"{source.stem}-still" if not recipe.value else f"{source.stem}-{recipe.axis}-{recipe.value:g}"
+    same = {**asdict(recipe), "axis": recipe.axis if recipe.value else None, "source": sha256_of(source)}
+    path = _cached(name, same)
+    if not path.is_file():
+        camera, moves = _motion(recipe)
+        with replacing(path, suffix=".glb") as partial:
+            stress(source, partial, camera, moves)
+    return path
+
+
+def _motion(recipe: SceneRecipe) -> tuple[CameraSpec, Moves]:
+    """A path one frame longer than is evaluated: no frame lies at the end of the animation."""
+    speed = MotionStats(recipe.value)
+    turned = {"rotation": "yaw", "translation": "translation"}.get(recipe.axis or "")
+    camera = CameraSpec(frames=recipe.frames + 1, fps=recipe.fps, **({turned: speed} if turned else {}))
+    moving = -1 if recipe.value else 0
+    lights, objects = (moving if recipe.axis == axis else 0 for axis in ("light_speed", "object_speed"))
+    return camera, Moves(lights, objects, speed) if lights or objects else Moves()
+
+
+def _cached(name: str, content: object) -> Path:
+    key = hashlib.sha256(json.dumps([_code(), content], sort_keys=True).encode()).hexdigest()[:12]
+    return output_folder(cache_folder() / "benchmark") / f"{name}-{key}.glb"
+
+
+@cache
+def _code() -> str:
+    """Hash of the modules that make scenes: another version makes other files."""
+    files = sorted((PACKAGE / "datasets").glob("*.py"))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()

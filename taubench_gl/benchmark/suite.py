@@ -1,0 +1,225 @@
+"""Suites: TOML files that list cases.  A case is a scene, its frames, an input, seeds and a reference.
+
+``schema = "suite/1"`` fixes what the keys mean.  A table of ``cases`` with one of ``SERIES`` is a series: one case per
+value.  Everything that a result depends on is part of ``Case.identity``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from taubench_gl.benchmark.scenes import STRESS, SceneRecipe, known_source
+from taubench_gl.data_files import read_toml
+from taubench_gl.errors import SettingsError
+from taubench_gl.pathtraced.sequence import is_sequence
+from taubench_gl.reuse.evaluate import EvaluationRequest
+from taubench_gl.reuse.input_kind import InputKind, parse_input
+from taubench_gl.reuse.path_traced import FITTED
+from taubench_gl.reuse.quality import DEFAULT_METRICS
+from taubench_gl.settings import Settings, parse_size
+
+SCHEMA = "suite/1"
+SUITES = Path(__file__).resolve().parent / "suites"
+BUILTIN = ("quick", "full")
+
+CUT = "cut"
+SERIES = (*STRESS, CUT)
+"""What a series changes from case to case: camera, lights or objects (``scenes.STRESS``), or frames between cuts."""
+
+HINT = "see docs/benchmark.md"
+Positive = Annotated[int, msgspec.Meta(ge=1)]
+
+
+class _Cases(msgspec.Struct, forbid_unknown_fields=True):
+    scene: str
+    track: str
+    input: str
+    first: Annotated[int, msgspec.Meta(ge=0)] = 0
+    frames: Annotated[int, msgspec.Meta(ge=2)] | None = None
+    fps: Annotated[float, msgspec.Meta(gt=0)] = 24.0
+    seeds: Positive = 1
+    light_samples: Positive = 1
+    vpl_samples: Positive = 4
+    reference: str = "max"
+    reference_samples: Positive = 16
+    environment: tuple[float, float, float] | None = None
+    rotation: list[float] | None = None
+    translation: list[float] | None = None
+    light_speed: list[float] | None = None
+    object_speed: list[float] | None = None
+    cut: list[int] | None = None
+
+
+class _Suite(msgspec.Struct, forbid_unknown_fields=True):
+    schema: str
+    name: Annotated[str, msgspec.Meta(min_length=1)]
+    size: str
+    frames: Annotated[int, msgspec.Meta(ge=2)]
+    cases: Annotated[list[_Cases], msgspec.Meta(min_length=1)]
+    warmup: Positive = 1
+    metrics: tuple[str, ...] = DEFAULT_METRICS
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One evaluation.  ``series`` and ``value``: the axis and step of a series, None for a single case.
+
+    ``first``: number of the first frame; ``cuts``: frames declared to have no history.
+    """
+
+    id: str
+    track: str
+    series: str | None
+    value: float | None
+    scene: SceneRecipe
+    size: tuple[int, int]
+    first: int
+    frames: int
+    fps: float
+    input: str
+    light_samples: int
+    vpl_samples: int
+    seeds: int
+    reference: str
+    reference_samples: int
+    environment: tuple[float, float, float] | None
+    cuts: tuple[int, ...]
+    warmup: int
+    metrics: tuple[str, ...]
+
+    @property
+    def kind(self) -> InputKind:
+        return parse_input(self.input, light_samples=self.light_samples, indirect_samples=self.vpl_samples)
+
+    @property
+    def settings(self) -> Settings:
+        """Every setting of light is given: the result does not depend on defaults."""
+        return Settings(
+            width=self.size[0],
+            height=self.size[1],
+            fps=self.fps,
+            frames=(self.first, self.first + self.frames),
+            reprojection="motion",
+            light="path-traced" if self.kind.path_samples else "raster",
+            light_unit="auto",
+            exposure="auto",
+            environment=self.environment or "auto",
+        )
+
+    @property
+    def request(self) -> dict[str, Any]:
+        """Arguments of ``evaluate_methods``."""
+        return {
+            "input": self.kind,
+            "reference": self.reference,
+            "reference_samples": self.reference_samples,
+            "exact_samples": True,
+            "metrics": self.metrics,
+            "cuts": self.cuts,
+            "seeds": self.seeds,
+            "warmup": self.warmup,
+        }
+
+    def identity(self, scene_sha256: str) -> str:
+        """Hash of what is evaluated, 64 hexadecimal digits; labels are no part of it."""
+        values = {name: value for name, value in asdict(self).items() if name not in ("id", "track", "series", "value")}
+        values["scene"] = scene_sha256
+        return hashlib.sha256(json.dumps([SCHEMA, values], sort_keys=True).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Suite:
+    """``sha256``: of its file."""
+
+    name: str
+    sha256: str
+    cases: tuple[Case, ...]
+
+    def describe(self) -> dict[str, Any]:
+        """The block ``suite`` of benchmark.json."""
+        return {"version": SCHEMA, "name": self.name, "sha256": self.sha256, "cases": len(self.cases)}
+
+
+def read_suite(text: str | Path) -> Suite:
+    """A built-in suite by name, or a file.  Raises SettingsError."""
+    path = SUITES / f"{text}.toml" if str(text) in BUILTIN else Path(text)
+    if not path.is_file():
+        hint = f"choose from {', '.join(BUILTIN)}, or give a .toml file"
+        raise SettingsError(f"there is no suite {str(text)!r}", hint=hint)
+    values = read_toml(path, fault=SettingsError, hint=HINT)
+    if values.get("schema") != SCHEMA:
+        raise SettingsError(f"schema is {values.get('schema')!r}, expected {SCHEMA!r}", where=str(path), hint=HINT)
+    suite = read_toml(path, _Suite, SettingsError, hint=HINT)
+    given = msgspec.convert(suite, _Suite)
+    try:
+        cases = tuple(case for table in given.cases for case in _expanded(given, table, path.parent))
+    except SettingsError as error:
+        raise SettingsError(error.what, where=str(path), hint=error.hint) from None
+    ids = [case.id for case in cases]
+    if repeated := next((one for one in ids if ids.count(one) > 1), None):
+        raise SettingsError(f"two cases are {repeated}", where=str(path), hint="leave one out")
+    return Suite(given.name, hashlib.sha256(path.read_bytes()).hexdigest(), cases)
+
+
+def _expanded(suite: _Suite, table: _Cases, folder: Path) -> list[Case]:
+    """The cases of one table.  Raises SettingsError."""
+    given = [axis for axis in SERIES if getattr(table, axis) is not None]
+    if len(given) > 1:
+        raise SettingsError(f"a series has {' and '.join(given)}", hint="give one of them")
+    if not given:
+        return [_case(suite, table, folder, None, None)]
+    values = getattr(table, given[0])
+    if not values or values != sorted(set(values)) or not all(math.isfinite(v) and v >= 0 for v in values):
+        raise SettingsError(f"{given[0]} is {values}", hint="give different numbers of at least 0, ascending")
+    return [_case(suite, table, folder, given[0], value) for value in values]
+
+
+def _case(suite: _Suite, table: _Cases, folder: Path, axis: str | None, value: float | None) -> Case:
+    frames = table.frames or suite.frames
+    source = known_source(table.scene, folder)
+    stressed = axis in STRESS
+    if stressed and table.first:
+        raise SettingsError(f"first is {table.first}", hint=f"a series of {axis} begins with frame 0: leave it out")
+    recipe = SceneRecipe(source, axis, float(value), frames, table.fps) if stressed else SceneRecipe(source)
+    cuts: tuple[int, ...] = ()
+    if axis == CUT and value:
+        cuts = tuple(range(table.first + int(value), table.first + frames, int(value)))
+    step = "" if axis is None else f"/{axis}={value:g}"
+    case = Case(
+        id=f"{Path(table.scene).stem}{step}/{table.input}",
+        track=table.track,
+        series=axis,
+        value=None if value is None else float(value),
+        scene=recipe,
+        size=parse_size(suite.size),
+        first=table.first,
+        frames=frames,
+        fps=table.fps,
+        input=table.input,
+        light_samples=table.light_samples,
+        vpl_samples=table.vpl_samples,
+        seeds=table.seeds,
+        reference=table.reference,
+        reference_samples=table.reference_samples,
+        environment=table.environment,
+        cuts=cuts,
+        warmup=suite.warmup,
+        metrics=tuple(suite.metrics),
+    )
+    if case.kind.files is not None or is_sequence(case.reference):
+        raise SettingsError(f"{case.id}: files are no part of a suite", hint="give a rendered input and reference")
+    if case.reference == FITTED:
+        raise SettingsError(f"{case.id}: the reference depends on the machine", hint="give path-traced@M")
+    if frames <= suite.warmup:
+        raise SettingsError(f"{case.id}: warmup is {suite.warmup}, frames {frames}", hint="give more frames")
+    EvaluationRequest(**case.request).check()
+    case.kind.input_size(case.size)
+    case.settings  # noqa: B018  checks the values
+    return case

@@ -1,0 +1,216 @@
+"""A unit of work: all methods, or some, on one case.  It needs no other unit, and its result is plain JSON.
+
+Methods of a unit share its frames and reference but nothing else: the result of a method does not depend on which
+other methods run beside it, so units merge in any order.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl.batch.worker import open_context
+from taubench_gl.benchmark.scenes import scene_file
+from taubench_gl.benchmark.suite import Case
+from taubench_gl.datasets.scene_cache import sha256_of
+from taubench_gl.errors import MethodError, SceneError, SettingsError
+from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
+from taubench_gl.reuse.evaluate import REFERENCE_INPUT, EvaluatedFrame, Evaluation, MethodSpec, evaluate_methods
+from taubench_gl.reuse.inputs import missing_inputs
+from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
+from taubench_gl.reuse.quality import MEASURES
+
+DIVERGED = 100.0
+"""A method diverges if the mean absolute radiance of an image after the warm-up is more than this times the largest one
+of any input or reference so far.  A blend of input and history is at most 1."""
+
+FAILED, INAPPLICABLE = "failed", "not applicable"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A method of the benchmark.  ``text`` for MethodSpec.parse, paths absolute; ``sha256``: of its files, None where
+    it has none of its own."""
+
+    label: str
+    text: str
+    sha256: str | None
+
+    @classmethod
+    def of(cls, text: str) -> Entry:
+        """Raises SettingsError for text that is not a method; a method that cannot be loaded fails later, alone."""
+        spec = MethodSpec.parse(text)
+        name, at, rest = text.partition("@")
+        if is_sequence(name):
+            folder = Path(name.removeprefix(PREFIX)).resolve()
+            return cls(spec.label, f"{PREFIX}{folder}{at}{rest}", _files_sha256(folder, folder))
+        if name in builtin_methods():
+            return cls(spec.label, text, _files_sha256(BUILTIN / name, BUILTIN / name))
+        file, colon, of_class = name.rpartition(":")
+        path = Path(file if colon and file.endswith(".py") else name)
+        if not path.exists():
+            return cls(spec.label, text, None)
+        more = f":{of_class}" if path != Path(name) else ""
+        content = path.parent if path.name == "method.toml" else path
+        return cls(spec.label, f"{path.resolve()}{more}{at}{rest}", _files_sha256(content, content))
+
+
+def _files_sha256(path: Path, root: Path) -> str:
+    """Hash of names and contents of a file, or of all files of a folder."""
+    digest = hashlib.sha256()
+    files = [path] if path.is_file() else sorted(p for p in path.rglob("*") if p.is_file() and p.suffix != ".pyc")
+    for file in files:
+        digest.update(str(file.relative_to(root)).encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class BenchmarkUnit:
+    """A unit as ``batch`` engines run it.  ``sha256``: of the scene's file, which the worker checks."""
+
+    case: Case
+    entries: tuple[Entry, ...]
+    sha256: str
+    positions: None = None
+
+    @property
+    def job(self) -> str:
+        return self.case.id
+
+    @property
+    def identity(self) -> str:
+        """Of the case, 64 hexadecimal digits."""
+        return self.case.identity(self.sha256)
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Also the name of its result: case and methods."""
+        methods = [[entry.label, entry.sha256] for entry in self.entries]
+        return self.identity[:16], hashlib.sha256(json.dumps(methods).encode()).hexdigest()[:16]
+
+    @property
+    def scene(self) -> str:
+        return self.case.scene.source
+
+    @property
+    def name(self) -> str:
+        return f"{len(self.entries)} methods" if len(self.entries) > 1 else self.entries[0].label
+
+    def run(self) -> bytes:
+        """The result as JSON.  Raises TaubenchError; NoOpenGL if no context opens."""
+        started = time.perf_counter()
+        path = scene_file(self.case.scene)
+        if sha256_of(path) != self.sha256:
+            hint = "the files or versions of this machine are other ones; clear its cache, or run everything on one"
+            raise SceneError("is not the scene of this benchmark", where=str(path), hint=hint)
+        open_context(self.case.settings)
+        result = evaluate_case(self.case, self.entries, path)
+        for entry in self.entries:
+            result["methods"][entry.label]["sha256"] = entry.sha256
+        result["times"]["seconds"] = time.perf_counter() - started
+        return (json.dumps(result, allow_nan=False) + "\n").encode()
+
+
+@dataclass(slots=True)
+class _Divergence:
+    """Finds methods that diverge, frame by frame from ``first`` on.  ``found``: label -> reason."""
+
+    first: int
+    found: dict[str, str] = field(default_factory=dict)
+    _largest: float = 0.0
+
+    def add(self, evaluated: EvaluatedFrame) -> None:
+        means = {name: float(np.mean(np.abs(np.nan_to_num(image)))) for name, image in evaluated.radiance.items()}
+        self._largest = max(self._largest, means.pop("input"), means.pop("reference"))
+        for label, mean in means.items():
+            if evaluated.frame >= self.first and mean > DIVERGED * self._largest > 0:
+                what = f"diverges: in frame {evaluated.frame} its mean radiance is {mean / self._largest:.3g} times "
+                self.found.setdefault(label, what + "the largest of any input or reference")
+
+
+def evaluate_case(case: Case, entries: Sequence[Entry], path: Path) -> dict[str, Any]:
+    """The result of ``entries`` on a case, as JSON holds it.  All times are in the block ``times``."""
+    refused = {entry.label: why for entry in entries if (why := inapplicable(case, entry))}
+    methods: dict[str, Any] = {label: {"state": INAPPLICABLE, "reason": why} for label, why in refused.items()}
+    out: dict[str, Any] = {"case": case.id, "methods": methods, "times": {"methods": {}}}
+    specs = [_spec(case, entry) for entry in entries if entry.label not in refused]
+    if not specs:
+        return out
+    divergence = _Divergence(case.first + case.warmup)
+    try:
+        done = evaluate_methods(
+            path, specs, case.settings, on_frame=divergence.add, **{**case.request, "statistics": False}
+        )
+    except MethodError as error:  # none could be loaded
+        if len(specs) > 1:
+            raise
+        methods[specs[0].label] = {"state": FAILED, "reason": str(error)}
+        return out
+    for label, method in done.summary["methods"].items():
+        methods[label] = _method(done, label, method, divergence.found.get(label))
+        out["times"]["methods"][label] = method.get("time_ms")
+    summary = done.summary
+    reference = summary["reference"]
+    out["input"] = {name: summary["input"][name] for name in ("kind", "light_samples", "path_samples", "size")}
+    out["reference"] = {"kind": reference["kind"], "samples": reference["samples"], "noise": reference.get("noise")}
+    out["exposure"] = summary["settings"]["exposure"]
+    provenance = summary["provenance"]
+    out["provenance"] = {name: provenance[name] for name in ("version", "renderer", "driver", "git", "clock")}
+    return out
+
+
+def _method(done: Evaluation, label: str, method: Mapping[str, Any], diverges: str | None) -> dict[str, Any]:
+    facts = {name: method[name] for name in ("title", "cite", "settings", "memory_bytes")}
+    if method["failed"] or diverges:
+        return {"state": FAILED, "reason": method["failed"] or diverges, **facts}
+    names = ("seed", "frame", *(name for name in MEASURES))
+    rows = [{name: row[name] for name in names} for row in done.rows if row["method"] == label]
+    blocks = {name: method[name] for name in ("mean", "classes", "bound", "reuse", "reasons")}
+    warmup = done.summary["warmup"]
+    return {"state": "done", "reason": None, **facts, **blocks, "warmup": warmup, "rows": rows}
+
+
+def inapplicable(case: Case, entry: Entry) -> str | None:
+    """Why a method does not apply to a case: its input is missing there.  None: it applies, or fails for another
+    reason."""
+    name = entry.text.partition("@")[0]
+    if is_sequence(name):
+        return None if _frames_of(case, name).is_dir() else f"has no frames in {_frames_of(case, name)}"
+    try:
+        reads = load_method(MethodSpec.parse(entry.text).method).reads
+    except (MethodError, SettingsError):
+        return None
+    missing = missing_inputs(case.kind, traced=bool(case.kind.path_samples))
+    if case.kind.upscale != 1:
+        missing[REFERENCE_INPUT] = "the reference has the size of the output"
+    lost = [one for one in reads if one in missing]
+    return f"no {', '.join(lost)}: {missing[lost[0]]}" if lost else None
+
+
+def _frames_of(case: Case, text: str) -> Path:
+    """Folder of the frames of a case made elsewhere: ``exr:DIR`` has one folder per case."""
+    return Path(text.removeprefix(PREFIX)) / case.id.replace("/", "_")
+
+
+def _spec(case: Case, entry: Entry) -> MethodSpec:
+    spec = MethodSpec.parse(entry.text)
+    if is_sequence(str(spec.method)):
+        return replace(spec, label=entry.label, method=f"{PREFIX}{_frames_of(case, str(spec.method))}")
+    return replace(spec, label=entry.label)
+
+
+def yardstick(entry: Entry) -> str | None:
+    """Why a method is not ranked: it reads what a renderer does not know.  None for other methods."""
+    try:
+        reads = load_method(MethodSpec.parse(entry.text).method).reads
+    except (MethodError, SettingsError):
+        return None
+    lost = [name for name in (REFERENCE_INPUT, "exact_mask") if name in reads]
+    return f"reads {' and '.join(lost)}, which no renderer has" if lost else None

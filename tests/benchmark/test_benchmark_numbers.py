@@ -1,0 +1,177 @@
+"""Suites, speeds and rankings: closed forms, no rendering."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from taubench_gl.benchmark.merge import tracks_of
+from taubench_gl.benchmark.ranking import CaseValues, ranked
+from taubench_gl.benchmark.speed import ALWAYS, CROSSES, NEVER, crossing_of, first_zero
+from taubench_gl.benchmark.suite import BUILTIN, read_suite
+from taubench_gl.benchmark.values import by_seed, over_cases
+from taubench_gl.errors import SettingsError
+
+HEAD = 'schema = "suite/1"\nname = "t"\nsize = "48x27"\nframes = 4\n'
+CASE = '[[cases]]\nscene = "demo"\ntrack = "noisy"\ninput = "noisy"\n'
+
+
+def suite_of(folder, text):
+    path = folder / "suite.toml"
+    path.write_text(text)
+    return read_suite(path)
+
+
+@pytest.mark.parametrize("name", BUILTIN)
+def test_built_in_suites_are_valid(name):
+    suite = read_suite(name)
+    assert {case.series for case in suite.cases} >= {"rotation", "translation", "light_speed", "object_speed", "cut"}
+    assert {"eternal-valley-fps", "eternal-valley-vr", "demo"} <= {case.scene.source for case in suite.cases}
+    assert any(case.kind.path_samples for case in suite.cases) and any(case.kind.upscale > 1 for case in suite.cases)
+
+
+def test_quick_keeps_its_limits():
+    for case in read_suite("quick").cases:
+        assert case.size == (160, 90) and case.frames == 8
+        assert case.reference_samples <= 256
+        assert case.reference == "max" or int(case.reference.partition("@")[2]) <= 256
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        HEAD,
+        HEAD.replace("suite/1", "suite/2") + CASE,
+        HEAD + CASE + "speed = 1\n",
+        HEAD + CASE + "rotation = [0, 1]\ncut = [2]\n",
+        HEAD + CASE + "rotation = [1, 0]\n",
+        HEAD + CASE + "rotation = [-1]\n",
+        HEAD + CASE + "rotation = []\n",
+        HEAD + CASE + "rotation = [1]\nfirst = 3\n",
+        HEAD + CASE + CASE,
+        HEAD + CASE.replace("demo", "missing.glb"),
+        HEAD + CASE.replace('"noisy"\n', '"fog"\n'),
+        HEAD + CASE + 'reference = "path-traced"\n',
+        HEAD + CASE.replace('input = "noisy"', 'input = "jittered"') + "seeds = 2\n",
+        HEAD.replace("frames = 4", "frames = 2") + CASE.replace('"noisy"\ninput', '"noisy"\nframes = 1\ninput'),
+        "size = [",
+    ],
+    ids=["no cases", "schema", "key", "two series", "order", "negative", "empty", "first", "twice", "scene", "input",
+         "reference of a time", "seeds without noise", "one frame", "syntax"],
+)  # fmt: skip
+def test_faults_of_a_suite(tmp_path, text):
+    with pytest.raises(SettingsError):
+        suite_of(tmp_path, text)
+
+
+def test_the_identity_of_a_case_is_what_is_evaluated(tmp_path):
+    suite = suite_of(tmp_path, HEAD + CASE + "rotation = [0, 1]\n" + CASE + "translation = [0, 1]\n")
+    still, _, still_too, _ = suite.cases
+    same = dataclasses.replace(still, id="x", track="y", series=None, value=None)
+    own, longer = still.identity("a" * 64), dataclasses.replace(still, seeds=2)
+    assert {case.identity("a" * 64) for case in (still_too, same)} == {own}
+    assert len({own, still.identity("b" * 64), longer.identity("a" * 64)}) == 3
+
+
+def test_equal_cases_of_two_series_count_once(tmp_path):
+    suite = suite_of(tmp_path, HEAD + CASE + "rotation = [0, 1]\n" + CASE + "translation = [0, 1]\n")
+    scenes = {case.scene: "still" if case.value == 0 else case.series for case in suite.cases}
+    assert tracks_of(suite, scenes) == {"noisy": [suite.cases[0], suite.cases[1], suite.cases[3]]}
+
+
+def test_cuts_of_a_series_lie_within_the_frames(tmp_path):
+    suite = suite_of(tmp_path, HEAD.replace("= 4", "= 7") + CASE + "first = 10\ncut = [0, 3, 9]\n")
+    assert [case.cuts for case in suite.cases] == [(), (13, 16), ()]
+
+
+# ---------------------------------------------------------------------------------------------------------- speeds
+@pytest.mark.parametrize(
+    ("gains", "zero"),
+    [((1, 1, 1), None), ((0, 1, 1), 0.0), ((-1, 1, 1), 0.0), ((3, -1, 1), 1.5), ((1, 1, -3), 2.5), ((1, 0, 1), 2.0)],
+)
+def test_first_zero_of_a_line(gains, zero):
+    found = first_zero((0.0, 2.0, 4.0), gains)
+    assert found == zero
+
+
+def steps(gains, width):
+    return [{"value": float(v), "gain": g, "low": g - width, "high": g + width} for v, g in enumerate(gains)]
+
+
+def test_a_crossing_lies_within_its_interval():
+    found = crossing_of(steps((2.0, 1.0, -1.0, -2.0), 0.5))
+    assert found["verdict"] == CROSSES and found["speed"] == pytest.approx(1.5)
+    assert found["low"] == pytest.approx(1.25) and found["high"] == pytest.approx(1.75)
+
+
+def test_a_method_that_never_or_always_is_better():
+    never, always = crossing_of(steps((-1.0, 1.0), 0.1)), crossing_of(steps((3.0, 1.0), 2.0))
+    assert (never["verdict"], never["speed"], never["low"], never["high"]) == (NEVER, None, 0.0, 0.0)
+    assert (always["verdict"], always["speed"], always["high"]) == (ALWAYS, None, None)
+    assert always["low"] == pytest.approx(0.5)  # 1 at 0 to -1 at 1
+
+
+def test_without_intervals_the_crossing_has_none():
+    found = crossing_of([{"value": float(v), "gain": g, "low": None, "high": None} for v, g in enumerate((1.0, -1.0))])
+    assert found["speed"] == pytest.approx(0.5) and found["low"] is None and found["high"] is None
+
+
+# -------------------------------------------------------------------------------------------------------- rankings
+def methods_of(*done, **failed):
+    states = {label: {"state": "done", "reason": None} for label in done}
+    states |= {label: {"state": state, "reason": "why", "case": "c"} for label, state in failed.items()}
+    return {label: {"yardstick": None, "tracks": {"t": state}} for label, state in states.items()}
+
+
+def values_of(count=8, **means):
+    noise = 0.01 * np.cos(np.arange(count)[None, :] * np.arange(1, len(means) + 1)[:, None])
+    noise -= noise.mean(axis=1, keepdims=True)
+    return {label: mean + row for (label, mean), row in zip(means.items(), noise, strict=True)}
+
+
+@pytest.mark.parametrize(
+    ("measure", "expected"),
+    [("flip", {"a": (1, 2), "b": (1, 2), "c": (3, 3)}), ("psnr_db", {"c": (1, 1), "b": (2, 3), "a": (2, 3)})],
+)
+def test_ranks_respect_the_intervals(measure, expected):
+    """a and b are alike within the noise of 0.01; c is far from both."""
+    found = ranked(measure, CaseValues(values_of(a=1.0, b=1.001, c=2.0), {}, float), methods_of(*"abc"), "t")
+    assert found["over"] == "cases" and found["count"] == 8
+    ranks = {entry["method"]: (entry["rank"], entry["last_rank"]) for entry in found["ranking"]}
+    assert ranks == expected and list(ranks) == list(expected)
+
+
+def test_failed_methods_are_last_and_others_are_not_ranked():
+    methods = methods_of("a", "b", "seen", x="failed", y="failed", z="not applicable")
+    methods["seen"]["yardstick"] = "reads reference"
+    found = ranked("flip", CaseValues(values_of(a=1.0, b=2.0), {}, float), methods, "t")
+    assert [entry["method"] for entry in found["ranking"]] == ["a", "b", "x", "y"]
+    assert all((e["rank"], e["last_rank"], e["mean"]) == (3, 4, None) for e in found["ranking"][2:])
+    assert all("why" in entry["reason"] for entry in found["ranking"][2:])
+    assert set(found["not_ranked"]) == {"seen", "z"}
+
+
+def test_few_cases_are_ranked_by_seeds_or_not_at_all():
+    cases, seeds = values_of(2, a=1.0, b=2.0), values_of(5, a=1.0, b=2.0)
+    by_seeds = ranked("flip", CaseValues(cases, seeds, float), methods_of("a", "b"), "t")
+    assert by_seeds["over"] == "seeds" and [e["rank"] for e in by_seeds["ranking"]] == [1, 2]
+    alone = ranked("flip", CaseValues(cases, {}, float), methods_of("a", "b"), "t")
+    assert alone["over"] is None and alone["reason"] and [e["rank"] for e in alone["ranking"]] == [None, None]
+
+
+# ---------------------------------------------------------------------------------------------------------- values
+def test_means_by_seed_leave_the_warmup_out_and_average_decibels_as_errors():
+    rows = [{"seed": s, "frame": f, "flip": v, "psnr_db": v} for s in (0, 1) for f, v in enumerate((99.0, 10.0, 20.0))]
+    method = {"warmup": 1, "rows": rows}
+    assert by_seed(method, "flip") == [15.0, 15.0]
+    assert by_seed(method, "psnr_db") == pytest.approx([-10 * np.log10((0.1 + 0.01) / 2)] * 2)
+    rows[-1]["flip"] = None
+    assert by_seed(method, "flip") is None
+
+
+def test_the_mean_of_errors_without_a_common_scale_is_geometric():
+    assert over_cases("relmse", (0.01, 100.0)) == pytest.approx(1.0)
+    assert over_cases("flip", (0.25, 0.75)) == pytest.approx(0.5)
+    assert over_cases("flip", ()) is None

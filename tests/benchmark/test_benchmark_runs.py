@@ -1,0 +1,195 @@
+"""Benchmarks that render: equal bits on any engine and in any order, resumption, methods that fail, comparison."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taubench_gl.batch.engines import InProcess
+from taubench_gl.benchmark.compare import compared
+from taubench_gl.benchmark.output import load_benchmark
+from taubench_gl.benchmark.run import UNITS, run_benchmark
+from taubench_gl.benchmark.suite import read_suite
+from taubench_gl.errors import OutputError, SettingsError
+
+SUITE = """schema = "suite/1"
+name = "tiny"
+size = "48x27"
+frames = 3
+metrics = ["psnr", "flip"]
+[[cases]]
+scene = "demo"
+track = "noisy"
+input = "noisy"
+rotation = [0.0, 6.0]
+seeds = 2
+reference_samples = 1
+[[cases]]
+scene = "demo"
+track = "upscaling"
+input = "jittered+upscale@3"
+reference_samples = 1
+"""
+BROKEN = {
+    "fails": "raise ValueError('on purpose')",
+    "nan": "return np.full_like(frame['radiance'], np.nan)",
+    "diverges": "self.factor *= np.float32(1e3); return frame['radiance'] * self.factor",
+}
+CLASS = """import numpy as np
+
+
+class Method:
+    reads = ("radiance",)
+
+    def __init__(self, size, settings):
+        self.factor = np.float32(1)
+
+    def step(self, frame):
+        {line}
+"""
+METHODS = ("none", "taa_clamp", "ideal-masks")
+NOT_EQUAL = ("times", "provenance")
+
+
+def values_of(summary):
+    """All that two runs must have in common, as bits."""
+    return json.dumps({name: value for name, value in summary.items() if name not in NOT_EQUAL})
+
+
+@pytest.fixture(scope="module")
+def suite_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("suite") / "tiny.toml"
+    path.write_text(SUITE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(suite_file, tmp_path_factory):
+    """A benchmark in this process -> summary, folder."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    return run_benchmark(read_suite(suite_file), METHODS, out, engine=InProcess()), out
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("methods")
+    for name, line in BROKEN.items():
+        (folder / f"{name}.py").write_text(CLASS.format(line=line))
+    return folder
+
+
+def test_the_result_is_complete_and_can_be_read(whole):
+    summary, out = whole
+    assert values_of(load_benchmark(out)) == values_of(summary)
+    assert {"report.html", "tables.md", "speeds.png", "benchmark.json"} <= {path.name for path in out.iterdir()}
+    first = summary["cases"]["demo/rotation=0/noisy"]
+    turning = summary["cases"]["demo/rotation=6/noisy"]
+    assert sum(first["classes_percent"].values()) == pytest.approx(100.0) and first["reference"]["samples"] == 1
+    assert turning["classes_percent"]["frustum"] > 5.0 > 1.0 > first["classes_percent"]["frustum"]
+    assert turning["discarded_percent"] > first["discarded_percent"]
+    assert summary["methods"]["ideal-masks"]["yardstick"]
+    assert summary["methods"]["ideal-masks"]["tracks"]["upscaling"]["state"] == "not applicable"
+    curve = summary["speeds"]["demo/rotation/noisy"]["measures"]["flip"]["taa_clamp"]
+    means = [summary["methods"]["taa_clamp"]["cases"][c]["mean"]["flip"] for c in list(summary["cases"])[:2]]
+    assert [step["mean"] for step in curve["steps"]] == pytest.approx(means)
+
+
+@pytest.mark.long
+def test_units_of_single_methods_give_equal_bits(suite_file, whole, tmp_path):
+    """As after a lost worker: another order of methods, in units of their own."""
+    out, suite = tmp_path / "out", read_suite(suite_file)
+    run_benchmark(suite, ("none",), out, engine=InProcess())
+    stored = {path.name for path in (out / UNITS).iterdir()}
+    again = run_benchmark(suite, METHODS, out, engine=InProcess())  # adds two methods
+    assert stored < {path.name for path in (out / UNITS).iterdir()}
+    assert values_of(again) == values_of(whole[0])
+
+
+@pytest.mark.long
+def test_two_processes_give_equal_bits(suite_file, whole, tmp_path):
+    found = run_benchmark(read_suite(suite_file), METHODS, tmp_path / "out", workers=2)
+    assert values_of(found) == values_of(whole[0])
+
+
+def test_methods_that_fail_are_last_and_the_others_untouched(suite_file, whole, broken, tmp_path):
+    texts = [*METHODS, *(str(broken / f"{name}.py") for name in BROKEN), str(broken / "missing.py")]
+    found = run_benchmark(read_suite(suite_file), texts, tmp_path / "out", engine=InProcess())
+    ranking = found["rankings"]["noisy"]["flip"]["ranking"]
+    assert {Path(entry["method"]).stem for entry in ranking[2:]} == {*BROKEN, "missing"}
+    reasons = {Path(entry["method"]).stem: entry["reason"] for entry in ranking[2:]}
+    assert "on purpose" in reasons["fails"] and "NaN" in reasons["nan"] and "diverges" in reasons["diverges"]
+    assert {(e["rank"], e["last_rank"]) for e in ranking[2:]} == {(3, 6)}
+    for label in METHODS:
+        assert found["methods"][label] == whole[0]["methods"][label]
+    assert found["rankings"]["noisy"]["flip"]["differences"] == whole[0]["rankings"]["noisy"]["flip"]["differences"]
+
+
+def test_a_folder_belongs_to_one_suite(suite_file, whole, tmp_path):
+    other = tmp_path / "other.toml"
+    other.write_text(SUITE.replace("frames = 3", "frames = 4"))
+    with pytest.raises(OutputError):
+        run_benchmark(read_suite(other), METHODS, whole[1], engine=InProcess())
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "a.txt").write_text("")
+    with pytest.raises(OutputError):
+        run_benchmark(read_suite(suite_file), METHODS, tmp_path / "full", engine=InProcess())
+    assert [path.name for path in (tmp_path / "full").iterdir()] == ["a.txt"]
+    with pytest.raises(SettingsError):
+        run_benchmark(read_suite(suite_file), ("none", "none"), tmp_path / "new", engine=InProcess())
+    assert not (tmp_path / "new").exists()
+
+
+def test_comparison_refuses_other_suites_and_marks_other_drivers(whole, tmp_path):
+    summary = json.loads(json.dumps(whole[0]))
+    same = compared(summary, summary)
+    assert not same["other_driver"] and not same["notes"]
+    assert all(m["difference"] in (0.0, None) for row in same["rows"] for m in row["measures"].values())
+    driver = summary | {"provenance": summary["provenance"] | {"renderer": "another"}}
+    assert compared(summary, driver)["other_driver"]
+    for key, value in (("version", "suite/0"), ("sha256", "0" * 64)):
+        with pytest.raises(OutputError):
+            compared(summary, summary | {"suite": summary["suite"] | {key: value}})
+    changed = json.loads(json.dumps(summary))
+    next(iter(changed["cases"].values()))["sha256"] = "0" * 64
+    with pytest.raises(OutputError):
+        compared(summary, changed)
+    (tmp_path / "x.json").write_text('{"schema": "taubench-gl/benchmark/1"}')
+    with pytest.raises(OutputError):
+        load_benchmark(tmp_path / "x.json")
+
+
+@pytest.mark.long
+def test_a_killed_benchmark_continues_to_the_same_bits(suite_file, whole, tmp_path):
+    out = tmp_path / "out"
+    # Users' defaults of light: the suite gives all settings itself.
+    command = [
+        sys.executable,
+        "-m",
+        "taubench_gl",
+        "benchmark",
+        *METHODS,
+        "--suite",
+        str(suite_file),
+        "--out",
+        str(out),
+    ]
+    environment = dict(os.environ, PYTHONUNBUFFERED="1")
+    with subprocess.Popen(
+        [*command, "--workers", "1"], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, env=environment
+    ) as running:
+        for line in running.stderr:
+            if line.startswith("1/3"):
+                running.send_signal(signal.SIGKILL)
+                break
+    assert not (out / "benchmark.json").exists()
+    assert 1 <= len(list((out / UNITS).glob("*.json"))) < 3
+    done = subprocess.run([*command, "--workers", "2"], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "1 units are stored" in done.stderr
+    assert values_of(load_benchmark(out)) == values_of(whole[0])
