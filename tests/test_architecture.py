@@ -34,6 +34,7 @@ LAYERS: tuple[set[str], ...] = (
     {"reuse", "reject", "selftest", "datasets", "export", "batch"},
     {"cost", "benchmark"},
     {"demos"},
+    {"paper"},
     {"viewer"},
     {"apps"},
     {"__main__"},

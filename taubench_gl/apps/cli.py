@@ -26,6 +26,7 @@ from taubench_gl.apps.doctor_command import doctor
 from taubench_gl.apps.evaluate_command import evaluate
 from taubench_gl.apps.export_command import export
 from taubench_gl.apps.inspect_command import inspect
+from taubench_gl.apps.paper_command import paper
 from taubench_gl.apps.reference_command import reference
 from taubench_gl.apps.reject_command import reject
 from taubench_gl.apps.report_command import report
@@ -98,6 +99,7 @@ for command in (
     scenes,
     reuse,
     reject,
+    paper,
     stress,
     completion,
 ):

@@ -143,7 +143,7 @@ class Driver:
         chunks = chunked(missing, self._chunk or self._chunk_size(len(positions)))
         if not positions and not reports:
             chunks = [()]
-        state.pending.extend(Unit(job.id, job.scene, job.settings, chunk, sha256) for chunk in chunks)
+        state.pending.extend(Unit(job.id, job.scene, job.settings, chunk, sha256, job.lobes) for chunk in chunks)
         if state.complete:
             self._finish(state)
 

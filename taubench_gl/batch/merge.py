@@ -23,7 +23,9 @@ from taubench_gl.evaluation import (
     exact_summary,
     frame_columns,
     mark_cuts,
+    missing_of_scene,
     sampled_pairs,
+    summarize_lobes,
 )
 from taubench_gl.frame.counting import SequenceStats
 from taubench_gl.outputs import write_atomically
@@ -67,6 +69,9 @@ def merge_job(
     source["memory"] = {"gpu_bytes": None, "reason": IN_PROVENANCE}
     summary |= source
     describe_brightness(summary, brightness, settings)
+    if job.lobes:
+        missing = missing_of_scene(job.lobes, unmeasured)
+        summary["lobes"] = summarize_lobes(missing, [records[p].lobes for p in job_positions(job, head)])
     if settings.metrics.exact:
         summary["exact"] = exact_summary(rows, unmeasured, reports[0]["reprojection"])
     summary["timing"] = {"clock": None, "unit": "ms", "passes": {}, "reason": IN_PROVENANCE}

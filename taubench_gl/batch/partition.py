@@ -1,5 +1,6 @@
 """Pairs of one job as a Parquet file: the rows of frames.csv, and the exact counts and histograms behind them.
 
+``lobes`` is null, or JSON of lobe -> [reason words, pixel counts] of pairs whose lobes are counted apart.
 Counts are sparse: ``word`` / ``word_pixels`` are the reason words that occur and their pixel counts,
 ``bin`` / ``bin_pixels`` are the histogram bins: feature * bins + bin, in the order of ``conventions.FEATURES``.
 """
@@ -9,7 +10,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,11 +28,15 @@ REPORT_KEY = b"taubench-gl"
 
 @dataclass(frozen=True, slots=True)
 class PairRecord:
-    """One pair: its ``position`` among the job's pairs, its row of frames.csv, its exact counts."""
+    """One pair: its ``position`` among the job's pairs, its row of frames.csv, its exact counts.
+
+    ``lobes``: lobe -> mask histogram with direct and indirect of that lobe, where lobes are counted apart.
+    """
 
     position: int
     row: dict[str, Any]
     counts: Counts
+    lobes: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def require_pyarrow() -> Any:
@@ -58,6 +63,7 @@ def encode(records: Sequence[PairRecord], report: Mapping[str, Any]) -> bytes:
             used = np.flatnonzero(flat)
             columns[name].append(used)
             columns[f"{name}_pixels"].append(flat[used])
+        columns["lobes"].append(_lobes_text(record.lobes))
     fields = _fields(pa)
     arrays = [pa.array(columns[name], type=kind) for name, kind in fields.items()]
     schema = pa.schema(list(fields.items()), metadata={REPORT_KEY: json.dumps(report)})
@@ -83,9 +89,9 @@ def decode(data: bytes) -> tuple[list[PairRecord], dict[str, Any]]:
         mask_histogram[values.pop("word")] = values.pop("word_pixels")
         histograms = np.zeros(len(FEATURES) * HISTOGRAM_BINS, dtype=np.int64)
         histograms[values.pop("bin")] = values.pop("bin_pixels")
-        position = values.pop("pair")
+        position, lobes = values.pop("pair"), _lobes_of(values.pop("lobes"))
         counts = Counts(mask_histogram, histograms.reshape(len(FEATURES), HISTOGRAM_BINS))
-        out.append(PairRecord(position, values, counts))
+        out.append(PairRecord(position, values, counts, lobes))
     return out, report
 
 
@@ -125,6 +131,20 @@ def _text(value: Any) -> str | None:
     return plain_text(value) if isinstance(value, str) else json.dumps(value)
 
 
+def _lobes_text(lobes: Mapping[str, np.ndarray]) -> str | None:
+    used = {lobe: np.flatnonzero(histogram) for lobe, histogram in lobes.items()}
+    return json.dumps({lobe: [w.tolist(), lobes[lobe][w].tolist()] for lobe, w in used.items()}) if lobes else None
+
+
+def _lobes_of(text: str | None) -> dict[str, np.ndarray]:
+    """The inverse of ``_lobes_text``.  Raises ValueError."""
+    out = {}
+    for lobe, (words, pixels) in ({} if text is None else parse_json(text)).items():
+        out[lobe] = np.zeros(MASK_WORDS, dtype=np.int64)
+        out[lobe][words] = pixels
+    return out
+
+
 def _fields(pa: Any) -> dict[str, Any]:
     """Column -> Arrow type.  A count that is not measured is null."""
     return {
@@ -138,4 +158,5 @@ def _fields(pa: Any) -> dict[str, Any]:
         "word_pixels": pa.list_(pa.int64()),
         "bin": pa.list_(pa.int32()),
         "bin_pixels": pa.list_(pa.int64()),
+        "lobes": pa.string(),
     }

@@ -40,6 +40,7 @@ class Job:
     sweep: Mapping[str, Any]  # the settings that the spec sweeps, with this job's values
     differences: Mapping[str, str] = dataclasses.field(default_factory=dict)
     # other settings in which the jobs of this scene differ, as text
+    lobes: tuple[str, ...] = ()  # of direct and indirect, measured apart as by ``evaluate_scene``
 
     def labelled(self, name: str) -> str:
         """``name`` followed by the settings that distinguish this job from the other jobs of its scene."""

@@ -48,6 +48,7 @@ class _Job(msgspec.Struct):
     scene: str
     settings: dict[str, Any]
     sweep: dict[str, Any]
+    lobes: list[str] = []
 
 
 class _Spec(msgspec.Struct):
@@ -93,6 +94,7 @@ class Store:
         """Store the jobs.  Folders of jobs that an earlier spec had stay and are no longer part of the batch."""
         jobs = [
             {"id": job.id, "scene": job.scene, "settings": job.settings.to_dict(), "sweep": dict(job.sweep)}
+            | ({"lobes": list(job.lobes)} if job.lobes else {})
             for job in spec.jobs
         ]
         values = {"schema": SPEC_SCHEMA, "version": __version__, "name": spec.name, "jobs": jobs}
@@ -103,7 +105,10 @@ class Store:
         values = self._spec_values()
         try:
             checked(values, _Spec)
-            jobs = [Job(j["id"], j["scene"], Settings.from_dict(j["settings"]), j["sweep"]) for j in values["jobs"]]
+            jobs = [
+                Job(j["id"], j["scene"], Settings.from_dict(j["settings"]), j["sweep"], lobes=tuple(j.get("lobes", ())))
+                for j in values["jobs"]
+            ]
             return BatchSpec(values["name"], with_differences(jobs))
         except (msgspec.ValidationError, SettingsError) as error:
             raise OutputError(f"is damaged: {error}", where=str(self.out / SPEC_FILE)) from None

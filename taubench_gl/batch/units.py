@@ -26,6 +26,7 @@ class Unit:
     settings: Settings
     positions: tuple[int, ...] | None = None
     sha256: str | None = None  # of the files when the head was computed, evaluation.files_identity
+    lobes: tuple[str, ...] = ()  # of direct and indirect, to count apart
 
     @property
     def key(self) -> Key:

@@ -29,6 +29,7 @@ from taubench_gl.batch.units import Event, Failed, Finished, NoGraphics, PairDon
 from taubench_gl.errors import GraphicsError, SceneError, TaubenchError
 from taubench_gl.evaluation import (
     ExactColumns,
+    LobeColumns,
     Observers,
     checked_frames,
     environment_image,
@@ -38,10 +39,12 @@ from taubench_gl.evaluation import (
     files_identity,
     frame_range,
     frame_schedule,
+    missing_of_scene,
     pair_schedule,
     require_exact,
     require_triangles,
     resolve_lighting,
+    scene_channels,
     scene_facts,
 )
 from taubench_gl.frame.passes.masks import Counts
@@ -114,7 +117,8 @@ class Worker:
             timer = PassTimer(gpu)
             if loaded.source is None:
                 loaded.gpu = gpu
-                options = SourceOptions(extra=exact_channels() if settings.metrics.exact else ())
+                extra = (*scene_channels(unit.lobes), *(exact_channels() if settings.metrics.exact else ()))
+                options = SourceOptions(extra=extra)
                 loaded.source = RasterSource(gpu, loaded.scene, loaded.camera, settings, options, poser=loaded.poser)
                 if settings.metrics.exact:
                     parts = loaded.scene, loaded.camera, settings, loaded.poser, loaded.source
@@ -124,11 +128,18 @@ class Worker:
             counts: list[Counts] = []
             context = GpuContext(gpu, timer=timer)
             observed = None if loaded.exact is None else loaded.exact.observer(None)
+            missing = missing_of_scene(unit.lobes, loaded.source.unmeasured)
+            untimed = GpuContext(gpu, context.shaders)
+            apart = LobeColumns(untimed, loaded.source, settings, missing, lambda lobe, bounce: f"{bounce}_{lobe}")
+            observed = apart.observer(observed) if missing else observed
             observers = Observers(progress=lambda _: on_pair(), on_counts=counts.append, on_pair=observed)
             checked = checked_frames(frame_schedule(frames, settings))
-            results = evaluate_pairs(context, loaded.source, settings, schedule, observers, checked)
+            try:
+                results = evaluate_pairs(context, loaded.source, settings, schedule, observers, checked)
+            finally:
+                apart.release()
+                context.release()
             rows = results.rows
-            context.release()
             gpu.check("a chunk of a batch")
             report = {
                 "source": loaded.source.describe(),
@@ -138,7 +149,8 @@ class Worker:
                 "provenance": provenance(gpu, timer.clock) | _process_info(time.perf_counter() - started),
                 "passes_ms": timer.median_ms(),
             }
-        records = [PairRecord(p, row, of_pair) for p, row, of_pair in zip(unit.positions, rows, counts, strict=True)]
+        lobes = apart.histograms or [{} for _ in rows]
+        records = [PairRecord(*of_pair) for of_pair in zip(unit.positions, rows, counts, lobes, strict=True)]
         return encode(records, report)
 
     def release(self) -> None:

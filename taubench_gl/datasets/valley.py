@@ -260,10 +260,10 @@ def build_valley(w: Writer, rng: np.random.Generator, keep_free: tuple[float, fl
             )
             if solid:
                 obstacles.append((x, z, solid * size + 0.4))
-    sun = w.light(type="directional", name="sun", color=[1.0, 0.9, 0.72], intensity=26.0)
+    sun = w.light(type="directional", name="sun", color=[1.0, 0.9, 0.72], intensity=52.0)
     # From the south (-z), 30 degrees high.
     w.node("sun", rotation=_product(quat_about("y", 196.0), quat_about("x", -30.0)).tolist(), extensions=sun)
-    sky = w.light(type="directional", name="sky", color=[0.55, 0.72, 1.0], intensity=10.0)
+    sky = w.light(type="directional", name="sky", color=[0.55, 0.72, 1.0], intensity=30.0)
     # The bright part of the sky, from the north, 35 degrees high: it lights the shadowed half.
     w.node("sky", rotation=_product(quat_about("y", 25.0), quat_about("x", -35.0)).tolist(), extensions=sky)
     return np.array(obstacles)
@@ -275,7 +275,7 @@ def add_lanterns(w: Writer, rng: np.random.Generator, count: int, obstacles: Arr
     glow = w.material("lantern", (1.0, 0.8, 0.5), emissiveFactor=[1.0, 0.65, 0.3])
     stand = w.mesh("post", w.primitive(post(), metal))
     flame = w.mesh("lantern", w.primitive(moved(sphere(0.11, 6, 10), (0, 2.36, 0.62)), glow))
-    light = w.light(type="point", name="lantern", color=[1.0, 0.68, 0.36], intensity=90.0, range=14.0)
+    light = w.light(type="point", name="lantern", color=[1.0, 0.68, 0.36], intensity=27.0, range=14.0)
     taken = [tuple(o) for o in obstacles.tolist()]
     for i, (x, z) in enumerate(scatter(rng, count, taken, 3.0, on_floor)):
         turn = quat_about("y", float(rng.uniform(0, 360))).tolist()

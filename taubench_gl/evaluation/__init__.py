@@ -16,6 +16,7 @@ from taubench_gl.evaluation.lighting import (
     files_identity,
     resolve_lighting,
 )
+from taubench_gl.evaluation.lobes import LobeColumns, missing_of_scene, require_lobes, scene_channels, summarize_lobes
 from taubench_gl.evaluation.pairs import (
     ChannelPair,
     EvaluatedPair,
@@ -36,6 +37,7 @@ __all__ = [
     "EvaluatedPair",
     "ExactColumns",
     "Explanation",
+    "LobeColumns",
     "Observers",
     "Pair",
     "PairEvaluator",
@@ -59,11 +61,15 @@ __all__ = [
     "frame_total",
     "iterate_pairs",
     "mark_cuts",
+    "missing_of_scene",
     "open_scene",
     "pair_schedule",
     "require_exact",
+    "require_lobes",
     "require_triangles",
     "resolve_lighting",
     "sampled_pairs",
+    "scene_channels",
     "scene_facts",
+    "summarize_lobes",
 ]

@@ -151,6 +151,8 @@ def _exposure(
         return 1.0, "no column depends on light"
     if settings.lighting.light_unit == "watt" and own_light(scene) is not None:
         return 1.0, "the light unit is watt"
+    if scene.exposure is not None:
+        return scene.exposure, "recorded in the file"
     if own_light(scene) is None and settings.lighting.environment == "none":
         return 1.0, "the scene has no light"
     camera = camera or camera_of_run(scene, settings.sequence)

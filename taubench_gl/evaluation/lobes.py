@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection
-from taubench_gl.conventions import LOBES
+from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, LOBES
 from taubench_gl.errors import SettingsError
 from taubench_gl.evaluation.pairs import Pair, PairEvaluator
 from taubench_gl.frame.counting import SequenceStats
+from taubench_gl.frame.passes.masks import Counts
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.settings import Settings
 
@@ -41,6 +42,25 @@ def missing_of_scene(lobes: Collection[str], unmeasured: Mapping[str, str]) -> d
     }  # fmt: skip
 
 
+def summarize_lobes(
+    missing: Mapping[str, Mapping[str, str]], histograms: Sequence[Mapping[str, np.ndarray]]
+) -> dict[str, Any]:
+    """The ``lobes`` block of a summary from the mask histogram of every pair and lobe, as ``LobeColumns`` makes it."""
+    out = {}
+    for lobe, reasons in missing.items():
+        stats = SequenceStats(tuple(b for b in BOUNCES if b not in reasons), dict(reasons))
+        for of_pair in histograms:
+            if lobe in of_pair:
+                stats.add(Counts(of_pair[lobe], np.zeros((len(FEATURES), HISTOGRAM_BINS), dtype=np.int64)))
+        out[lobe] = _block(stats)
+    return out
+
+
+def _block(stats: SequenceStats) -> dict[str, Any]:
+    discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
+    return {bounce: discard[bounce] for bounce in BOUNCES}
+
+
 class LobeColumns:
     """The evaluator of the columns, with the textures of one lobe instead of the sums of all."""
 
@@ -57,6 +77,7 @@ class LobeColumns:
         """
         self._source, self._texture = source, texture
         self._lobes: dict[str, tuple[PairEvaluator | None, SequenceStats]] = {}
+        self.histograms: list[dict[str, np.ndarray]] = []  # of each pair: lobe -> mask histogram
         for lobe, reasons in missing.items():
             measured = tuple(b for b in BOUNCES if b not in reasons)
             evaluator = PairEvaluator(context, source, settings, radiance=measured) if measured else None
@@ -75,6 +96,7 @@ class LobeColumns:
     def _add(self, view: View) -> None:
         """Count the pair whose frames the source holds; ``view`` is that of the current frame."""
         pair = reprojection(view, self._source.previous_view, *self._source.size)
+        self.histograms.append({})
         for lobe, (evaluator, stats) in self._lobes.items():
             if evaluator is None:
                 continue
@@ -83,15 +105,13 @@ class LobeColumns:
                 dict(textures) | {b: textures[name] for b, name in names.items() if name in textures}
                 for textures in (self._source.current, self._source.previous)
             )
-            stats.add(evaluator.compare(pair, current=current, previous=previous))
+            counts = evaluator.compare(pair, current=current, previous=previous)
+            stats.add(counts)
+            self.histograms[-1][lobe] = counts.mask_histogram
 
     def summary(self) -> dict[str, Any]:
         """lobe -> {direct, indirect} as in the ``discard`` block."""
-        out = {}
-        for lobe, (_, stats) in self._lobes.items():
-            discard = stats.discard(np.zeros(stats.pairs, dtype=bool))
-            out[lobe] = {bounce: discard[bounce] for bounce in BOUNCES}
-        return out
+        return {lobe: _block(stats) for lobe, (_, stats) in self._lobes.items()}
 
     def release(self) -> None:
         for evaluator, _ in self._lobes.values():

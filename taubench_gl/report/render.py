@@ -19,7 +19,7 @@ _LATEX = str.maketrans(
     {
         "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
         "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}",
-        "–": "--", "²": "$^2$", "·": r"$\cdot$", "<": "$<$", ">": "$>$",
+        "–": "--", "²": "$^2$", "·": r"$\cdot$", "<": "$<$", ">": "$>$", "|": "$|$", "≥": r"$\geq$", "≤": r"$\leq$",
     }
 )  # fmt: skip
 
@@ -81,8 +81,14 @@ def _title(table: Table) -> str:
     return table.title if isinstance(table.number, str) else f"Table {table.number}: {table.title}"
 
 
+def _paper_block(table: Table) -> int:
+    """Where the paper's rows begin if they follow all others; else, and without any, the number of rows."""
+    last = max((i for i, row in enumerate(table.rows) if not row.paper), default=-1) + 1
+    return last if not any(row.paper for row in table.rows[:last]) else len(table.rows)
+
+
 def to_rich(table: Table) -> Any:
-    """A rich renderable of at least MIN_WIDTH columns.  The paper's rows are dim and follow those of the runs."""
+    """A rich renderable of at least MIN_WIDTH columns.  The paper's rows are dim."""
     from rich import box
     from rich.console import Group
     from rich.table import Table as RichTable
@@ -97,11 +103,12 @@ def to_rich(table: Table) -> Any:
         # One word per line keeps Table 3 within MIN_WIDTH; otherwise rich folds labels and numbers.
         # Text instead of markup: rich would read "[m]" as a tag, and names come from files.
         grid.add_column(Text(_heading(column).replace(" ", "\n")), justify="right", no_wrap=True)
+    block = _paper_block(table)
     for position, (row, cells) in enumerate(zip(table.rows, lines, strict=True)):
-        if row.paper and (position == 0 or not table.rows[position - 1].paper):
+        if position == block:
             grid.add_section()
             grid.add_row(Text("the paper:"), style="dim")
-        label = f"  {row.label}" if row.paper else row.label
+        label = row.label if not row.paper else f"  {row.label}" if position >= block else cells[0]
         grid.add_row(*map(Text, [label, *cells[1:]]), style="dim" if row.paper else "")
     below = [f"{_unicode_mark(str(i))} {text}" for i, text in enumerate(footnotes, start=1)] + list(table.notes)
     above = [Text(line, style="bold") for line in table.lead] + [Text("")] * bool(table.lead)
@@ -153,26 +160,34 @@ def to_csv(tables: Sequence[Table]) -> str:
     return csv_text(out)
 
 
-def to_latex(tables: Sequence[Table]) -> str:
-    """``table`` environments with booktabs rules; footnotes follow the tabular."""
+def latex_text(text: str) -> str:
+    """``text`` escaped for LaTeX; characters beyond Latin Extended-A, which its fonts lack, become question marks."""
+    plain = "".join(c if ord(c) < 0x180 or ord(c) in _LATEX else "?" for c in text)
+    return plain.translate(_LATEX)
 
-    def safe(text: str) -> str:
-        return text.translate(_LATEX)
 
-    parts = [r"% needs \usepackage{booktabs}"]
+def to_latex(tables: Sequence[Table], *, shrink: bool = False) -> str:
+    """``table`` environments with booktabs rules; footnotes follow the tabular.
+
+    ``shrink``: a table that is wider than the page is scaled down, which needs graphicx.
+    """
+    opening = r"\resizebox{\ifdim\width>\linewidth\linewidth\else\width\fi}{!}{%" if shrink else ""
+    parts = [rf"% needs \usepackage{{booktabs{',graphicx' * shrink}}}"]
     for table in tables:
         lines, footnotes = _body(table, lambda mark: f"\x01{mark}\x02")
-        text = [r"\begin{table}", r"\centering", rf"\caption{{{safe(table.title)}}}"]
+        text = [r"\begin{table}", r"\centering", rf"\caption{{{latex_text(table.title)}}}"]
+        text += [opening] * shrink
         text += [rf"\begin{{tabular}}{{l{'r' * len(table.columns)}}}", r"\toprule"]
-        text += [" & ".join(["", *(safe(_heading(column)) for column in table.columns)]) + r" \\", r"\midrule"]
-        for position, (row, cells) in enumerate(zip(table.rows, lines, strict=True)):
-            if position and row.paper and not table.rows[position - 1].paper:
+        text += [" & ".join(["", *(latex_text(_heading(column)) for column in table.columns)]) + r" \\", r"\midrule"]
+        block = _paper_block(table)
+        for position, cells in enumerate(lines):
+            if position and position == block:
                 text.append(r"\midrule")
-            line = " & ".join(map(safe, cells)) + r" \\"
+            line = " & ".join(map(latex_text, cells)) + r" \\"
             text.append(line.replace("\x01", r"\textsuperscript{").replace("\x02", "}"))
-        text += [r"\bottomrule", r"\end{tabular}"]
-        notes = [rf"\textsuperscript{{{i}}} {safe(note)}" for i, note in enumerate(footnotes, start=1)]
-        text += [rf"\par\footnotesize {note}" for note in [*notes, *map(safe, (*table.lead, *table.notes))]]
+        text += [r"\bottomrule", r"\end{tabular}" + "}" * shrink]
+        notes = [rf"\textsuperscript{{{i}}} {latex_text(note)}" for i, note in enumerate(footnotes, start=1)]
+        text += [rf"\par\footnotesize {note}" for note in [*notes, *map(latex_text, (*table.lead, *table.notes))]]
         parts.append("\n".join([*text, r"\end{table}"]))
     return "\n\n".join(parts) + "\n"
 

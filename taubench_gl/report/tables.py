@@ -177,7 +177,7 @@ def _discard(summaries: Sequence[Summary], labels: Sequence[str], paper: bool) -
     named = [*((name, COLUMN_TERMS[name]) for name in COLUMNS), *((name, EXACT[name]) for name in seen)]
     columns = (*(Column(name, "%", 2, term.tooltip) for name, term in named), *SAMPLING_COLUMNS)
     notes = tuple(
-        f"{_prefix(label, labels)}{_conditions(summary)}" for label, summary in zip(labels, summaries, strict=True)
+        f"{_prefix(label, labels)}{conditions(summary)}" for label, summary in zip(labels, summaries, strict=True)
     )
     for label, summary in zip(labels, summaries, strict=True):
         if summary.get("path_traced") and not summary.get("noise_floor"):
@@ -280,7 +280,7 @@ def _prefix(label: str, labels: Sequence[str]) -> str:
     return f"{label}: " if len(labels) > 1 else ""
 
 
-def _conditions(summary: Summary) -> str:
+def conditions(summary: Summary) -> str:
     """The settings on which discard rates depend."""
     settings = summary.get("settings") or {}
     thresholds = ", ".join(

@@ -249,6 +249,7 @@ class Scene:
     default_camera: str | None = None  # name of the default camera of the file
     # of the file: the path of an image or a uniform radiance, linear RGB
     environment: str | tuple[float, float, float] | None = None
+    exposure: float | None = None  # recorded in the file, for intensities as written
     # nodes that replace another surface when they become visible: their pixels have no history
     replacements: frozenset[int] = frozenset()
 

@@ -10,7 +10,8 @@ import pytest
 from batch_tools import DEMO, SMALL, final_files, spec_of
 
 from taubench_gl.batch.run import run_batch
-from taubench_gl.batch.spec import read_spec
+from taubench_gl.batch.spec import BatchSpec, Job, read_spec
+from taubench_gl.batch.store import Store
 from taubench_gl.evaluation import evaluate_scene
 from taubench_gl.run import load_run
 from taubench_gl.settings import Settings
@@ -74,6 +75,20 @@ def test_results_equal_those_of_evaluate(tmp_path, changes):
     }
     csv = (tmp_path / "once" / "frames.csv").read_bytes()
     assert (run.out / "frames.csv").read_bytes() == csv
+
+
+def test_lobes_equal_those_of_evaluate(tmp_path):
+    """A chunk boundary at every other pair; without indirect light, whose columns of lobes are null."""
+    settings = Settings(width=48, height=27, frames=(0, 5), columns=("direct", "indirect"), shadow_size=64,
+                        light="raster", indirect="none")  # fmt: skip
+    lobes = ("diffuse", "glossy", "volume")
+    once = evaluate_scene(DEMO, settings, lobes=lobes)
+    job = Job("demo", str(DEMO), settings, {}, lobes=lobes)
+    run_batch(BatchSpec("lobes", (job,)), tmp_path / "out", chunk=2)
+    run = load_run(tmp_path / "out" / "jobs" / "demo")
+    assert run.summary["lobes"] == once.summary["lobes"]
+    assert run.summary["lobes"]["diffuse"]["direct"]["mean_percent"] > 0
+    assert Store(tmp_path / "out").load_spec().jobs[0].lobes == lobes
 
 
 def _toml(value):

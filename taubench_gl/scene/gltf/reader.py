@@ -24,7 +24,7 @@ from taubench_gl.scene.gltf.nodes import (
     read_skins,
 )
 from taubench_gl.scene.model import Scene
-from taubench_gl.settings import ENVIRONMENT_FILES, parse_environment
+from taubench_gl.settings import ENVIRONMENT_FILES, MAX_EXPOSURE, parse_environment
 
 IMAGE_BASED_LIGHTS = frozenset({"EXT_lights_image_based", "KHR_lights_image_based"})
 """Extensions of image-based light; it is not simulated."""
@@ -81,6 +81,7 @@ def read_gltf(
         stand_in=own.get("stand_in"),
         default_camera=own.get("camera"),
         environment=_environment(document, own),
+        exposure=_exposure(own),
     )
 
 
@@ -109,6 +110,15 @@ def _note_losses(document: Document) -> None:
     for line in lost[:MAX_LOSSES] if isinstance(lost, list) else ():
         if isinstance(line, str):
             document.note(f"lost in the conversion: {' '.join(line.split())[:300]}", "/asset/extras/taubench_gl/lost")
+
+
+def _exposure(own: dict[str, str]) -> float | None:
+    """The exposure that the file names; None if it is no positive number that Settings allows."""
+    try:
+        value = float(own.get("exposure", "nan"))
+    except ValueError:
+        return None
+    return value if 1.0 / MAX_EXPOSURE <= value <= MAX_EXPOSURE else None
 
 
 def _environment(document: Document, own: dict[str, str]) -> str | tuple[float, float, float] | None:

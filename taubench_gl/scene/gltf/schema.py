@@ -37,7 +37,7 @@ class Asset(Struct, rename="camel"):
     min_version: str | None = None
     generator: str = ""
     copyright: str = ""
-    extras: Any = None  # {"taubench_gl": {"name", "stand_in", "note", "camera"}} in files written by this package
+    extras: Any = None  # {"taubench_gl": {"name", "stand_in", "camera", "exposure" ...}} in files of this package
 
 
 class Buffer(Property):

@@ -1,0 +1,132 @@
+"""Seconds that the jobs of the paper will take: of pairs that were counted before, else of a few frames drawn now."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from taubench_gl.animation import camera_of_run
+from taubench_gl.batch.merge import job_positions
+from taubench_gl.batch.spec import Job
+from taubench_gl.batch.store import Store
+from taubench_gl.evaluation import Observers, evaluate_scene, frame_range, sampled_pairs
+from taubench_gl.paper.study import RUNS, SceneJobs
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import AUTO, Settings
+
+SMALLER = 8
+"""Factor by which the images are smaller in which path-traced light is timed."""
+
+PROBES = (4, 12)
+"""Samples per pixel at which it is timed: the difference is the time of the samples alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """``pairs`` that are left of a job, and the seconds of one."""
+
+    label: str
+    pairs: int
+    seconds: float
+    reason: str
+
+    @property
+    def total(self) -> float:
+        return self.pairs * self.seconds
+
+
+def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
+    """What is left of the images (Table 4).  Tables 1 to 3 take seconds and are left out.  Raises TaubenchError."""
+    store, found = Store(out / RUNS), []
+    for scene in jobs:
+        loaded: Scene | None = None
+        raster: float | None = None
+        for light, job in scene.images.items():
+            label, counted = f"{scene.scene.label}, {light}", _counted(store, job)
+            if counted is not None and counted.pairs == 0:
+                continue
+            if counted is not None and counted.seconds is not None:
+                found.append(Estimate(label, counted.pairs, counted.seconds, "measured in the pairs counted before"))
+                continue
+            loaded = loaded or load_scene(job.scene, **job.settings.sequence.reading)
+            settings, frames = _timed(loaded, job.settings)
+            pairs = len(sampled_pairs(frames, job.settings).positions) if counted is None else counted.pairs
+            window = settings.replace(frames=_middle(frames), pairs="all")
+            if raster is None:
+                raster = _slowest(loaded, window.replace(light="raster", spp=None))
+            seconds, reason = raster, "timed in two pairs"
+            if light != "raster":
+                seconds += _samples(loaded, window)
+                reason = f"timed in pairs of {1 / SMALLER:g} of the size and {PROBES[0]} and {PROBES[1]} samples"
+            found.append(Estimate(label, pairs, seconds, reason))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Counted:
+    pairs: int  # that are left
+    seconds: float | None  # of a pair, of those that are counted
+
+
+def _counted(store: Store, job: Job) -> _Counted | None:
+    """None before the job's head is known."""
+    head = store.load_head(job)
+    if head is None:
+        return None
+    records, reports = store.load_pairs(job)
+    positions = job_positions(job, head)
+    left = len([p for p in positions if p not in records])
+    done = sum(len(report["pairs"]) for report in reports)
+    spent = sum(report["provenance"]["seconds"] for report in reports)
+    return _Counted(left, spent / done if done else None)
+
+
+def _timed(scene: Scene, settings: Settings) -> tuple[Settings, range]:
+    """``settings`` without an exposure to meter, which takes as long as what is timed; and the frames of the run."""
+    exposure = settings.lighting.exposure
+    if exposure == AUTO:
+        settings = settings.replace(exposure=1.0 if scene.exposure is None else scene.exposure)
+    return settings, frame_range(scene, camera_of_run(scene, settings.sequence), settings)
+
+
+def _middle(frames: range) -> tuple[int, int]:
+    """Three frames in the middle of the run, or all of a shorter one."""
+    start = frames[max(len(frames) // 2 - 1, 0)]
+    return start, min(start + 3, frames.stop)
+
+
+def _slowest(scene: Scene, settings: Settings) -> float:
+    """Seconds of the last pair of ``settings``; the first one compiles shaders and fills caches."""
+    seconds: list[float] = []
+    started = time.perf_counter()
+    evaluate_scene(scene, settings, Observers(progress=lambda progress: seconds.append(progress.frame_seconds)))
+    return seconds[-1] if seconds else time.perf_counter() - started
+
+
+def _samples(scene: Scene, settings: Settings) -> float:
+    """Seconds of a pair for the samples of path-traced light."""
+    width, height = settings.sequence.width, settings.sequence.height
+    small = {"width": max(width // SMALLER, 1), "height": max(height // SMALLER, 1)}
+    few, more = (_slowest(scene, settings.replace(spp=spp, **small)) for spp in PROBES)
+    of_one = max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (small["width"] * small["height"])
+    return of_one * width * height * settings.lighting.path_samples
+
+
+def duration(seconds: float) -> str:
+    """``40 s``, ``12 min``, ``3.4 h``."""
+    if seconds < 90:
+        return f"{max(seconds, 1):.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def announce(found: list[Estimate], workers: int | None, say: Callable[[str], None]) -> None:
+    """Print the estimate, one line per job and the sum."""
+    for one in found:
+        say(f"{one.label}: {one.pairs} pairs of about {one.seconds:.2g} s, {duration(one.total)} ({one.reason})")
+    total = sum(one.total for one in found)
+    if found:
+        several = f" in one process; with {workers} workers about {duration(total / workers)}" if workers else ""
+        say(f"estimated time: {duration(total)}{several}")

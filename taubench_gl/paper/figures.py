@@ -1,0 +1,179 @@
+"""The paper's Figures 1 and 2, drawn of a scene of the tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taubench_gl import math3d
+from taubench_gl.animation import CameraTrack, Poser, View, camera_of_run
+from taubench_gl.animation.state import FrameState
+from taubench_gl.conventions import FRUSTUM, Reason
+from taubench_gl.demos.sheet import Sheet, checkerboard, note, overlay, reason_entries
+from taubench_gl.evaluation import Observers, Pair, evaluate_scene
+from taubench_gl.report.labels import lighting_text
+from taubench_gl.run import Run
+from taubench_gl.scene import load_scene
+from taubench_gl.scene.model import Scene
+from taubench_gl.settings import Settings
+
+Array = np.ndarray
+
+SIZE = (480, 270)
+DEGREES = 25.0
+TURNS = {"pitch": ("upwards", (1.0, 0.0, 0.0)), "yaw": ("to the left", (0.0, 1.0, 0.0)), "roll": ("", (0.0, 0.0, 1.0))}
+STILL_FPS = 1e4
+"""The scene moves by a ten-thousandth of a second while the camera of Figure 1 rotates."""
+
+SPP = 64
+"""Most samples per pixel of path-traced light in the figures."""
+
+COLUMNS: dict[str, tuple[Reason, ...]] = {
+    "position": (Reason.DISOCCLUDED, Reason.OCCLUDING),
+    "normal": (Reason.NORMAL,),
+    "direct": (Reason.LIT, Reason.SHADOWED),
+    "indirect": (Reason.INDIRECT,),
+}
+"""The features of Figure 2 with the reasons in its masks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rotated:
+    """``track`` at its start, rotated by DEGREES about a local axis after the first frame."""
+
+    track: CameraTrack
+    axis: tuple[float, float, float]
+    start: FrameState
+    name: str = "rotated camera"
+
+    def describe(self) -> str:
+        return f"{self.track.describe()}, rotated by {DEGREES:g} degrees"
+
+    def view_at(self, state: FrameState) -> View:
+        view = self.track.view_at(self.start)
+        if state.time <= self.start.time:
+            return view
+        turn = math3d.mat3_from_quat(math3d.quat_from_axis_angle(np.array(self.axis), math.radians(DEGREES)))
+        return replace(view, world_from_view=view.world_from_view @ turn)
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    now: Array  # (h, w, 3) in [0, 1]
+    before: Array
+    mask: Array  # (h, w) uint32
+
+
+def figure_1(scene: Scene, settings: Settings, path: Path) -> Path:
+    """History that remains after a rotation by 25 degrees about each axis, at the first frame of the run.
+
+    ``settings``: of the images.  Writes a PNG.  Raises TaubenchError.
+    """
+    first = settings.sequence.frames[0] or 0
+    track, start = camera_of_run(scene, settings.sequence), Poser(scene).sample(first / settings.sequence.fps)
+    begin = round(start.time * STILL_FPS)
+    small = _small(settings, ("frustum", "color"), fps=STILL_FPS, frames=(begin, begin + 2))
+    start = Poser(scene).sample(begin / STILL_FPS)
+    sheet = Sheet(2, 2, SIZE[0] / SIZE[1])
+    for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
+        shown, _ = _pair(scene, small, Rotated(track, vector, start))
+        if place == 1:
+            sheet.panel(0, 0, shown.before, f"previous frame: {scene.name}")
+        lost = (shown.mask & np.uint32(int(FRUSTUM))) != 0
+        image = checkerboard(shown.now, lost, max(SIZE[0] // 60, 1))
+        axes = sheet.panel(place % 2, place // 2, image, " ".join(filter(None, (f"{axis}, 25°", way))))
+        note(axes, f"{100 * lost.mean():.1f} % without history")
+    sheet.legend([("checkerboard: outside the previous image", (237, 237, 237))])
+    return sheet.save(path)
+
+
+def figure_2(scene: Scene, run: Run, settings: Settings, path: Path) -> Path:
+    """The masks of position, normal, direct and indirect, each in the pair that shows most of it without a cut.
+
+    ``run``: of the images, whose rows select the pairs.  Writes a PNG.  Raises TaubenchError.
+    """
+    sheet = Sheet(len(COLUMNS), 3, SIZE[0] / SIZE[1])
+    used: list[Reason] = []
+    for place, (feature, reasons) in enumerate(COLUMNS.items()):
+        frame = telling_pair(run.frames, feature)
+        if frame is None:
+            sheet.panel(place, 0, np.full((*SIZE[::-1], 3), 0.9), f"{feature}: not measured")
+            continue
+        columns = tuple(dict.fromkeys(("frustum", "position", feature, "color")))
+        shown, found = _pair(scene, _small(settings, columns, frames=(frame - 1, frame + 1)))
+        percent = (found.summary["discard"][feature] or {}).get("mean_percent")
+        sheet.panel(place, 0, shown.before, f"{feature}: frame {frame - 1}")
+        sheet.panel(place, 1, shown.now, f"frame {frame}")
+        value = "not measured" if percent is None else f"mask: {percent:.1f} % discarded"
+        sheet.panel(place, 2, overlay(shown.mask, shown.now, *reasons), value)
+        used += reasons
+    sheet.legend(reason_entries(*used))
+    return sheet.save(path)
+
+
+def telling_pair(rows: Sequence[Mapping[str, Any]], feature: str) -> int | None:
+    """Frame of the pair with the most discards of ``feature`` among the half with the fewest of frustum, cuts left out.
+
+    None where the feature was not measured.
+    """
+    usable = [row for row in rows if row.get(feature) is not None and not row.get("camera_cut")]
+    calm = sorted(usable, key=lambda row: row["frustum"])[: max((len(usable) + 1) // 2, 1)]
+    return max(calm, key=lambda row: (row[feature], -row["frame"]))["frame"] if calm else None
+
+
+def caption_1(label: str) -> str:
+    return (
+        f"Figure 1 redrawn of {label}: the first frame, and the camera rotated by 25 degrees in pitch, yaw and roll. "
+        "The checkerboard shows pixels without history."
+    )
+
+
+def caption_2(label: str, run: Run) -> str:
+    return (
+        f"Figure 2 redrawn of {label}: two frames and the mask of each feature, in the pair that shows most of it "
+        f"among the half of the pairs with the fewest frustum discards ({lighting_text(run.summary)})."
+    )
+
+
+def _small(settings: Settings, columns: tuple[str, ...], **more: Any) -> Settings:
+    spp = settings.lighting.spp
+    fewer = {} if settings.lighting.light == "raster" else {"spp": min(spp or SPP, SPP)}
+    given = {"width": SIZE[0], "height": SIZE[1], "columns": columns, "pairs": "all"}
+    return settings.replace(**(given | fewer | more))
+
+
+def _pair(scene: Scene, settings: Settings, camera: CameraTrack | None = None) -> tuple[_Shown, Run]:
+    """The first pair of ``settings``."""
+    shown: list[_Shown] = []
+
+    def keep(pair: Pair) -> None:
+        before, now = (pair.source.read("color", previous=old)[..., :3] for old in (True, False))
+        shown.append(_Shown(now, before, pair.mask))
+
+    run = evaluate_scene(scene, settings, Observers(on_pair=keep), camera=camera)
+    return shown[0], run
+
+
+def draw_figures(
+    path: str, run: Run, settings: Settings, label: str, files: tuple[Path, Path]
+) -> list[tuple[Path, str]]:
+    """Both figures of a scene with their captions; files that are there are kept.  Raises TaubenchError.
+
+    ``path``: argument of ``load_scene``; ``run``, ``settings``: of the images.
+    """
+    resolved = {name: run.summary["settings"][name] for name in ("light_unit", "exposure", "environment", "spp")
+                if run.summary["settings"].get(name) is not None}  # fmt: skip
+    environment = resolved.get("environment")
+    resolved |= {"environment": tuple(environment)} if isinstance(environment, list) else {}
+    settings = settings.replace(**resolved)
+    scene: Scene | None = None
+    for file, draw in zip(files, (lambda s, f: figure_1(s, settings, f), lambda s, f: figure_2(s, run, settings, f))):
+        if not file.exists():
+            scene = scene or load_scene(path, **settings.sequence.reading)
+            draw(scene, file)
+    return [(files[0], caption_1(label)), (files[1], caption_2(label, run))]

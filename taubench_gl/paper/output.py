@@ -1,0 +1,173 @@
+"""The files of the paper's tables: paper.html, paper.tex, paper.json, tables in all formats, and the figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from taubench_gl import __version__
+from taubench_gl.conventions import COLUMNS
+from taubench_gl.errors import TaubenchError
+from taubench_gl.outputs import output_folder, write_atomically
+from taubench_gl.paper.figures import draw_figures
+from taubench_gl.paper.fit import Fitted, fit_thresholds
+from taubench_gl.paper.scenes import DATASET, Found
+from taubench_gl.paper.study import PaperOptions, SceneJobs, SceneResult
+from taubench_gl.paper.tables import COUNTS, POSITION, ROTATION, paper_row, paper_study_tables
+from taubench_gl.report.page import data_uri, render_page
+from taubench_gl.report.render import latex_text, to_html, to_latex, write_tables
+from taubench_gl.report.tables import Table, paper_numbers
+
+SCHEMA = "taubench-gl/paper/1"
+PAGE, LATEX, VALUES = "paper.html", "paper.tex", "paper.json"
+FIGURES = "figures"
+
+PREAMBLE = (
+    r"\documentclass{article}",
+    r"\usepackage[utf8]{inputenc}",
+    r"\usepackage{booktabs}",
+    r"\usepackage{graphicx}",
+    r"\usepackage[margin=15mm]{geometry}",
+    r"\setlength{\tabcolsep}{4pt}",
+    r"\begin{document}",
+    r"\footnotesize",
+)
+
+Figure = tuple[Path, str]
+"""A PNG and its caption."""
+
+
+def write_study(
+    results: Sequence[SceneResult], jobs: Sequence[SceneJobs], found: Found, options: PaperOptions, out: Path
+) -> tuple[list[Table], list[Path]]:
+    """Fit, tables, figures, page, LaTeX and JSON of finished runs.  -> tables, files.  Raises TaubenchError."""
+    folder = output_folder(out)
+    fitted = fitted_of(results)
+    tables = paper_study_tables(results, fitted, quick=options.quick)
+    figures, notes = _figures(results, jobs, folder)
+    write_tables(folder, tables)
+    files = {
+        PAGE: page(tables, figures, _about(results, found, options) + notes),
+        LATEX: latex(tables, figures, folder),
+        VALUES: json.dumps(values_of(results, found, fitted, options), indent=2, ensure_ascii=False) + "\n",
+    }
+    for name, text in files.items():
+        write_atomically(folder / name, text)
+    return tables, [folder / name for name in files]
+
+
+def fitted_of(results: Sequence[SceneResult]) -> dict[str, Fitted]:
+    """The fit over the datasets among ``results``, by the first light of each; stand-ins are left out."""
+    runs = {
+        result.scene.row: (next(iter(result.images.values())).summary, paper_row(result.scene.row)["discard"])
+        for result in results if result.scene.kind == DATASET and result.images
+    }  # fmt: skip
+    return fit_thresholds(runs)
+
+
+def _figures(results: Sequence[SceneResult], jobs: Sequence[SceneJobs], folder: Path) -> tuple[list[Figure], list[str]]:
+    """Figures 1 and 2 of every scene, and why one is missing."""
+    drawn: list[Figure] = []
+    notes: list[str] = []
+    place = output_folder(folder / FIGURES)
+    for result, scene in zip(results, jobs, strict=True):
+        if not result.images:
+            continue
+        light = list(result.images)[-1]  # path-traced where it was asked for: it has the better indirect light
+        run, job = result.images[light], scene.images[light]
+        stem = f"{result.scene.name}-{job.id[-8:]}".replace(".", "-")
+        files = place / f"{stem}-figure-1.png", place / f"{stem}-figure-2.png"
+        try:
+            drawn += draw_figures(job.scene, run, job.settings, result.scene.label, files)
+        except TaubenchError as error:
+            notes.append(f"no figures of {result.scene.label}: {error}")
+    return drawn, notes
+
+
+def _about(results: Sequence[SceneResult], found: Found, options: PaperOptions) -> list[str]:
+    lines = [f"Scenes: {', '.join(result.scene.label for result in results)}."]
+    lines += [f"Not measured: {name}: {why}." for name, why in found.missing.items()]
+    if any(result.scene.kind != DATASET for result in results):
+        lines.append("A stand-in is not the dataset: footnotes mark the figures that it was made to have.")
+    if options.quick:
+        lines.append("A quick run: Table 4 is estimated of a sample of the pairs.")
+    if options.size != (paper_numbers()["settings"]["width"], paper_numbers()["settings"]["height"]):
+        lines.append(f"Images of {options.size[0]}x{options.size[1]} pixels: rates depend on the size.")
+    return [*lines, f"Made by taubench-gl {__version__}."]
+
+
+def page(tables: Sequence[Table], figures: Sequence[Figure], about: Sequence[str]) -> str:
+    """The page: one file that loads nothing."""
+    images = [(data_uri(path.read_bytes()), caption) for path, caption in figures]
+    return render_page("paper.html", about=about, images=images, tables=to_html(tables, scroll=True))
+
+
+def latex(tables: Sequence[Table], figures: Sequence[Figure], folder: Path) -> str:
+    """A complete document: tables with booktabs rules, figures by graphicx."""
+    lines = list(PREAMBLE)
+    lines.append(to_latex(tables, shrink=True))
+    for path, caption in figures:
+        name = path.relative_to(folder).as_posix()
+        lines += [r"\begin{figure}", r"\centering", rf"\includegraphics[width=\linewidth]{{{name}}}",
+                  rf"\caption{{{latex_text(caption)}}}", r"\end{figure}", ""]  # fmt: skip
+    return "\n".join([*lines, r"\end{document}", ""])
+
+
+def values_of(
+    results: Sequence[SceneResult], found: Found, fitted: Mapping[str, Fitted], options: PaperOptions
+) -> dict[str, Any]:
+    """The contents of paper.json (docs/paper.md)."""
+    scenes = []
+    for result in results:
+        camera = {} if result.camera is None else _camera_values(result)
+        images = {
+            light: {
+                "job": result.jobs[light],
+                "pairs": run.summary["pairs"],
+                "settings": run.summary["settings"],
+                "discard": {name: run.summary["discard"][name] for name in COLUMNS},
+                **{key: run.summary[key] for key in ("lobes", "sampling") if key in run.summary},
+                "notes": run.summary["notes"],
+                "provenance": run.summary["provenance"],
+            }
+            for light, run in result.images.items()
+        }
+        scenes.append(
+            {
+                "name": result.scene.name,
+                "paper_row": result.scene.row,
+                "kind": result.scene.kind,
+                "fitted": sorted(result.scene.fitted),
+                **camera,
+                "images": images,
+                "paper": paper_row(result.scene.row),
+                "failed": result.failed,
+            }
+        )
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "citation": paper_numbers()["citation"],
+        "quick": options.quick,
+        "size": list(options.size),
+        "scenes": scenes,
+        "missing": found.missing,
+        "thresholds": {
+            name: {"threshold": f.threshold, "rms": f.rms, "residuals": f.residuals} for name, f in fitted.items()
+        },
+    }
+
+
+def _camera_values(result: SceneResult) -> dict[str, Any]:
+    summary = result.camera.summary
+    camera = summary["camera"]
+    return {
+        "sha256": summary["scene"]["sha256"],
+        "census": {key: (summary["census"] or {}).get(key) for key in COUNTS},
+        "position": {key: (camera.get("position") or {}).get(key) for key in POSITION},
+        "rotation": {f"{axis}_{key}": (camera.get(axis) or {}).get(key) for axis, key in ROTATION},
+        "camera_fps": camera["fps"],
+        "camera_samples": camera["samples"],
+    }

@@ -1,0 +1,87 @@
+"""The scenes of the paper that are there: datasets in the cache, else stand-ins, which are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.datasets.registry import Entry, known_name
+from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
+from taubench_gl.datasets.stand_ins import FITTED, STAND_INS, make_stand_in
+from taubench_gl.errors import DatasetError, TaubenchError
+
+DATASET, STAND_IN = "dataset", "stand-in"
+CAMERA_FPS = 60.0
+"""Rate of Tables 2 and 3, the paper's capture rate."""
+
+Resolver = Callable[[str], tuple[str, dict[str, Any]]]
+"""Maps the name of a scene in the cache to an argument of ``load_scene`` and the settings of its registry entry."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperScene:
+    """A scene that is there.  ``fitted``: what a stand-in was made to have of the paper; empty for a dataset."""
+
+    name: str  # of the registry
+    row: str  # its row in the paper's tables
+    kind: str  # DATASET or STAND_IN
+    path: str  # argument of ``load_scene``
+    settings: dict[str, Any]  # of its images (Table 4)
+    camera_settings: dict[str, Any]  # of camera activity (Tables 2 and 3)
+    fitted: frozenset[str] = frozenset()
+
+    @property
+    def label(self) -> str:
+        return f"{self.row}, {self.kind}"
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """``missing``: name of the registry -> why the scene is not there, one line."""
+
+    scenes: tuple[PaperScene, ...]
+    missing: dict[str, str] = field(default_factory=dict)
+
+
+def paper_entries(entries: dict[str, Entry] | None = None) -> dict[str, Entry]:
+    """The scenes of the paper, by their names in the registry."""
+    entries = registry_entries() if entries is None else entries
+    return {name: entry for name, entry in entries.items() if entry.paper is not None}
+
+
+def find_scenes(names: Sequence[str], folder: Path, resolve: Resolver) -> Found:
+    """The scenes that ``names`` selects; none: all of the paper.
+
+    A scene that is not in the cache has its stand-in, which is written to ``folder`` unless it is there.  A scene that
+    ``names`` holds and that is not there raises DatasetError; so does a name that is not of the paper.
+    """
+    entries = paper_entries()
+    chosen = list(dict.fromkeys(known_name(entries, name) for name in names))
+    scenes: list[PaperScene] = []
+    missing: dict[str, str] = {}
+    for name in chosen or entries:
+        try:
+            scenes.append(_find(name, entries[name], folder, resolve))
+        except TaubenchError as error:
+            if chosen:
+                raise
+            missing[name] = str(error).removeprefix(f"{name}: ")
+    return Found(tuple(scenes), missing)
+
+
+def _find(name: str, entry: Entry, folder: Path, resolve: Resolver) -> PaperScene:
+    row, activity = str(entry.paper), {"fps": CAMERA_FPS} | entry.camera_settings()
+    if CachedScene(name, entry).record() is not None:
+        path, settings = resolve(f"scene:{name}")
+        environment = {key: settings[key] for key in ("environment",) if key in settings}
+        return PaperScene(name, row, DATASET, path, settings, activity | environment)
+    if name not in STAND_INS:
+        hint = f"taubench-gl scenes get {name}, with --from FILE for a local file"
+        raise DatasetError("is not in the cache and has no stand-in", where=name, hint=hint)
+    file = (folder / f"{name}.glb").absolute()
+    if not file.exists():
+        make_stand_in(name, file)
+    rates = {"fps": entry.fps} if entry.fps is not None else {}
+    return PaperScene(name, row, STAND_IN, str(file), rates, {"fps": activity["fps"]}, FITTED)

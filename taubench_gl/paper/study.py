@@ -1,0 +1,132 @@
+"""The jobs of the paper's tables as one batch, and their results: what is finished is kept, whatever ends the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from taubench_gl.batch.run import run_batch
+from taubench_gl.batch.spec import BatchSpec, Job, job_id
+from taubench_gl.batch.store import Store
+from taubench_gl.errors import SettingsError
+from taubench_gl.paper.scenes import Found, PaperScene
+from taubench_gl.run import Run, load_run
+from taubench_gl.settings import Settings
+
+RUNS = "runs"
+"""The batch, in the folder of the results."""
+
+LIGHTS = ("raster", "path-traced")
+CAMERA = "camera"
+SIZE = (1920, 1080)
+QUICK_PAIRS = "strata:4"
+ONE_PAIR = "every:9999999"
+"""A sample of one pair: the counts and the camera's activity need no image, and are of all frames."""
+
+CAMERA_SIZE = (160, 90)
+UNIT_SECONDS = 60.0
+"""Most seconds of a unit of work, as far as pairs can be split: what a killed run loses."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperOptions:
+    """``lights``: of LIGHTS; ``spp``: of path-traced light, None: the default; ``quick``: QUICK_PAIRS of the pairs."""
+
+    size: tuple[int, int] = SIZE
+    lights: tuple[str, ...] = ("raster",)
+    spp: int | None = None
+    lobes: tuple[str, ...] = ()
+    quick: bool = False
+
+    def __post_init__(self) -> None:
+        for light in self.lights:
+            if light not in LIGHTS:
+                raise SettingsError(f"no light is named {light!r:.60}", hint=f"choose from {', '.join(LIGHTS)}")
+        if not self.lights:
+            raise SettingsError("no light is given", hint=f"choose from {', '.join(LIGHTS)}")
+        if self.spp is not None and "path-traced" not in self.lights:
+            raise SettingsError("samples per pixel are of path-traced light", hint="give --light path-traced")
+
+
+@dataclass(frozen=True, slots=True)
+class SceneJobs:
+    """The jobs of one scene: its camera (Tables 1 to 3), and its images (Table 4) by light."""
+
+    scene: PaperScene
+    camera: Job
+    images: dict[str, Job]
+
+    @property
+    def all(self) -> tuple[Job, ...]:
+        return (self.camera, *self.images.values())
+
+
+@dataclass(slots=True)
+class SceneResult:
+    """Finished runs of one scene; ``failed``: the others, CAMERA or the light -> why, one line."""
+
+    scene: PaperScene
+    camera: Run | None = None
+    images: dict[str, Run] = field(default_factory=dict)
+    jobs: dict[str, str] = field(default_factory=dict)  # CAMERA or the light -> id of its job
+    failed: dict[str, str] = field(default_factory=dict)
+
+
+def jobs_of(scene: PaperScene, options: PaperOptions) -> SceneJobs:
+    """Raises SettingsError for settings that are out of range."""
+    width, height = CAMERA_SIZE
+    activity = Settings(**scene.camera_settings | {
+        "width": width, "height": height, "columns": ("frustum",), "pairs": ONE_PAIR,
+    })  # fmt: skip
+    width, height = options.size
+    images = {}
+    for light in options.lights:
+        own: dict[str, Any] = {"width": width, "height": height, "light": light}
+        own |= {"pairs": QUICK_PAIRS} if options.quick else {}
+        own |= {"spp": options.spp} if light == "path-traced" and options.spp is not None else {}
+        images[light] = _job(scene, f"table 4, {light}", Settings(**scene.settings | own), options.lobes)
+    return SceneJobs(scene, _job(scene, "tables 1 to 3", activity), images)
+
+
+def _job(scene: PaperScene, part: str, settings: Settings, lobes: tuple[str, ...] = ()) -> Job:
+    written = f"{scene.name}-{scene.kind}-{'+'.join(lobes)}"
+    return Job(job_id(written, settings), scene.path, settings, {"part": part}, lobes=lobes)
+
+
+def spec_of(jobs: list[SceneJobs]) -> BatchSpec:
+    return BatchSpec("paper", tuple(job for scene in jobs for job in scene.all))
+
+
+def run_jobs(jobs: list[SceneJobs], out: Path, seconds: float | None, **how: Any) -> dict[str, str]:
+    """Run what is not finished in the batch of ``out``.  -> job -> why it failed.  Raises TaubenchError.
+
+    ``seconds``: of the slowest pair, which limits the pairs of a unit; ``how``: arguments of ``run_batch``.
+    """
+    if how.get("chunk") is None and seconds is not None:
+        how["chunk"] = max(1, min(32, int(UNIT_SECONDS / max(seconds, 1e-3))))
+    return run_batch(spec_of(jobs), out / RUNS, **how).failed
+
+
+def results_of(jobs: list[SceneJobs], out: Path, failed: Mapping[str, str]) -> list[SceneResult]:
+    """The finished runs of ``jobs`` in the batch of ``out``.  Raises OutputError for a damaged one."""
+    store, results = Store(out / RUNS), []
+    for scene in jobs:
+        result = SceneResult(scene.scene)
+        for part, job in ((CAMERA, scene.camera), *scene.images.items()):
+            result.jobs[part] = job.id
+            if job.id in failed:
+                result.failed[part] = failed[job.id]
+                continue
+            run = load_run(store.job(job.id))
+            if part == CAMERA:
+                result.camera = run
+            else:
+                result.images[part] = run
+        results.append(result)
+    return results
+
+
+def plan(found: Found, options: PaperOptions) -> list[SceneJobs]:
+    return [jobs_of(scene, options) for scene in found.scenes]
