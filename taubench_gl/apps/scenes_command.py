@@ -174,7 +174,7 @@ def _bar():
     epilog="""\b
 Examples:
   taubench-gl scenes make eternal-valley-fps valley.glb
-  taubench-gl evaluate valley.glb --fps 60 --environment 0.2,0.3,0.5"""
+  taubench-gl evaluate valley.glb"""
 )
 @click.argument("name", type=click.Choice(STAND_IN_NAMES))
 @click.argument("out", type=click.Path(path_type=Path), metavar="OUT.glb")
@@ -182,7 +182,8 @@ def make(name: str, out: Path) -> None:
     """Write a procedural stand-in for one of the paper's EternalValley scenes (CC0).
 
     It is not the dataset.  It has exactly the paper's counts (Table 1), and its camera statistics (Tables 2 and 3) at
-    the capture rate of 60 fps.  Its geometry and its Table 4 row differ from the paper's.
+    the capture rate of 60 fps.  Its geometry and its Table 4 row differ from the paper's; with path-traced light and
+    the exposure that the file records, the columns of direct and indirect light are near it.
     """
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.datasets.stand_ins import make_stand_in
@@ -194,7 +195,7 @@ def make(name: str, out: Path) -> None:
     show_tables(paper_tables([summary])[:3])
     click.echo(f"note: {recipe.note}")
     click.echo(f"written to {out} ({out.stat().st_size:,} bytes, CC0)")
-    click.echo(f"Table 4: taubench-gl evaluate {out} --fps {recipe.camera.fps:g} --environment 0.2,0.3,0.5")
+    click.echo(f"Table 4: taubench-gl evaluate {out}, or all tables beside the paper's: taubench-gl paper {name}")
 
 
 def describe(scene: Any, fps: float) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from taubench_gl.batch.spec import Job
 from taubench_gl.batch.store import Store
 from taubench_gl.evaluation import Observers, evaluate_scene, frame_range, sampled_pairs
 from taubench_gl.paper.study import RUNS, SceneJobs
+from taubench_gl.pathtraced.references import duration_text
 from taubench_gl.scene import load_scene
 from taubench_gl.scene.model import Scene
 from taubench_gl.settings import AUTO, Settings
@@ -115,18 +116,11 @@ def _samples(scene: Scene, settings: Settings) -> float:
     return of_one * width * height * settings.lighting.path_samples
 
 
-def duration(seconds: float) -> str:
-    """``40 s``, ``12 min``, ``3.4 h``."""
-    if seconds < 90:
-        return f"{max(seconds, 1):.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
 def announce(found: list[Estimate], workers: int | None, say: Callable[[str], None]) -> None:
     """Print the estimate, one line per job and the sum."""
     for one in found:
-        say(f"{one.label}: {one.pairs} pairs of about {one.seconds:.2g} s, {duration(one.total)} ({one.reason})")
+        say(f"{one.label}: {one.pairs} pairs of about {one.seconds:.2g} s, {duration_text(one.total)} ({one.reason})")
     total = sum(one.total for one in found)
     if found:
-        several = f" in one process; with {workers} workers about {duration(total / workers)}" if workers else ""
-        say(f"estimated time: {duration(total)}{several}")
+        several = f" in one process; with {workers} workers about {duration_text(total / workers)}" if workers else ""
+        say(f"estimated time: {duration_text(total)}{several}")

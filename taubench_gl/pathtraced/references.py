@@ -126,11 +126,11 @@ class Estimate:
         what = f"path-traced references: {self.frames} frames, {self.samples} samples per pixel{stored}"
         if self.seconds is None:
             return what
-        what += f", about {_duration(self.seconds)} to trace"
+        what += f", about {duration_text(self.seconds)} to trace"
         if self.limit is None:
             return what
         if self.seconds <= self.limit:
-            return f"{what}; as many samples as fit {_duration(self.limit)} (--reference-time)"
+            return f"{what}; as many samples as fit {duration_text(self.limit)} (--reference-time)"
         fewer = "fewer --frames or a smaller --size take less"
         return f"{what}, longer than --reference-time {self.limit:g} for the fewest samples: {fewer}"
 
@@ -252,7 +252,8 @@ class References:
         self._tracer.release()
 
 
-def _duration(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
+    """``40 s``, ``12 min``, ``3.4 h``."""
     if seconds < 90:
         return f"{max(seconds, 1):.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+import pygltflib
 import pytest
 from click.testing import CliRunner
 from validator import errors
@@ -15,7 +16,7 @@ from taubench_gl.apps.scenes_command import STAND_IN_NAMES, describe
 from taubench_gl.datasets.stand_ins import STAND_INS, camera_path, make_stand_in
 from taubench_gl.datasets.valley import EYE_HEIGHT, FLOOR_SIDE, height, middle
 from taubench_gl.errors import SettingsError
-from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.evaluation import evaluate_scene, resolve_lighting
 from taubench_gl.metrics.activity import camera_activity, detect_cuts, summarize
 from taubench_gl.report.tables import paper_numbers
 from taubench_gl.scene import load_scene
@@ -90,6 +91,27 @@ def test_scene_is_labeled_as_stand_in(recipe, made):
     scene = load_scene(made[recipe.name])
     assert "stand-in" in scene.name and recipe.stands_for in scene.stand_in and "not the dataset" in scene.stand_in
     assert made[recipe.name].stat().st_size < 30e6
+
+
+@each
+def test_exposure_is_recorded_and_taken(recipe, made):
+    """By ``auto`` only, and only for intensities as written."""
+    scene = load_scene(made[recipe.name])
+    assert scene.exposure == recipe.exposure
+    auto = Settings(exposure="auto", light_unit="auto", environment="auto")
+    found = resolve_lighting(scene, auto)
+    assert found.settings.lighting.exposure == recipe.exposure and "recorded" in found.reasons["exposure"]
+    assert resolve_lighting(scene, auto.replace(exposure=2.0)).settings.lighting.exposure == 2.0
+    assert resolve_lighting(scene, auto.replace(light_unit="watt")).settings.lighting.exposure == 1.0
+
+
+@pytest.mark.parametrize("text", ["nan", "0", "-1", "1e40", "bright"])
+def test_a_recorded_exposure_that_is_none_is_ignored(text, made, tmp_path):
+    file = tmp_path / "changed.glb"
+    document = pygltflib.GLTF2().load_binary(str(made["eternal-valley-vr"]))
+    document.asset.extras["taubench_gl"]["exposure"] = text
+    document.save_binary(str(file))
+    assert load_scene(file).exposure is None
 
 
 @each

@@ -1,0 +1,203 @@
+"""``taubench-gl paper`` with a small scene in place of a dataset and of a stand-in, at 32x18."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+
+import pytest
+from click.testing import CliRunner
+
+from taubench_gl.apps.cli import cli
+from taubench_gl.datasets.registry import load_registry
+from taubench_gl.datasets.scene_cache import CachedScene
+from taubench_gl.errors import DatasetError, SettingsError
+from taubench_gl.evaluation import evaluate_scene
+from taubench_gl.paper import figures, output, scenes
+from taubench_gl.paper.figures import telling_pair
+from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
+from taubench_gl.paper.study import PaperOptions, plan
+from taubench_gl.paths import ASSETS
+from taubench_gl.report.tables import paper_numbers
+from taubench_gl.settings import Settings
+
+DEMO = ASSETS / "demo.glb"
+SMALL = ("--size", "32x18", "--quick")
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch, tmp_path):
+    """An empty cache, a stand-in that takes no time, and small figures."""
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+
+    def copy(name, path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(DEMO, path)
+
+    monkeypatch.setattr(scenes, "make_stand_in", copy)
+    monkeypatch.setattr(figures, "SIZE", (32, 18))
+
+
+def install(name, cache):
+    """Put the demo scene into the cache as a dataset of the paper."""
+    return CachedScene(name, load_registry()[name], cache).take(DEMO)
+
+
+def resolved(text):
+    from taubench_gl.apps.named_scenes import resolve
+
+    return resolve(text)
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, ["paper", *map(str, arguments)])
+
+
+def test_datasets_come_before_stand_ins(tmp_path):
+    install("eternal-valley-vr", tmp_path / "cache")
+    found = find_scenes((), tmp_path / "made", resolved)
+    assert {scene.name: scene.kind for scene in found.scenes} == {
+        "eternal-valley-fps": STAND_IN, "eternal-valley-vr": DATASET,
+    }  # fmt: skip
+    assert set(found.missing) == {"bistro-interior", "bistro-exterior", "emerald-square", "toasters"}
+    fps, vr = found.scenes
+    assert vr.fitted == frozenset() and "counts" in fps.fitted
+    assert vr.settings["fps"] == 24.0 and vr.camera_settings["fps"] == 60.0
+    assert vr.settings["exposure"] == 1.0 and "exposure" not in fps.settings
+    jobs = plan(found, PaperOptions(lights=("raster", "path-traced"), spp=3))
+    assert [job.settings.sequence.fps for job in jobs[0].all] == [60.0, 24.0, 24.0]
+    assert jobs[0].images["path-traced"].settings.lighting.spp == 3
+    assert len({job.id for scene in jobs for job in scene.all}) == 6
+
+
+def test_a_named_scene_that_is_not_there_is_an_error(tmp_path):
+    with pytest.raises(DatasetError, match="bistro-interior"):
+        find_scenes(("BistroInterior",), tmp_path, resolved)
+    with pytest.raises(DatasetError, match="no scene is named"):
+        find_scenes(("bart-kitchen",), tmp_path, resolved)
+    with pytest.raises(SettingsError):
+        PaperOptions(lights=("raytraced",))
+    assert run("bistro-interior", "--out", tmp_path / "out").exit_code == 2
+
+
+@pytest.fixture
+def finished(tmp_path):
+    install("eternal-valley-vr", tmp_path / "cache")
+    done = run("--out", tmp_path / "out", *SMALL, "--lobe", "diffuse")
+    assert done.exit_code == 0, done.output
+    return tmp_path / "out", done
+
+
+def test_everything_from_one_command(finished):
+    out, done = finished
+    assert "estimated time" in done.output
+    values = json.loads((out / "paper.json").read_text())
+    fps, vr = values["scenes"]
+    assert (fps["kind"], vr["kind"]) == (STAND_IN, DATASET)
+    for scene in (fps, vr):  # both are the demo scene
+        assert scene["camera_fps"] == 60.0 and scene["images"]["raster"]["settings"]["fps"] == 24.0
+        assert scene["images"]["raster"]["lobes"]["diffuse"]["direct"]["mean_percent"] >= 0.0
+    settings = Settings(
+        width=32, height=18, pairs="strata:4", light="raster", exposure=1.0, columns=("frustum", "normal")
+    )
+    once = evaluate_scene(DEMO, settings)
+    for name in ("frustum", "normal"):
+        assert vr["images"]["raster"]["discard"][name] == once.summary["discard"][name]
+    whole = evaluate_scene(DEMO, Settings(width=32, height=18, fps=60.0, columns=("frustum",)))
+    assert vr["position"]["mean"] == whole.summary["camera"]["position"]["mean"]
+    assert vr["camera_samples"] == whole.summary["pairs"]
+    assert vr["census"]["dynamic_point_lights"] == whole.summary["census"]["dynamic_point_lights"]
+    residuals = values["thresholds"]["normal"]["residuals"]
+    assert list(residuals) == ["Eternal Valley VR"]
+    page = (out / "paper.html").read_text()
+    assert page.count("data:image/png") == 4 and "http" not in page.partition("<main")[2].replace("http://www.w3", "")
+
+
+def test_rows_are_beside_the_papers_with_the_difference(finished):
+    out, _ = finished
+    lines = [line.split("|") for line in (out / "tables.md").read_text().splitlines() if line.startswith("| ")]
+    labels = [line[1].strip() for line in lines]
+    for row, kind in (("Eternal Valley FPS", STAND_IN), ("Eternal Valley VR", DATASET)):
+        assert f"{row}, {kind}" in labels and f"{row}, {kind}, raster" in labels and f"{row} (paper)" in labels
+    at = labels.index("Eternal Valley VR, dataset")
+    ours, theirs, difference = ([int(cell) for cell in line[2:6]] for line in lines[at : at + 3])
+    assert theirs == [491, 34, 63, 626]
+    assert difference == [a - b for a, b in zip(ours, theirs)]
+    marked = {label for label, line in zip(labels, lines) if any("¹" in cell or "²" in cell for cell in line[2:])}
+    assert {"Eternal Valley FPS, stand-in", "Eternal Valley FPS, stand-in, raster"} <= marked
+    assert not {"Eternal Valley VR, dataset", "Eternal Valley VR, dataset, raster"} & marked
+
+
+def test_the_latex_file_is_well_formed(finished):
+    """Environments and braces nest, every row has the cells of its table, and no special character is bare."""
+    out, _ = finished
+    text = (out / "paper.tex").read_text()
+    stack = []
+    for kind, name in re.findall(r"\\(begin|end)\{(\w+)\}", text):
+        if kind == "begin":
+            stack.append(name)
+        else:
+            assert stack.pop() == name
+    assert not stack and text.rstrip().endswith(r"\end{document}") and text.isascii()
+    assert text.count(r"\begin{table}") == 6 and text.count(r"\toprule") == text.count(r"\bottomrule") == 6
+    plain = re.sub(r"\\.", "", text.replace("\\\\", ""))
+    assert plain.count("{") == plain.count("}")
+    for columns, body in re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\end\{tabular\}", text, re.S):
+        rows = [line for line in body.splitlines() if line.endswith(r"\\")]
+        assert rows and all(len(re.findall(r"(?<!\\)&", line)) == len(columns) - 1 for line in rows)
+        assert not re.findall(r"(?<!\\)[#%_^]", body.replace("$^2$", ""))
+    for file in re.findall(r"\\includegraphics\[.*?\]\{(.*?)\}", text):
+        assert (out / file).is_file()
+
+
+def test_a_repeated_command_draws_nothing(finished, monkeypatch):
+    out, _ = finished
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+
+    def refuse(*_args, **_more):
+        raise AssertionError("a pair was drawn again")
+
+    monkeypatch.setattr("taubench_gl.batch.worker.evaluate_pairs", refuse)
+    monkeypatch.setattr(figures, "evaluate_scene", refuse)
+    again = run("--out", out, *SMALL, "--lobe", "diffuse")
+    assert again.exit_code == 0, again.output
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+def test_an_interrupted_run_continues(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+
+    def interrupt(*_args):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(output, "write_study", interrupt)
+        assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 130
+    assert not (out / "paper.html").exists()
+    monkeypatch.setattr("taubench_gl.batch.worker.evaluate_pairs", interrupt)
+    assert run("eternal-valley-fps", "--out", out, *SMALL).exit_code == 0
+    assert (out / "paper.html").exists()
+
+
+def test_estimate_draws_a_few_frames_and_stops(tmp_path):
+    out = tmp_path / "out"
+    done = run("eternal-valley-fps", "--out", out, *SMALL, "--light", "path-traced", "--spp", "2", "--estimate")
+    assert done.exit_code == 0 and "8 pairs" in done.output and "estimated time" in done.output
+    assert not (out / "runs").exists()
+
+
+def test_the_pair_of_a_figure_is_calm_and_no_cut():
+    rows = [
+        {"frame": 1, "frustum": 0, "normal": 5, "camera_cut": False},
+        {"frame": 2, "frustum": 1, "normal": 9, "camera_cut": True},
+        {"frame": 3, "frustum": 2, "normal": 7, "camera_cut": False},
+        {"frame": 4, "frustum": 90, "normal": 50, "camera_cut": False},
+    ]
+    assert telling_pair(rows, "normal") == 3
+    assert telling_pair(rows, "direct") is None
+
+
+def test_every_row_of_the_registry_is_in_the_paper():
+    names = {scene["name"] for scene in paper_numbers()["scenes"]}
+    assert {entry.paper for entry in scenes.paper_entries(load_registry()).values()} == names
