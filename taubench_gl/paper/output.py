@@ -61,7 +61,7 @@ def write_study(
 def fitted_of(results: Sequence[SceneResult]) -> dict[str, Fitted]:
     """The fit over the datasets among ``results``, by the first light of each; stand-ins are left out."""
     runs = {
-        result.scene.row: (next(iter(result.images.values())).summary, paper_row(result.scene.row)["discard"])
+        result.scene.name: (next(iter(result.images.values())).summary, paper_row(result.scene.row)["discard"])
         for result in results if result.scene.kind == DATASET and result.images
     }  # fmt: skip
     return fit_thresholds(runs)

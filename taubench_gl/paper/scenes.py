@@ -11,6 +11,7 @@ from taubench_gl.datasets.registry import Entry, known_name
 from taubench_gl.datasets.scene_cache import CachedScene, registry_entries
 from taubench_gl.datasets.stand_ins import FITTED, STAND_INS, make_stand_in
 from taubench_gl.errors import DatasetError, TaubenchError
+from taubench_gl.report.tables import paper_numbers
 
 DATASET, STAND_IN = "dataset", "stand-in"
 CAMERA_FPS = 60.0
@@ -46,9 +47,10 @@ class Found:
 
 
 def paper_entries(entries: dict[str, Entry] | None = None) -> dict[str, Entry]:
-    """The scenes of the paper, by their names in the registry."""
+    """The scenes of the paper, by their names in the registry.  Entries with other rows are left out."""
     entries = registry_entries() if entries is None else entries
-    return {name: entry for name, entry in entries.items() if entry.paper is not None}
+    rows = {scene["name"] for scene in paper_numbers()["scenes"]}
+    return {name: entry for name, entry in entries.items() if entry.paper in rows}
 
 
 def find_scenes(names: Sequence[str], folder: Path, resolve: Resolver) -> Found:

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from taubench_gl.apps.cli import cli
-from taubench_gl.datasets.registry import load_registry
+from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.errors import DatasetError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
@@ -26,17 +26,21 @@ DEMO = ASSETS / "demo.glb"
 SMALL = ("--size", "32x18", "--quick")
 
 
-@pytest.fixture(autouse=True)
-def small(monkeypatch, tmp_path):
-    """An empty cache, a stand-in that takes no time, and small figures."""
-    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    """A cache with one dataset, a stand-in that takes no time, and small figures."""
 
     def copy(name, path):
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(DEMO, path)
 
-    monkeypatch.setattr(scenes, "make_stand_in", copy)
-    monkeypatch.setattr(figures, "SIZE", (32, 18))
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TAUBENCH_CACHE", str(folder))
+        patch.setattr(scenes, "make_stand_in", copy)
+        patch.setattr(figures, "SIZE", (32, 18))
+        install("eternal-valley-vr", folder)
+        yield folder
 
 
 def install(name, cache):
@@ -55,7 +59,6 @@ def run(*arguments):
 
 
 def test_datasets_come_before_stand_ins(tmp_path):
-    install("eternal-valley-vr", tmp_path / "cache")
     found = find_scenes((), tmp_path / "made", resolved)
     assert {scene.name: scene.kind for scene in found.scenes} == {
         "eternal-valley-fps": STAND_IN, "eternal-valley-vr": DATASET,
@@ -78,15 +81,15 @@ def test_a_named_scene_that_is_not_there_is_an_error(tmp_path):
         find_scenes(("bart-kitchen",), tmp_path, resolved)
     with pytest.raises(SettingsError):
         PaperOptions(lights=("raytraced",))
-    assert run("bistro-interior", "--out", tmp_path / "out").exit_code == 2
+    assert isinstance(run("bistro-interior", "--out", tmp_path / "out").exception, DatasetError)
 
 
-@pytest.fixture
-def finished(tmp_path):
-    install("eternal-valley-vr", tmp_path / "cache")
-    done = run("--out", tmp_path / "out", *SMALL, "--lobe", "diffuse")
+@pytest.fixture(scope="module")
+def finished(cache, tmp_path_factory):
+    out = tmp_path_factory.mktemp("paper") / "out"
+    done = run("--out", out, *SMALL, "--lobe", "diffuse")
     assert done.exit_code == 0, done.output
-    return tmp_path / "out", done
+    return out, done
 
 
 def test_everything_from_one_command(finished):
@@ -109,7 +112,7 @@ def test_everything_from_one_command(finished):
     assert vr["camera_samples"] == whole.summary["pairs"]
     assert vr["census"]["dynamic_point_lights"] == whole.summary["census"]["dynamic_point_lights"]
     residuals = values["thresholds"]["normal"]["residuals"]
-    assert list(residuals) == ["Eternal Valley VR"]
+    assert list(residuals) == ["eternal-valley-vr"]
     page = (out / "paper.html").read_text()
     assert page.count("data:image/png") == 4 and "http" not in page.partition("<main")[2].replace("http://www.w3", "")
 
@@ -198,6 +201,8 @@ def test_the_pair_of_a_figure_is_calm_and_no_cut():
     assert telling_pair(rows, "direct") is None
 
 
-def test_every_row_of_the_registry_is_in_the_paper():
+def test_the_registry_has_every_row_of_the_paper_and_others_are_left_out():
+    entries = load_registry()
     names = {scene["name"] for scene in paper_numbers()["scenes"]}
-    assert {entry.paper for entry in scenes.paper_entries(load_registry()).values()} == names
+    own = {"mine": Entry(title="mine", format="gltf", paper="another paper's row")}
+    assert {entry.paper for entry in scenes.paper_entries(entries | own).values()} == names

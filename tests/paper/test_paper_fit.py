@@ -67,9 +67,9 @@ def test_features_that_no_run_measured_are_left_out():
 
 def test_stand_ins_never_enter():
     def result(row, kind):
-        scene = PaperScene(row, row, kind, "x.glb", {}, {})
+        scene = PaperScene(row.lower(), row, kind, "x.glb", {}, {})
         return SceneResult(scene, images={"raster": Run(summary(normal=300), [])})
 
     assert fitted_of([result("Eternal Valley VR", STAND_IN)]) == {}
     both = fitted_of([result("Eternal Valley VR", STAND_IN), result("Bistro Interior", DATASET)])
-    assert list(both["normal"].residuals) == ["Bistro Interior"]
+    assert list(both["normal"].residuals) == ["bistro interior"]
