@@ -20,6 +20,7 @@ _LATEX = str.maketrans(
         "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
         "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}",
         "–": "--", "²": "$^2$", "·": r"$\cdot$", "<": "$<$", ">": "$>$", "|": "$|$", "≥": r"$\geq$", "≤": r"$\leq$",
+        "±": r"$\pm$", "×": r"$\times$", "°": r"$^\circ$",
     }
 )  # fmt: skip
 
