@@ -18,7 +18,7 @@ from taubench_gl.gpu.context import Gpu
 from taubench_gl.gpu.shader import ShaderCache
 from taubench_gl.outputs import write_png
 from taubench_gl.viewer.feeds import OpenRequest
-from taubench_gl.viewer.imgui_renderer import BACKGROUND, ImguiRenderer, apply_theme
+from taubench_gl.viewer.imgui_renderer import BACKGROUND, PANEL, ImguiRenderer, apply_theme
 from taubench_gl.viewer.input import Input
 from taubench_gl.viewer.layout import Layout
 from taubench_gl.viewer.model import ViewerModel, free_name
@@ -97,9 +97,19 @@ class Viewer(ViewerModel):
             self._renderer.show(self.engine.magnified)
         framebuffer.use()
         framebuffer.scissor = None
-        framebuffer.clear(*BACKGROUND, 1.0)
+        self._clear(framebuffer, layout)
         self._draw_image(framebuffer, layout)
         self._renderer.render(framebuffer)
+
+    def _clear(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:
+        """Panels and the area of the image: clearing costs a fraction of blending the panels' backgrounds."""
+        scale, (width, height) = framebuffer.size[0] / self.window_size[0], self.window_size
+        left = 0 if layout.left is None else layout.left[2]
+        right = 0 if layout.right is None else layout.right[2]
+        bottom = 0 if layout.bar is None else layout.bar[3]
+        area = (left, bottom, width - left - right, height - bottom)
+        framebuffer.clear(*PANEL, 1.0)
+        framebuffer.clear(*BACKGROUND, 1.0, viewport=tuple(round(n * scale) for n in area))
 
     def _draw_image(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:
         scale, ctx = framebuffer.size[0] / self.window_size[0], self.gpu.ctx

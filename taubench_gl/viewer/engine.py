@@ -256,6 +256,7 @@ class ViewerEngine:
         previous, current = self.shots
         self.pair = reprojection(current.view, previous.view, *self.feed.size)
         coarse = self._lights.active is not None
+        self._lights.draw(state, self.feed, self.shots)  # before the counts, which wait for the geometry
         self._active = self._lights.evaluator if coarse else self._evaluator
         counts = self._active.compare(self.pair, declared=declared, thresholds=state.thresholds)
         self.counts = counts_of(counts.mask_histogram)
@@ -263,7 +264,7 @@ class ViewerEngine:
         self.histograms = dict(zip(FEATURES, counts.histograms, strict=True))
         self.unmeasured = self.source.unmeasured
         if coarse:
-            self._add_light(self._lights.compare(state, self.feed, self.shots, declared))
+            self._add_light(self._lights.compare(state, self.shots, declared))
         self.drawn.masks += 1
 
     def _add_light(self, counts: Counts) -> None:
@@ -445,7 +446,7 @@ class ViewerEngine:
         """Render the scene from the user's camera while the current camera is frozen; its source."""
         if self._observer is None:
             feed = self.feed
-            self._observer = SceneFeed(self.gpu, feed.scene, feed.settings, self.timer, feed.camera)
+            self._observer = feed.beside(feed.settings)
         live = replace(self.feed.live, scale=1.0, stops=0.0)  # the settings of the feed have them
         self._observer.plan(frozenset(VISUALIZATIONS[state.channel].channels), state.switched_off, live)
         self._observer.show_one(shot)

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from taubench_gl.animation import CameraTrack, Poser, View, bounding_sphere, camera_of_run
+from taubench_gl.animation import CameraTrack, FrameState, Poser, View, bounding_sphere, camera_of_run
 from taubench_gl.channels import CHANNELS
 from taubench_gl.conventions import FEATURES
 from taubench_gl.effects.decide import SWITCHABLE, Effect, decide
@@ -83,18 +83,43 @@ class Feed(Protocol):
     def release(self) -> None: ...
 
 
+class KeptPoses(Poser):
+    """Keeps the latest poses: sources of one pair ask for the same times."""
+
+    def __init__(self, scene: Scene):
+        super().__init__(scene)
+        self._kept: dict[float, FrameState] = {}
+
+    def sample(self, t: float) -> FrameState:
+        if t not in self._kept:
+            state = super().sample(t)
+            state.world.flags.writeable = state.visible.flags.writeable = False
+            while len(self._kept) > 3:
+                del self._kept[next(iter(self._kept))]
+            self._kept[t] = state
+        return self._kept[t]
+
+
 class SceneFeed:
     """A rasterized Scene."""
 
     free = True
 
-    def __init__(self, gpu: Gpu, scene: Scene, settings: Settings, timer: Any, camera: CameraTrack | None = None):
+    def __init__(
+        self,
+        gpu: Gpu,
+        scene: Scene,
+        settings: Settings,
+        timer: Any,
+        camera: CameraTrack | None = None,
+        poser: Poser | None = None,
+    ):
         self._gpu, self.scene, self._timer = gpu, scene, timer
         # One sample at the pixel center: the masks belong to the displayed image.
         self.settings = settings.replace(samples_per_pixel=1)
         self.camera = camera or camera_of_run(scene, settings.sequence)
         self.frames = frame_range(scene, self.camera, settings)
-        self._poser = Poser(scene)
+        self._poser = poser or KeptPoses(scene)
         resolved = resolve_lighting(scene, self.settings, self.camera, frames=self.frames, poser=self._poser)
         self.settings, self.lighting = resolved.settings, resolved.reasons
         self.size, self.name = (settings.sequence.width, settings.sequence.height), scene.name
@@ -107,6 +132,10 @@ class SceneFeed:
         self._off: frozenset[str] | None = None
         self._held: list[Any] = [None, None]  # keys of previous and current
         self._shots: dict[int, Shot] = {}
+
+    def beside(self, settings: Settings) -> SceneFeed:
+        """Another feed of the same scene with this camera and these poses."""
+        return SceneFeed(self._gpu, self.scene, settings, self._timer, self.camera, self._poser)
 
     @property
     def effects(self) -> Mapping[str, Effect]:

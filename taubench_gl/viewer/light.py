@@ -62,7 +62,7 @@ class CoarseLight:
 
     def __init__(self, gpu: Gpu, feed: SceneFeed, coarse: Coarse, timer: Any):
         self.coarse = coarse
-        self._feed = SceneFeed(gpu, feed.scene, coarse.settings(feed.settings), timer, feed.camera)
+        self._feed = feed.beside(coarse.settings(feed.settings))
         self._context = GpuContext(gpu, timer=timer)
         self._evaluator: PairEvaluator | None = None
 
@@ -74,15 +74,16 @@ class CoarseLight:
     def mask(self) -> moderngl.Texture:
         return self._evaluator.mask_texture
 
-    def compare(
-        self, shots: tuple[Shot, Shot], declared: int, off: frozenset[str], thresholds: Mapping[str, float]
-    ) -> Counts:
-        """Draw a pair and compare it; its counts, of fewer pixels."""
+    def draw(self, shots: tuple[Shot, Shot], off: frozenset[str]) -> None:
+        """Draw a pair."""
         if self._feed.plan(frozenset(), off, self._feed.live) or self._evaluator is None:
             if self._evaluator is not None:
                 self._evaluator.release()
             self._evaluator = PairEvaluator(self._context, self.source, self._feed.settings, images=True)
         self._feed.show(*shots)
+
+    def compare(self, shots: tuple[Shot, Shot], declared: int, thresholds: Mapping[str, float]) -> Counts:
+        """Counts of the pair drawn, of fewer pixels."""
         pair = reprojection(shots[1].view, shots[0].view, *self._feed.size)
         return self._evaluator.compare(pair, declared=declared, thresholds=thresholds)
 
@@ -98,7 +99,7 @@ class Refiner:
     def __init__(self, gpu: Gpu, feed: SceneFeed, off: frozenset[str], timer: Any):
         self._gpu = gpu
         settings = feed.settings.replace(light="path-traced", indirect=AUTO, spp=1, pattern="independent")
-        self._feed = SceneFeed(gpu, feed.scene, settings, timer, feed.camera)
+        self._feed = feed.beside(settings)
         self._feed.plan(frozenset(), off, self._feed.live)
         size = self._feed.size
         self._shaders = ShaderCache(gpu.ctx)
@@ -181,7 +182,7 @@ class Lights:
     def geometry(self, state: ViewerState, feed: SceneFeed, extra: frozenset[str]) -> SceneFeed:
         """The feed without light, with channels ``extra``."""
         if self._geometry is None:
-            self._geometry = SceneFeed(self._gpu, feed.scene, feed.settings, self._timer, feed.camera)
+            self._geometry = feed.beside(feed.settings)
         if self._geometry.plan(extra - UNLIT, state.switched_off | UNLIT, self._geometry.live):
             if self._evaluator is not None:
                 self._evaluator.release()
@@ -194,13 +195,19 @@ class Lights:
         """Compares pairs of ``geometry``."""
         return self._evaluator
 
-    def compare(self, state: ViewerState, feed: SceneFeed, shots: tuple[Shot, Shot], declared: int) -> Counts:
-        """Counts of a pair with ``active`` light."""
+    def draw(self, state: ViewerState, feed: SceneFeed, shots: tuple[Shot, Shot]) -> None:
+        """Draw a pair with ``active`` light, if that is coarse."""
+        if self.active is None:
+            return
         if self._coarse is None or self._coarse.coarse != self.active:
             if self._coarse is not None:
                 self._coarse.release()
             self._coarse = CoarseLight(self._gpu, feed, self.active, self._timer)
-        return self._coarse.compare(shots, declared, state.switched_off, state.thresholds)
+        self._coarse.draw(shots, state.switched_off)
+
+    def compare(self, state: ViewerState, shots: tuple[Shot, Shot], declared: int) -> Counts:
+        """Counts of the pair drawn with ``active`` light."""
+        return self._coarse.compare(shots, declared, state.thresholds)
 
     @property
     def coarse(self) -> CoarseLight | None:

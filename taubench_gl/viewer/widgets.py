@@ -14,7 +14,7 @@ from taubench_gl.viewer.model import ViewerModel
 FIXED = (
     imgui.WindowFlags_.no_move.value | imgui.WindowFlags_.no_resize.value | imgui.WindowFlags_.no_collapse.value
     | imgui.WindowFlags_.no_title_bar.value | imgui.WindowFlags_.no_saved_settings.value
-    | imgui.WindowFlags_.no_nav.value
+    | imgui.WindowFlags_.no_nav.value | imgui.WindowFlags_.no_background.value
 )  # fmt: skip
 _FAINT = ImVec4(*FAINT, 1.0)
 
