@@ -153,8 +153,8 @@ def test_missing_packages_and_weights_are_refused(monkeypatch, tmp_path):
 
 
 def test_color_video_vdp_of_equal_and_noisy_sequences():
+    pytest.importorskip("pycvvdp")  # first: torch takes long to import
     pytest.importorskip("torch")
-    pytest.importorskip("pycvvdp")
     try:
         measure = open_perceptual(("cvvdp",), 24.0).cvvdp
     except SettingsError as error:  # installed, but of other versions than its parts need
