@@ -42,13 +42,17 @@ def _draw(
     front: Sequence[str],
     floor: float | None,
 ) -> None:
-    """Points with the spread of their times; the front as steps, as only measured configurations are available."""
+    """Points with the spread of their times; the front as steps, as only measured configurations are available.
+
+    Names that would cover another are left out, those of levels last.
+    """
     positive = [e for e in (*errors.values(), floor or 0.0) if e > 0.0]
     bottom = 0.5 * min(positive, default=0.01)  # errors of 0 are drawn here
 
     def height(name: str) -> float:
         return max(errors[name], bottom)
 
+    named: dict[bool, list[Any]] = {True: [], False: []}
     for role, marker in MARKERS.items():
         group = [p for p in points if p["role"] == role and p["name"] in errors]
         if group:
@@ -61,8 +65,9 @@ def _draw(
         for p in group:
             if role in NAMED or p["name"] in front:
                 at = (p["ms"]["median"], height(p["name"]))
-                axes.annotate(
-                    "\n".join(wrap(p["label"], 36)[:2]), at, textcoords="offset points", xytext=(6, 6), fontsize=7
+                text = "\n".join(wrap(p["label"], 36)[:2])
+                named[role in NAMED].append(
+                    axes.annotate(text, at, textcoords="offset points", xytext=(6, 6), fontsize=7)
                 )
     times = {p["name"]: p["ms"]["median"] for p in points if p["ms"]}
     steps = [(times[name], height(name)) for name in front if name in errors]
@@ -73,9 +78,17 @@ def _draw(
     axes.set(xscale="log", yscale="log")
     for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         axis.set_major_formatter(lambda value, _: f"{value:g}")
-        digits = "123456789" if high < 3 * low else "235" if high < 30 * low else ""  # powers of ten are too few
+        digits = (
+            "123456789" if high < 3 * low else "235" if high < 30 * low else "3" if high < 300 * low else ""
+        )  # powers of ten are too few
         axis.set_minor_formatter(lambda value, _, digits=digits: f"{value:g}" if f"{value:e}"[0] in digits else "")
     axes.legend(frameon=False, fontsize=8, loc="best")
+    axes.figure.canvas.draw()  # texts have their places from now on
+    kept: list[Any] = []
+    for text in (*named[True], *named[False]):
+        box = text.get_window_extent()
+        text.set_visible(not any(box.overlaps(other) for other in kept))
+        kept += [box] * text.get_visible()
 
 
 def _title(study: Study) -> str:
