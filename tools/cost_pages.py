@@ -11,6 +11,7 @@ import json
 import shutil
 import statistics
 import sys
+import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -41,20 +42,31 @@ much of the light: errors near it say little."""
 def main() -> int:
     out, docs = Path(sys.argv[1]), Path(sys.argv[2])
     studies, again, answers = read(out), read(out / "again"), read(out / "answers")
-    parts = [ABOUT, "## Levels", level_table(), "## Recommendations on all scenes", *scene_table(studies, again)]
+    parts = [
+        ABOUT,
+        "## Levels",
+        level_table(),
+        figure(docs),
+        "## Recommendations on all scenes",
+        *scene_table(studies, again),
+    ]
     parts += ["## The defaults", defaults_text(studies)]
-    (out / "figures").mkdir(exist_ok=True)
     for name, study in answers.items():
         about = f"{study['pairs']} pairs, {', '.join(study['columns'])}; {study['date']}"
         parts += [f"## Five minutes at {'x'.join(map(str, study['size']))}: {name}", about]
         parts += ["\n".join(f"- {line}" for line in answer(study))]
-        parts += [f"![Mask error against time, {name}](images/cost-{name}.png)"]
-        plot_study(study, out / "figures")
-        shutil.copy(out / "figures" / "front.png", docs / "images" / f"cost-{name}.png")
     record = json.loads((docs / "cost-optuna.json").read_text(encoding="utf-8"))
     parts += ["## A search instead of declared configurations", optuna_table(record)]
     (docs / "cost-measured.md").write_text("\n\n".join(map(str.strip, parts)) + "\n", encoding="utf-8")
     return 0
+
+
+def figure(docs: Path) -> str:
+    """The figure of the study that the levels are made of."""
+    with tempfile.TemporaryDirectory() as folder:
+        plot_study(json.loads((docs / "cost-levels.json").read_text(encoding="utf-8")), Path(folder))
+        shutil.copy(Path(folder) / "front.png", docs / "images" / "cost-demo.png")
+    return "![Mask error against time, demo](images/cost-demo.png)"
 
 
 def read(folder: Path) -> dict[str, Study]:
@@ -119,7 +131,8 @@ def scene_table(studies: Mapping[str, Study], again: Mapping[str, Study]) -> lis
         rows.append([name, *row, *(facts(s) for s in (study, second) if s is not None)])
         rows[-1] += [""] * (8 - len(rows[-1]))
     heads = ("recommended", "on the front", "beaten by", "run again", "configurations timed", "first run", "second run")
-    title = f"{'x'.join(map(str, first['size']))}, {first['machine']['renderer']}, {first['machine']['cores']} cores"
+    where = f"{first['machine']['renderer']}, {first['machine']['cores']} cores; clock: {first['clock']}"
+    title = f"{'x'.join(map(str, first['size']))}, {where}"
     words = (
         "Beaten: by a measured configuration that is better beyond noise in time or exactness and not worse in the "
         "other. Runs: samples per pixel of the reference; noise floor, and that of half the samples; rounds; share of "
