@@ -30,7 +30,7 @@ from taubench_gl.viewer.state import (
     set_variable,
 )
 from taubench_gl.viewer.thresholds_panel import ThresholdsPanel
-from taubench_gl.viewer.widgets import FIXED, Widgets, bar, wrapped
+from taubench_gl.viewer.widgets import FIXED, PANEL_FLAGS, Widgets, bar, wrapped
 
 LOGARITHMIC = imgui.SliderFlags_.logarithmic.value
 
@@ -73,7 +73,7 @@ class Panels:
     def _window(self, name: str, rect: Rect, body: Callable[[], None]) -> None:
         imgui.set_next_window_pos(ImVec2(rect[0], rect[1]))
         imgui.set_next_window_size(ImVec2(rect[2], rect[3]))
-        imgui.begin(name, None, FIXED)
+        imgui.begin(name, None, PANEL_FLAGS)
         body()
         imgui.end()
 

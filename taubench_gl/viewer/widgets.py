@@ -14,8 +14,10 @@ from taubench_gl.viewer.model import ViewerModel
 FIXED = (
     imgui.WindowFlags_.no_move.value | imgui.WindowFlags_.no_resize.value | imgui.WindowFlags_.no_collapse.value
     | imgui.WindowFlags_.no_title_bar.value | imgui.WindowFlags_.no_saved_settings.value
-    | imgui.WindowFlags_.no_nav.value | imgui.WindowFlags_.no_background.value
+    | imgui.WindowFlags_.no_nav.value
 )  # fmt: skip
+PANEL_FLAGS = FIXED | imgui.WindowFlags_.no_background.value
+"""Of panels, whose background the window has already: blending it costs milliseconds without a GPU."""
 _FAINT = ImVec4(*FAINT, 1.0)
 
 
