@@ -27,8 +27,8 @@ Array = np.ndarray
 SIZE = (480, 270)
 DEGREES = 25.0
 TURNS = {"pitch": ("upwards", (1.0, 0.0, 0.0)), "yaw": ("to the left", (0.0, 1.0, 0.0)), "roll": ("", (0.0, 0.0, 1.0))}
-STILL_FPS = 1e4
-"""The scene moves by a ten-thousandth of a second while the camera of Figure 1 rotates."""
+STILL_FPS = 1e3
+"""The scene moves by a thousandth of a second while the camera of Figure 1 rotates."""
 
 SPP = 64
 """Most samples per pixel of path-traced light in the figures."""
@@ -74,11 +74,9 @@ def figure_1(scene: Scene, settings: Settings, path: Path) -> Path:
 
     ``settings``: of the images.  Writes a PNG.  Raises TaubenchError.
     """
-    first = settings.sequence.frames[0] or 0
-    track, start = camera_of_run(scene, settings.sequence), Poser(scene).sample(first / settings.sequence.fps)
-    begin = round(start.time * STILL_FPS)
+    begin = round((settings.sequence.frames[0] or 0) / settings.sequence.fps * STILL_FPS)
+    track, start = camera_of_run(scene, settings.sequence), Poser(scene).sample(begin / STILL_FPS)
     small = _small(settings, ("frustum", "color"), fps=STILL_FPS, frames=(begin, begin + 2))
-    start = Poser(scene).sample(begin / STILL_FPS)
     sheet = Sheet(2, 2, SIZE[0] / SIZE[1])
     for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
         shown, _ = _pair(scene, small, Rotated(track, vector, start))

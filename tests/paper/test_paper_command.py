@@ -28,7 +28,7 @@ SMALL = ("--size", "32x18", "--quick")
 
 @pytest.fixture(scope="module", autouse=True)
 def cache(tmp_path_factory):
-    """A cache with one dataset, a stand-in that takes no time, and small figures."""
+    """A cache with one dataset, a stand-in that takes no time, and small figures with few panels."""
 
     def copy(name, path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -39,6 +39,8 @@ def cache(tmp_path_factory):
         patch.setenv("TAUBENCH_CACHE", str(folder))
         patch.setattr(scenes, "make_stand_in", copy)
         patch.setattr(figures, "SIZE", (32, 18))
+        patch.setattr(figures, "TURNS", {"yaw": figures.TURNS["yaw"]})
+        patch.setattr(figures, "COLUMNS", {name: figures.COLUMNS[name] for name in ("normal", "direct")})
         install("eternal-valley-vr", folder)
         yield folder
 
