@@ -29,7 +29,7 @@ def run(capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize("arguments", [(), ("--list",), ("--list", "--all")])
 def test_without_a_name_the_demos_are_listed(run, arguments, tmp_path):
     code, out, _ = run(*arguments)
-    assert code == 0 and len(out.splitlines()) == 16
+    assert code == 0 and len(out.splitlines()) == 17
     assert re.match(r" 1  rotations +\w+", out) and "11  cost" in out
     assert list(tmp_path.iterdir()) == []
 
@@ -68,7 +68,7 @@ def test_a_wrong_number_is_exit_code_1(run, monkeypatch):
     ("arguments", "named"),
     [
         (("ghost-busters",), "ghost-busters"),
-        (("17",), "16"),
+        (("18",), "17"),
         (("r",), "rotations"),
         (("--all", "half"), "--all"),
         (("half", "--size", "16x9"), "160x90"),

@@ -13,6 +13,7 @@ from taubench_gl.demos.lessons import (
     ground,
     half,
     jitter,
+    lock,
     noise,
     occlusion,
     relative,
@@ -25,7 +26,7 @@ from taubench_gl.errors import SettingsError
 
 __all__ = [
     "behind", "cost", "counting", "demos", "exposure", "features", "find_demo", "ghosting", "ground", "half", "jitter",
-    "noise", "occlusion", "relative", "rotations", "samples", "sampling", "thresholds",
+    "lock", "noise", "occlusion", "relative", "rotations", "samples", "sampling", "thresholds",
 ]  # fmt: skip
 
 

@@ -1,0 +1,181 @@
+"""Demo 17: an upscaler loses features thinner than a pixel unless it locks them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from taubench_gl.animation import choose_camera
+from taubench_gl.conventions import Reason
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, as_bytes, enlarged, note
+from taubench_gl.demos.stage import Props, Stage
+from taubench_gl.metrics.color import display_color
+from taubench_gl.reuse.evaluate import MethodSpec, method_settings
+from taubench_gl.reuse.frame import read_result
+from taubench_gl.reuse.input_kind import parse_input
+from taubench_gl.reuse.inputs import InputRequest, RasterInputs
+from taubench_gl.reuse.loading import load_method
+from taubench_gl.reuse.runner import MethodRunner
+from taubench_gl.scene.model import Scene
+from taubench_gl.selftest.scenes import quad, turn
+
+Array = np.ndarray
+YFOV, DEPTH = np.radians(42.0), 4.0
+SLOPE = 1.0 / 7.3  # pixels to the right per pixel upwards
+DARK, BRIGHT = 0.1, 0.25
+OUTPUT = (160, 90)  # pixels of the result; the input has half of them along each side
+WIDTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the line, pixels of the result
+WIDTH = 0.5
+PERIOD = 32  # frames after which the jitter repeats
+START = 2 * PERIOD  # first frame of the measured period
+SIDE = 12  # pixels to either side of the line that are summed
+METHODS = {"with locks": "fsr2-class", "without locks": "fsr2-class@thin_ratio=4"}
+"""thin_ratio 4: no feature is thin, because the line is only 2.5 times as bright as the wall."""
+
+
+def scene(width: float = WIDTH) -> Scene:
+    """A dark wall and a brighter slanted line, ``width`` pixels of OUTPUT wide, both emissive.  Nothing moves."""
+    b = Props()
+    dark, bright = (b.material(base_color=(0, 0, 0, 1), emissive=(v, v, v), specular=0.0) for v in (DARK, BRIGHT))
+    lean = float(np.arctan(SLOPE))
+    b.thing(quad(12.0, 8.0, material=dark), translation=(0, 0, -DEPTH - 0.01))
+    half = 0.5 * width * np.cos(lean) * DEPTH / (0.5 * OUTPUT[1] / np.tan(0.5 * YFOV))
+    b.thing(quad(half, 12.0, material=bright), translation=(0, 0, -DEPTH), rotation=turn((0, 0, 1), -np.degrees(lean)))
+    camera = b.camera(yfov=YFOV, znear=0.05)
+    b.animate(camera, "translation", [0.0, float(START + PERIOD)], [(0, 0, 0), (0, 0, 0)])
+    return b.build()
+
+
+def upscaled(stage: Stage, width: float) -> dict[str, Array]:
+    """The results of a whole period of the jitter, 0 on the wall and 1 on the line, by name.  (PERIOD, h, w)."""
+    what, method = scene(width), load_method("fsr2-class")
+    settings = stage.settings(reprojection="motion", environment="none", width=OUTPUT[0], height=OUTPUT[1])
+    request = InputRequest(stage.gpu, what, choose_camera(what), settings, parse_input("jittered+upscale@2"))
+    inputs = RasterInputs(request, {*method.reads, "radiance"})
+    runners = {
+        name: MethodRunner(
+            stage.gpu, method, OUTPUT, method_settings(method, MethodSpec.parse(text).settings), input_size=inputs.size
+        )
+        for name, text in METHODS.items()
+    }
+    found: dict[str, list[Array]] = {name: [] for name in METHODS}
+    try:
+        for frame in range(START + PERIOD):
+            given = inputs.advance(frame)
+            for name, runner in runners.items():
+                result = runner.step(given)
+                if frame >= START:
+                    found[name].append(read_result(result)[..., 0].astype(np.float64))
+    finally:
+        for part in (*runners.values(), inputs):
+            part.release()
+    return {name: (np.stack(images) - DARK) / (BRIGHT - DARK) for name, images in found.items()}
+
+
+def band(images: Array) -> Array:
+    """The part around the line that is inside the image.  (n, h, w) -> (n, rows, columns)."""
+    height, width = images.shape[1:]
+    return images[:, height // 6 : -(height // 6), width // 2 - SIDE : width // 2 + SIDE]
+
+
+def kept(images: Array, width: float) -> float:
+    """Percent of the light of the line that is left in the mean of the images: its sum per row over its width."""
+    return 100.0 * float(band(images).sum(axis=2).mean()) / width
+
+
+def flicker(images: Array) -> float:
+    """Standard deviation over time of the light of the line in a row, percent of its mean."""
+    light = band(images).sum(axis=2)
+    return 100.0 * float(light.std(axis=0).mean() / light.mean())
+
+
+def raw_flicker(width: float) -> float:
+    """``flicker`` of a line that is visible only in frames that sample it, percent.
+
+    In a row of the input, half as many pixels, a sample meets it in width / 2 of all frames, p: sqrt((1 - p) / p).
+    """
+    share = min(0.5 * width, 1.0)
+    return 100.0 * float(np.sqrt((1.0 - share) / share))
+
+
+@demo(
+    17,
+    "lock",
+    "What an upscaler's lock keeps",
+    idea="An upscaler of FSR 2's kind renders a quarter of the pixels and collects the others over jittered frames. "
+    "A line thinner than a pixel is met by a sample only now and then. In the frames between, rectification finds no "
+    "such color nearby and removes the line from history. A lock keeps the history of thin features.",
+    look_for=(
+        "Top: the same line after 96 frames, with and without locks, and the mean light of the line that is left.",
+        "Without locks the line is gone although samples of it arrive in every frame somewhere.",
+        "The plot: thin lines depend on locks. A line that every frame samples needs none.",
+    ),
+    question=Question(
+        "A still line is half a pixel wide and brighter than its surroundings. Which share of its light does "
+        "the upscaled image show without locks?",
+        0.0,
+        120.0,
+    ),
+    opening=Opening((Reason.POSITION,), settings={"environment": "none"}),
+    scene=scene,
+    see_also=(("the stages of fsr2-class", "reuse.md"),),
+)
+def run(stage: Stage, out: Path) -> Result:
+    images = {width: upscaled(stage, width) for width in WIDTHS}
+    light = {name: [kept(images[width][name], width) for width in WIDTHS] for name in METHODS}
+    locked, bare = METHODS
+    sheet = Sheet(2, 1, OUTPUT[0] / OUTPUT[1], below=330, legend=False)
+    for place, name in enumerate(METHODS):
+        axes = sheet.panel(place, 0, detail(images[WIDTH][name][-1]), f"{name}: a line {WIDTH:g} px wide")
+        note(
+            axes, f"{light[name][WIDTHS.index(WIDTH)]:.1f} % of the light, flicker {flicker(images[WIDTH][name]):.0f} %"
+        )
+    _plot(sheet, light)
+    path = sheet.save(out / "17-lock.png")
+    at, most = WIDTHS.index(WIDTH), raw_flicker(WIDTH)
+    findings = (
+        Finding(light[bare][at], "%", "of the light of the line is left without locks",
+                Expected.between(0.0, 25.0, "only frames that sample it show it: at most p = width / 2 of all", 0), 1),
+        Finding(light[locked][at], "%", "of its light is left with locks",
+                Expected.between(50.0, 110.0, "the mean of the samples is the whole light; the first hit after a gap "
+                                 "is still rectified", 0), 1),
+        Finding(flicker(images[WIDTH][locked]), "%", "is the flicker with locks",
+                Expected.between(0.0, 0.1 * most, "a frame has a weight of 0.74 in about 12.74: a tenth of the flicker "
+                                 "of the samples, sqrt((1 - p) / p)", 0), 1),
+        Finding(flicker(images[WIDTH][bare]), "%", "is the flicker without locks",
+                Expected.between(0.5 * most, 1.5 * most, "that of the samples, sqrt((1 - p) / p); ± half", 0), 1),
+    )  # fmt: skip
+    parameter = Parameter(
+        "width of the line", "px", WIDTHS, "of its light is left without locks", "%", tuple(light[bare]),
+        tuple(None if width < 2.0 else 100.0 for width in WIDTHS), (5.0,) * len(WIDTHS),
+        "a line that every frame samples keeps its light; ± 5 %", start=at, digits=1,
+        images=tuple(detail(images[width][bare][-1]) for width in WIDTHS), note="Without locks, after 96 frames.",
+    )  # fmt: skip
+    caption = "A thin line in a result of fsr2-class with and without locks, and its light against its width."
+    colors = {"with": (0, 158, 115), "without": (213, 94, 0)}
+    return Result(findings, (Figure(path, caption, colors),), parameter)
+
+
+def detail(image: Array) -> Array:
+    """The middle of an image (h, w) of 0 to 1, as a display color."""
+    height, width = image.shape
+    part = enlarged(image, width // 2 - 32, height // 2 - 18, 64, 36)
+    radiance = np.repeat(np.maximum(DARK + (BRIGHT - DARK) * part, 0.0)[..., None], 3, axis=-1)
+    return as_bytes(display_color(radiance, 2.0))
+
+
+def _plot(sheet: Sheet, light: Mapping[str, list[float]]) -> None:
+    axes = sheet.plot(
+        88, sheet.grid_bottom + 40, 1150, 226, xscale="log", ylim=(0, 115),
+        ylabel="light of the line, %", xlabel="width of the line, pixels of the result",
+        title="Light that is left, mean of a period of the jitter",
+    )  # fmt: skip
+    axes.axhline(100.0, color=BLUE, linewidth=1.6, label="mean of the samples")
+    for (name, values), color in zip(light.items(), (GREEN, ORANGE)):
+        axes.plot(WIDTHS, values, "o-", color=color, linewidth=2, markersize=8, label=name)
+    axes.minorticks_off()
+    axes.set_xticks(WIDTHS, [f"{width:g}" for width in WIDTHS])
+    axes.legend(frameon=False, fontsize=12, loc="center right")
