@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cost_levels import chosen_points
 
 from taubench_gl.cost.analysis import MaskError, Point, compare_errors, compare_times, time_of
 from taubench_gl.cost.preset import LEVELS
@@ -62,9 +63,12 @@ def main() -> int:
 
 
 def figure(docs: Path) -> str:
-    """The figure of the study that the levels are made of."""
+    """The figure of the study that the levels are made of, with their names."""
+    study = json.loads((docs / "cost-levels.json").read_text(encoding="utf-8"))
+    for level, point in chosen_points(study).items():
+        point |= {"label": level, "role": "baseline" if level == "balanced" else "level"}
     with tempfile.TemporaryDirectory() as folder:
-        plot_study(json.loads((docs / "cost-levels.json").read_text(encoding="utf-8")), Path(folder))
+        plot_study(study, Path(folder))
         shutil.copy(Path(folder) / "front.png", docs / "images" / "cost-demo.png")
     return "![Mask error against time, demo](images/cost-demo.png)"
 
