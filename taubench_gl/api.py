@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURE_BIT, Reason
+from taubench_gl.conventions import FEATURE_BIT, FEATURES, Reason
 from taubench_gl.errors import OutputError, SettingsError
 from taubench_gl.evaluation import (
     Observers,
@@ -39,7 +39,7 @@ from taubench_gl.pathtraced.evaluation import (
 from taubench_gl.pathtraced.sequence import is_sequence
 from taubench_gl.pathtraced.source import PathTracedSource
 from taubench_gl.report import save_mask_image, write_report
-from taubench_gl.report.frame_store import FrameRecorder
+from taubench_gl.report.frame_store import FrameRecorder, PlaneRecorder
 from taubench_gl.report.page import REPORT_FILE
 from taubench_gl.report.run_page import ReportRun, write_html_report
 from taubench_gl.run import FRAMES_FILE, Progress, Run, total_discards
@@ -47,6 +47,8 @@ from taubench_gl.scene.model import Scene
 from taubench_gl.settings import FIELDS, Settings, unknown_setting
 
 SAVES = ("masks", "channels")
+FULL = "full"
+"""Kind of report with the distances of every pixel."""
 SAVED_CHANNELS = ("position", "normal", "geometric_normal", "base_color", "material", "emission", "ids")
 _GEOMETRY_REASONS = (Reason.BEHIND, Reason.OUTSIDE, Reason.DISOCCLUDED, Reason.OCCLUDING)
 _LIGHT_REASONS = {"direct": (Reason.LIT, Reason.SHADOWED)}
@@ -61,7 +63,7 @@ def evaluate(
     *,
     out: str | Path | None = None,
     save: str | Collection[str] = (),
-    report: bool = False,
+    report: bool | str = False,
     progress: Callable[[Progress], None] | None = None,
     on_pair: Callable[[Pair], None] | None = None,
     **options: Any,
@@ -75,7 +77,8 @@ def evaluate(
     ``lobes`` (``diffuse``, ``glossy``) measures direct and indirect of these lobes apart, of any scene.
     ``out``: the folder for summary.json, frames.csv, tables, plots and the mask image of the worst frame.  ``save``
     adds, per pair, ``masks`` (images, and arrays in .npz) and ``channels`` (arrays in .npz).  ``report`` adds
-    report.html, one self-contained page, and the folder ``images`` with the images on it.  ``progress`` and
+    report.html, one self-contained page, and the folder ``images`` with the images on it; ``report="full"`` stores the
+    distances of every pixel too, so that the page redraws the masks at other thresholds.  ``progress`` and
     ``on_pair`` are called once per pair; the images of a ``Pair`` are on the GPU until ``on_pair`` returns.
 
     Raises TaubenchError; for a name that does not exist with the nearest one.
@@ -83,24 +86,39 @@ def evaluate(
     >>> run = evaluate("scene.glb", size="640x360", frames=range(0, 24))  # doctest: +SKIP
     """
     _require_callable(progress=progress, on_pair=on_pair)
-    if not isinstance(report, bool):
-        raise SettingsError(f"report is {report!r:.60}", hint="give True or False")
+    if not isinstance(report, bool) and report != FULL:
+        raise SettingsError(f"report is {report!r:.60}", hint=f"give True, False or {FULL!r}")
     own = ("settings", "out", "save", "report", "progress", "on_pair")
     settings, path_traced = _settings_of(scene, settings, options, own)
     saved = _saves(save)
     folder = _folder(out)
     if folder is None and (saved or report):
         raise SettingsError("save and report need an output folder", hint="give out")
-    saver = None if folder is None else _Saver(folder, saved, FrameRecorder(folder) if report else None, on_pair)
+    recorder = _recorder(folder, report, settings) if folder is not None and report else None
+    saver = None if folder is None else _Saver(folder, saved, recorder, on_pair)
     observers = Observers(
         progress,
         saver or on_pair,
         SAVED_CHANNELS if "channels" in saved else (),
-        on_finish=None if saver is None else lambda run: _write_views(run, saver, report),
+        distances=report == FULL,
+        on_finish=None if saver is None else lambda run: _write_views(run, saver, bool(report)),
     )
     if is_sequence(scene):
         return evaluate_path_traced(scene, settings, path_traced, observers, out=folder)
     return evaluate_scene(_readable(scene), settings, observers, out=folder, lobes=path_traced.lobes)
+
+
+def _recorder(folder: Path, report: bool | str, settings: Settings) -> FrameRecorder:
+    """The recorder of the report's images; with ``report`` FULL also of distances.  Raises SettingsError."""
+    if report != FULL:
+        return FrameRecorder(folder)
+    if settings.metrics.samples_per_pixel > 1:
+        what = "a full report holds one distance per pixel"
+        raise SettingsError(
+            what, hint="leave samples_per_pixel out, or make a plain report", setting="samples_per_pixel"
+        )
+    thresholds = {feature: settings.metrics.threshold(feature) for feature in FEATURES}
+    return FrameRecorder(folder, PlaneRecorder(thresholds, {"position": settings.metrics.unit_scale}))
 
 
 def _write_views(run: Run, saver: _Saver, report: bool) -> None:
@@ -273,7 +291,8 @@ class _Saver:
             self._worst = (discarded, pair.frame, pair.mask, shaded(pair))
         if self._recorder is not None:
             images = shaded(pair), shaded(pair, previous=True)
-            self._recorder.add(pair.frame, discarded, *images, pair.mask, pair.motion)
+            distances = pair.distances if self._recorder.distances else None
+            self._recorder.add(pair.frame, discarded, *images, pair.mask, pair.motion, distances)
         try:
             if "masks" in self._save:
                 self._save_masks(pair)

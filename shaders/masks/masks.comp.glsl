@@ -3,7 +3,8 @@
 // Paper      Eq. (3); section 3.2, f_B.
 // Reads      current and history channels: position (xyz relative to its own camera, w = planar depth, 0 = sky), normal,
 //            and, where enabled, prev_position, ids, direct, indirect, color.
-// Writes     mask (reason bits), motion (previous - current, pixels, +y up).
+// Writes     mask (reason bits), motion (previous - current, pixels, +y up), distances (position, normal, direct,
+//            indirect) and changes (color, depth, luminance), 0 where nothing is compared.
 // Counts     mask_histogram[mask]: pixels per mask of 16 reason bits, of which every count is a sum; a histogram of each
 //            feature's distance.
 // Reference  metrics.masks.pair_masks
@@ -130,6 +131,12 @@ void count_distance(int feature, float distance) {
     if (bin > 0u) atomicAdd(histograms[feature * HISTOGRAM_BINS + int(bin)], 1u);
 }
 
+#if WRITE_DISTANCES
+vec4 pixel_distances = vec4(0.0); // position, normal, direct, indirect, as compared with the thresholds
+vec4 pixel_changes = vec4(0.0); // x: distance of color, y: depth behind the history surface (inf: no surface in one of
+                                // the frames), z: change of direct luminance
+#endif
+
 // f_B for every feature.  q: where this surface point was, relative to the previous camera.
 uint compare(Sample now, vec3 q, Sample before) {
     uint mask = 0u;
@@ -140,38 +147,57 @@ uint compare(Sample now, vec3 q, Sample before) {
     if (surface != history_surface) {
         mask |= POSITION | NORMAL | (surface ? OCCLUDING : DISOCCLUDED);
         moved = turned = inf;
+#if WRITE_DISTANCES
+        pixel_changes.y = surface ? -inf : inf;
+#endif
     } else if (surface) {
         moved = distance(q, before.position.xyz);
+        float nearer = length(q) - length(before.position.xyz);
         if (moved > P.threshold_position) {
             mask |= POSITION;
-            float nearer = length(q) - length(before.position.xyz);
             if (nearer > P.threshold_position) mask |= DISOCCLUDED;
             else if (-nearer > P.threshold_position) mask |= OCCLUDING;
         }
         turned = distance(now.normal, before.normal);
         if (turned > P.threshold_normal) mask |= NORMAL;
+#if WRITE_DISTANCES
+        pixel_changes.y = nearer;
+#endif
     }
     count_distance(FEATURE_POSITION, moved); // outside the branches: one atomic for both
     count_distance(FEATURE_NORMAL, turned);
+#if WRITE_DISTANCES
+    pixel_distances.xy = vec2(moved, turned);
+#endif
 #if HAS_DIRECT
     vec3 change = (now.direct - before.direct) * P.exposure;
     float direct_distance = length(change);
+    float luminance = dot(change, vec3(0.2126, 0.7152, 0.0722));
     if (direct_distance > P.threshold_direct) {
-        float luminance = dot(change, vec3(0.2126, 0.7152, 0.0722));
         mask |= DIRECT | (luminance > 0.0 ? LIT : luminance < 0.0 ? SHADOWED : 0u);
     }
     count_distance(FEATURE_DIRECT, direct_distance);
+#if WRITE_DISTANCES
+    pixel_distances.z = direct_distance;
+    pixel_changes.z = luminance;
+#endif
 #endif
 #if HAS_INDIRECT
     float indirect_distance = distance(now.indirect, before.indirect) * P.exposure;
     if (indirect_distance > P.threshold_indirect) mask |= INDIRECT;
     count_distance(FEATURE_INDIRECT, indirect_distance);
+#if WRITE_DISTANCES
+    pixel_distances.w = indirect_distance;
+#endif
 #endif
 #if HAS_COLOR
     vec3 d = abs(now.color - before.color);
     float color_distance = max(d.x, max(d.y, d.z));
     if (color_distance > P.threshold_color) mask |= COLOR;
     count_distance(FEATURE_COLOR, color_distance);
+#if WRITE_DISTANCES
+    pixel_changes.x = color_distance;
+#endif
 #endif
     return mask;
 }
@@ -228,6 +254,9 @@ void main() {
     for (int i = 0; i < PIXELS_EACH; ++i, pixel.x += GROUP_X) {
         if (any(greaterThanEqual(pixel, P.size.xy))) break;
         vec2 motion;
+#if WRITE_DISTANCES
+        pixel_distances = pixel_changes = vec4(0.0);
+#endif
         uint mask = classify(pixel, motion);
         if (mask != word && run > 0u) {
             atomicAdd(mask_histogram[word], run);
@@ -240,6 +269,10 @@ void main() {
 #endif
 #if WRITE_MOTION
         imageStore(motion_out, pixel, vec4(motion, 0.0, 0.0));
+#endif
+#if WRITE_DISTANCES
+        imageStore(distances_out, pixel, pixel_distances);
+        imageStore(changes_out, pixel, pixel_changes);
 #endif
     }
     if (run > 0u) atomicAdd(mask_histogram[word], run);

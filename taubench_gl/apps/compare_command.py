@@ -18,7 +18,9 @@ Examples:
   taubench-gl compare out/sponza out/bistro
   taubench-gl compare out/* --no-paper --format csv > runs.csv
   taubench-gl compare out/sponza --format latex > tables.tex
-  taubench-gl compare reuse-a reuse-b"""
+  taubench-gl compare reuse-a reuse-b
+\b
+A page that shows runs side by side: 'taubench-gl report RUN RUN --out both.html'."""
 )
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 @click.option(

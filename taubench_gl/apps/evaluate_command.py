@@ -39,6 +39,7 @@ Examples:
   taubench-gl evaluate scene.glb
   taubench-gl evaluate scene.glb --out results --save masks
   taubench-gl evaluate scene.glb --out results --report
+  taubench-gl evaluate scene.glb --out results --report-full --frames 0:24
   taubench-gl evaluate a.glb b.gltf --out results --size 1280x720 --fps 60
   taubench-gl evaluate scene.glb --frames 0:25 --reprojection motion --threshold normal=0.05
   taubench-gl evaluate scene.glb --exact --reprojection motion
@@ -63,6 +64,11 @@ Columns of Table 4 (all terms: docs/glossary.md):
 )
 @click.option("--report", is_flag=True, help="Also write report.html and its images.")
 @click.option(
+    "--report-full",
+    is_flag=True,
+    help="As --report, with the distances of every pixel: in the page thresholds repaint the masks.",
+)
+@click.option(
     "--exact",
     is_flag=True,
     help="Compare the masks with exact visibility, a ray to every surface point: Table 4 gains the columns visible and "
@@ -73,7 +79,14 @@ Columns of Table 4 (all terms: docs/glossary.md):
 @accuracy_options
 @path_traced_options
 @gpu_options
-def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], report: bool, **options: Any) -> int:
+def evaluate(
+    scenes: tuple[str, ...],
+    out: Path | None,
+    save: tuple[str, ...],
+    report: bool,
+    report_full: bool,
+    **options: Any,
+) -> int:
     """Measure how much of each frame the next one can reuse, and print the paper's Tables 1 to 4.
 
     SCENE is a glTF 2.0 file (.glb or .gltf), an .obj, .aff or .nff file, a folder or a quoted pattern of numbered OBJ
@@ -83,8 +96,9 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
     """
     if save and out is None:
         raise click.UsageError("--save needs --out DIR")
-    if report and out is None:
-        raise click.UsageError("--report needs --out DIR")
+    if (report or report_full) and out is None:
+        raise click.UsageError(f"{'--report-full' if report_full else '--report'} needs --out DIR")
+    kind = "full" if report_full else report
     path_traced = {
         name: options.pop(name) for name in ("camera_file", "scene_file", "mapping", "layer", "lobes", "second_seed")
     }
@@ -95,7 +109,7 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
     failed = 0
     for scene, folder in zip(scenes, folders, strict=True):
         try:
-            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report=report))
+            runs.append(_evaluate_one(scene, settings, folder, save, path_traced, report=kind))
         except TaubenchError as error:
             if len(scenes) == 1:
                 raise
@@ -112,7 +126,7 @@ def evaluate(scenes: tuple[str, ...], out: Path | None, save: tuple[str, ...], r
             _message(f"error: {scene}: internal error, see above")
             failed += 1
     if runs:
-        _show(runs, report=report)
+        _show(runs, report=bool(kind))
     if failed:
         _message(f"{failed} of {len(scenes)} scenes failed")
     return 2 if failed else 0
@@ -164,7 +178,7 @@ def _evaluate_one(
     folder: Path | None,
     save: tuple[str, ...],
     path_traced: dict[str, Any],
-    **how: bool,
+    **how: bool | str,
 ) -> Run:
     from taubench_gl.api import evaluate as evaluate_scene
     from taubench_gl.apps.named_scenes import resolve, row_settings

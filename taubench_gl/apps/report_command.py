@@ -21,7 +21,7 @@ Examples:
   taubench-gl report reuse-results
 \b
 The page is one file that needs no network and no server.  Frames with their masks require runs of
-'evaluate --report'; everything else works for any run."""
+'evaluate --report', masks that follow the thresholds runs of 'evaluate --report-full'."""
 )
 @click.argument("runs", nargs=-1, required=True, metavar="RUN...")
 @click.option(

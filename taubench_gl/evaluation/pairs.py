@@ -27,6 +27,7 @@ from taubench_gl.frame.sources import Source
 from taubench_gl.frame.targets import read_channel
 from taubench_gl.gpu.passes import GpuContext
 from taubench_gl.metrics.activity import camera_activity
+from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.metrics.reprojection import Reprojection
 from taubench_gl.run import Progress, Run, RunWriter
 from taubench_gl.settings import Settings
@@ -79,15 +80,20 @@ class PairEvaluator:
         settings: Settings,
         *,
         images: bool = False,
+        distances: bool = False,
         reprojection: str | None = None,
         radiance: tuple[str, ...] | None = None,
     ):
-        """``images``: write mask and motion images too.  ``reprojection``, ``radiance``: None: the source's."""
+        """``images``: write mask and motion images too; ``distances``: and the distances of every pixel.
+
+        ``reprojection``, ``radiance``: None: the source's.
+        """
         self.source, self.settings, self.gpu = source, settings, context.gpu
         self._samples = settings.metrics.samples_per_pixel
         # Counts are read one pair late, while the GPU works on the next pair; at once where images go with them.
         self.deferred = self._samples == 1 and not images
         self._timer = context.timer
+        self._radiance = source.radiance if radiance is None else radiance
         self._thresholds = {f: settings.metrics.threshold(f) for f in FEATURES}
         self._masks = MaskPass.for_source(
             context,
@@ -97,6 +103,7 @@ class PairEvaluator:
             radiance=radiance,
             write_mask=images,
             write_motion=images,
+            write_distances=distances,
         )
         self._previous: list[View] = []  # views of the frame drawn last, one per sample within a pixel
         self._pending: deque[EvaluatedPair] = deque()
@@ -198,6 +205,14 @@ class PairEvaluator:
         """
         return read_channel(self._masks.motion, "motion")
 
+    def distances(self) -> PixelDistances:
+        """Distances of the pair submitted last; needs ``distances``."""
+        near, changes = (read_channel(t, "distances") for t in (self._masks.distances, self._masks.changes))
+        radiance = {"direct": near[..., 2], "indirect": near[..., 3], "color": changes[..., 0]}
+        features = {"position": near[..., 0], "normal": near[..., 1]}
+        features |= {name: radiance[name] for name in self._radiance}
+        return PixelDistances({f: features[f] for f in FEATURES if f in features}, changes[..., 1], changes[..., 2])
+
     def explain(self, x: int, row: int, thresholds: Mapping[str, float] | None = None) -> Explanation:
         """Pixel (x, row from the top) of the pair submitted last, whose channels the source still holds.
 
@@ -245,6 +260,11 @@ class Pair:
     def motion(self) -> np.ndarray:
         """Previous - current position, pixels, +x right, +y down.  (h, w, 2) float32; 0 where behind the camera."""
         return self._read(lambda evaluator: evaluator.motion())
+
+    @cached_property
+    def distances(self) -> PixelDistances:
+        """Distances of every pixel, of an evaluation whose observers ask for them."""
+        return self._read(lambda evaluator: evaluator.distances())
 
     @cached_property
     def color(self) -> np.ndarray | None:
@@ -318,6 +338,7 @@ class Observers:
     progress: Callable[[Progress], None] | None = None
     on_pair: Callable[[Pair], None] | None = None
     channels: tuple[str, ...] = ()  # to draw for ``on_pair`` besides those the columns need
+    distances: bool = False  # whether ``on_pair`` reads ``Pair.distances``
     on_counts: Callable[[Counts], None] | None = None  # gets the exact counts
     scene: str = ""  # its name, for ``progress``; set by the evaluation
     writer: RunWriter | None = None  # gets the row; set by the evaluation
@@ -347,7 +368,8 @@ def evaluate_pairs(
     ``checked``: frames whose brightness is counted; None: ``checked_frames`` of ``schedule``, which is the whole run's.
     After a KeyboardInterrupt the pairs already submitted are still read and reported to the observers.
     """
-    evaluator = PairEvaluator(context, source, settings, images=observers.on_pair is not None)
+    images = observers.on_pair is not None
+    evaluator = PairEvaluator(context, source, settings, images=images, distances=observers.distances)
     results = PairResults([], [], _stats_of(source), Brightness())
     checked = checked_frames(schedule) if checked is None else checked
     total = sum(evaluate for _, evaluate in schedule)

@@ -17,6 +17,18 @@ RADIANCE_FEATURES = ("direct", "indirect", "color")
 
 
 @dataclass(frozen=True, slots=True)
+class PixelDistances:
+    """What the mask pass compares with the thresholds, (h, w) float32 each, row 0 at the top.
+
+    0 where a pixel is not comparable.
+    """
+
+    features: Mapping[str, Array]  # feature -> distance in its unit (position: scene units); inf: sky against surface
+    depth: Array  # distance of the point from the previous camera less that of the history surface; inf as above
+    luminance: Array  # change of direct luminance, radiance x exposure
+
+
+@dataclass(frozen=True, slots=True)
 class PairMasks:
     """Result per pixel, (h, w, ...), row 0 at the top."""
 
@@ -24,6 +36,7 @@ class PairMasks:
     motion_px: Array  # (h, w, 2) float64, +y down; NaN where behind
     at_px: Array  # (h, w, 2) float64 previous coordinates, as ``motion_px``
     distances: Mapping[str, Array]  # feature -> (h, w) float64; NaN where not compared
+    changes: Mapping[str, Array]  # depth, luminance -> (h, w) float64, as in ``PixelDistances``; NaN where not compared
 
     def mask_histogram(self) -> Array:
         """Pixel counts per reason word.  (65536,) int64."""
@@ -88,11 +101,17 @@ def pair_masks(
     here = {n: v[rows, columns] for n, v in now.items()}
     bits, compared = compare(here, moved.q[rows, columns], sampled, thresholds, exposure)
     mask[rows, columns] |= bits
-    distances = {}
-    for feature, values in compared.items():
-        distances[feature] = np.full(mask.shape, np.nan)
-        distances[feature][rows, columns] = values
-    return PairMasks(mask, moved.motion_px, moved.at_px, distances)
+
+    def image(values: Array) -> Array:
+        whole = np.full(mask.shape, np.nan)
+        whole[rows, columns] = values
+        return whole
+
+    depth, luminance = changes(here, moved.q[rows, columns], sampled, exposure)
+    return PairMasks(
+        mask, moved.motion_px, moved.at_px, {feature: image(values) for feature, values in compared.items()},
+        {"depth": image(depth), "luminance": image(luminance)},
+    )  # fmt: skip
 
 
 def compare(
@@ -114,12 +133,10 @@ def compare(
         distance = np.where(both, np.linalg.norm(a - b, axis=-1), np.where(differ, np.inf, np.nan))
         distances[feature] = distance
         bits[distance > thresholds[feature]] |= np.uint32(FEATURE_BIT[feature])
-    nearer = np.linalg.norm(q, axis=-1) - np.linalg.norm(before["position"][:, :3], axis=-1)
-    discard = both & (distances["position"] > thresholds["position"])
-    hidden = (discard & (nearer > thresholds["position"])) | (differ & history_surface)
-    covers = (discard & (-nearer > thresholds["position"])) | (differ & surface)
-    bits[hidden] |= np.uint32(Reason.DISOCCLUDED)
-    bits[covers] |= np.uint32(Reason.OCCLUDING)
+    depth, luminance = changes(now, q, before, exposure)
+    discard = distances["position"] > thresholds["position"]
+    bits[discard & (depth > thresholds["position"])] |= np.uint32(Reason.DISOCCLUDED)
+    bits[discard & (-depth > thresholds["position"])] |= np.uint32(Reason.OCCLUDING)
     for feature in RADIANCE_FEATURES:
         if feature not in now:
             continue
@@ -131,10 +148,25 @@ def compare(
         over = distances[feature] > thresholds[feature]
         bits[over] |= np.uint32(FEATURE_BIT[feature])
         if feature == "direct":
-            luminance = change @ LUMINANCE
             bits[over & (luminance > 0)] |= np.uint32(Reason.LIT)
             bits[over & (luminance < 0)] |= np.uint32(Reason.SHADOWED)
     return bits, {f: distances[f] for f in FEATURES if f in distances}
+
+
+def changes(
+    now: Mapping[str, Array], q: Array, before: Mapping[str, Array], exposure: float = 1.0
+) -> tuple[Array, Array]:
+    """Signed changes of K pixels, arguments as for ``compare``: depth and direct luminance, (K,) each.
+
+    Depth: ``PixelDistances.depth``, NaN for sky on sky.  Luminance: 0 where direct was not measured.
+    """
+    surface, history_surface = now["position"][:, 3] > 0, before["position"][:, 3] > 0
+    depth = np.linalg.norm(q, axis=-1) - np.linalg.norm(before["position"][:, :3], axis=-1)
+    one_sky = np.where(surface, -np.inf, np.inf)
+    depth = np.where(surface & history_surface, depth, np.where(surface != history_surface, one_sky, np.nan))
+    if "direct" not in now:
+        return depth, np.zeros(len(depth))
+    return depth, exposure * ((now["direct"] - before["direct"]) @ LUMINANCE)
 
 
 def _finite(channels: Mapping[str, Array]) -> Array:

@@ -22,8 +22,9 @@ Array = np.ndarray
 
 RATES = ("surface", "shading")
 
-_RATE_BITS = {"surface": NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL}
-_RATE_BITS["shading"] = _RATE_BITS["surface"] | Reason.DIRECT | Reason.INDIRECT
+RATE_BITS = {"surface": NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL}
+RATE_BITS["shading"] = RATE_BITS["surface"] | Reason.DIRECT | Reason.INDIRECT
+"""Reasons of which a rate counts no pixel."""
 
 RATE_COLUMNS = {"surface": ("frustum", "position", "normal")}
 """The columns of Table 4 that a rate needs."""
@@ -33,7 +34,7 @@ RATE_COLUMNS["shading"] = (*RATE_COLUMNS["surface"], "direct", "indirect")
 def reusable_pixels(mask_histogram: Array) -> dict[str, int]:
     """Reusable pixels of each rate from the mask histogram.  (65536,) pixels per reason word -> {rate: int}."""
     words, pixels = occupied(mask_histogram)
-    return {rate: int(pixels[(words & int(bits)) == 0].sum()) for rate, bits in _RATE_BITS.items()}
+    return {rate: int(pixels[(words & int(bits)) == 0].sum()) for rate, bits in RATE_BITS.items()}
 
 
 def disjoint_reasons(mask_histogram: Array, rate: str = "shading") -> dict[str, int]:
@@ -42,7 +43,7 @@ def disjoint_reasons(mask_histogram: Array, rate: str = "shading") -> dict[str, 
     With ``reusable_pixels(...)[rate]`` the values add up to all pixels.
     """
     words, pixels = occupied(mask_histogram)
-    remaining = (words & int(_RATE_BITS[rate])) != 0
+    remaining = (words & int(RATE_BITS[rate])) != 0
     out = {}
     for bit, name in _reasons_of(rate):
         applies = remaining & ((words & int(bit)) != 0)
@@ -109,7 +110,7 @@ class ReuseStats:
             for name, value in disjoint_reasons(mask_histogram, self.rate).items():
                 self._reasons[name].append(value)
         if self._with_color:
-            kept = (words & int(_RATE_BITS["shading"])) == 0
+            kept = (words & int(RATE_BITS["shading"])) == 0
             self._color_only.append(int(pixels[kept & ((words & int(Reason.COLOR)) != 0)].sum()))
 
     def per_pair(self, rate: str) -> Array:

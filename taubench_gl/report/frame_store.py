@@ -1,7 +1,8 @@
 """Images of frame pairs for a report: few, small and evenly spaced; recorded during a run, read back afterwards.
 
 The folder ``images`` next to summary.json holds, per recorded pair, the frame and the reprojected previous frame (WebP)
-and the reason words (PNG: low byte in red, high byte in green), and ``index.json`` once the run is complete.
+and the reason words (PNG: low byte in red, high byte in green), and ``index.json`` once the run is complete.  With
+distances, also their planes (WebP, ``distance_planes``) and ``levels.bin``: the pixels per code of every pair.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,20 +20,34 @@ import msgspec
 import numpy as np
 
 from taubench_gl.conventions import NOT_COMPARABLE
-from taubench_gl.data_files import read_json
+from taubench_gl.data_files import read_bytes, read_json
 from taubench_gl.errors import OutputError
+from taubench_gl.metrics.masks import PixelDistances
 from taubench_gl.outputs import cannot_write, write_atomically
+from taubench_gl.report.distance_planes import (
+    CODES,
+    EncodedDistances,
+    Levels,
+    compressed,
+    encode,
+    histogram,
+    levels_data,
+    levels_of,
+)
 from taubench_gl.report.page import data_uri
 
 Array = np.ndarray
 
 FOLDER = "images"
 INDEX = "index.json"
+LEVELS = "levels.bin"
 SCHEMA = "taubench-gl/images/1"
 _FORMER = {"pictures": "taubench-gl/pictures/1"}
 """Folder and schema that earlier versions wrote; the contents are the same."""
 MAX_WIDTH = 640
 """Largest width stored.  Wider frames keep every k-th pixel of the mask and the mean of k x k pixels of the frame."""
+MAX_WIDTH_FULL = 1920
+"""MAX_WIDTH of images with distances: these are to be looked at pixel by pixel."""
 MAX_KEPT = 120
 """Most pairs on disk; beyond it every second one is removed."""
 MAX_IMAGE_BYTES = 18_000_000
@@ -39,6 +55,32 @@ MAX_IMAGE_BYTES = 18_000_000
 QUALITY = 82
 _CHECK = 8  # side of a checkerboard cell, pixels
 _PARTS = {"frame": "webp", "previous": "webp", "mask": "png"}
+_PLANES = "planes"
+_SUFFIX = {**_PARTS, _PLANES: "webp"}
+NO_PLANES = "the run was made without --report-full"
+
+
+_Count = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class _Levels(msgspec.Struct):
+    """``levels_data`` of one feature."""
+
+    values: list[float]
+    home: _Count
+    kept: list[list[_Count]]
+    near: list[_Count]
+
+
+class _Planes(msgspec.Struct):
+    """``names``: planes in packed order; ``steps``: of distance_planes.DETAIL, per frame of the index; ``pairs``: rows
+    of LEVELS, in the order of frames.csv; ``levels``: as ``levels_data``."""
+
+    names: list[str]
+    features: list[str]
+    steps: list[_Count]
+    pairs: _Count
+    levels: dict[str, _Levels]
 
 
 class _Index(msgspec.Struct):
@@ -47,8 +89,24 @@ class _Index(msgspec.Struct):
     width: Annotated[int, msgspec.Meta(ge=1)]
     height: Annotated[int, msgspec.Meta(ge=1)]
     step: Annotated[int, msgspec.Meta(ge=1)]
-    frames: list[Annotated[int, msgspec.Meta(ge=0)]]
+    frames: list[_Count]
     worst: int | None
+    planes: _Planes | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StoredPlanes:
+    """Distances of a run (``distance_planes``).
+
+    ``names``: planes in packed order; ``levels``: feature -> ``levels_data``; ``steps``: frame -> index of DETAIL;
+    ``counts`` (pairs, features, CODES) uint32: comparable pixels per code, of every pair and ``features``.
+    """
+
+    names: tuple[str, ...]
+    features: tuple[str, ...]
+    levels: Mapping[str, Any]
+    steps: Mapping[int, int]
+    counts: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +114,7 @@ class StoredFrames:
     """Images of one run.
 
     ``frames``: numbers of the later frames, ascending; ``worst``: the one with the most discarded pixels; ``step``:
-    pixels of the frame per stored pixel, along each axis.
+    pixels of the frame per stored pixel, along each axis; ``planes``: the distances, None for the reason ``no_planes``.
     """
 
     folder: Path
@@ -65,10 +123,12 @@ class StoredFrames:
     step: int
     frames: tuple[int, ...]
     worst: int | None
+    planes: StoredPlanes | None = None
+    no_planes: str = NO_PLANES
 
     def uri(self, part: str, frame: int) -> str:
-        """An image as a data URI; ``part`` is frame, previous or mask.  Raises OSError."""
-        return data_uri((self.folder / file_name(part, frame)).read_bytes(), _PARTS[part])
+        """An image as a data URI; ``part`` is frame, previous, mask or planes.  Raises OSError."""
+        return data_uri((self.folder / file_name(part, frame)).read_bytes(), _SUFFIX[part])
 
 
 class KeptFrames:
@@ -117,7 +177,7 @@ class KeptFrames:
         """Remove the images of an earlier run; called when the first image is about to be written."""
         self.folder.mkdir(parents=True, exist_ok=True)
         for old in self.folder.iterdir():
-            if old.name == INDEX or any(old.match(pattern) for pattern in self._patterns):
+            if old.name in (INDEX, LEVELS) or any(old.match(pattern) for pattern in self._patterns):
                 old.unlink()
 
     def _drop(self, frame: int) -> None:
@@ -127,23 +187,89 @@ class KeptFrames:
                 path.unlink(missing_ok=True)
 
 
+class PlaneRecorder:
+    """Encodes the distances of every pair, writes the planes of some and counts the codes of all."""
+
+    def __init__(self, thresholds: Mapping[str, float], units: Mapping[str, float]):
+        """``thresholds``: feature -> a_B in the unit of its distances; ``units``: as for ``levels_data``."""
+        self._levels: dict[str, Levels] = {name: levels_of(value) for name, value in thresholds.items()}
+        self._units = units
+        self._counts: list[Array] = []
+        self._features: tuple[str, ...] = ()
+        self._steps: dict[int, int] = {}
+        self._step = 0
+
+    def add(self, distances: PixelDistances, mask: Array) -> EncodedDistances:
+        """Count one pair.  ``mask`` (h, w) reason words."""
+        encoded = encode(distances, self._levels)
+        self._features = tuple(encoded.features)
+        self._counts.append(histogram(encoded, (mask & np.uint32(int(NOT_COMPARABLE))) == 0))
+        return encoded
+
+    def write(self, path: Path, frame: int, encoded: EncodedDistances) -> None:
+        """Write the planes of ``frame``.  Raises OutputError."""
+        data, self._step = compressed(encoded, self._levels, self._step)
+        self._steps[frame] = self._step
+        write_atomically(path, data)
+
+    def finish(self, folder: Path, frames: Sequence[int]) -> dict[str, Any]:
+        """Write LEVELS; the block ``planes`` of the index, whose ``frames`` these are.  Raises OutputError."""
+        write_atomically(folder / LEVELS, zlib.compress(np.array(self._counts, "<u4").tobytes(), 9))
+        return {
+            "names": [*self._features, "depth", "signs"],
+            "features": list(self._features),
+            "steps": [self._steps[frame] for frame in frames],
+            "pairs": len(self._counts),
+            "levels": levels_data({name: self._levels[name] for name in self._features}, self._units),
+        }
+
+
 class FrameRecorder:
     """Takes every pair in order and keeps the images of some (``KeptFrames``)."""
 
-    def __init__(self, out: Path):
-        self._out, self._folder = out, out / FOLDER
-        self._kept = KeptFrames(self._folder, [f"{part}_*.{suffix}" for part, suffix in _PARTS.items()])
+    def __init__(self, out: Path, planes: PlaneRecorder | None = None):
+        """``planes``: to record the distances too."""
+        self._out, self._folder, self._planes = out, out / FOLDER, planes
+        self._kept = KeptFrames(self._folder, [f"{part}_*.{suffix}" for part, suffix in _SUFFIX.items()])
         self._size, self._step = (0, 0), 1
 
-    def add(self, frame: int, discarded: int, image: Array, previous: Array, mask: Array, motion: Array) -> None:
+    @property
+    def distances(self) -> bool:
+        """Whether ``add`` needs distances."""
+        return self._planes is not None
+
+    def add(
+        self,
+        frame: int,
+        discarded: int,
+        image: Array,
+        previous: Array,
+        mask: Array,
+        motion: Array,
+        distances: PixelDistances | None = None,
+    ) -> None:
         """Record one pair, if it is one to keep.
 
         ``image``, ``previous`` (h, w, 3) display-referred in [0, 1]; ``mask`` (h, w) reason words; ``motion``
-        (h, w, 2) pixels, previous - current, +y down; ``discarded``: number of discarded pixels.  Raises OutputError.
+        (h, w, 2) pixels, previous - current, +y down; ``discarded``: number of discarded pixels; ``distances``: for
+        the plane recorder.  Raises OutputError.
         """
-        self._kept.offer(
-            frame, discarded, lambda number: self._write(number, image, reproject_image(previous, mask, motion), mask)
-        )
+        encoded = None
+        if self._planes is not None and distances is not None:
+            encoded = self._planes.add(distances, mask)
+
+        def write(number: int) -> None:
+            self._write(number, image, reproject_image(previous, mask, motion), mask)
+            if self._planes is not None and encoded is not None:
+                every = slice(self._step // 2, None, self._step)
+                stored = EncodedDistances(
+                    {name: codes[every, every] for name, codes in encoded.features.items()},
+                    encoded.depth[every, every],
+                    encoded.signs[every, every],
+                )
+                self._planes.write(self._folder / file_name(_PLANES, number), number, stored)
+
+        self._kept.offer(frame, discarded, write)
 
     def finish(self, frames_file: Path) -> None:
         """Write the index.  ``frames_file``: frames.csv of the run; its hash ties the images to these rows."""
@@ -158,10 +284,12 @@ class FrameRecorder:
             "worst": self._kept.worst,
             "rows_sha256": file_sha256(frames_file),
         }
+        if self._planes is not None:
+            index["planes"] = self._planes.finish(self._folder, self._kept.frames)
         write_atomically(self._folder / INDEX, json.dumps(index, indent=1) + "\n")
 
     def _write(self, frame: int, image: Array, previous: Array, mask: Array) -> None:
-        self._step = step = step_of(mask.shape[1])
+        self._step = step = step_of(mask.shape[1], MAX_WIDTH if self._planes is None else MAX_WIDTH_FULL)
         words = mask[step // 2 :: step, step // 2 :: step].astype(np.uint16)
         self._size = (words.shape[1], words.shape[0])
         for part, pixels in (("frame", image), ("previous", previous)):
@@ -180,9 +308,9 @@ def save_image(path: Path, pixels: Array) -> None:
     write_atomically(path, data.getvalue())
 
 
-def step_of(width: int) -> int:
-    """Pixels of a frame per stored pixel, along each axis."""
-    return -(-width // MAX_WIDTH)
+def step_of(width: int, most: int | None = None) -> int:
+    """Pixels of a frame per stored pixel, along each axis, for at most ``most`` (MAX_WIDTH) stored columns."""
+    return -(-width // (MAX_WIDTH if most is None else most))
 
 
 def image_bytes(pixels: Array, step: int) -> Array:
@@ -193,7 +321,7 @@ def image_bytes(pixels: Array, step: int) -> Array:
 
 def file_name(part: str, frame: int) -> str:
     """``frame_00012.webp``."""
-    return f"{part}_{frame:05d}.{_PARTS[part]}"
+    return f"{part}_{frame:05d}.{_SUFFIX[part]}"
 
 
 def reproject_image(previous: Array, mask: Array, motion: Array) -> Array:
@@ -238,9 +366,36 @@ def stored_frames(out: Path | None) -> tuple[StoredFrames | None, str]:
             for part in _PARTS:
                 if not (path.parent / file_name(part, frame)).is_file():
                     return None, f"{folder}/{file_name(part, frame)} is missing"
-        return StoredFrames(path.parent, *size, int(index["step"]), frames, index["worst"]), ""
+        planes, no_planes = _stored_planes(path.parent, frames, index.get("planes"))
+        return StoredFrames(path.parent, *size, int(index["step"]), frames, index["worst"], planes, no_planes), ""
     except (OutputError, OSError, KeyError):
         return None, f"{folder}/{INDEX} cannot be read"
+
+
+def _stored_planes(
+    folder: Path, frames: tuple[int, ...], block: Mapping[str, Any] | None
+) -> tuple[StoredPlanes | None, str]:
+    """The distances of a run from the block ``planes`` of its index, or None and the reason."""
+    if block is None:
+        return None, NO_PLANES
+    for frame in frames:
+        if not (folder / file_name(_PLANES, frame)).is_file():
+            return None, f"{folder.name}/{file_name(_PLANES, frame)} is missing"
+    shape = block["pairs"], len(block["features"]), CODES
+    try:
+        data = zlib.decompressobj().decompress(read_bytes(folder / LEVELS), 4 * int(np.prod(shape)) + 1)
+        counts = np.frombuffer(data, dtype="<u4").reshape(shape)
+    except OutputError as error:
+        return None, f"{folder.name}/{LEVELS}: {error.what}"
+    except (zlib.error, ValueError):
+        return None, f"{folder.name}/{LEVELS} is damaged"
+    steps = dict(zip(frames, block["steps"], strict=False))
+    if set(block["features"]) != set(block["levels"]):
+        return None, f"{folder.name}/{INDEX} does not fit the distances"
+    known = all(0 <= step < len(block["levels"][name]["kept"]) for name in block["features"] for step in steps.values())
+    if len(steps) != len(frames) or not known:
+        return None, f"{folder.name}/{INDEX} does not fit the distances"
+    return StoredPlanes(tuple(block["names"]), tuple(block["features"]), block["levels"], steps, counts), ""
 
 
 def spread(frames: tuple[int, ...], most: int, always: int | None) -> list[int]:

@@ -52,6 +52,9 @@ EXACT_COLORS: Mapping[Visibility, RGB] = {
 }
 """Of the exact reasons (``glossary.EXACT_REASONS``), as the related reason of a mask where there is one."""
 
+REUSE_COLORS: Mapping[str, RGB] = {"surface": (0xEE, 0x33, 0x77), "shading": (0xAA, 0x33, 0x99)}
+"""Pixels that a reuse rate does not count."""
+
 DEFAULT_REASONS: tuple[Reason, ...] = (
     Reason.FIRST,
     Reason.CUT,

@@ -1,4 +1,4 @@
-"""The report of one or several runs as one HTML file: templates/run.html with stage.js, frame_viewer.js and run.js.
+"""The report of one or several runs as one HTML file: templates/run.html and its scripts, which run.js links.
 
 Figures, tables and details are HTML; the frame viewer, the plots over time and the threshold curves are drawn by the
 scripts from one block of JSON (``report_data``).
@@ -6,20 +6,23 @@ scripts from one block of JSON (``report_data``).
 
 from __future__ import annotations
 
+import base64
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from taubench_gl import glossary
-from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, Reason
-from taubench_gl.metrics.reuse_rate import RATES
+from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, NOT_COMPARABLE, Reason
+from taubench_gl.metrics.reuse_rate import RATE_BITS, RATE_COLUMNS, RATES
 from taubench_gl.outputs import write_atomically
+from taubench_gl.report.distance_planes import FELL, NEARER, ROSE
 from taubench_gl.report.figures import DASHES
 from taubench_gl.report.frame_store import MAX_IMAGE_BYTES, StoredFrames, stored_frames, within_budget
 from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.page import render_page
-from taubench_gl.report.palette import REASON_COLORS, hex_of
+from taubench_gl.report.palette import REASON_COLORS, REUSE_COLORS, hex_of
 from taubench_gl.report.render import NONE, to_html
 from taubench_gl.report.reusable import reprojection_of, reusable_sentence, run_tables
 from taubench_gl.report.tables import paper_numbers, thresholds_of
@@ -65,11 +68,22 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
         raise ValueError("runs is empty, expected at least one")
     summaries = [run.summary for run in runs]
     labels = run_labels(summaries)
+    data = report_data(runs, labels, images)
     return render_page(
         "run.html",
         styles=("stage.css", "run.css"),
-        scripts=("stage.js", "frame_viewer.js", "run.js"),
-        data=report_data(runs, labels, images),
+        scripts=(
+            "stage.js",
+            "planes.js",
+            "zoom.js",
+            "probe.js",
+            "frame_viewer.js",
+            "time_plots.js",
+            "thresholds.js",
+            "run.js",
+        ),
+        data=data,
+        live=any(run["images"] and run["images"]["planes"] for run in data["runs"]),
         title=" and ".join(labels) if len(labels) < 4 else f"{len(labels)} runs",
         several=len(runs) > 1,
         runs=[_run_view(s, label, f"upset{i}") for i, (s, label) in enumerate(zip(summaries, labels, strict=True))],
@@ -136,7 +150,7 @@ def _figure(summary: Summary, column: str) -> dict[str, Any]:
     """One key figure: the mean of a column, its worst frame, and the paper's scenes on a line (x in 4 .. 116)."""
     entry = (summary.get("discard") or {}).get(column) or {}
     mean, highest = entry.get("mean_percent"), entry.get("max_percent")
-    figure = {"column": column, "definition": glossary.COLUMNS[column].tooltip, "reason": None}
+    figure = {"column": column, "definition": glossary.COLUMNS[column].tooltip, "reason": None, "paper": []}
     if mean is None:
         return figure | {"reason": entry.get("reason") or "not measured"}
     end = max(40.0, 1.08 * mean)
@@ -199,6 +213,22 @@ def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int = 
     return {
         "columns": [{"name": name, "dash": DASHES[name], "unit": UNITS.get(name, "")} for name in COLUMNS],
         "features": list(FEATURES),
+        "bits": {
+            "features": {name: int(bit) for name, bit in FEATURE_BIT.items()},
+            "not_comparable": int(NOT_COMPARABLE),
+            **{bit.name.lower(): int(bit) for bit in (*_COLUMN_OF, Reason.SKY, Reason.HISTORY_SKY)},
+        },
+        "terms": [
+            {
+                "bits": int(bit),
+                "label": term.label,
+                "definition": term.tooltip,
+                "color": hex_of(REASON_COLORS[bit]),
+                "quiet": bit in (Reason.SKY, Reason.HISTORY_SKY),
+            }
+            for bit, term in glossary.REASONS.items()
+            if bit is not FRUSTUM
+        ],
         "runs": [_run_data(run, label, share, budget) for run, label in zip(runs, labels, strict=True)],
     }
 
@@ -241,7 +271,8 @@ def _pixels(run: ReportRun) -> int:
 
 def _rows(frames: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     names = {glossary.key_of(r) for r in (*_CLASSES, *_DETAILS)}
-    return {n: [row.get(n) for row in frames] for n in (*_ROW_COLUMNS, *COLUMNS, *sorted(names))}
+    rates = [f"reusable_{rate}" for rate in RATES]
+    return {n: [row.get(n) for row in frames] for n in (*_ROW_COLUMNS, *COLUMNS, *sorted(names), *rates)}
 
 
 def _curve(summary: Summary, feature: str) -> dict[str, Any] | None:
@@ -259,16 +290,26 @@ def _curve(summary: Summary, feature: str) -> dict[str, Any] | None:
 
 
 def _reasons(measured: Sequence[str], frames: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The reasons that the viewer lists, in two groups: the columns of Table 4, and the reason classes."""
+    """The reasons that the viewer lists: columns of Table 4, reason classes, and pixels that a rate does not count.
+
+    ``of``: the rate whose complement a reason is; its count in ``rows`` is that of the reusable pixels.
+    """
     bits = {"frustum": FRUSTUM, **FEATURE_BIT}
     present = {r for r in _CLASSES if any(row.get(glossary.key_of(r)) for row in frames)}
     details = [r for r in _DETAILS if _COLUMN_OF.get(r, "frustum") in measured]
     details += [r for r in _CLASSES if r in present]
     columns = [(bits[name], "Table 4", name != "color") for name in measured]
-    return [
+    found = [
         {"name": glossary.key_of(bit), "label": glossary.label_of(bit), "bits": int(bit), "group": group, "on": on,
          "color": hex_of(REASON_COLORS[bit]), "definition": glossary.REASONS[bit].tooltip}
         for bit, group, on in [*columns, *((reason, "Reason classes", False) for reason in details)]
+    ]  # fmt: skip
+    known = [rate for rate in RATES if set(RATE_COLUMNS[rate]) <= set(measured)]
+    return found + [
+        {"name": f"reusable_{rate}", "label": rate, "bits": int(RATE_BITS[rate]), "of": rate,
+         "group": "Not reusable, for any reason", "on": False, "color": hex_of(REUSE_COLORS[rate]),
+         "definition": f"Pixels that the rate does not count. {glossary.CONCEPTS[rate].tooltip}"}
+        for rate in known
     ]  # fmt: skip
 
 
@@ -278,15 +319,43 @@ def _images(run: ReportRun, most: int, budget: int) -> tuple[dict[str, Any] | No
     if stored is None:
         return None, why
 
+    planes, no_planes = _planes(run, stored)
+    parts = ("frame", "previous", "mask", *(("planes",) if planes else ()))
+
     def load(frame: int) -> dict[str, Any]:
-        return {"n": frame, **{part: stored.uri(part, frame) for part in ("frame", "previous", "mask")}}
+        return {"n": frame, **{part: stored.uri(part, frame) for part in parts}}
 
     try:
-        items = within_budget(stored.frames, stored.worst, most, budget, load)
+        items = within_budget(stored.frames, stored.worst, most, budget - len((planes or {}).get("counts", "")), load)
     except OSError as error:
         return None, f"an image cannot be read: {error.strerror}"
     text = _images_text(run, stored, len(items))
-    return {"width": stored.width, "height": stored.height, "worst": stored.worst, "summary": text, "items": items}, ""
+    size = {"width": stored.width, "height": stored.height, "step": stored.step}
+    return {**size, "worst": stored.worst, "summary": text, "items": items, "planes": planes,
+            "no_planes": no_planes}, ""  # fmt: skip
+
+
+def _planes(run: ReportRun, stored: StoredFrames) -> tuple[dict[str, Any] | None, str]:
+    """Distances of a run for planes.js, or None and the reason.
+
+    ``counts``: deflated uint32, little-endian, (pairs, features, codes), of the rows of frames.csv in order.
+    """
+    planes, again = stored.planes, "Evaluate the scene again with --report-full"
+    if planes is None:
+        return None, f"Masks stay at the thresholds of the run: {stored.no_planes}. {again} to redraw them here."
+    counted = [[row.get(name) for name in planes.features] for row in run.frames]
+    homes = [planes.levels[name]["home"] for name in planes.features]
+    above = [[int(codes[home:].sum()) for codes, home in zip(pair, homes, strict=True)] for pair in planes.counts]
+    if counted != above:
+        return None, f"Masks stay at the thresholds of the run: the distances do not fit its counts. {again}."
+    return {
+        "names": planes.names,
+        "features": planes.features,
+        "levels": planes.levels,
+        "steps": {str(frame): step for frame, step in planes.steps.items()},
+        "counts": base64.b64encode(zlib.compress(planes.counts.tobytes(), 9)).decode("ascii"),
+        "signs": {"nearer": NEARER, "rose": ROSE, "fell": FELL},
+    }, ""
 
 
 def _images_text(run: ReportRun, stored: StoredFrames, shown: int) -> str:

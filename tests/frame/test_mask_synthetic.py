@@ -15,11 +15,11 @@ from test_mask_reference import in_band
 from taubench_gl.animation import View
 from taubench_gl.animation.pairs import reprojection as pair_matrices
 from taubench_gl.channels import CHANNELS
-from taubench_gl.conventions import FEATURES, NO_HISTORY, NOT_COMPARABLE, Reason
+from taubench_gl.conventions import FEATURE_BIT, FEATURES, HISTOGRAM_BINS, NO_HISTORY, NOT_COMPARABLE, Reason
 from taubench_gl.frame.passes.masks import RADIANCE, MaskPass
 from taubench_gl.frame.targets import read_channel, write_channel
 from taubench_gl.gpu.passes import GpuContext
-from taubench_gl.metrics.counts import counts_of
+from taubench_gl.metrics.counts import bin_of, counts_of
 from taubench_gl.metrics.masks import pair_masks
 from taubench_gl.scene.model import Camera
 
@@ -64,7 +64,8 @@ def frame(rng, view: View, broken: float, smooth: bool = True) -> dict[str, np.n
     return out
 
 
-def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", radiance=RADIANCE, declared=0):
+def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest", radiance=RADIANCE, declared=0,
+             distances=False):  # fmt: skip
     """Upload, run, read back; the channels come back as the GPU held them (some are half floats)."""
     textures = []
     for channels in (now, then):
@@ -76,7 +77,7 @@ def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest",
             textures[-1][name] = texture
     context = GpuContext(gpu)
     masks = MaskPass(context, SIZE, reprojection=reprojection, sampling=sampling, radiance=radiance,
-                     cuts="ids" in now, write_mask=True, write_motion=True)  # fmt: skip
+                     cuts="ids" in now, write_mask=True, write_motion=True, write_distances=distances)  # fmt: skip
     masks.run(pair, THRESHOLDS, *textures, declared=declared)
     counts = masks.read()
     result = SimpleNamespace(
@@ -84,6 +85,8 @@ def evaluate(gpu, now, then, pair, *, reprojection="camera", sampling="nearest",
         histograms=counts.histograms.astype(np.int64),
         mask=read_channel(masks.mask, "mask")[..., 0],
         motion=read_channel(masks.motion, "motion"),
+        distances=read_channel(masks.distances, "distances") if distances else None,
+        changes=read_channel(masks.changes, "changes") if distances else None,
         current={n: read_channel(t, n) for n, t in textures[0].items()},
         history={n: read_channel(t, n) for n, t in textures[1].items()},
     )
@@ -120,6 +123,46 @@ def test_every_feature_and_every_fault(gpu, broken: float, sampling: str, reproj
     for i, feature in enumerate(FEATURES):
         tail, expected = (np.cumsum(x[:0:-1]) for x in (got.histograms[i], reference.histogram(feature)))
         assert np.abs(tail - expected).max() <= FLIPS * got.mask.size
+
+
+@pytest.mark.parametrize("sampling", ["nearest", "bilinear"])
+def test_distances_of_every_pixel(gpu, sampling: str) -> None:
+    """They are those of the reference, give the recorded counts at the thresholds and at every edge of the curve."""
+    rng = np.random.default_rng(3)
+    now_view, then_view = views()
+    now, then = frame(rng, now_view, 0.02), frame(rng, then_view, 0.02)
+    pair = pair_matrices(now_view, then_view, *SIZE)
+    plain = evaluate(gpu, now, then, pair, sampling=sampling)
+    got = evaluate(gpu, now, then, pair, sampling=sampling, distances=True)
+    np.testing.assert_array_equal(got.mask, plain.mask)
+    np.testing.assert_array_equal(got.histograms, plain.histograms)
+    features = dict(zip(("position", "normal", "direct", "indirect"), np.moveaxis(got.distances, -1, 0), strict=True))
+    features["color"] = got.changes[..., 0]
+    reference = pair_masks(got.current, got.history, pair, THRESHOLDS, sampling=sampling)
+    comparable = (got.mask & np.uint32(NOT_COMPARABLE)) == 0
+    for i, name in enumerate(FEATURES):
+        assert not features[name][~comparable].any()
+        over = features[name] > np.float32(THRESHOLDS[name])
+        np.testing.assert_array_equal(over, (got.mask & np.uint32(FEATURE_BIT[name])) != 0)
+        counted = np.bincount(bin_of(features[name][comparable]), minlength=HISTOGRAM_BINS)
+        np.testing.assert_array_equal(counted[1:], got.histograms[i][1:])
+        _close(features[name], reference.distances[name], comparable)
+    depth, luminance = got.changes[..., 1], got.changes[..., 2]
+    _close(depth, reference.changes["depth"], comparable)
+    _close(luminance, reference.changes["luminance"], comparable)
+    position = features["position"] > np.float32(THRESHOLDS["position"])
+    for bit, farther in ((Reason.DISOCCLUDED, depth), (Reason.OCCLUDING, -depth)):
+        np.testing.assert_array_equal((got.mask & bit) != 0, position & (farther > np.float32(THRESHOLDS["position"])))
+    direct = features["direct"] > np.float32(THRESHOLDS["direct"])
+    for bit, sign in ((Reason.LIT, 1), (Reason.SHADOWED, -1)):
+        np.testing.assert_array_equal((got.mask & bit) != 0, direct & (sign * luminance > 0))
+
+
+def _close(values, expected, comparable) -> None:
+    """Equal within rounding, but for pixels in which rounding chooses another history sample."""
+    expected = np.nan_to_num(expected, nan=0.0, posinf=np.inf, neginf=-np.inf)
+    differ = comparable & ~np.isclose(values, expected, rtol=1e-4, atol=1e-4)
+    assert differ.mean() <= FLIPS
 
 
 def test_what_is_behind_is_decided_before_dividing(gpu) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 from taubench_gl.report.reuse import reuse_html
 from taubench_gl.report.reuse_frames import ReuseRecorder, reuse_images
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 MEASURES = ("flip", "relmse", "ssim", "psnr_db", "tpsnr_db", "flicker")
 FRAMES = (3, 4, 5)
 
@@ -59,17 +57,6 @@ def test_data_holds_measures_with_values_and_methods_that_ran(evaluation):
         "slow": pytest.approx([0.3, 0.4, 0.5]), "fast": pytest.approx([1.2, 1.6, 2.0])
     }  # fmt: skip
     assert "<b>bad" not in page and "&lt;b&gt;bad" in page and "<b>hall" not in page
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    with playwright.sync_playwright() as p:
-        browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 def opened(browser, path):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import copy
 import json
 import re
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from page_tools import mask_pixels, opened, shown_frame
 
 from taubench_gl.conventions import FRUSTUM, Reason
 from taubench_gl.report.frame_store import FrameRecorder
@@ -20,9 +20,7 @@ from taubench_gl.run import Run
 
 WIDTH, HEIGHT, PAIRS = 40, 20, 12  # of the synthetic run
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
 
 BITS = (Reason.OUTSIDE, Reason.POSITION, Reason.NORMAL | Reason.POSITION, Reason.DIRECT)
 
@@ -53,14 +51,6 @@ def runs(tmp_path_factory, make_run) -> list[Run]:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as p:
-        browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
-@pytest.fixture(scope="module")
 def page_file(runs, tmp_path_factory) -> Path:
     loaded = [ReportRun(run.summary, run.frames, run.out) for run in runs]
     return write_html_report(loaded, tmp_path_factory.mktemp("page") / "report.html")
@@ -69,33 +59,6 @@ def page_file(runs, tmp_path_factory) -> Path:
 @pytest.fixture
 def page(browser, page_file) -> Iterator[Any]:
     yield from opened(browser, page_file)
-
-
-def opened(browser, file: Path, **options: Any) -> Iterator[Any]:
-    """Opens a page and checks that it causes no console error, no exception and no request but its own file."""
-    context = browser.new_context(**{"viewport": {"width": 1100, "height": 900}, "color_scheme": "light", **options})
-    page, faults = context.new_page(), []
-    page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
-    page.on("pageerror", lambda e: faults.append(str(e)))
-    page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
-    page.goto(file.as_uri())
-    if page.locator(".stage").count():
-        page.wait_for_selector(".stage[data-frame]")
-    yield page
-    context.close()
-    assert faults == []
-
-
-def shown_frame(page: Any, frame: int) -> None:
-    page.wait_for_selector(f".stage[data-frame='{frame}']")
-
-
-def mask_pixels(page: Any) -> np.ndarray:
-    """(h, w, 4) uint8 of the mask canvas."""
-    script = """() => { const c = document.querySelector('.mask');
-        return [c.width, c.height, Array.from(c.getContext('2d').getImageData(0, 0, c.width, c.height).data)] }"""
-    width, height, values = page.evaluate(script)
-    return np.array(values, np.uint8).reshape(height, width, 4)
 
 
 def test_keys_move_the_frame_slider(page):
@@ -111,7 +74,7 @@ def test_keys_move_the_frame_slider(page):
     assert "frame 12" in slider.get_attribute("aria-valuetext")
     assert "120" not in page.locator(".bar output").inner_text()
     # The percentage next to a reason is that of the frame: frustum is 10 i of 800 pixels.
-    row = page.locator("label.reason", has=page.locator("[data-reason=frustum]"))
+    row = page.locator(".reason", has=page.locator("[data-reason=frustum]"))
     assert row.locator(".pc").inner_text() == f"{100 * 10 * PAIRS / (WIDTH * HEIGHT):.2f} %"
 
 
@@ -245,8 +208,8 @@ def test_narrow_screens_scroll_vertically_only(browser, page_file, width):
         wide += " && !e.closest('.wide, nav')).map(e => e.tagName + '.' + e.className.baseVal + e.className)"
         assert page.evaluate(wide) == []
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        page.locator("label.reason").first.tap()
-        assert not page.locator("label.reason input").first.is_checked()
+        page.locator(".reason label").first.tap()
+        assert not page.locator(".reason input").first.is_checked()
 
 
 def test_print_shows_all_details_and_no_controls(browser, page_file):

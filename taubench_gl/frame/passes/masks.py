@@ -73,6 +73,7 @@ class MaskOptions:
     cuts: bool = False  # channel ``ids`` marks surfaces without history
     write_mask: bool = False
     write_motion: bool = False
+    write_distances: bool = False  # channels ``distances`` and ``changes`` of masks.comp.glsl
 
     def geometry(self) -> list[Use]:
         """Geometry channels, read through samplers."""
@@ -90,7 +91,8 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
     p = (
         ComputePass("masks", ("masks/masks.comp.glsl",))
         .define(MOTION=options.reprojection == "motion", BILINEAR=options.sampling == "bilinear", CUTS=options.cuts)
-        .define(WRITE_MASK=options.write_mask, WRITE_MOTION=options.write_motion, **tuning.defines)
+        .define(WRITE_MASK=options.write_mask, WRITE_MOTION=options.write_motion)
+        .define(WRITE_DISTANCES=options.write_distances, **tuning.defines)
         .define(**{f"HAS_{name.upper()}": name in options.radiance for name in RADIANCE})
         .define(**tuning.kept_fields(REPROJECTION))
         .glsl(*(f"const uint {bit.name} = {bit.value}u;" for bit in Reason), *features)
@@ -111,6 +113,9 @@ def mask_pass(options: MaskOptions, size: tuple[int, int], tuning: Tuning, *, im
         p.image("mask_out", "r32ui", access=WRITE, resource="mask")
     if options.write_motion:
         p.image("motion_out", "rg32f", access=WRITE, resource="motion")
+    if options.write_distances:
+        for name in ("distances", "changes"):
+            p.image(f"{name}_out", "rgba32f", access=WRITE, resource=name)
     return p
 
 
@@ -125,7 +130,7 @@ def masks(spec: FrameSpec) -> Sequence[Pass]:
 class MaskPass:
     """Compares current channels with history channels; ``release`` frees its buffers.
 
-    Owns textures ``mask`` and ``motion`` where the options say so.
+    Owns textures ``mask``, ``motion``, ``distances`` and ``changes`` where the options say so.
     """
 
     def __init__(self, context: GpuContext, size: tuple[int, int], **options: Any):
@@ -140,6 +145,9 @@ class MaskPass:
         self._runs = 0
         self.mask = ctx.texture(size, 1, dtype="u4") if options.write_mask else None
         self.motion = ctx.texture(size, 2, dtype="f4") if options.write_motion else None
+        self.distances, self.changes = (
+            ctx.texture(size, 4, dtype="f4") if options.write_distances else None for _ in range(2)
+        )
 
     @classmethod
     def for_source(cls, context: GpuContext, source: ComparedSource, settings: Settings, **changed: Any) -> MaskPass:
@@ -182,7 +190,10 @@ class MaskPass:
         histograms.clear()
         resources = {**current, **{f"history_{name}": texture for name, texture in history.items()}}
         resources |= {"mask_histogram": words, "histograms": histograms, "mask": self.mask, "motion": self.motion}
-        images = self._tuning.mask_images({resources[use.key].dtype for use in self._options.geometry()})
+        resources |= {"distances": self.distances, "changes": self.changes}
+        # A pass has eight images at most.
+        dtypes = {resources[use.key].dtype for use in self._options.geometry()}
+        images = not self._options.write_distances and self._tuning.mask_images(dtypes)
         if images not in self._compiled:  # textures of a source are known only now
             declaration = mask_pass(self._options, self._size, self._tuning, images=images)
             self._compiled[images] = self._context.compute(declaration)
@@ -203,6 +214,6 @@ class MaskPass:
 
     def release(self) -> None:
         buffers = (buffer for pair in self._counters for buffer in pair)
-        for item in (*self._compiled.values(), *buffers, self.mask, self.motion):
+        for item in (*self._compiled.values(), *buffers, self.mask, self.motion, self.distances, self.changes):
             if item is not None:
                 item.release()

@@ -8,6 +8,10 @@ document.getElementById("theme").addEventListener("click", () => {
   root.dataset.theme = dark ? "light" : "dark";
 });
 
+// The height of the bar, below which other parts stick.
+const bar = document.querySelector(".top");
+new ResizeObserver(() => root.style.setProperty("--top", `${bar.offsetHeight}px`)).observe(bar);
+
 const print = matchMedia("print");
 const folded = [];
 function unfold(printing) {
@@ -21,3 +25,55 @@ print.addEventListener("change", () => unfold(print.matches));
 addEventListener("beforeprint", () => unfold(true));
 addEventListener("afterprint", () => unfold(false));
 if (print.matches) unfold(true);
+
+// ---- explanations: a button after the label of each element with a title shows the title, for touch and keys too
+
+const tip = document.createElement("div");
+tip.className = "tipbox";
+tip.id = "tip";
+tip.hidden = true;
+tip.setAttribute("role", "status");
+document.body.append(tip);
+let tipped = null;
+
+function hideTip() {
+  if (tipped) tipped.setAttribute("aria-expanded", "false");
+  tipped = null;
+  tip.hidden = true;
+}
+
+function showTip(button, words) {
+  hideTip();
+  tipped = button;
+  button.setAttribute("aria-expanded", "true");
+  tip.textContent = words;
+  tip.hidden = false;
+  const at = button.getBoundingClientRect(), width = document.documentElement.clientWidth;
+  const left = Math.max(8, Math.min(at.left - 12, width - tip.offsetWidth - 8));
+  const below = at.bottom + tip.offsetHeight + 8 < innerHeight;
+  tip.style.left = `${left + scrollX}px`;
+  tip.style.top = `${(below ? at.bottom + 6 : at.top - tip.offsetHeight - 6) + scrollY}px`;
+}
+
+// A button that shows `words` about `label`.
+function tipButton(label, words) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.className = "tip";
+  button.textContent = "?";
+  button.setAttribute("aria-label", `What is ${label}?`);
+  button.setAttribute("aria-expanded", "false");
+  button.setAttribute("aria-controls", "tip");
+  button.addEventListener("click", (event) => {
+    event.stopPropagation();
+    if (tipped === button) hideTip(); else showTip(button, words);
+  });
+  return button;
+}
+for (const host of document.querySelectorAll("main [title]")) {
+  const label = host.matches("dl") ? host.querySelector("dt") : host;
+  label.append(" ", tipButton(label.textContent.trim(), host.title));
+}
+addEventListener("click", hideTip);
+addEventListener("resize", hideTip);
+addEventListener("keydown", (event) => { if (event.key === "Escape") hideTip(); });

@@ -1,0 +1,39 @@
+"""Pages in headless Chromium."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+def opened(browser: Any, file: Path, **options: Any) -> Iterator[Any]:
+    """Opens a page and checks that it causes no console error, no exception and no request but its own file."""
+    context = browser.new_context(**{"viewport": {"width": 1100, "height": 900}, "color_scheme": "light", **options})
+    page, faults = context.new_page(), []
+    page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda e: faults.append(str(e)))
+    page.on("request", lambda r: None if r.url.startswith(("file:", "data:")) else faults.append(r.url))
+    page.goto(file.as_uri())
+    if page.locator(".stage").count():
+        page.wait_for_selector(".stage[data-frame]")
+    yield page
+    context.close()
+    assert faults == []
+
+
+def shown_frame(page: Any, frame: int) -> None:
+    page.wait_for_selector(f".stage[data-frame='{frame}']")
+
+
+def mask_pixels(page: Any) -> np.ndarray:
+    """(h, w, 4) uint8 of the mask canvas."""
+    script = """() => { const c = document.querySelector('.mask');
+        return [c.width, c.height, Array.from(c.getContext('2d').getImageData(0, 0, c.width, c.height).data)] }"""
+    width, height, values = page.evaluate(script)
+    return np.array(values, np.uint8).reshape(height, width, 4)

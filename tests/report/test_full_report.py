@@ -1,0 +1,380 @@
+"""The page of a full report: thresholds redraw masks, shares and rates; probe, zoom, arrangements, damaged files."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from page_tools import mask_pixels, opened, shown_frame
+from PIL import Image
+
+from taubench_gl.api import evaluate
+from taubench_gl.conventions import FEATURE_BIT, FEATURES, NOT_COMPARABLE, Reason
+from taubench_gl.errors import SettingsError
+from taubench_gl.report.distance_planes import levels_of
+from taubench_gl.report.frame_store import LEVELS, stored_frames
+from taubench_gl.report.run_page import ReportRun, write_html_report
+from taubench_gl.run import Run
+from taubench_gl.selftest.scenes import busy_room
+
+WIDTH, HEIGHT = 64, 36
+SETTINGS = {"width": WIDTH, "height": HEIGHT, "fps": 4, "indirect": "rsm"}
+LOWER = {"color": 2.0**-5, "position": 2.0**-4, "normal": 2.0**-6, "direct": 2.0**-5, "indirect": 2.0**-8}
+"""Edges of the threshold curve: a distance of exactly an edge is discarded at its stop."""
+COUNTED = (*FEATURES, "frustum", "disoccluded", "occluding", "lit", "shadowed", "outside", "behind")
+
+
+@pytest.fixture(scope="module")
+def made(session_gpu, tmp_path_factory) -> SimpleNamespace:
+    """A full report, the distances of its pairs, and a run at other thresholds."""
+    out, distances = tmp_path_factory.mktemp("full"), {}
+
+    def keep(pair):
+        distances[pair.frame] = pair.distances
+
+    run = evaluate(busy_room(lamps=1), out=out, report="full", on_pair=keep, **SETTINGS)
+    masks = {}
+    below = {name: float(np.nextafter(np.float32(edge), np.float32(0))) for name, edge in LOWER.items()}
+    other = evaluate(
+        busy_room(lamps=1), thresholds=below, on_pair=lambda p: masks.update({p.frame: p.mask}), **SETTINGS
+    )
+    return SimpleNamespace(out=out, run=run, distances=distances, other=other, masks=masks)
+
+
+@pytest.fixture
+def page(browser, made) -> Iterator[Any]:
+    for page in opened(browser, made.out / "report.html"):
+        ready(page)
+        yield page
+
+
+def ready(page: Any) -> None:
+    page.wait_for_selector("#curves[data-live=true]")
+
+
+def stops(made, name: str) -> list[float]:
+    """Thresholds of the stops of a slider: those of the levels that all frames keep."""
+    stored, _ = stored_frames(made.out)
+    levels = stored.planes.levels[name]
+    kept = levels["kept"][max(stored.planes.steps.values())]
+    used = made.run.summary["settings"]["thresholds"][name]
+    return [used if code == levels["home"] else levels["values"][code - 1] for code in kept]
+
+
+def set_threshold(page: Any, made, name: str, threshold: float) -> None:
+    page.locator(f"[data-limit={name}]").fill(str(stops(made, name).index(threshold)))
+
+
+def frame_counts(page: Any) -> dict[str, int | None]:
+    cells = "[...document.querySelectorAll('.reason')].map(r => [r.querySelector('[data-reason]').dataset.reason,"
+    cells += " r.querySelector('.pc').dataset.count])"
+    return {name: int(text) if text else None for name, text in page.evaluate(cells)}
+
+
+def repainted(page: Any) -> None:
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def test_files_of_a_full_report(made):
+    stored, why = stored_frames(made.out)
+    assert why == "" and stored.planes is not None and stored.no_planes == ""
+    assert set(stored.planes.features) == set(FEATURES)
+    # Codes of the run itself: counts of every pair at its thresholds are those of frames.csv.
+    for row, counts in zip(made.run.frames, stored.planes.counts, strict=True):
+        for name, codes in zip(stored.planes.features, counts, strict=True):
+            assert codes[stored.planes.levels[name]["home"] :].sum() == row[name]
+
+
+def test_shares_and_masks_at_other_thresholds_are_those_of_a_run_at_them(page, made):
+    for name, edge in LOWER.items():
+        set_threshold(page, made, name, edge)
+    for row in made.other.frames:
+        page.locator("#frame").fill(str(row["frame"] - 1))
+        shown_frame(page, row["frame"])
+        found = frame_counts(page)
+        assert {name: found[name] for name in COUNTED} == {name: row[name] for name in COUNTED}
+        for rate in ("surface", "shading"):
+            assert found[f"reusable_{rate}"] == row["pixels"] - row[f"reusable_{rate}"]
+    old = [row["position"] for row in made.run.frames]
+    assert all(row["position"] > count for row, count in zip(made.other.frames, old, strict=True))
+    frame = made.other.frames[-1]["frame"]
+    for box in page.locator("[data-reason]").all():
+        box.set_checked(box.get_attribute("data-reason") in ("position", "reusable_shading"))
+    rates = NOT_COMPARABLE | Reason.POSITION | Reason.NORMAL | Reason.DIRECT | Reason.INDIRECT
+    expected = (made.masks[frame] & np.uint32(int(rates))) != 0
+    np.testing.assert_array_equal(mask_pixels(page)[..., 3] > 0, expected)
+    # The rates over time follow: the readout at a pair is that of the other run.
+    page.locator("#plots [role=application]").focus()
+    page.keyboard.press("End")
+    shown_frame(page, frame)
+    shares = [f"{name} {100 * made.other.frames[-1][name] / (WIDTH * HEIGHT):.2f} %" for name in ("position", "normal")]
+    readout = page.locator("#plots .readout").inner_text()
+    assert all(share in readout for share in shares)
+    # Back at the thresholds of the run: its counts.
+    page.get_by_role("button", name=re.compile("Reset")).click()
+    repainted(page)
+    found = frame_counts(page)
+    assert {name: found[name] for name in COUNTED} == {name: made.run.frames[-1][name] for name in COUNTED}
+
+
+@pytest.mark.parametrize("name", FEATURES)
+def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made, name):
+    walk = """(name) => {
+        const node = document.querySelector(`.handle[data-feature=${name}]`);
+        const cell = document.querySelector(`[data-live=${name}]`);
+        const press = (key) => node.dispatchEvent(new KeyboardEvent("keydown", { key }));
+        const found = [];
+        press("Home");
+        for (let i = 0; i <= Number(node.getAttribute("aria-valuemax")); i++, press("ArrowRight"))
+            found.push([Number(cell.dataset.threshold), Number(cell.dataset.percent)]);
+        return found; }"""
+    curve, pixels = made.run.summary["curves"][name], sum(row["pixels"] for row in made.run.frames)
+    recorded = {edge: 100.0 * sum(curve["counts"][i + 1 :]) / pixels for i, edge in enumerate(curve["edges"])}
+    found = page.evaluate(walk, name)
+    assert [t for t, _ in found] == stops(made, name)
+    edges = [(t, percent) for t, percent in found if t in recorded]
+    assert len(edges) > 200
+    assert all(percent == pytest.approx(recorded[t], abs=1e-9) for t, percent in edges)
+    used = made.run.summary["settings"]["thresholds"][name]
+    assert dict(found)[used] == pytest.approx(made.run.summary["discard"][name]["mean_percent"])
+
+
+def test_reasons_that_the_distances_do_not_tell_are_dashes(page, made):
+    set_threshold(page, made, "position", stops(made, "position")[0])
+    set_threshold(page, made, "direct", stops(made, "direct")[0])
+    repainted(page)
+    found = frame_counts(page)
+    assert {found[name] for name in ("disoccluded", "occluding", "lit", "shadowed")} == {None}
+    assert found["position"] > 0 and found["reusable_shading"] is not None
+
+
+def test_probe_names_reasons_and_distances_of_the_pixel(page, made):
+    frame = int(page.locator(".stage").first.get_attribute("data-frame"))
+    stored, _ = stored_frames(made.out)
+    mask = np.asarray(Image.open(stored.folder / f"mask_{frame:05d}.png")).astype(np.uint32)
+    mask = mask[..., 0] | mask[..., 1] << 8
+    rows, columns = np.nonzero((mask & int(Reason.NORMAL)) != 0)
+    y, x = rows[len(rows) // 2], columns[len(rows) // 2]
+    box = page.locator(".stage").first.bounding_box()
+    page.mouse.move(box["x"] + (x + 0.5) / WIDTH * box["width"], box["y"] + (y + 0.5) / HEIGHT * box["height"])
+    probe = page.locator(".probe")
+    assert f"pixel ({x}, {y})" in probe.inner_text()
+    reasons = [item.split()[0] for item in probe.locator("li b").all_inner_texts()]
+    assert "normal" in reasons
+    assert "unit shading normal" in probe.inner_text()  # the definition of the glossary
+    for name, values in made.distances[frame].features.items():
+        row = probe.locator(f"[data-probe={name}]")
+        levels = levels_of(made.run.summary["settings"]["thresholds"][name])
+        assert int(row.get_attribute("data-code")) == levels.codes(values[y, x])
+        discarded = "discarded" in row.inner_text()
+        assert discarded == bool(mask[y, x] & int(FEATURE_BIT[name]))
+    # The same distances are marked on the tracks of the thresholds.
+    assert page.locator("[data-probed]").count() == len(FEATURES)
+    page.mouse.move(5, 5)
+    assert page.locator("[data-probed]").count() == 0
+
+
+def test_keys_move_pin_and_release_the_probe(page):
+    stage = page.locator(".stage").first
+    stage.focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("Shift+ArrowDown")
+    assert f"pixel ({WIDTH // 2 + 1}, {HEIGHT // 2 + 10})" in page.locator(".probe").inner_text()
+    assert page.locator(".cross.pinned").first.is_visible()
+    page.mouse.move(*(stage.bounding_box()[k] + 20 for k in ("x", "y")))
+    assert f"pixel ({WIDTH // 2 + 1}, {HEIGHT // 2 + 10})" in page.locator(".probe").inner_text()
+    page.keyboard.press("Escape")
+    assert "Point at a pixel" in page.locator(".probe").inner_text()
+
+
+def test_zoom_shows_pixels_and_keeps_the_probe_in_place(page):
+    stage = page.locator(".stage").first
+    box = stage.bounding_box()
+    u, v = 0.3, 0.7
+    at = box["x"] + u * box["width"], box["y"] + v * box["height"]
+    page.mouse.dblclick(*at)
+    page.mouse.dblclick(*at)
+    assert page.locator(".zoom output").inner_text() == "400 %"
+    assert page.evaluate("getComputedStyle(document.querySelector('.stage .base')).imageRendering") == "pixelated"
+    page.mouse.move(*at)
+    assert f"pixel ({int(u * WIDTH)}, {int(v * HEIGHT)})" in page.locator(".probe").inner_text()
+    page.mouse.down()
+    page.mouse.move(at[0] + box["width"] / 4, at[1], steps=4)  # a quarter of the stage is a sixteenth of the image
+    page.mouse.up()
+    page.mouse.move(*at)
+    assert f"pixel ({int((u - 1 / 16) * WIDTH)}, {int(v * HEIGHT)})" in page.locator(".probe").inner_text()
+    stage.focus()
+    page.keyboard.press("0")
+    assert page.locator(".zoom output").inner_text() == "100 %"
+
+
+@pytest.fixture(scope="module")
+def both(made, tmp_path_factory) -> Path:
+    """Two runs in one page: the run itself, and a copy of it under another name."""
+    copy = Run(json.loads(json.dumps(made.run.summary)), made.run.frames, made.out)
+    copy.summary["scene"]["name"] = "second"
+    runs = [ReportRun(run.summary, run.frames, made.out) for run in (made.run, copy)]
+    return write_html_report(runs, tmp_path_factory.mktemp("both") / "both.html")
+
+
+def test_two_runs_as_wipe_side_by_side_and_flicker(browser, both):
+    for page in opened(browser, both):
+        ready(page)
+        tags = page.locator(".tag:visible")
+        page.locator("[data-mode=runs]").click()
+        page.wait_for_selector(".tag.left:visible")
+        assert tags.first.inner_text().startswith("second, frame")
+        page.locator("[data-layout=side]").click()
+        stages = page.locator(".stage:visible")
+        assert stages.count() == 2 and len(tags.all_inner_texts()) == 2
+        one, two = (stages.nth(i).bounding_box() for i in (0, 1))
+        assert one["x"] + one["width"] <= two["x"]
+        # Both show the same part and mark the same pixel.
+        page.get_by_role("button", name="Zoom in").click()
+        views = page.evaluate("[...document.querySelectorAll('.stage .view')].map(v => v.style.transform)")
+        assert views[0] == views[1] != ""
+        page.mouse.move(one["x"] + 30, one["y"] + 30)
+        assert page.locator(".cross:visible").count() == 2
+        page.locator("[data-layout=flicker]").click()
+        for name in ("second", "busy"):
+            page.wait_for_function("(n) => document.querySelector('.tag.left').textContent.includes(n)", arg=name)
+
+
+# ---- lost and damaged parts
+
+
+@pytest.fixture
+def copied(made, tmp_path) -> Path:
+    shutil.copytree(made.out, tmp_path / "run")
+    return tmp_path / "run"
+
+
+def written(made, folder: Path) -> Path:
+    return write_html_report([ReportRun(made.run.summary, made.run.frames, folder)], folder / "report.html")
+
+
+def test_swapped_planes_are_noticed_and_masks_stay_as_recorded(browser, made, copied):
+    images = copied / "images"
+    frames = sorted(images.glob("planes_*.webp"))
+    data = [file.read_bytes() for file in frames]
+    for file, other in zip(frames, data[1:] + data[:1], strict=True):
+        file.write_bytes(other)
+    for page in opened(browser, written(made, copied)):
+        ready(page)
+        assert page.locator("#viewer .missing").is_visible()
+        set_threshold(page, made, "position", LOWER["position"])
+        repainted(page)
+        frame = int(page.locator(".stage").first.get_attribute("data-frame"))
+        row = next(row for row in made.run.frames if row["frame"] == frame)
+        assert frame_counts(page)["position"] == row["position"]
+
+
+@pytest.mark.parametrize("name", ["planes", LEVELS])
+@pytest.mark.parametrize("damage", ["missing", "broken"])
+def test_lost_or_broken_files_leave_a_line_and_a_page_that_works(browser, made, copied, name, damage):
+    for file in (copied / "images").glob("planes_*.webp" if name == "planes" else name):
+        if damage == "missing":
+            file.unlink()
+        else:
+            file.write_bytes(b"broken")
+    for page in opened(browser, written(made, copied)):
+        if (name, damage) == ("planes", "broken"):  # only the browser decodes images
+            ready(page)
+            assert page.locator("#viewer .missing").is_visible()
+        else:
+            assert page.locator("#curves .note").is_visible()
+        assert (mask_pixels(page)[..., 3] > 0).any()
+        handle = page.locator(".handle[data-feature=color]")
+        handle.focus()
+        before = page.locator("[data-live=color]").get_attribute("data-threshold")
+        page.keyboard.press("PageUp")
+        assert float(page.locator("[data-live=color]").get_attribute("data-threshold")) > float(before)
+
+
+def test_plain_report_says_how_to_get_distances(browser, made, copied):
+    index = copied / "images" / "index.json"
+    values = json.loads(index.read_text())
+    del values["planes"]
+    index.write_text(json.dumps(values))
+    for page in opened(browser, written(made, copied)):
+        assert "--report-full" in page.locator("#curves .note").inner_text()
+        assert page.locator("[data-limit]").count() == 0
+
+
+def test_distances_of_another_run_are_not_used(made, copied):
+    rows = [dict(row) for row in made.run.frames]
+    rows[0]["position"] += 1
+    text = write_html_report([ReportRun(made.run.summary, rows, copied)], copied / "report.html").read_text()
+    data = json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
+    images = data["runs"][0]["images"]
+    assert images["planes"] is None and images["no_planes"]
+
+
+def test_options_that_a_full_report_cannot_serve(tmp_path):
+    for options in ({"report": "whole"}, {"report": "full", "samples_per_pixel": 4}):
+        with pytest.raises(SettingsError):
+            evaluate(busy_room(), out=tmp_path / "out", **options, **SETTINGS)
+    with pytest.raises(SettingsError):
+        evaluate(busy_room(), report="full", **SETTINGS)
+
+
+# ---- screens, keyboard, screen reader
+
+
+SCREENS = [(1280, 720), (1920, 1080), (390, 844)]
+
+
+@pytest.mark.parametrize("size", SCREENS, ids=lambda size: str(size[0]))
+def test_nothing_overflows_and_no_sliders_overlap(browser, both, size):
+    phone = size[0] < 500
+    for page in opened(browser, both, viewport={"width": size[0], "height": size[1]}, has_touch=phone, is_mobile=phone):
+        ready(page)
+        page.locator("[data-mode=runs]").click()
+        page.locator("[data-layout=side]").click()
+        page.wait_for_selector(".stage:visible >> nth=1")
+        assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+        boxes = [hit.bounding_box() for hit in page.locator(".handle .hit").all()]
+        assert len(boxes) == len(FEATURES) + 1
+        for a, b in itertools.combinations(boxes, 2):
+            apart = a["y"] + a["height"] <= b["y"] + 1 or b["y"] + b["height"] <= a["y"] + 1
+            assert apart, (a, b)
+        assert min(box["height"] for box in boxes) >= 24
+
+
+def test_definitions_open_by_touch(browser, both):
+    for page in opened(browser, both, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True):
+        row = page.locator(".reason", has=page.locator("[data-reason=disoccluded]"))
+        checked = row.locator("input").is_checked()
+        row.locator(".tip").tap()
+        tip = page.locator("#tip")
+        assert "The surface was hidden" in tip.inner_text()
+        box = tip.bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+        assert row.locator("input").is_checked() == checked
+        page.keyboard.press("Escape")
+        assert not tip.is_visible()
+        page.locator("dl.figure .tip").first.tap()
+        assert tip.is_visible()
+
+
+def test_accessibility_tree_names_every_control(page):
+    tree = page.locator("main").aria_snapshot()
+    for feature in FEATURES:
+        assert f'slider "threshold of {feature}"' in tree
+    parts = ('group "Image: arrow keys', 'group "Pixel probe"', 'button "Zoom in"', 'slider "Frame"')
+    parts += ('slider "threshold of all features"', 'slider "Mask opacity"', 'button "What is disoccluded?"')
+    assert [part for part in parts if part not in tree] == []
+    assert "slider:" not in tree and "- button\n" not in tree
+    values = "[...document.querySelectorAll('[data-limit], .handle')].map(e => e.getAttribute('aria-valuetext'))"
+    assert all(re.search(r"\d", value or "") for value in page.evaluate(values))
+    controls = "[...document.querySelectorAll('.viewer .stage:not([hidden]), .viewer button, .viewer input')]"
+    assert set(page.evaluate(f"{controls}.map(e => e.tabIndex)")) == {0}  # in the order of the document
