@@ -37,7 +37,8 @@ PLANES = (*FEATURES, "depth", "signs")
 NEARER, ROSE, FELL = 1, 2, 4
 """Bits of the plane ``signs``: the history surface is nearer to the previous camera; direct luminance rose; it fell."""
 MAX_BYTES_PER_PIXEL = 300 * 1024 / (640 * 360)
-"""Size limit of the packed planes of a frame."""
+MIN_BYTES = 64 * 1024
+"""Size limit of the packed planes of a frame: MAX_BYTES_PER_PIXEL of its pixels, at least MIN_BYTES."""
 _CURVE_BITS, _FINE_BITS = 3, 4  # 2^bits levels an octave: of the threshold curve, and near the threshold
 
 
@@ -170,7 +171,7 @@ def compressed(encoded: EncodedDistances, levels: Mapping[str, Levels], step: in
         packed = pack(list(planes_at(encoded, levels, step).values()))
         out = io.BytesIO()
         Image.fromarray(packed).save(out, format="WEBP", lossless=True, quality=40, method=3)
-        if out.tell() <= MAX_BYTES_PER_PIXEL * encoded.depth.size or step == len(DETAIL) - 1:
+        if out.tell() <= max(MIN_BYTES, MAX_BYTES_PER_PIXEL * encoded.depth.size) or step == len(DETAIL) - 1:
             return out.getvalue(), step
         step += 1
 

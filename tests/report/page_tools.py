@@ -14,7 +14,8 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 
 def opened(browser: Any, file: Path, **options: Any) -> Iterator[Any]:
     """Opens a page and checks that it causes no console error, no exception and no request but its own file."""
-    context = browser.new_context(**{"viewport": {"width": 1100, "height": 900}, "color_scheme": "light", **options})
+    usual = {"viewport": {"width": 1100, "height": 900}, "color_scheme": "light", "reduced_motion": "reduce"}
+    context = browser.new_context(**usual | options)
     page, faults = context.new_page(), []
     page.on("console", lambda m: faults.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda e: faults.append(str(e)))
