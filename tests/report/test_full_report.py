@@ -133,8 +133,7 @@ def test_shares_and_masks_at_other_thresholds_are_those_of_a_run_at_them(page, m
     assert {name: found[name] for name in COUNTED} == {name: made.run.frames[-1][name] for name in COUNTED}
 
 
-@pytest.mark.parametrize("name", FEATURES)
-def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made, name):
+def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made):
     walk = """(name) => {
         const node = document.querySelector(`.handle[data-feature=${name}]`);
         const cell = document.querySelector(`[data-live=${name}]`);
@@ -144,15 +143,17 @@ def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made, name):
         for (let i = 0; i <= Number(node.getAttribute("aria-valuemax")); i++, press("ArrowRight"))
             found.push([Number(cell.dataset.threshold), Number(cell.dataset.percent)]);
         return found; }"""
-    curve, pixels = made.run.summary["curves"][name], sum(row["pixels"] for row in made.run.frames)
-    recorded = {edge: 100.0 * sum(curve["counts"][i + 1 :]) / pixels for i, edge in enumerate(curve["edges"])}
-    found = page.evaluate(walk, name)
-    assert [t for t, _ in found] == stops(made, name)
-    edges = [(t, percent) for t, percent in found if t in recorded]
-    assert len(edges) > 200
-    assert all(percent == pytest.approx(recorded[t], abs=1e-9) for t, percent in edges)
-    used = made.run.summary["settings"]["thresholds"][name]
-    assert dict(found)[used] == pytest.approx(made.run.summary["discard"][name]["mean_percent"])
+    pixels = sum(row["pixels"] for row in made.run.frames)
+    for name in FEATURES:
+        curve = made.run.summary["curves"][name]
+        recorded = {edge: 100.0 * sum(curve["counts"][i + 1 :]) / pixels for i, edge in enumerate(curve["edges"])}
+        found = page.evaluate(walk, name)
+        assert [t for t, _ in found] == stops(made, name)
+        edges = [(t, percent) for t, percent in found if t in recorded]
+        assert len(edges) > 200
+        assert all(percent == pytest.approx(recorded[t], abs=1e-9) for t, percent in edges)
+        used = made.run.summary["settings"]["thresholds"][name]
+        assert dict(found)[used] == pytest.approx(made.run.summary["discard"][name]["mean_percent"])
 
 
 def test_reasons_that_the_distances_do_not_tell_are_dashes(page, made):
@@ -287,7 +288,7 @@ def test_swapped_planes_are_noticed_and_masks_stay_as_recorded(browser, made, co
 
 
 @pytest.mark.parametrize("name", ["planes", LEVELS])
-@pytest.mark.parametrize("damage", ["missing", "broken"])
+@pytest.mark.parametrize("damage", [pytest.param("missing", marks=pytest.mark.long), "broken"])
 def test_lost_or_broken_files_leave_a_line_and_a_page_that_works(browser, made, copied, name, damage):
     for file in (copied / "images").glob("planes_*.webp" if name == "planes" else name):
         if damage == "missing":
