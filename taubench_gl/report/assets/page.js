@@ -9,8 +9,8 @@ document.getElementById("theme").addEventListener("click", () => {
 });
 
 // The height of the bar, below which other parts stick.
-const bar = document.querySelector(".top");
-new ResizeObserver(() => root.style.setProperty("--top", `${bar.offsetHeight}px`)).observe(bar);
+const topBar = document.querySelector(".top");
+new ResizeObserver(() => root.style.setProperty("--top", `${topBar.offsetHeight}px`)).observe(topBar);
 
 const print = matchMedia("print");
 const folded = [];
@@ -70,7 +70,7 @@ function tipButton(label, words) {
   });
   return button;
 }
-for (const host of document.querySelectorAll("main [title]")) {
+for (const host of document.querySelectorAll("main [title]:not(button)")) {
   const label = host.matches("dl") ? host.querySelector("dt") : host;
   label.append(" ", tipButton(label.textContent.trim(), host.title));
 }
