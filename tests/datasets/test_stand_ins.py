@@ -26,9 +26,9 @@ RECIPES = list(STAND_INS.values())
 each = pytest.mark.parametrize("recipe", RECIPES, ids=list(STAND_INS))
 
 
-KNOWN_DEPARTURES = {("eternal-valley-vr", "position"): 6.0}
+KNOWN_DEPARTURES = {("eternal-valley-vr", "position"): 6.0, ("eternal-valley-vr", "color"): 2.5}
 """Accepted factors to the paper's Table 4 that exceed 2.  The VR camera rotates in place, so position depends on the
-size of a pixel on the ground (12 % at 960x540, less at 1920x1080)."""
+size of a pixel on the ground (12 % at 960x540, less at 1920x1080), and few colors change (4.3 % at 960x540)."""
 
 
 def assert_rows(camera, recipe):
