@@ -28,8 +28,8 @@ from taubench_gl.reuse.loading import BUILTIN, builtin_methods, load_method
 from taubench_gl.reuse.quality import MEASURES
 
 DIVERGED = 100.0
-"""A method diverges if the mean absolute radiance of an image after the warm-up is more than this times the largest one
-of any input or reference so far.  A blend of input and history is at most 1."""
+"""A method diverges if the mean absolute radiance of an image is more than this times the largest one of any input or
+reference so far.  A blend of input and history is at most 1."""
 
 FAILED, INAPPLICABLE = "failed", "not applicable"
 
@@ -120,9 +120,8 @@ class BenchmarkUnit:
 
 @dataclass(slots=True)
 class _Divergence:
-    """Finds methods that diverge, frame by frame from ``first`` on.  ``found``: label -> reason."""
+    """Finds methods that diverge, frame by frame.  ``found``: label -> reason."""
 
-    first: int
     found: dict[str, str] = field(default_factory=dict)
     _largest: float = 0.0
 
@@ -130,7 +129,7 @@ class _Divergence:
         means = {name: float(np.mean(np.abs(np.nan_to_num(image)))) for name, image in evaluated.radiance.items()}
         self._largest = max(self._largest, means.pop("input"), means.pop("reference"))
         for label, mean in means.items():
-            if evaluated.frame >= self.first and mean > DIVERGED * self._largest > 0:
+            if mean > DIVERGED * self._largest > 0:
                 what = f"diverges: in frame {evaluated.frame} its mean radiance is {mean / self._largest:.3g} times "
                 self.found.setdefault(label, what + "the largest of any input or reference")
 
@@ -143,7 +142,7 @@ def evaluate_case(case: Case, entries: Sequence[Entry], path: Path) -> dict[str,
     specs = [_spec(case, entry) for entry in entries if entry.label not in refused]
     if not specs:
         return out
-    divergence = _Divergence(case.first + case.warmup)
+    divergence = _Divergence()
     try:
         done = evaluate_methods(
             path, specs, case.settings, on_frame=divergence.add, **{**case.request, "statistics": False}
