@@ -206,7 +206,7 @@ def comparison_tables(compared: Summary, measures: Summary) -> list[Table]:
     for number, name in enumerate(names, start=1):
         title, digits = SHOWN[name]
         unit = measures[name]["unit"]
-        columns = tuple(Column(c, unit, digits) for c in ("A", "B", "B - A"))
+        columns = tuple(Column(c, unit, digits) for c in ("A", "B", "difference"))
         rows = []
         for row in compared["rows"]:
             values = row["measures"][name]
