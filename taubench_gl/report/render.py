@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from taubench_gl.outputs import csv_text, write_atomically
+from taubench_gl.outputs import csv_text, plain_text, write_atomically
 from taubench_gl.report.tables import Column, Row, Table
 
 NONE = "–"
@@ -163,7 +163,7 @@ def to_csv(tables: Sequence[Table]) -> str:
 
 def latex_text(text: str) -> str:
     """``text`` escaped for LaTeX; characters beyond Latin Extended-A, which its fonts lack, become question marks."""
-    plain = "".join(c if ord(c) < 0x180 or ord(c) in _LATEX else "?" for c in text)
+    plain = "".join(c if ord(c) < 0x180 or ord(c) in _LATEX else "?" for c in plain_text(text))
     return plain.translate(_LATEX)
 
 
