@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from taubench_gl.animation import choose_camera
 from taubench_gl.conventions import FEATURE_BIT, Reason
 from taubench_gl.demos.demo import Demo
 from taubench_gl.glossary import label_of
@@ -18,8 +19,17 @@ _PARTS = {
 
 
 def opening_settings(demo: Demo) -> dict[str, Any]:
-    """Fields of Settings of the pair: the columns of its masks and color, and what the opening sets."""
-    return {"columns": _columns(demo), "fps": FPS, **demo.opening.settings}
+    """Fields of Settings of the pair: columns of its masks and color, the camera, and what the opening sets.
+
+    The camera is named, because an evaluation of a still scene otherwise has a framing orbit.
+    """
+    return {"columns": _columns(demo), "fps": FPS, "camera": _camera(demo), **demo.opening.settings}
+
+
+def _camera(demo: Demo) -> int:
+    """Index of the scene's own camera."""
+    scene = demo.scene()
+    return list(scene.camera_nodes).index(choose_camera(scene).node)
 
 
 def _columns(demo: Demo) -> tuple[str, ...]:

@@ -81,9 +81,8 @@ class Stage:
             now, before = ({n: pair.source.read(n, previous=old) for n in names} for old in (False, True))
             pairs.append(LitPair(pair.mask, pair.motion, now, before, dict(pair.row)))
 
-        run = evaluate_scene(
-            scene, chosen, Observers(on_pair=keep, channels=tuple(extra)), camera=camera or choose_camera(scene)
-        )
+        camera = camera or choose_camera(scene, chosen.sequence.camera)
+        run = evaluate_scene(scene, chosen, Observers(on_pair=keep, channels=tuple(extra)), camera=camera)
         return run, pairs
 
     def pair(self, scene: Scene, **settings: Any) -> LitPair:

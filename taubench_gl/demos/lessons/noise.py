@@ -107,8 +107,8 @@ def expected_many_samples(per_lamp: Array, samples: int) -> float:
         100.0,
     ),
     opening=Opening(
-        (Reason.DIRECT,),
-        settings={"light": "path-traced", "spp": 1, "bounces": 1, "pattern": "independent", "indirect": "auto"},
+        (Reason.INDIRECT,),  # path-traced light of a lamp without size has no noise until it is reflected
+        settings={"light": "path-traced", "spp": 1, "bounces": 2, "pattern": "independent", "indirect": "auto"},
     ),
     scene=scene,
     see_also=(("noise in path-traced reference images", "path-traced.md"),),
