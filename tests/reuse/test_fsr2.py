@@ -27,9 +27,14 @@ SETTINGS = {"max_weight": 8.0, "shading_change": 0.1, "sharpen": True}
 Array = np.ndarray
 
 
+def fireflies(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Factors of colored noise with a long tail, as of paths with few samples."""
+    return rng.gamma(0.1, 10.0, (*shape, 3)) * np.where(rng.random((*shape, 1)) < 0.1, 100.0, 1.0)
+
+
 @pytest.fixture(scope="module")
 def steps():
-    """Moving frames, then still ones, with thin lines, masks, and a light that is switched on in the fourth frame."""
+    """Moving frames, then still ones, with lines, masks, fireflies, and a light switched on in the fourth frame."""
     rng = np.random.default_rng(51)
     moving = list(synthetic_steps(SMALL, 3, speed=3.0, noise=0.2))
     out = []
@@ -44,6 +49,7 @@ def steps():
         radiance[:, :16, :3] *= 1.6 if index >= 3 else 1.0
         radiance[..., :3] *= rng.gamma(30.0, 1 / 30.0, radiance.shape[:2])[..., None]
         radiance[10:14, 20:30, :3] *= (1.0, 1.5)[index % 2]
+        radiance[:4, :, :3] *= fireflies(rng, (4, SMALL[0]))
         inputs["radiance"] = radiance
         inputs["reactive"] = np.zeros((*SMALL[::-1], 1), dtype=np.float32)
         inputs["reactive"][4:8, 8:12] = 0.6
@@ -53,11 +59,11 @@ def steps():
     return out
 
 
-def play(gpu, method, steps) -> list[Array]:
-    """Results of LARGE from inputs of SMALL with JITTERS, row 0 at the bottom."""
+def play(gpu, method, steps, **changed) -> list[Array]:
+    """Results of LARGE from inputs of SMALL with JITTERS and SETTINGS but for ``changed``, row 0 at the bottom."""
     uploader = Uploader(gpu, SMALL)
     results = []
-    with MethodRunner(gpu, method, LARGE, SETTINGS, input_size=SMALL) as runner:
+    with MethodRunner(gpu, method, LARGE, SETTINGS | changed, input_size=SMALL) as runner:
         for step in steps:
             frame = uploader.frame(step)
             fields = {n: getattr(frame, n) for n in FrameInputs.__dataclass_fields__}
@@ -86,7 +92,7 @@ def reference_frames(steps) -> list[Array]:
             n: np.max(list(reference.neighbors(i[n]).values()), axis=0)[..., 0] for n in ("reactive", "transparency")
         }
         blocks = reference.fsr2_block_luminance(i["radiance"][..., :3])
-        thin = reference.fsr2_thin_features(color[..., 0], 1.05)
+        thin = reference.fsr2_thin_features(reference.ycocg_from_rgb(color)[..., 0], 1.05)
         frame = Prepared(color, thin, dilated["motion"], clear, dilated["depth"], blocks=blocks, **most)
         before = reference.fsr2_accumulate(
             frame, before, GRIDS, jitter, SETTINGS["max_weight"], SETTINGS["shading_change"]
@@ -128,16 +134,20 @@ BYPASSES = {
     "shading_change": (ACCUMULATE, "float change = 1.0 -", "float change = 0.0 * "),
     "lock_lifetime": (ACCUMULATE, "if (change > shading_change || (!fresh && clear < 0.99)) lock.x = 0.0;", ""),
     "lock_period": (ACCUMULATE, "now.color.a / (MEAN_WEIGHT * periods)", "0.0"),
-    "luminance_instability": (ACCUMULATE, "unstable(now.color.x, now.deviation.x, earlier)", "false"),
+    "luminance_instability": (ACCUMULATE, "unstable(luma, now.deviation.x, earlier)", "false"),
     "upsampling": ("upsample.glsl", "lanczos2(sharp * length(vec2(q) - pixel))", "float(q == nearest)"),
     "samples_beyond_the_border": ("upsample.glsl", "        sum += w *", "        if (in_inputs(q)) sum += w *"),
     "weight_beyond_the_border": ("upsample.glsl", "if (in_inputs(q)) there += w;", "there += w;"),
+    "range_of_the_samples": ("upsample.glsl", "clamp(color, u.least, u.most)", "clamp(color, 0.0, 0.999)"),
     "kernel_scale": (ACCUMULATE, "exists ? sharp : 1.0", "1.0"),
-    "rectification": (ACCUMULATE, "history.rgb = mix(clamped, history.rgb, part);", ""),
+    "rectification": (ACCUMULATE, "history.rgb = clamp(kept, min(near, history.rgb), max(near, history.rgb));", ""),
+    "range_of_the_rectified_history": (ACCUMULATE,
+                                       "clamp(kept, min(near, history.rgb), max(near, history.rgb))", "kept"),
     "reactive_mask": (ACCUMULATE, "float reactivity = 1.0 -", "float reactivity = 0.0 *"),
     "composition_mask": (ACCUMULATE, "float composed = ", "float composed = 0.0 * "),
     "accumulation": (ACCUMULATE, "mix(history.rgb, now.color.rgb, share)", "now.color.rgb"),
     "rcas": ("rcas.glsl", "if (sharpen) {", "if (false) {"),
+    "white_of_rcas": ("rcas.glsl", "0.5 + 0.5 * max(bright", "1.0 + 0.0 * max(bright"),
 }  # fmt: skip
 
 
@@ -166,7 +176,37 @@ def test_upsampling_of_a_plane_is_exact_at_the_samples_and_close_between():
     pixel = between[..., 0] - jitter[0]  # the value of sample i is 0.3 + 0.01 i
     error, nearest = color[..., 0] - 0.3 - 0.01 * pixel, 0.01 * (np.floor(pixel + 0.5) - pixel)
     assert np.abs(error).mean() < 0.5 * np.abs(nearest).mean()
-    assert (box["low"] <= color).all() and (color <= box["high"]).all()
+    assert (box["least"] <= color).all() and (color <= box["most"]).all()
+
+
+def test_the_upsampled_color_is_in_the_range_of_its_samples():
+    """Colored fireflies: per channel between the least and the most of the samples of the nearest 3x3 pixels."""
+    radiance = fireflies(np.random.default_rng(55), SMALL[::-1])
+    prepared = reference.fsr2_tone_mapped(radiance)
+    at = GRIDS.input_from_output(pixels(LARGE))
+    samples = np.pad(prepared, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    around = np.stack([samples[y : y + SMALL[1], x : x + SMALL[0]] for y in range(3) for x in range(3)])
+    for jitter in JITTERS.astype(np.float64):
+        x, y = np.moveaxis(np.clip(np.floor(at - jitter + 0.5).astype(int), 0, np.array(SMALL) - 1), -1, 0)
+        for sharp in (1.0, 1.99):
+            color, _, _ = reference.fsr2_upsample(prepared, at, jitter, np.full(at.shape[:2], sharp))
+            assert (color >= around.min(axis=0)[y, x]).all() and (color <= around.max(axis=0)[y, x]).all()
+            assert reference.fsr2_radiance(color).max() <= radiance.max() * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("sharpen", [False, True])
+def test_no_frame_is_brighter_than_every_sample(gpu, steps, sharpen):
+    """Colored fireflies everywhere: no radiance above the largest r of all samples so far; sharpened, above 2 r + 1."""
+    rng, most, noisy = np.random.default_rng(56), 0.0, []
+    for step in steps:
+        radiance = step.inputs["radiance"].copy()
+        radiance[..., :3] = fireflies(rng, radiance.shape[:2])
+        noisy.append(replace(step, inputs=step.inputs | {"radiance": radiance}))
+    for step, result in zip(noisy, play(gpu, "fsr2-class", noisy, sharpen=sharpen), strict=True):
+        most = max(most, step.inputs["radiance"][..., :3].max())
+        assert np.isfinite(result).all() and result.min() >= 0
+        assert result[..., :3].max() <= (2 * most + 1 if sharpen else most) * 1.001
+        assert sharpen or result[..., :3].mean() < 1.5 * step.inputs["radiance"][..., :3].mean()
 
 
 def test_the_border_is_upsampled_like_the_inside():

@@ -84,9 +84,9 @@ def lanczos2(x: Array) -> Array:
 
 
 def fsr2_tone_mapped(radiance: Array) -> Array:
-    """c / (1 + max c) in YCoCg.  (..., 3) -> (..., 3)."""
+    """c / (1 + max c).  (..., 3) -> (..., 3)."""
     c = np.maximum(radiance, 0.0)
-    return ycocg_from_rgb(c / (1 + c.max(axis=-1, keepdims=True)))
+    return c / (1 + c.max(axis=-1, keepdims=True))
 
 
 def fsr2_radiance(rgb: Array) -> Array:
@@ -191,7 +191,7 @@ def fsr2_upsample(prepared: Array, at: Array, jitter: Array, sharp: Array) -> tu
 
     Samples outside the image repeat those at the border in the color, and have no weight.
     ``prepared`` (h, w, 3); ``at`` points of the inputs; ``sharp`` scales the kernel.  -> color (..., 3), weight (...),
-    box: low, high, middle, deviation (..., 3).
+    box (..., 3): least, most in RGB, between which the color is; low, high, middle, deviation in YCoCg.
     """
     size = prepared.shape[1::-1]
     pixel = at - jitter
@@ -206,20 +206,24 @@ def fsr2_upsample(prepared: Array, at: Array, jitter: Array, sharp: Array) -> tu
             there += np.where(_inside(q, size), weight, 0.0)
     m1, m2, weights = np.zeros_like(sums), np.zeros_like(sums), np.zeros_like(total)
     low, high = np.full_like(sums, np.inf), np.full_like(sums, -np.inf)
+    least, most = low.copy(), high.copy()
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             q = nearest + [dx, dy]
-            exists, c = _inside(q, size), fetch(prepared, q)
+            exists, rgb = _inside(q, size), fetch(prepared, q)
+            c = ycocg_from_rgb(rgb)
             weight = np.where(exists, np.exp(-3 * ((q - pixel) ** 2).sum(axis=-1)), 0.0)
             m1, m2, weights = m1 + weight[..., None] * c, m2 + weight[..., None] * c**2, weights + weight
+            least = np.where(exists[..., None], np.minimum(least, rgb), least)
+            most = np.where(exists[..., None], np.maximum(most, rgb), most)
             low = np.where(exists[..., None], np.minimum(low, c), low)
             high = np.where(exists[..., None], np.maximum(high, c), high)
     middle = m1 / weights[..., None]
     deviation = np.sqrt(np.maximum(m2 / weights[..., None] - middle**2, 0.0))
     enough = total > 1e-3
-    color = np.clip(sums / np.where(enough, total, 1.0)[..., None], low, high)
-    box = {"low": low, "high": high, "middle": middle, "deviation": deviation}
-    return np.where(enough[..., None], color, middle), np.where(enough, np.maximum(there, 0.0), 0.0), box
+    color = np.where(enough[..., None], sums / np.where(enough, total, 1.0)[..., None], rgb_from_ycocg(middle))
+    box = {"least": least, "most": most, "low": low, "high": high, "middle": middle, "deviation": deviation}
+    return np.clip(color, least, most), np.where(enough, np.maximum(there, 0.0), 0.0), box
 
 
 def fsr2_weight_limit(reactivity: Array, moving: Array, clear: Array, change: Array, max_weight: float) -> Array:
@@ -240,23 +244,27 @@ def fsr2_unstable(now: Array, deviation: Array, before: Array) -> Array:
 
 
 def fsr2_rectified(history: Array, box: Mapping[str, Array], scale: float, keep: Array, clear: Array) -> Array:
-    """Rectification: history (..., 3) is drawn into the variance box, in part.
+    """Rectification: history (..., 3) in RGB is drawn into the variance box, in part.
 
     The part of the difference that stays is, per component, the share of the distance to the middle that is inside the
-    box, plus ``keep`` (locks, instability), times the square of the depth clip.
+    box, plus ``keep`` (locks, instability), times the square of the depth clip.  The result lies, in RGB, between the
+    history and a color in the range of the samples.
     """
     reach = box["deviation"] * (1 + 0.5 * (scale - 1))
     low = np.maximum(box["low"], box["middle"] - reach)
-    clamped = np.clip(history, low, np.minimum(box["high"], box["middle"] + reach))
-    apart = np.abs(history - box["middle"])
-    part = np.where(clamped == history, 1.0, np.abs(clamped - box["middle"]) / np.maximum(apart, 1e-9))
+    before = ycocg_from_rgb(history)
+    clamped = np.clip(before, low, np.minimum(box["high"], box["middle"] + reach))
+    apart = np.abs(before - box["middle"])
+    part = np.where(clamped == before, 1.0, np.abs(clamped - box["middle"]) / np.maximum(apart, 1e-9))
     part = np.clip((part + keep[..., None]) * (clear**2)[..., None], 0, 1)
-    return clamped + part * (history - clamped)
+    near = np.clip(rgb_from_ycocg(clamped), box["least"], box["most"])
+    kept = rgb_from_ycocg(clamped + part * (before - clamped))
+    return np.clip(kept, np.minimum(near, history), np.maximum(near, history))
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """What the stages on the grid of the inputs leave: tone-mapped YCoCg, thin features, dilated values, masks."""
+    """What the stages on the grid of the inputs leave: tone-mapped color, thin features, dilated values, masks."""
 
     color: Array  # (h, w, 3)
     thin: Array  # (h, w) bool
@@ -272,7 +280,7 @@ class Prepared:
 class Accumulated:
     """History on the grid of the result."""
 
-    color: Array  # (h, w, 4): tone-mapped YCoCg, weight
+    color: Array  # (h, w, 4): tone-mapped, weight
     lock: Array  # (h, w, 3): lifetime, luminance, trust
     luminances: Array  # (h, w, 4)
     kept: Array  # (h, w): weight of history in the frame
@@ -313,9 +321,10 @@ def fsr2_accumulate(
     sharp = 1 + (scale - 1) * bias * np.minimum(trust, 1 - reactivity)
     sharp = np.where(exists, np.minimum(sharp * (0.5 + 0.5 * clear), 1.99), 1.0)
     new, new_weight, box = fsr2_upsample(frame.color, at, jitter, sharp)
+    luma = ycocg_from_rgb(new)[..., 0]
     keep = np.clip(4 * life, 0, 1) * (1 - reactivity) * (composed < 0.9)
     steady = np.max([1 - clear, composed, change], axis=0) < STEADY
-    keep = np.maximum(keep, steady & fsr2_unstable(new[..., 0], box["deviation"][..., 0], earlier))
+    keep = np.maximum(keep, steady & fsr2_unstable(luma, box["deviation"][..., 0], earlier))
     history = np.where((weight > 0)[..., None], fsr2_rectified(color[..., :3], box, scale, keep, clear), color[..., :3])
     total = weight + new_weight
     share = np.where(weight > 0, new_weight / np.where(total > 0, total, 1), 1.0)
@@ -327,23 +336,27 @@ def fsr2_accumulate(
     return Accumulated(
         np.dstack([mixed, total]),
         np.dstack([life, luminance, trust]),
-        np.dstack([new[..., 0], earlier[..., :3]]),
+        np.dstack([luma, earlier[..., :3]]),
         1 - share,
     )
 
 
 def fsr2_rcas(rgb: Array, sharpness: float) -> Array:
-    """Robust Contrast Adaptive Sharpening of colors in 0 .. 1.  (h, w, 3) -> (h, w, 3)."""
+    """Robust Contrast Adaptive Sharpening of colors in 0 .. 1.  (h, w, 3) -> (h, w, 3).
+
+    White is halfway from the brightest of the five pixels to 1."""
     cross = np.stack([shifted(rgb, dx, dy)[0] for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1))])
     low, high = cross.min(axis=0), cross.max(axis=0)
     to_black = np.minimum(low, rgb) / np.maximum(4 * high, 1e-6)
-    to_white = (1 - np.maximum(high, rgb)) / np.minimum(4 * low - 4, -1e-6)
+    bright = np.maximum(high, rgb)
+    white = 0.5 + 0.5 * bright.max(axis=-1, keepdims=True)
+    to_white = (white - bright) / np.minimum(4 * low - 4 * white, -1e-6)
     lobe = np.clip(np.maximum(-to_black, to_white).max(axis=-1, keepdims=True), -3 / 16, 0)
     lobe = lobe * 2.0 ** (-2 * (1 - sharpness))
-    return np.clip((lobe * cross.sum(axis=0) + rgb) / (4 * lobe + 1), 0, 1)
+    return np.clip((lobe * cross.sum(axis=0) + rgb) / (4 * lobe + 1), 0, white)
 
 
 def fsr2_shown(color: Array, sharpness: float | None) -> Array:
     """The result of the accumulated color (h, w, >= 3): radiance, sharpened unless ``sharpness`` is None."""
-    rgb = np.clip(rgb_from_ycocg(color[..., :3]), 0, 1)
+    rgb = np.clip(color[..., :3], 0, 1)
     return fsr2_radiance(rgb if sharpness is None else fsr2_rcas(rgb, sharpness))

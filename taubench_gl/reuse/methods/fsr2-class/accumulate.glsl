@@ -7,6 +7,7 @@
 // Departs  Locks are found by the pixel that contains a thin sample, where FSR2 writes them from the sample.  The color is kept
 //          tone-mapped, because the caller applies the exposure.  A luminance is unstable if it returns to that of an
 //          older frame within half of its last change, in a box as wide as AMD's shader asks for.
+//          The rectified history is limited in RGB to the range between the history and the samples.
 #include "upsample.glsl"
 #include "history.glsl"
 
@@ -85,16 +86,18 @@ void reuse(ivec2 p) {
     sharp = min(sharp * (0.5 + 0.5 * clear), 1.99);
     Upsampled now = upsample(at, exists ? sharp : 1.0);
 
-    bool flickers = max(max(1.0 - clear, composed), change) < STEADY && unstable(now.color.x, now.deviation.x, earlier);
+    float luma = ycocg_from_rgb(now.color.rgb).x;
+    bool flickers = max(max(1.0 - clear, composed), change) < STEADY && unstable(luma, now.deviation.x, earlier);
     if (weight > 0.0) {
         float locked = clamp(4.0 * lock.x, 0.0, 1.0) * (1.0 - reactivity) * float(composed < 0.9);
         vec3 reach = now.deviation * (1.0 + 0.5 * (max(scale.x, scale.y) - 1.0));
         vec3 low = max(now.low, now.middle - reach), high = min(now.high, now.middle + reach);
-        vec3 clamped = clamp(history.rgb, low, high);
-        vec3 apart = abs(history.rgb - now.middle);
-        vec3 part = mix(abs(clamped - now.middle) / max(apart, vec3(1.0e-9)), vec3(1.0), equal(clamped, history.rgb));
+        vec3 before = ycocg_from_rgb(history.rgb), clamped = clamp(before, low, high);
+        vec3 apart = abs(before - now.middle);
+        vec3 part = mix(abs(clamped - now.middle) / max(apart, vec3(1.0e-9)), vec3(1.0), equal(clamped, before));
         part = clamp((part + max(locked, float(flickers))) * clear * clear, 0.0, 1.0);
-        history.rgb = mix(clamped, history.rgb, part);
+        vec3 near = clamp(rgb_from_ycocg(clamped), now.least, now.most), kept = rgb_from_ycocg(mix(clamped, before, part));
+        history.rgb = clamp(kept, min(near, history.rgb), max(near, history.rgb));
     }
     float total = weight + now.color.a;
     float share = weight > 0.0 ? now.color.a / total : 1.0;
@@ -105,5 +108,5 @@ void reuse(ivec2 p) {
     lock.z = min(1.0, lock.z + now.color.a / 12.0);
     lock.x = max(lock.x - now.color.a / (MEAN_WEIGHT * periods), 0.0);
     write_lock(p, vec4(lock, 1.0 - share));
-    write_luminances(p, vec4(now.color.x, earlier.xyz));
+    write_luminances(p, vec4(luma, earlier.xyz));
 }

@@ -26,10 +26,10 @@ float depth_clip(vec2 at, float expected) {
 
 // A pixel that is brighter or darker than all dissimilar neighbors, and in no 2x2 square of similar ones: a line or a dot.
 float thin_feature(ivec2 p) {
-    float own = tone_mapped_ycocg(p).x, low = 1.0e30, high = 0.0;
+    float own = ycocg_from_rgb(tone_mapped(p)).x, low = 1.0e30, high = 0.0;
     uint similar = 0u; // bit of each of the nine; an array of bool crashes lavapipe of Mesa 22.3
     for (int i = 0; i < 9; ++i) {
-        float other = tone_mapped_ycocg(p + ivec2(i % 3 - 1, i / 3 - 1)).x;
+        float other = ycocg_from_rgb(tone_mapped(p + ivec2(i % 3 - 1, i / 3 - 1))).x;
         if (i == 4 || max(own, other) < thin_ratio * min(own, other)) {
             similar |= 1u << i;
         } else {
@@ -61,5 +61,5 @@ void reuse(ivec2 p) {
             transparency_most = max(transparency_most, fetch_transparency(p + ivec2(x, y)));
         }
     write_masks(p, vec2(reactive_most, transparency_most));
-    write_prepared(p, vec4(tone_mapped_ycocg(p), thin_feature(p)));
+    write_prepared(p, vec4(tone_mapped(p), thin_feature(p)));
 }

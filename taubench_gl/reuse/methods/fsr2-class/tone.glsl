@@ -1,6 +1,6 @@
-// FSR2's local tone map c / (1 + max c), which fits bright colors into the boxes, and YCoCg.
+// FSR2's local tone map c / (1 + max c), which fits bright colors into the boxes.
 // Reference metrics.reuse_methods.fsr2_tone_mapped, fsr2_radiance
-vec3 tone_mapped_ycocg(ivec2 p) {
+vec3 tone_mapped(ivec2 p) {
     vec3 c = max(fetch_radiance(p).rgb, 0.0);
-    return ycocg_from_rgb(c / (1.0 + max(c.r, max(c.g, c.b))));
+    return c / (1.0 + max(c.r, max(c.g, c.b)));
 }

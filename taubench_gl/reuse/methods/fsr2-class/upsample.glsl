@@ -6,9 +6,15 @@
 // Reference metrics.reuse_methods.fsr2_upsample
 // Departs  Samples outside the image have no weight, but the color takes those at the border for them, where FSR2 leaves them out:
 //          what remains of the kernel can be mostly its negative lobes, and the color then any corner of the box.
+//          The color is limited to the range of the samples in RGB, where FSR2 limits it in YCoCg: corners of that box lie
+//          outside the range of RGB, and the inverse tone map makes them brighter than every sample.
 #include "lanczos.glsl"
 
-struct Upsampled { vec4 color; vec3 middle, deviation, low, high; }; // color: YCoCg and weight
+struct Upsampled {
+    vec4 color;                        // rgb, a: weight
+    vec3 least, most;                  // range of the samples, RGB
+    vec3 middle, deviation, low, high; // box, YCoCg
+};
 
 bool in_inputs(ivec2 q) { return all(greaterThanEqual(q, ivec2(0))) && all(lessThan(q, input_size())); }
 
@@ -25,24 +31,27 @@ Upsampled upsample(vec2 at, float sharp) {
         if (in_inputs(q)) there += w;
     }
     vec3 m1 = vec3(0.0), m2 = vec3(0.0);
-    u.low = vec3(1.0e30);
-    u.high = vec3(-1.0e30);
+    u.low = u.least = vec3(1.0e30);
+    u.high = u.most = vec3(-1.0e30);
     float total = 0.0;
     for (int i = 0; i < 9; ++i) {
         ivec2 q = nearest + ivec2(i % 3 - 1, i / 3 - 1);
         if (!in_inputs(q)) continue;
-        vec3 c = fetch_prepared(q).rgb;
+        vec3 rgb = fetch_prepared(q).rgb, c = ycocg_from_rgb(rgb);
         vec2 d = vec2(q) - pixel;
         float w = exp(-3.0 * dot(d, d));
         m1 += w * c;
         m2 += w * c * c;
         total += w;
+        u.least = min(u.least, rgb);
+        u.most = max(u.most, rgb);
         u.low = min(u.low, c);
         u.high = max(u.high, c);
     }
     u.middle = m1 / total;
     u.deviation = sqrt(max(m2 / total - u.middle * u.middle, 0.0));
     bool enough = sum.a > 1.0e-3;
-    u.color = vec4(enough ? clamp(sum.rgb / sum.a, u.low, u.high) : u.middle, enough ? max(there, 0.0) : 0.0);
+    vec3 color = enough ? sum.rgb / sum.a : rgb_from_ycocg(u.middle);
+    u.color = vec4(clamp(color, u.least, u.most), enough ? max(there, 0.0) : 0.0);
     return u;
 }
