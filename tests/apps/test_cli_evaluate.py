@@ -21,7 +21,6 @@ def test_defaults_are_those_of_settings(taubench, evaluate):
         "save": (),
         "report": False,
         "lobes": (),
-        "exact": False,
     }
     assert evaluate.calls == [expected]
     assert "Table 4" in out and "25.00" in out and "Eternal Valley FPS" in out

@@ -230,7 +230,8 @@ def test_what_the_radiance_depends_on_is_in_the_key(tmp_path):
 
 def test_every_setting_is_in_the_key_or_known_not_to_matter():
     """A new setting must be decided on: a reference for another value of it must not be reused if radiance differs."""
-    of_the_view, afterwards = {"frames", "camera"}, {"exposure", "tone_map", "thresholds", "unit_scale", "sampling"}
+    of_the_view = {"frames", "camera"}
+    afterwards = {"exposure", "tone_map", "thresholds", "unit_scale", "sampling", "exact"}
     set_by_references = {
         "reprojection", "columns", "samples_per_pixel", "pairs", "effects", "light", "spp", "pattern", "indirect",
         "storage",

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from taubench_gl.cost import cost
-from taubench_gl.cost.errors import from_run
 from taubench_gl.errors import PathTracedError
 from taubench_gl.pathtraced.compare import noise_floor_percent
 from taubench_gl.pathtraced.series import find_series
@@ -64,8 +63,7 @@ def test_a_render_is_evaluated_with_its_noise_floor_and_channels(renders_folder)
     series = find_series(f"exr:{renders_folder}")
     settings = series.settings(Settings(pairs="every:2", samples_per_pixel=4))
     run = series.reference.evaluate(settings, series.second)
-    found = from_run(run)
-    assert found["columns"]["position"]["percent"] is not None and len(found["columns"]["position"]["pairs"]) == 1
+    assert run.summary["discard"]["position"]["mean_percent"] is not None and len(run.frames) == 1
     assert all(value in (0.0, None) for value in noise_floor_percent(run.summary).values()), (
         "the two seeds are the same files here"
     )
