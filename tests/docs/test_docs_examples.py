@@ -48,7 +48,9 @@ def words_of(line: str) -> list[str]:
 def parse(words: list[str]) -> None:
     """What the program does before a command runs.  Raises click.UsageError."""
     command: click.Command = cli
-    context = click.Context(cli, info_name="taubench-gl")
+    context = click.Context(
+        cli, info_name="taubench-gl", **cli.context_settings
+    )  # -h too: click keeps the first help option
     try:
         while isinstance(command, click.Group) and words:
             if "run" in command.commands and words[0] not in command.commands:
@@ -67,7 +69,7 @@ def all_options() -> set[str]:
 
     def below(command: click.Command) -> Iterator[click.Command]:
         yield command
-        context = click.Context(command)
+        context = click.Context(command, **cli.context_settings)
         for name in command.list_commands(context) if isinstance(command, click.Group) else ():
             yield from below(command.get_command(context, name))
 

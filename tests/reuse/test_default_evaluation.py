@@ -88,7 +88,8 @@ def test_raster_input_keeps_the_exact_reference(capsys):
     from taubench_gl.apps.reuse_evaluate_command import evaluate, split_options
 
     options = {p.name: p.default for p in evaluate.params if p.name not in ("scenes", "methods", "metrics", "out")}
-    context = evaluate.make_context("evaluate", ["s.glb", "--methods", "none", "--input", "noisy"])
+    arguments = ["s.glb", "--methods", "none", "--input", "noisy"]
+    context = evaluate.make_context("evaluate", arguments, **cli.cli.context_settings)
     given = {k: v for k, v in context.params.items() if k in options}
     for name in ("video", "save", "report"):
         given.pop(name)
