@@ -71,9 +71,10 @@ def shared_options(command: Any) -> Any:
             default="path-traced@1",
             show_default=True,
             metavar="KIND",
-            help="Frames to reuse: path-traced@N: light of N samples per pixel, others in every pixel and frame; full, "
-            "or some of jittered, noisy, half, checkerboard, quarter, and upscale@S (frames S times smaller than the "
-            "result), joined by +; or exr:DIR, path-traced frames with the camera of SCENE.",
+            help="Frames to reuse: path-traced@N: light of N samples per pixel, others in every pixel and frame, each "
+            "of one punctual light, with +all-lights of every one; full, or some of jittered, noisy, half, "
+            "checkerboard, quarter, and upscale@S (frames S times smaller than the result), joined by +; or exr:DIR, "
+            "path-traced frames with the camera of SCENE.",
         ),
         click.option("--light-samples", type=int, default=1, show_default=True, help="noisy: light samples per pixel."),
         former_option("--noise-lights", "--light-samples"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -96,7 +96,9 @@ class Case:
 
     @property
     def kind(self) -> InputKind:
-        return parse_input(self.input, light_samples=self.light_samples, indirect_samples=self.vpl_samples)
+        """``suite/1`` takes the light of every punctual light in path-traced input."""
+        kind = parse_input(self.input, light_samples=self.light_samples, indirect_samples=self.vpl_samples)
+        return replace(kind, all_lights=True) if kind.path_samples else kind
 
     @property
     def settings(self) -> Settings:

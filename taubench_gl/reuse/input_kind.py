@@ -14,6 +14,7 @@ from taubench_gl.pathtraced.sequence import PREFIX, is_sequence
 
 PARTIAL = RATES[1:]
 WORDS = ("full", "jittered", "noisy", *PARTIAL)
+ALL_LIGHTS = "all-lights"
 UPSCALE = re.compile(r"upscale@([0-9]+(?:\.[0-9]{1,3})?)")
 MAX_UPSCALE = 4
 PATH_TRACED = re.compile(r"path-traced(@[1-9][0-9]{0,5})?")
@@ -25,8 +26,10 @@ class InputKind:
 
     ``jitter``: sub-pixel offsets, Halton (2, 3); ``rate`` of ``metrics.shading_rate``; ``light_samples``,
     ``indirect_samples``: random lights and VPLs per pixel, 0: exact light; ``path_samples``: samples per pixel of
-    path-traced light, 0: none; ``seed`` of the random numbers; ``files``: ``exr:DIR`` of path-traced frames, which
-    excludes all other fields; ``upscale``: pixels of the output along a side of an input pixel.
+    path-traced light, 0: none; ``all_lights``: its samples of a visible surface take the light of every punctual light
+    where these are few, without noise, instead of one at random; ``seed`` of the random numbers; ``files``: ``exr:DIR``
+    of path-traced frames, which excludes all other fields; ``upscale``: pixels of the output along a side of an input
+    pixel.
     """
 
     jitter: bool = False
@@ -34,6 +37,7 @@ class InputKind:
     light_samples: int = 0
     indirect_samples: int = 0
     path_samples: int = 0
+    all_lights: bool = False
     seed: int = 0
     files: str | None = None
     upscale: Fraction = Fraction(1)
@@ -74,32 +78,37 @@ class InputKind:
         if self.files is not None:
             return self.files
         words = ["noisy"] * self.noisy + ([f"path-traced@{self.path_samples}"] if self.path_samples else [])
+        words += [ALL_LIGHTS] * self.all_lights
         words += ([self.rate] if self.rate != "full" else []) + ["jittered"] * self.jitter
         words += [f"upscale@{float(self.upscale):g}"] if self.upscale != 1 else []
         return "+".join(words) or "full"
 
     def shading(self) -> Shading:
         """The shading parameters of the renderer."""
-        return Shading(self.rate, self.light_samples, self.indirect_samples, self.seed, gather_each=self.noisy)
+        one_light = self.path_samples > 0 and not self.all_lights
+        samples = self.light_samples, self.indirect_samples
+        return Shading(self.rate, *samples, self.seed, gather_each=self.noisy, one_light=one_light)
 
 
 def parse_input(text: str, *, light_samples: int = 1, indirect_samples: int = 4, seed: int = 0) -> InputKind:
-    """``full``, ``exr:DIR``, or ``jittered noisy path-traced@N half checkerboard quarter upscale@S``, joined by ``+``.
+    """``full``, ``exr:DIR``, or words joined by ``+``.
+
+    Words: ``jittered noisy path-traced@N all-lights half checkerboard quarter upscale@S``.
 
     ``light_samples`` and ``indirect_samples`` apply to ``noisy``; ``path-traced`` alone has one sample per pixel.
     Raises SettingsError.
     """
     if is_sequence(text):
         last = text.removeprefix(PREFIX).rpartition("+")[2] if "+" in text else ""
-        if last in WORDS or UPSCALE.fullmatch(last) or PATH_TRACED.fullmatch(last):
+        if last in (*WORDS, ALL_LIGHTS) or UPSCALE.fullmatch(last) or PATH_TRACED.fullmatch(last):
             raise SettingsError(f"input {text!r} combines files with another kind", hint="give exr:DIR alone")
         return InputKind(files=text)
     words = [word.strip() for word in text.split("+")]
     traced = [word for word in words if PATH_TRACED.fullmatch(word)]
     scales = [word for word in words if UPSCALE.fullmatch(word)]
     for word in words:
-        if word not in (*WORDS, *traced, *scales):
-            hint = f"choose from {', '.join(WORDS)}, path-traced@N, upscale@S, joined by +, or exr:DIR"
+        if word not in (*WORDS, ALL_LIGHTS, *traced, *scales):
+            hint = f"choose from {', '.join(WORDS)}, path-traced@N, {ALL_LIGHTS}, upscale@S, joined by +, or exr:DIR"
             raise SettingsError(f"there is no input kind {word!r}", hint=hint)
     scale = Fraction(scales[0].partition("@")[2]) if scales else Fraction(1)
     if len(scales) > 1 or (scales and not 1 < scale <= MAX_UPSCALE):
@@ -112,6 +121,8 @@ def parse_input(text: str, *, light_samples: int = 1, indirect_samples: int = 4,
     noisy = "noisy" in words
     if len(traced) > 1 or (traced and (noisy or rates)):
         raise SettingsError(f"input {text!r} is contradictory", hint="path-traced@N goes with jittered and upscale@S")
+    if ALL_LIGHTS in words and not traced:
+        raise SettingsError(f"input {text!r} is contradictory", hint=f"{ALL_LIGHTS} goes with path-traced@N")
     if noisy and min(light_samples, indirect_samples) < 1:
         raise SettingsError("noisy light needs at least one light sample and one VPL sample")
     kind = InputKind(
@@ -120,6 +131,7 @@ def parse_input(text: str, *, light_samples: int = 1, indirect_samples: int = 4,
         light_samples=light_samples if noisy else 0,
         indirect_samples=indirect_samples if noisy else 0,
         path_samples=int(traced[0].partition("@")[2] or 1) if traced else 0,
+        all_lights=ALL_LIGHTS in words,
         seed=seed,
         upscale=scale,
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from taubench_gl.animation import choose_camera
+from taubench_gl.frame.shading import Shading
 from taubench_gl.frame.sources import RasterSource, SourceOptions
 from taubench_gl.metrics.environment import direction_choice
 from taubench_gl.metrics.lighting import SurfaceMaterial, incident
@@ -43,12 +44,13 @@ def room(*, lights: int = 0, emitter: float = 0.0, closed: bool = True) -> Scene
     return b.build()
 
 
-def render(gpu, scene: Scene, **given) -> dict[str, Array]:
+def render(gpu, scene: Scene, one_light: bool = False, **given) -> dict[str, Array]:
     """Channels of the first frame; rows from the top."""
     options = {**FIXED_LIGHTING, "light": "path-traced", "columns": ("direct", "indirect"), **given}
     settings = Settings(width=SIZE[0], height=SIZE[1], **options)
     extra = (*LOBES, "path_info", "geometric_normal", "base_color", "material")
-    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(extra=extra))
+    options = SourceOptions(extra=extra, shading=Shading(one_light=one_light))
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, options)
     try:
         source.advance(0)
         names = ("position", "normal", "direct", "indirect", *extra)
@@ -142,6 +144,43 @@ def test_punctual_lights_all_and_by_power(gpu, lights):
     exact = lights <= SAMPLES
     traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES, first_source=int(exact))
     assert_same(frame, traced, shown, SAMPLES, exact=exact)
+
+
+def test_one_punctual_light_of_few(gpu):
+    """A sample chooses one of the three lights, with the numbers and the weight of the reference."""
+    scene = room(lights=3)
+    frame = render(gpu, scene, one_light=True, spp=SAMPLES, bounces=BOUNCES)
+    traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES)
+    assert_same(frame, traced, shown, SAMPLES)
+
+
+@pytest.mark.parametrize("lights", [1, 3])
+def test_one_light_is_all_lights_in_the_mean(gpu, lights):
+    """Sample means of 64 frames against the light of every light; with a single light each sample has all of it."""
+    scene, frames = room(lights=lights), 64
+    settings = Settings(width=SIZE[0], height=SIZE[1], light="path-traced", pattern="independent", spp=1, bounces=1,
+                        columns=("direct",), **FIXED_LIGHTING)  # fmt: skip
+    exact = render(gpu, scene, spp=1, bounces=1)["direct"][..., :3].astype(np.float64)
+    source = RasterSource(gpu, scene, choose_camera(scene), settings, SourceOptions(shading=Shading(one_light=True)))
+    images = []
+    try:
+        source.draw(0)
+        for number in range(frames):
+            source.trace(number, 0, 1)
+            images.append(source.read("direct")[..., :3].astype(np.float64))
+    finally:
+        source.release()
+    mean, spread = np.mean(images, axis=0), np.std(images, axis=0, ddof=1)
+    if lights == 1:
+        np.testing.assert_allclose(images, np.broadcast_to(exact, np.shape(images)), rtol=1e-5, atol=1e-6)
+        return
+    varies = spread > 1e-4 * exact.max()
+    assert varies.mean() > 0.2
+    np.testing.assert_allclose(mean[~varies], exact[~varies], rtol=1e-3, atol=1e-4)
+    # Pixels are independent, so the mean of the image has a standard error.  E|z| of a pixel is 0.8.
+    error = (mean - exact)[..., 1]
+    assert abs(error.mean()) < 4 * np.sqrt(np.sum(spread[..., 1] ** 2 / frames)) / error.size
+    assert np.abs(error[varies[..., 1]] / (spread[..., 1] / np.sqrt(frames))[varies[..., 1]]).mean() < 1.2
 
 
 def test_emitters(gpu):

@@ -55,6 +55,7 @@ def arrays(frame) -> dict[str, np.ndarray]:
         "exr:some/folder",
         "path-traced@4",
         "path-traced@16+jittered",
+        "path-traced@1+all-lights+jittered",
     ],
 )
 def test_input_kind_round_trip(text):
@@ -74,6 +75,9 @@ def test_input_kind_round_trip(text):
         "path-traced@0",
         "path-traced@x",
         "path-traced@1+noisy",
+        "noisy+all-lights",
+        "all-lights",
+        "exr:folder+all-lights",
         "path-traced@1+half",
         "path-traced@1+path-traced@2",
         "path-traced@N",

@@ -77,7 +77,8 @@ def vertices(spec: FrameSpec) -> int:
 
 def exact_punctual(spec: FrameSpec) -> bool:
     """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise."""
-    return "punctual" in spec.path_traced_sources and len(spec.light_kinds) <= max(CANDIDATES, spec.spp)
+    few = len(spec.light_kinds) <= max(CANDIDATES, spec.spp)
+    return "punctual" in spec.path_traced_sources and few and not spec.shading.one_light
 
 
 def tile_size(spec: FrameSpec) -> tuple[int, int]:
