@@ -63,8 +63,8 @@ class StandIn:
 STAND_INS = {
     s.name: s
     for s in (
-        StandIn("eternal-valley-fps", "EternalValleyFPS", FPS, 32, 73, 360, 200, 57, 30, 30, 60.0, 132.0, 0.69, 11),
-        StandIn("eternal-valley-vr", "EternalValleyVR", VR, 34, 63, 370, 190, 66, 25, 30, 75.0, 34.0, 0.355, 12),
+        StandIn("eternal-valley-fps", "EternalValleyFPS", FPS, 32, 73, 360, 200, 57, 30, 30, 60.0, 132.0, 0.98, 11),
+        StandIn("eternal-valley-vr", "EternalValleyVR", VR, 34, 63, 370, 190, 66, 25, 30, 75.0, 34.0, 0.74, 12),
     )
 }
 
