@@ -1,11 +1,12 @@
-"""Shared fixtures: the folder of real scenes, which is only read, and the GL context."""
+"""Shared fixtures: the folder of real scenes, which is only read, the GL context, and the browser."""
 
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -47,6 +48,21 @@ def gpu(session_gpu: Gpu) -> Iterator[Gpu]:
         assert session_gpu.ctx.error == "GL_NO_ERROR"
         yield session_gpu
         session_gpu.check("the test")
+
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Headless Chromium; skips where there is none."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine")
+    with playwright.sync_playwright() as p:
+        browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
 
 
 def _fix_lighting_defaults() -> None:

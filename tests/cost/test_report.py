@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import numpy as np
 import pytest
 
 from taubench_gl.report.cost_page import cost_html
 from taubench_gl.report.cost_tables import tables
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
 @pytest.fixture(scope="module")
@@ -24,25 +21,19 @@ def values(small_study):
 
 
 @pytest.fixture(scope="module")
-def page(values, tmp_path_factory):
+def page(browser, values, tmp_path_factory):
     """The page, opened without a network."""
-    sync = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
     path = tmp_path_factory.mktemp("page") / "study.html"
     path.write_text(cost_html(values), encoding="utf-8")
-    with sync.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        context = browser.new_context(viewport={"width": 1280, "height": 900})
-        context.set_offline(True)
-        opened = context.new_page()
-        opened.messages, opened.requests = [], []
-        opened.on("console", lambda message: opened.messages.append(message.text))
-        opened.on("pageerror", lambda error: opened.messages.append(str(error)))
-        opened.on("request", lambda request: opened.requests.append(request.url))
-        opened.goto(path.as_uri())
-        yield opened
-        browser.close()
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, offline=True)
+    opened = context.new_page()
+    opened.messages, opened.requests = [], []
+    opened.on("console", lambda message: opened.messages.append(message.text))
+    opened.on("pageerror", lambda error: opened.messages.append(str(error)))
+    opened.on("request", lambda request: opened.requests.append(request.url))
+    opened.goto(path.as_uri())
+    yield opened
+    context.close()
 
 
 def marks(page):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from page_tools import CHROMIUM
 
 from taubench_gl.conventions import FEATURES, HISTOGRAM_BINS, SUMMARY_SCHEMA, Reason
 from taubench_gl.metrics.counts import bin_of, edges
@@ -101,15 +100,3 @@ def run(summary: dict[str, Any], frames: list[dict[str, Any]]) -> Run:
 def make_run() -> Callable[[], Run]:
     """The synthetic run for session and module fixtures: every call returns a new copy."""
     return lambda: Run(copy.deepcopy(_SUMMARY), _frames())
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Headless Chromium; skips where there is none."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    with playwright.sync_playwright() as p:
-        browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()

@@ -5,15 +5,12 @@ from __future__ import annotations
 import itertools
 import json
 import re
-import shutil
 from html.parser import HTMLParser
 
 import pytest
 from jinja2 import UndefinedError
 
 from taubench_gl.report.page import asset, data_uri, render, render_page
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 EVIL = """</script><script>alert("x")</script>'"&<!--{{ 7 * 7 }}"""
 COMPARISON = {"title": EVIL, "notes": [EVIL], "worst": EVIL, "image": data_uri(b"png"), "provenance": [(EVIL, EVIL)],
@@ -62,16 +59,11 @@ def test_values_that_json_lacks_and_missing_names_raise():
 
 
 @pytest.fixture(scope="module")
-def plot_module():
+def plot_module(browser):
     """Evaluates an expression with the functions of plot.js."""
-    playwright = pytest.importorskip("playwright.sync_api")
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    with playwright.sync_playwright() as p:
-        browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page()
-        yield lambda expression: page.evaluate(f"(() => {{ {asset('plot.js')}; return {expression}; }})()")
-        browser.close()
+    page = browser.new_page()
+    yield lambda expression: page.evaluate(f"(() => {{ {asset('plot.js')}; return {expression}; }})()")
+    page.close()
 
 
 @pytest.mark.parametrize(
