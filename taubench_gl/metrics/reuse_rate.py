@@ -30,6 +30,9 @@ RATE_COLUMNS = {"surface": ("frustum", "position", "normal")}
 """The columns of Table 4 that a rate needs."""
 RATE_COLUMNS["shading"] = (*RATE_COLUMNS["surface"], "direct", "indirect")
 
+LIGHT_REASONS = frozenset({Reason.LIT, Reason.SHADOWED, Reason.DIRECT, Reason.INDIRECT})
+"""Reasons that only ``shading`` has."""
+
 
 def reusable_pixels(mask_histogram: Array) -> dict[str, int]:
     """Reusable pixels of each rate from the mask histogram.  (65536,) pixels per reason word -> {rate: int}."""
@@ -164,8 +167,8 @@ def occupied(mask_histogram: Array) -> tuple[Array, Array]:
 
 def _reasons_of(rate: str) -> list[tuple[Reason, str]]:
     """Bits and names of the reasons of a rate, in order."""
-    light = {Reason.LIT, Reason.SHADOWED, Reason.DIRECT, Reason.INDIRECT}
-    return [(bit, term.key) for bit, term in REUSE_REASONS.items() if rate == "shading" or bit not in light]
+    shown = REUSE_REASONS.items()
+    return [(bit, term.key) for bit, term in shown if rate == "shading" or bit not in LIGHT_REASONS]
 
 
 def _mean(values: Array, weights: Array | None) -> float:

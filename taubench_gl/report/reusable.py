@@ -14,7 +14,7 @@ from taubench_gl.report.tables import SAMPLING_COLUMNS, Column, Table, exact_tab
 Summary = Mapping[str, Any]
 
 TERMS = {term.key: term for term in REUSE_REASONS.values()}
-_MERGED = (("behind", "outside"), ("lit", "shadowed"))
+MERGED = (("behind", "outside"), ("lit", "shadowed"))
 """Reasons that are one phrase in the sentence."""
 _MOST_REASONS = 6
 """Columns of the table of reasons; the others are summed up."""
@@ -69,7 +69,7 @@ def _largest(shares: Mapping[str, float], rest: float, most: int = 2) -> tuple[l
     groups: dict[tuple[str, ...], float] = {}
     for name in TERMS:
         share = shares.get(name) or 0.0
-        group = next((g for g in _MERGED if name in g), (name,))
+        group = next((g for g in MERGED if name in g), (name,))
         groups[group] = groups.get(group, 0.0) + share
     ranked = sorted(((g, s) for g, s in groups.items() if s > 0), key=lambda item: -item[1])
     shown = ranked[:most] if len(ranked) != most + 1 else ranked  # not three quarters of a list of three

@@ -15,7 +15,7 @@ from typing import Any
 
 from taubench_gl import glossary
 from taubench_gl.conventions import COLUMNS, FEATURE_BIT, FEATURES, FRUSTUM, NOT_COMPARABLE, Reason
-from taubench_gl.metrics.reuse_rate import RATE_BITS, RATE_COLUMNS, RATES
+from taubench_gl.metrics.reuse_rate import LIGHT_REASONS, RATE_BITS, RATE_COLUMNS, RATES
 from taubench_gl.outputs import write_atomically
 from taubench_gl.report.distance_planes import FELL, NEARER, ROSE
 from taubench_gl.report.figures import DASHES
@@ -24,9 +24,9 @@ from taubench_gl.report.labels import lighting_text, run_labels
 from taubench_gl.report.page import render_page
 from taubench_gl.report.palette import REASON_COLORS, REUSE_COLORS, hex_of
 from taubench_gl.report.render import NONE, to_html
-from taubench_gl.report.reusable import reprojection_of, reusable_sentence, run_tables
+from taubench_gl.report.reusable import MERGED, reprojection_of, reusable_sentence, run_tables
 from taubench_gl.report.tables import paper_numbers, thresholds_of
-from taubench_gl.report.upset import upset_plot
+from taubench_gl.report.upset import MOST, upset_plot
 
 Summary = Mapping[str, Any]
 
@@ -77,6 +77,7 @@ def report_html(runs: Sequence[ReportRun], images: int = MAX_IMAGES) -> str:
             "planes.js",
             "zoom.js",
             "probe.js",
+            "headline.js",
             "frame_viewer.js",
             "time_plots.js",
             "thresholds.js",
@@ -218,6 +219,14 @@ def report_data(runs: Sequence[ReportRun], labels: Sequence[str], images: int = 
             "not_comparable": int(NOT_COMPARABLE),
             **{bit.name.lower(): int(bit) for bit in (*_COLUMN_OF, Reason.SKY, Reason.HISTORY_SKY)},
         },
+        "reuse": {
+            "terms": [
+                {"name": term.key, "label": term.label, "bits": int(bit), "light": bit in LIGHT_REASONS}
+                for bit, term in glossary.REUSE_REASONS.items()
+            ],
+            "merged": MERGED,
+            "most": MOST,
+        },
         "terms": [
             {
                 "bits": int(bit),
@@ -245,6 +254,7 @@ def _run_data(run: ReportRun, label: str, most: int, budget: int) -> dict[str, A
     return {
         "label": label,
         "pairs": summary.get("pairs") or 0,
+        "sampled": bool(summary.get("sampling")),
         "pixels": _pixels(run),
         "width": settings.get("width"),
         "height": settings.get("height"),

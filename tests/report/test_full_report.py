@@ -6,6 +6,7 @@ import itertools
 import json
 import re
 import shutil
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,9 +20,12 @@ from PIL import Image
 from taubench_gl.api import evaluate
 from taubench_gl.conventions import FEATURE_BIT, FEATURES, NOT_COMPARABLE, Reason
 from taubench_gl.errors import SettingsError
+from taubench_gl.metrics.reuse_rate import combinations
 from taubench_gl.report.distance_planes import levels_of
 from taubench_gl.report.frame_store import LEVELS, stored_frames
+from taubench_gl.report.reusable import reusable_sentence
 from taubench_gl.report.run_page import ReportRun, write_html_report
+from taubench_gl.report.upset import MOST, upset_plot
 from taubench_gl.run import Run
 from taubench_gl.selftest.scenes import busy_room
 
@@ -131,6 +135,58 @@ def test_shares_and_masks_at_other_thresholds_are_those_of_a_run_at_them(page, m
     repainted(page)
     found = frame_counts(page)
     assert {name: found[name] for name in COUNTED} == {name: made.run.frames[-1][name] for name in COUNTED}
+
+
+def counted(page: Any) -> dict[str, Any]:
+    """The headline once it is counted: sentence, rates, text below the plot, note."""
+    page.wait_for_selector(".headline[data-counted]")
+    rates = {rate: page.locator(f"[data-rate={rate}] dd").all_inner_texts() for rate in ("surface", "shading")}
+    words = {
+        name: page.locator(f".headline .{name}").inner_text() for name in ("sentence", "reasons figcaption", "live")
+    }
+    return words | {"rates": rates, "plot": page.locator(".headline .upset text").all_text_contents()}
+
+
+def rates_of(summary: dict[str, Any]) -> dict[str, list[str]]:
+    """What the figures of a run read: ``60.00 %``, ``50.00 to 70.00 %``."""
+    found = {}
+    for rate in ("surface", "shading"):
+        mean, low, high = (summary["reusable"][rate][f"{key}_percent"] for key in ("mean", "min", "max"))
+        found[rate] = [f"{mean:.2f} %", f"{low:.2f} to {high:.2f} %"]
+    return found
+
+
+def test_the_headline_at_other_thresholds_is_that_of_a_run_at_them(page, made):
+    before = page.locator(".headline").inner_text()
+    for name, edge in LOWER.items():
+        set_threshold(page, made, name, edge)
+    found, summary = counted(page), made.other.summary
+    sentence = reusable_sentence(summary)
+    assert found["sentence"] == sentence[0].upper() + sentence[1:] + "." and found["sentence"] not in before
+    assert found["rates"] == rates_of(summary) != rates_of(made.run.summary)
+    assert found["reasons figcaption"] == upset_plot(summary).text
+    total = summary["pairs"] * WIDTH * HEIGHT
+    sets = [f"{100 * pixels / total:.2f}" for _, pixels in combinations(summary["mask_histogram"], "shading")[:MOST]]
+    assert len(sets) > 5 and Counter(sets) <= Counter(found["plot"])
+    assert f"all {summary['pairs']} pairs" in found["live"]
+    page.get_by_role("button", name=re.compile("Reset")).click()
+    repainted(page)
+    assert page.locator(".headline").inner_text() == before
+
+
+def test_the_headline_of_a_part_of_the_pairs_states_it(browser, made, tmp_path):
+    run = ReportRun(made.run.summary, made.run.frames, made.out)
+    for page in opened(browser, write_html_report([run], tmp_path / "part.html", images=2)):
+        ready(page)
+        set_threshold(page, made, "position", LOWER["position"])
+        shown = page.locator("#frame").get_attribute("max")
+        frames = int(shown) + 1
+        found = counted(page)
+        assert frames < made.run.summary["pairs"]
+        assert f"{frames} of {made.run.summary['pairs']} pairs" in found["live"]
+        # The distances of a threshold far below that of the run do not tell these reasons apart.
+        set_threshold(page, made, "position", stops(made, "position")[0])
+        page.wait_for_function("document.querySelector('.headline .live').textContent.includes('changed in position')")
 
 
 def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made):

@@ -39,31 +39,11 @@ function makeViewer(box, state) {
   // The layers of the stage: what is shown of one frame of one run.  {run, image, words, item, label}
   let front = null, back = null;
 
-  function load(set, index, part) {
-    if (!set.load) set.load = imageLoader(90);
-    const item = set.items[index];
-    return set.load(part + item.n, item[part], `${part} of frame ${item.n}`);
-  }
-
-  function unpack(image, width, height) {
-    const bytes = pixelsOf(image, width, height);
-    const found = new Uint16Array(width * height);
-    for (let i = 0; i < found.length; i++) found[i] = bytes[4 * i] | (bytes[4 * i + 1] << 8);
-    return found;
-  }
-
   // The frame `index` of a run with its reason words, and its distances where they are stored and not damaged.
   async function layer(of, index) {
-    const set = of.images, { width, height, planes } = set, item = set.items[index];
-    const [image, mask, packed] = await Promise.all([
-      load(set, index, "frame"), load(set, index, "mask"), planes ? load(set, index, "planes").catch(() => null) : null]);
-    const recorded = unpack(mask, width, height);
-    let codes = null;
-    if (planes && packed) {
-      codes = decodePlanes(packed, planes, planes.steps[item.n], width, height);
-      if (!planesFit(codes, recorded, planes, state.bits)) codes = null;
-    }
-    const found = { run: of, image, recorded, codes, item, damaged: planes && !codes, tint: new OffscreenCanvas(width, height) };
+    const set = of.images, { width, height } = set, item = set.items[index];
+    const [image, { words: recorded, codes }] = await Promise.all([framePart(set, index, "frame"), storedFrame(set, index, state.bits)]);
+    const found = { run: of, image, recorded, codes, item, damaged: set.planes && !codes, tint: new OffscreenCanvas(width, height) };
     return redo(found);
   }
 
@@ -163,7 +143,7 @@ function makeViewer(box, state) {
   // The layer that the mode compares the frame with, or null.
   async function partner(current) {
     if (mode === "history") {
-      return { ...current, image: await load(images, at, "previous"), plain: true, label: "reprojected history" };
+      return { ...current, image: await framePart(images, at, "previous"), plain: true, label: "reprojected history" };
     }
     if (mode === "plain") return { ...current, plain: true, label: "frame" };
     if (mode !== "runs") return null;
@@ -201,7 +181,7 @@ function makeViewer(box, state) {
     count();
     read();
     stage.dataset.frame = item.n;
-    for (const next of [at + 1, at - 1]) if (images.items[next]) load(images, next, "frame");
+    for (const next of [at + 1, at - 1]) if (images.items[next]) framePart(images, next, "frame");
   }
 
   // The shares of the frame in the panel: recorded ones at the thresholds of the run, else those of the words shown.

@@ -94,3 +94,22 @@ function pixelsWith(counts, bits) {
   for (let word = 0; word < counts.length; word++) if (word & bits) sum += counts[word];
   return sum;
 }
+
+// ---- images of one frame of a run: part "frame", "previous", "mask" or "planes"
+
+function framePart(set, index, part) {
+  if (!set.load) set.load = imageLoader(90);
+  const item = set.items[index];
+  return set.load(part + item.n, item[part], `${part} of frame ${item.n}`);
+}
+
+// Reason words and distances of a frame: {words, codes}; codes are null where they are not stored or damaged.
+async function storedFrame(set, index, bits) {
+  const { width, height, planes } = set;
+  const [mask, packed] = await Promise.all([framePart(set, index, "mask"), planes ? framePart(set, index, "planes").catch(() => null) : null]);
+  const bytes = pixelsOf(mask, width, height);
+  const words = new Uint16Array(width * height);
+  for (let i = 0; i < words.length; i++) words[i] = bytes[4 * i] | (bytes[4 * i + 1] << 8);
+  const codes = packed && decodePlanes(packed, planes, planes.steps[set.items[index].n], width, height);
+  return { words, codes: codes && planesFit(codes, words, planes, bits) ? codes : null };
+}

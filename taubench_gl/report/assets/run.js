@@ -1,4 +1,5 @@
-// The run page: the choice of the run, and what links the frame viewer, the plots over time and the threshold curves.
+// The run page: the choice of the run, and what links the headlines, the frame viewer, the plots over time
+// and the threshold curves.
 
 // Prepares the runs: `at` are the codes of the thresholds in use (planes.js), `counts` the pixels per code once read.
 for (const run of data.runs) {
@@ -9,15 +10,16 @@ for (const run of data.runs) {
 }
 
 const state = {
-  runs: data.runs, columns: data.columns, features: data.features, bits: data.bits, terms: data.terms,
+  runs: data.runs, columns: data.columns, features: data.features, bits: data.bits, terms: data.terms, reuse: data.reuse,
   onFrame(frame) { plots.show(frame); curves.showFrame(frame); },
   onPair(frame) { curves.showFrame(frame); },
   onStops(lines) { viewer.setStops(lines); },
   onStop(name, index, words) { viewer.showStop(name, index, words); },
   onPixel(pixel) { curves.showPixel(pixel); },
-  onThresholds() { viewer.thresholds(); plots.thresholds(); },
+  onThresholds() { viewer.thresholds(); plots.thresholds(); headlines.get(chosen).thresholds(); },
   goTo: (frame) => viewer.goTo(frame),
 };
+const headlines = new Map(data.runs.map((run, i) => [run, makeHeadline(document.querySelectorAll(".headline")[i], run, state)]));
 const viewer = makeViewer(document.getElementById("viewer"), state);
 const plots = makePlots(document.getElementById("plots"), state);
 const curves = makeCurves(document.getElementById("curves"), state);

@@ -1,0 +1,176 @@
+// The reusable pixels at the thresholds of the page, from the stored distances of every frame with images: the sentence,
+// the rates and the reasons that occur together.  The words are those of report/reusable.py and report/upset.py.
+
+const KEPT_BYTES = 2 ** 27; // of decoded frames, so that dragging does not decode them again
+const SLICE_MS = 12;
+
+// Pixels per reason word, of each frame at the thresholds in use: {frames: [{pixels, counts: [[word, pixels]]}], unknown,
+// damaged}.  Null once `wanted()` is false; `progress(done)` runs after each frame.
+async function countFrames(run, bits, wanted, progress) {
+  const set = run.images, kept = (run.decoded ||= new Map()), out = { frames: [], unknown: 0, damaged: 0 };
+  const most = KEPT_BYTES / (set.width * set.height * (set.planes.names.length + 2));
+  let since = performance.now();
+  for (let i = 0; i < set.items.length; i++) {
+    const stored = kept.get(i) || (await storedFrame(set, i, bits).catch(() => ({ codes: null })));
+    if (kept.size < most) kept.set(i, stored);
+    if (performance.now() - since > SLICE_MS) {
+      progress(i);
+      await new Promise((done) => setTimeout(done));
+      since = performance.now();
+    }
+    if (!wanted()) return null;
+    if (!stored.codes) { out.damaged++; continue; }
+    const { words, unknown } = wordsAt(stored.words, stored.codes, set.planes, run.at, bits);
+    const counts = [...countWords(words).entries()].filter(([, pixels]) => pixels);
+    out.frames.push({ pixels: words.length, counts });
+    out.unknown |= unknown;
+  }
+  return out;
+}
+
+// Means over the frames in % of all pixels: {rates: {rate: {mean, low, high}}, rate, shares: {reason: %}, together}, where
+// `rate` is the one that the reasons refer to, and `together` as from report/upset.py, the largest first.
+function summarizeFrames(frames, run, state) {
+  const mean = (values) => values.reduce((sum, v) => sum + v, 0) / values.length;
+  const rates = {};
+  let last = null;
+  for (const reason of run.reasons.filter((r) => r.of)) {
+    const shares = frames.map((f) => 100 - (100 * f.counts.reduce((sum, [word, n]) => sum + (word & reason.bits ? n : 0), 0)) / f.pixels);
+    rates[reason.of] = { mean: mean(shares), low: Math.min(...shares), high: Math.max(...shares) };
+    last = reason;
+  }
+  if (!last) return { rates, rate: null };
+  const { bits } = state, terms = state.reuse.terms.filter((term) => last.of === "shading" || !term.light);
+  const shares = Object.fromEntries(terms.map((term) => [term.name, 0])), together = new Map();
+  let all = 0;
+  for (const frame of frames) {
+    all += frame.pixels;
+    for (const [recorded, pixels] of frame.counts) {
+      let word = recorded;
+      if (!(word & last.bits)) continue;
+      shares[terms.find((term) => word & term.bits).name] += (100 * pixels) / frame.pixels / frames.length;
+      if (word & (bits.disoccluded | bits.occluding)) word &= ~bits.features.position;
+      if (word & (bits.lit | bits.shadowed)) word &= ~bits.features.direct;
+      const key = terms.flatMap((term, k) => (word & term.bits ? [k] : [])).join();
+      together.set(key, (together.get(key) || 0) + pixels);
+    }
+  }
+  const sets = [...together].map(([key, pixels]) => ({ places: key.split(",").map(Number), share: (100 * pixels) / all }));
+  const order = (a, b) => b.share - a.share || a.places.length - b.places.length || a.places.reduce((r, p, k) => r || p - b.places[k], 0);
+  return { rates, rate: last.of, shares, together: sets.sort(order).map(({ places, share }) => ({ names: places.map((k) => terms[k].name), share })) };
+}
+
+// report/reusable.py, sentence.
+function reuseSentence({ rates, rate, shares }, { terms, merged }) {
+  const share = rates[rate].mean;
+  const text = `${percentText(share)} ${rate === "shading" ? "of pixels" : "of pixels show a surface that"} can be reused`;
+  const groups = new Map();
+  for (const { name } of terms) {
+    const group = merged.find((names) => names.includes(name)) || [name];
+    groups.set(group.join(), (groups.get(group.join()) || 0) + (shares[name] || 0));
+  }
+  const ranked = [...groups].filter(([, s]) => s > 0).sort((a, b) => b[1] - a[1]);
+  if (!ranked.length) return text;
+  const named = ranked.length === 3 ? ranked : ranked.slice(0, 2);
+  const label = (key) => key.split(",").filter((name) => shares[name]).map((name) => terms.find((t) => t.name === name).label).join(" or ");
+  const reasons = named.map(([key, s]) => `${label(key)} (${percentText(s)})`).join(" or ");
+  const covered = named.reduce((sum, [, s]) => sum + s, 0) / Math.max(100 - share, 1e-30);
+  if (named.length === ranked.length) return `${text}; the rest is ${reasons}`;
+  return covered > 0.5 ? `${text}; most of the rest is ${reasons}` : `${text}; the largest reasons are ${reasons}`;
+}
+function percentText(value) {
+  if (value > 0 && value < 0.05) return "less than 0.1 %";
+  if (value >= 99.95 && value < 100) return "more than 99.9 %";
+  return `${value.toFixed(value === 0 || value === 100 ? 0 : 1)} %`;
+}
+
+// report/upset.py: the largest sets in words, and the plot, null where one reason is all there is.
+function upsetText({ together: found }, { terms, most }) {
+  const joined = (names) => names.map((name) => terms.find((t) => t.name === name).label).join(" and ");
+  if (!found.length) return "Every pixel is reusable.";
+  if (new Set(found.flatMap((one) => one.names)).size === 1) return `The only reason is ${joined(found[0].names)}, ${found[0].share.toFixed(2)} % of all pixels.`;
+  const rest = found.slice(most);
+  return `Reasons that occur together, % of all pixels: ${found.slice(0, 5).map((one) => `${joined(one.names)} ${one.share.toFixed(2)} %`).join(", ")}`
+    + (rest.length ? `; ${rest.length} more combinations, ${rest.reduce((sum, one) => sum + one.share, 0).toFixed(2)} % in all, are not in the plot.` : ".");
+}
+function upsetPlot({ together: found }, { terms, most }, label) {
+  const shown = found.slice(0, most), rows = terms.filter((term) => shown.some((one) => one.names.includes(term.name)));
+  if (rows.length < 2) return null;
+  const sums = rows.map((term) => found.reduce((sum, one) => sum + (one.names.includes(term.name) ? one.share : 0), 0));
+  const STEP = 38, ROW = 30, top = 150, bars = 150, left = bars + 190;
+  const width = left + STEP * shown.length + 10, height = top + ROW * rows.length + 12;
+  const root = svg("svg", { class: "upset", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label, fill: "currentColor" });
+  root.style.maxWidth = `${width}px`;
+  const tall = linearScale(0, Math.max(...shown.map((one) => one.share)), top - 12, 34);
+  const long = linearScale(0, Math.max(...sums), bars, 44);
+  root.append(text(left - 14, 24, "% of all pixels", { "text-anchor": "end" }), text(bars, top - 12, "in all, %", { "text-anchor": "end" }));
+  rows.forEach((term, k) => {
+    const y = top + ROW * (k + 0.5);
+    if (k % 2 === 0) root.append(svg("rect", { x: left, y: y - ROW / 2, width: STEP * shown.length, height: ROW, opacity: 0.07 }));
+    root.append(svg("rect", { x: long(sums[k]), y: y - ROW / 4, width: bars - long(sums[k]), height: ROW / 2 }),
+      text(long(sums[k]) - 6, y + 4, sums[k].toFixed(2), { "text-anchor": "end" }), text(left - 14, y + 4, term.label, { "text-anchor": "end" }));
+  });
+  shown.forEach((one, k) => {
+    const x = left + STEP * (k + 0.5), member = rows.map((term) => one.names.includes(term.name));
+    const y = (i) => top + ROW * (i + 0.5);
+    root.append(svg("rect", { x: x - STEP / 4, y: tall(one.share), width: STEP / 2, height: top - 12 - tall(one.share) }),
+      text(x, tall(one.share) - 6, one.share.toFixed(2), { "text-anchor": "middle" }));
+    root.append(svg("line", { x1: x, x2: x, y1: y(member.indexOf(true)), y2: y(member.lastIndexOf(true)), stroke: "currentColor", "stroke-width": 2 }));
+    member.forEach((on, i) => root.append(svg("circle", { cx: x, cy: y(i), r: 7, opacity: on ? 1 : 0.15 })));
+  });
+  return root;
+}
+
+// Links the headline `box` of a run: thresholds() counts again; at the thresholds of the run it shows the recorded values.
+function makeHeadline(box, run, state) {
+  const note = el("p", { class: "muted live", role: "status", hidden: true });
+  const sentence = box.querySelector(".sentence"), figure = box.querySelector(".reasons");
+  sentence.after(note);
+  const parts = [sentence, figure, ...box.querySelectorAll("[data-rate] .big, [data-rate] .small")];
+  const recorded = parts.map((part) => [...part.childNodes]);
+  let turn = 0;
+
+  function coverage({ frames, unknown, damaged }) {
+    const set = run.images, bits = state.bits, lines = [];
+    lines.push(frames.length === run.pairs ? `At these thresholds, mean of ${frames.length === 1 ? "the pair" : `all ${frames.length} pairs`}`
+      : `At these thresholds, mean of the ${frames.length} of ${run.pairs} pairs with images${run.sampled ? ", all with one weight" : ""}`);
+    if (set.step > 1) lines[0] += `, one of ${set.step} rows and columns`;
+    if (damaged) lines.push(`The distances of ${damaged} frames are damaged`);
+    if (unknown & bits.disoccluded) lines.push("So far below the threshold of the run, disoccluded and newly occluding pixels count as changed in position");
+    if (unknown & bits.lit) lines.push("So far below the threshold of the run, brightened and darkened pixels count as changed in light color");
+    return `${lines.join(". ")}.`;
+  }
+
+  function show(counted) {
+    const found = summarizeFrames(counted.frames, run, state), words = upsetText(found, state.reuse);
+    const line = `${reuseSentence(found, state.reuse)}${found.rate === "shading" ? "" : " (light was not measured)"}.`;
+    sentence.textContent = line[0].toUpperCase() + line.slice(1);
+    for (const [rate, { mean, low, high }] of Object.entries(found.rates)) {
+      const of = box.querySelector(`[data-rate="${rate}"]`);
+      of.querySelector(".big").replaceChildren(exact(mean), el("small", {}, " %"));
+      of.querySelector(".small").textContent = `${exact(low)} to ${exact(high)} %`;
+    }
+    const plot = upsetPlot(found, state.reuse, words);
+    const scroll = plot && el("div", { class: "wide", tabindex: "0", role: "region", "aria-label": "Reasons that occur together" }, plot);
+    figure.replaceChildren(...(scroll ? [scroll] : []), el("figcaption", { class: "muted" }, words));
+    note.textContent = coverage(counted);
+  }
+  function exact(value) { return value > 0 && value < 0.005 ? "<0.01" : value.toFixed(2); }
+
+  return {
+    async thresholds() {
+      const mine = ++turn, wanted = () => mine === turn;
+      const moved = run.moved();
+      note.hidden = !moved;
+      box.classList.toggle("counting", moved);
+      delete box.dataset.counted;
+      if (!moved) { parts.forEach((part, i) => part.replaceChildren(...recorded[i])); return; }
+      const total = run.images.items.length;
+      const counted = await countFrames(run, state.bits, wanted, (done) => { if (wanted()) note.textContent = `Counting frame ${done + 1} of ${total} at these thresholds.`; });
+      if (!counted) return;
+      if (counted.frames.length) show(counted); else note.textContent = "These values are at the thresholds of the run: the distances of its frames are damaged.";
+      box.classList.remove("counting");
+      box.dataset.counted = counted.frames.length;
+    },
+  };
+}
