@@ -172,4 +172,4 @@ def _show(shown: Shown) -> None:
         click.echo(textwrap.fill(item, 110, initial_indent="  - ", subsequent_indent="    "))
     for f in result.findings:
         click.secho(f"  {'PASS' if f.as_expected else 'FAIL'} ", fg="green" if f.as_expected else "red", nl=False)
-        click.echo(f"{f.text} {f.meaning}; expected {f.expected.text} ({f.expected.source})")
+        click.echo(f"{f.text} {f.meaning}; expected {f.expected_text} ({f.expected.source})")

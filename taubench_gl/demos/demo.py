@@ -80,6 +80,21 @@ class Finding:
         """``31.25 %``."""
         return f"{self.number:.{self.digits}f} {self.unit}".strip()
 
+    @property
+    def expected_text(self) -> str:
+        """``36.18 ± 0.44 %``, ``100.00 % exactly``."""
+        value, exactly, _ = self.expected.text.partition(" exactly")
+        return f"{value} {self.unit}".strip() + exactly
+
+
+@dataclass(frozen=True, slots=True)
+class ColorBar:
+    """The colors of images of values.  ``colors``: name of a color map; ``ticks``: place in [0, 1] and text."""
+
+    label: str
+    ticks: tuple[tuple[float, str], ...]
+    colors: str = "viridis"
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
@@ -104,6 +119,7 @@ class Parameter:
     base: Array | None = None  # (h, w, 3) uint8
     mark: RGB = (0, 114, 178)
     note: str = ""  # how to read the image: colors, scale
+    bar: ColorBar | None = None
     digits: int = 2
 
     def picture(self, i: int) -> Array:
@@ -122,8 +138,9 @@ class Parameter:
 
 
 def value_texts(parameter: Parameter) -> list[str]:
-    """The values of a parameter with their unit."""
-    return [f"{value:.3g} {parameter.unit}".strip() for value in parameter.values]
+    """The values of a parameter with their unit: ``0.125 m``, ``3,000,000 m``."""
+    texts = (f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}" for value in parameter.values)
+    return [f"{text} {parameter.unit}".strip() for text in texts]
 
 
 def threshold_parameter(
@@ -132,10 +149,12 @@ def threshold_parameter(
     """A threshold: at each of ``values``, pixels with a greater ``distance`` (h, w) are marked and counted.
 
     ``expected``: distances in theory, (h, w); the tolerance is half of the pixels on the edges of its marked region.
-    ``base`` (h, w, 3) uint8; ``start``: the value that is shown first; ``texts``: fields of Parameter.
+    ``base`` (h, w, 3) uint8; ``start``: the value that is shown first, in place of the nearest one; ``texts``: fields
+    of Parameter.
     """
     from taubench_gl.demos.theory import edge_pixels
 
+    values, first = with_value(values, start)
     regions = [expected > value for value in values]
     return Parameter(
         values=tuple(map(float, values)),
@@ -144,12 +163,18 @@ def threshold_parameter(
         measured=tuple(100.0 * float((distance > value).mean()) for value in values),
         expected=tuple(100.0 * float(region.mean()) for region in regions),
         tolerance=tuple(50.0 * edge_pixels(region) / region.size + 1e-9 for region in regions),
-        start=int(np.argmin(np.abs(np.log(np.asarray(values) / start)))),
+        start=first,
         plane=np.searchsorted(values, distance, side="left").astype(np.uint8),
         base=base,
         mark=mark,
         **texts,
     )
+
+
+def with_value(values: Array, value: float) -> tuple[Array, int]:
+    """Positive ``values`` (n,) with ``value`` in place of the nearest one, and its index."""
+    at = int(np.argmin(np.abs(np.log(np.asarray(values) / value))))
+    return np.where(np.arange(len(values)) == at, value, values), at
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from taubench_gl import __version__
-from taubench_gl.demos.demo import Array, Demo, Finding, Parameter, Result, value_texts
+from taubench_gl.demos.demo import Array, ColorBar, Demo, Finding, Parameter, Result, value_texts
 from taubench_gl.demos.lessons import find_demo
 from taubench_gl.demos.opening import opening_settings, pair_text
 from taubench_gl.demos.sheet import as_bytes
@@ -121,9 +123,10 @@ def demo_page(demo: Demo, result: Result, pair: LitPair, around: tuple[Demo | No
                   ("numbers", "Numbers")],
         screens=_screens(demo, pair),
         pair=pair_text(demo),
-        key=[(label_of(m), hex_of(color_of(m)), f"{pair.percent(m):.2f} % of the pixels") for m in demo.opening.masks],
+        key=[(label_of(m), hex_of(color_of(m))) for m in demo.opening.masks],
         drawn=result.parameter.picture(0).shape[1::-1],
         parameter=result.parameter,
+        bar=result.parameter.bar and _gradient(result.parameter.bar),
         findings=result.findings,
         strips=[_strip(finding) for finding in result.findings],
         figures=figures,
@@ -142,6 +145,15 @@ def _screens(demo: Demo, pair: LitPair) -> list[tuple[str, str]]:
     ]
 
 
+def _gradient(bar: ColorBar) -> str:
+    """The color map as a CSS gradient, from left to right."""
+    import matplotlib
+
+    stops = matplotlib.colormaps[bar.colors](np.linspace(0.0, 1.0, 17))
+    colors = ",".join(matplotlib.colors.to_hex(stop) for stop in stops)
+    return f"linear-gradient(to right,{colors})"
+
+
 def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
     """The data of the guess; infinite ends of the expected range are those of the guess."""
     asked, expected = demo.question, finding.expected
@@ -150,7 +162,7 @@ def _question(demo: Demo, finding: Finding) -> dict[str, Any]:
         "low": asked.low, "high": asked.high, "guess_digits": min(digits, 3), "unit": finding.unit,
         "measured": finding.number, "text": finding.text, "meaning": finding.meaning,
         "expected": [max(expected.low, asked.low), min(expected.high, asked.high)],
-        "theory": f"{expected.text} {finding.unit}".strip() + f" ({expected.source})",
+        "theory": f"{finding.expected_text} ({expected.source})",
     }  # fmt: skip
 
 
@@ -286,7 +298,7 @@ for figure in result.figures:
 
 _NUMBERS = """\
 rows = ["| measured | meaning | expected | reason |", "| --- | --- | --- | --- |"]
-rows += [f"| {f.text} | {f.meaning} | {f.expected.text} | {f.expected.source} |" for f in result.findings]
+rows += [f"| {f.text} | {f.meaning} | {f.expected_text} | {f.expected.source} |" for f in result.findings]
 display(Markdown("\\n".join(rows)))
 assert result.as_expected"""
 

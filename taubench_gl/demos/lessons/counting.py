@@ -8,7 +8,7 @@ import numpy as np
 
 from taubench_gl.conventions import HISTOGRAM_MANTISSA_BITS, Reason
 from taubench_gl.demos import theory
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo, with_value
 from taubench_gl.demos.lessons.thresholds import STEPS_CM, distances
 from taubench_gl.demos.lessons.thresholds import scene as keys
 from taubench_gl.demos.sheet import BLUE, GREEN, ORANGE, Sheet, heat, note, overlay, painted, reason_entries, rgb
@@ -73,12 +73,12 @@ def scene() -> Scene:
     "counting",
     "Float32 sums and coarse histograms",
     idea="A table is a sum of pixel counts, and a curve is a histogram of distances. Both are easy to get wrong: a "
-    "float32 sum ignores single pixels above 16.8 million and rounds every pair of a long run, and a coarse "
+    "large float32 sum ignores single pixels and rounds every pair of a long run, and a coarse "
     "histogram cannot tell a threshold from its neighbors. Runs count in exact integers, with 8 bins per octave.",
     look_for=(
-        "Left: the float32 sum is exact up to 2^24 pixels; its error changes where its steps double, at powers of two.",
+        "Bottom left: the float32 sum is exact up to 2^24 pixels; its error changes where its steps double.",
         "The compensated float32 sum stays below one rounding error, 2^-24; the integer sum is exact.",
-        "Right: at the dashed threshold the curve with 1 bin per octave is too high, although no key moved that far.",
+        "Bottom right: at the dashed threshold the curve with 1 bin per octave is too high: no key moved that far.",
     ),
     question=Question(
         "A float32 counter adds one pixel at a time. At how many million pixels does it stop growing?", 0.0, 40.0
@@ -92,11 +92,12 @@ def run(stage: Stage, out: Path) -> Result:
                       shadow_lights=0)  # fmt: skip
     moved = np.linalg.norm(pair.now["position"][..., :3] - pair.before["position"][..., :3], axis=-1)
     discarded = int(pair.has(Reason.POSITION).sum())
-    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=336)
+    sheet = Sheet(2, 1, stage.size[0] / stage.size[1], below=336, bars=True)
     axes = sheet.panel(0, 0, overlay(pair.mask, pair.now["color"], Reason.POSITION), f"one pair, {THRESHOLD:g} m")
     note(axes, f"{discarded} of {stage.pixels} pixels discarded")
-    axes = sheet.panel(1, 0, heat(np.log2(moved.clip(0.005)) - np.log2(0.005), 8.0), "distance between the frames")
-    note(axes, "brighter: farther, logarithmic")
+    sheet.panel(1, 0, heat(np.log2(moved.clip(0.01)) - np.log2(0.01), 8.0), "distance between the frames")
+    ticks = [(i / 8, f"{2**i}") for i in range(0, 9, 2)]
+    sheet.color_bar(1, 0, ticks, "cm, logarithmic")
     _plot_sums(sheet, discarded)
     _plot_curves(sheet, moved)
     sheet.legend(reason_entries(Reason.POSITION))
@@ -109,7 +110,8 @@ def run(stage: Stage, out: Path) -> Result:
 
 def _threshold(pair: LitPair, moved: Array) -> Parameter:
     """The threshold that the coarse curve is read at; theory is the count of the pixels themselves."""
-    values = tuple(float(v) for v in np.geomspace(0.02, 1.0, 40))
+    thresholds, start = with_value(np.geomspace(0.02, 1.0, 40), THRESHOLD)
+    values = tuple(map(float, thresholds))
     exact = [100.0 * float((moved > value).mean()) for value in values]
     read = tuple(100.0 * curve_at(moved, value, COARSE) / moved.size for value in values)
     low = edges(COARSE)[np.searchsorted(edges(COARSE), values, side="right") - 1]
@@ -119,7 +121,7 @@ def _threshold(pair: LitPair, moved: Array) -> Parameter:
     return Parameter(
         "position threshold", "m", values, "of the pixels by the curve with 1 bin per octave", "%", read, tuple(exact),
         tuple(share + 1e-9 for share in inside), "the pixels above the threshold; ± all pixels of its bin",
-        start=int(np.argmin(np.abs(np.log(np.array(values) / THRESHOLD)))), images=images,
+        start=start, images=images,
         note="Blue: the pixels above the threshold.",
     )  # fmt: skip
 

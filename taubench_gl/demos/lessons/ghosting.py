@@ -113,9 +113,9 @@ def ghost_by_age(image: Array, reference: Array, age: Array) -> dict[int, float]
     "can clamp history to the colors around the pixel, compare positions and normals, or, with a noise-free reference, "
     "use the paper's masks.",
     look_for=(
-        "Top left: the trail of the ball fades by 10 % per frame.",
-        "Top right: clamping keeps only neighborhood colors: no ball, but blur along the edges of the tiles.",
-        "Bottom: with position tests, disoccluded pixels restart without history and no ghost remains.",
+        "First image: the trail of the ball fades by 10 % per frame.",
+        "Second: clamping keeps only neighborhood colors: no ball, but blur along the edges of the tiles.",
+        "Third and fourth: where position is tested, disoccluded pixels restart without history: no ghost.",
     ),
     question=Question(
         "Each new frame has a weight of 10 %, history 90 %. Which share of a bright ball is left five frames "
@@ -132,10 +132,10 @@ def run(stage: Stage, out: Path) -> Result:
     blended = {f"{alpha:g}": untested(alpha) for alpha in ALPHAS}
     found = run_methods(stage, texts | blended)
     trails = {name: found[name] for name in texts}
-    sheet = Sheet(2, 2, stage.size[0] / stage.size[1], below=330, legend=False)
+    sheet = Sheet(4, 1, stage.size[0] / stage.size[1], below=400, legend=False)
     for place, (name, trail) in enumerate(trails.items()):
-        axes = sheet.panel(place % 2, place // 2, shown(trail.image), name)
-        note(axes, f"{100 * trail.weights.get(AGE, np.nan):.1f} % of the ball after {AGE} frames")
+        axes = sheet.panel(place, 0, shown(trail.image), name)
+        note(axes, f"{100 * trail.weights.get(AGE, np.nan):.1f} % after {AGE} frames")
     _plot(sheet, trails)
     path = sheet.save(out / "10-ghosting.png")
     first, clamped, tested, ideal = trails
@@ -174,7 +174,7 @@ def shown(image: Array) -> Array:
 
 def _plot(sheet: Sheet, trails: dict[str, Trail]) -> None:
     axes = sheet.plot(
-        80, sheet.grid_bottom + 44, 1160, 222, xlabel="frames since the ball left", ylabel="remaining radiance, %",
+        80, sheet.grid_bottom + 44, 1160, 292, xlabel="frames since the ball left", ylabel="remaining radiance, %",
         title="Decay of the ghost", ylim=(-9, 104),
     )  # fmt: skip
     k = np.linspace(1, FRAMES, 200)

@@ -35,8 +35,8 @@ DISCARDED = (214, 94, 0)
 def scene() -> Scene:
     """Level ground up to the horizon, and a camera that moves forward by STEP meters a second."""
     b = Props()
-    b.checkered(4000.0, 4000.0, (40, 40), (CHALK, SAND), rotation=turn_x(-90))
-    b.light(translation=(0.0, 30.0, -20.0), intensity=9000.0)
+    b.checkered(4000.0, 4000.0, (1, 2000), (CHALK, SAND), rotation=turn_x(-90))
+    b.light(rotation=turn_x(-60), kind="directional", intensity=2.0)
     camera = b.camera(yfov=YFOV, znear=0.1)
     b.animate(camera, "translation", [0.0, 3.0], [(0.0, EYE, 0.0), (0.0, EYE, -3.0 * STEP)])
     return b.build()

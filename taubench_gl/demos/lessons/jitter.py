@@ -141,9 +141,9 @@ def accumulated(stage: Stage, runs: Mapping[str, tuple[Error, float]]) -> dict[s
     "not contain it: where a surface was is a matter of the surface, not of the samples. If it stays in, or is removed "
     "with the wrong sign, history is resampled between pixels in every frame although nothing moves.",
     look_for=(
-        "Top left: correct. The edge is spread over about a pixel and stands still.",
-        "Top right and bottom left: every frame blurs history a little more, and the edge shakes with the jitter.",
-        "Bottom right: jitter removed from one frame only. The offsets do not add up to zero, so the edge is shifted.",
+        "First image: correct. The edge is spread over about a pixel and stands still.",
+        "Second and third: every frame blurs history a little more, and the edge shakes with the jitter.",
+        "Fourth: jitter removed from one frame only. The offsets do not add up to zero, so the edge is shifted.",
         "The plot: profiles across the edge, their spread (standard deviation) predicted from the offsets alone.",
     ),
     question=Question(
@@ -166,9 +166,9 @@ def run(stage: Stage, out: Path) -> Result:
     side = (32, 18)
     part = (width // 2 - side[0] // 2, height // 2 - side[1] // 2, *side)
     details = {name: as_bytes(enlarged(shown(image), *part)) for name, image in images.items()}
-    sheet = Sheet(2, 2, width / height, below=330, legend=False)
+    sheet = Sheet(4, 1, width / height, below=400, legend=False)
     for place, name in enumerate(CASES):
-        axes = sheet.panel(place % 2, place // 2, details[name], name)
+        axes = sheet.panel(place, 0, details[name], name)
         note(axes, f"spread {found[name].sigma:.2f} px, shift {found[name].shift:+.2f} px")
     _plot(sheet, {name: images[name] for name in CASES}, found)
     path = sheet.save(out / "16-jitter.png")
@@ -216,7 +216,7 @@ def shown(image: Array) -> Array:
 def _plot(sheet: Sheet, images: Mapping[str, Array], found: Mapping[str, Spread]) -> None:
     """The profile across the edge: all rows, by their distance from the true edge."""
     axes = sheet.plot(
-        88, sheet.grid_bottom + 40, 1150, 226, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",
+        88, sheet.grid_bottom + 44, 1150, 292, xlabel="distance from the edge, px", ylabel="0: dark, 1: bright",
         title="Profile across the edge, all rows", xlim=(-5, 5), ylim=(-0.05, 1.05),
     )  # fmt: skip
     for name, image in images.items():

@@ -93,8 +93,9 @@ def expected_many_samples(per_lamp: Array, samples: int) -> float:
     "noise",
     "Noise is counted as change",
     idea="Path-traced light is an estimate, and two estimates of the same radiance differ. A mask counts a difference "
-    "above the threshold as change. Here nothing moves, and with one random light sample per pixel two fifths of the "
-    "image are discarded. Masks of rendered files therefore need many samples per pixel, or light without noise.",
+    "above the threshold as change. Here nothing moves, and still a part of the image is discarded: the fewer light "
+    "samples per pixel, the larger the part. Masks of rendered files therefore need many samples per pixel, or light "
+    "without noise.",
     look_for=(
         "Top: the same static room with 1, 4, 16 and 64 random light samples per pixel.",
         "Bottom: yellow pixels are discarded. The correct value is 0 %.",
@@ -157,7 +158,7 @@ def _threshold(stage: Stage, before: Array, now: Array, per_lamp: Array) -> Para
         start=DEFAULT_THRESHOLD, name="threshold of direct light", unit="",
         source="all 16 pairs of lamps, 1/16 each; ± 5 sigma", note="One sample per pixel. Yellow: counted as change.",
     )  # fmt: skip
-    shares = tuple(expected_one_sample(per_lamp, float(threshold)) for threshold in thresholds)
+    shares = tuple(expected_one_sample(per_lamp, threshold) for threshold in marked.values)
     slacks = tuple(_chance(min(max(share, 0.1), 99.9), stage) for share in shares)
     return dataclasses.replace(marked, expected=shares, tolerance=slacks)
 

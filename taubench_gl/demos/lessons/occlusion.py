@@ -50,7 +50,7 @@ def width_of(pair: LitPair, reason: Reason) -> float:
     "previous frame did not show: it is disoccluded and has no history. On the other side the object covers the "
     "background: it is newly occluding, and its history is at its previous position, which motion vectors give.",
     look_for=(
-        "Left: a moving camera disoccludes a strip on one side; covered surfaces are no longer in the image.",
+        "Left: a camera that moves to the right disoccludes a strip of the wall; what is covered has left the image.",
         "Middle: for a moving board, reprojection by the camera alone discards both sides.",
         "Right: motion vectors recover the history of the board. The disoccluded strip never has history.",
     ),
@@ -78,7 +78,7 @@ def run(stage: Stage, out: Path) -> Result:
         (motion, "the board moves to the right", 1, "motion reprojection"),
     )
     for place, (pair, what, way, how) in enumerate(shown):
-        axes = sheet.panel(place, 0, pair.now["color"][..., :3], f"current frame: {what}")
+        axes = sheet.panel(place, 0, pair.now["color"][..., :3], what)
         middle = (0.5 * stage.size[0] + (0.5 * focal(height) * STEP / NEAR) * way, 0.5 * height)
         half = 0.5 * focal(height) * STEP / NEAR
         arrow(axes, (middle[0] - way * half, middle[1]), (middle[0] + way * half, middle[1]))
@@ -104,7 +104,9 @@ def run(stage: Stage, out: Path) -> Result:
         Finding(width_of(motion, Reason.DISOCCLUDED), "px", "is the disoccluded strip with motion vectors",
                 Expected.near(moved, 1.0, "motion f t / z_near" + counted), 0),
     )  # fmt: skip
-    caption = "A board in front of a wall: masks for a moving camera and a moving board."
+    caption = (
+        "A board in front of a wall, in the current frame, and its mask. Arrows: how far the board moves in the image."
+    )
     figure = Figure(path, caption, {r.name.lower(): rgb(r) for r in SHOWN})
     return Result(findings, (figure,), _distance(stage))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from taubench_gl.conventions import FRUSTUM
-from taubench_gl.demos.demo import Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
+from taubench_gl.demos.demo import ColorBar, Expected, Figure, Finding, Opening, Parameter, Question, Result, demo
 from taubench_gl.demos.sheet import BLUE, ORANGE, Sheet, as_bytes, enlarged, frame_of, heat, note
 from taubench_gl.demos.stage import Props, Stage, hall
 from taubench_gl.scene.model import Scene
@@ -206,5 +206,5 @@ def _distance(pair: PairImages) -> Parameter:
         "distance from the origin", "m", meters, "is the error (RMS) of motion from stored positions", "px",
         tuple(rms(error[seen]) for error in errors), predicted, tuple(0.1 * value for value in predicted),
         "derivative of Eq. (3) times spacing / sqrt(12); ± 10 %", start=4, images=images, digits=4,
-        note="Error of motion, logarithmic: dark blue 0.0001 px or less, green 0.1 px, yellow 100 px.",
+        bar=ColorBar("Error of motion, px", tuple((i / 6, f"{10.0 ** (i - 4):g}") for i in range(0, 7, 2))),
     )  # fmt: skip

@@ -9,6 +9,7 @@ let flickering = 0;
 
 function showScreen(name) {
   screen.dataset.shown = name;
+  screen.setAttribute("aria-label", { previous: "Previous frame", current: "Current frame", mask: "Mask over the current frame" }[name]);
   for (const input of document.querySelectorAll("input[name=screen]")) input.checked = input.value === name;
 }
 
@@ -28,7 +29,10 @@ $("flicker").addEventListener("click", () => setFlicker(!flickering));
 const asked = data.question, guess = $("guess");
 const guessedNumber = () => asked.low + (guess.value / guess.max) * (asked.high - asked.low);
 const withUnit = (number, digits, unit) => `${number.toFixed(digits)} ${unit}`.trim();
-const showGuess = () => { $("guessed").textContent = withUnit(guessedNumber(), asked.guess_digits, asked.unit); };
+const showGuess = () => {
+  $("guessed").textContent = withUnit(guessedNumber(), asked.guess_digits, asked.unit);
+  guess.setAttribute("aria-valuetext", $("guessed").textContent);
+};
 
 guess.value = guess.max / 2;
 guess.addEventListener("input", () => { showGuess(); $("answer").replaceChildren(); });
@@ -39,12 +43,13 @@ function drawAnswer() {
   const width = Math.min($("answer").clientWidth || 600, 900), height = 84, root = plotRoot(width, height, "Guess, measured number and theory");
   const x = linearScale(asked.low, asked.high, 40, width - 40), within = (value) => clamp(x(value), 40, width - 40);
   root.append(svg("line", { class: "axis", x1: 40, x2: width - 40, y1: 40, y2: 40 }));
+  for (const [end, anchor] of [[asked.low, "start"], [asked.high, "end"]]) root.append(text(x(end), 80, `${short(end)} ${asked.unit}`.trim(), { "text-anchor": anchor }));
   const start = within(asked.expected[0]), end = within(asked.expected[1]);
   root.append(svg("rect", { class: "band", x: start - 2, width: Math.max(end - start, 0) + 4, y: 30, height: 20, rx: 3 }));
   root.append(svg("circle", { class: "dot", cx: within(asked.measured), cy: 40, r: 7 }));
   root.append(text(within(asked.measured), 20, "measured", { "text-anchor": "middle" }));
   const at = within(guessedNumber());
-  root.append(svg("path", { class: "guessmark", d: `M${at} 52l7 14h-14z` }), text(at, 80, "guess", { "text-anchor": "middle" }));
+  root.append(svg("path", { class: "guessmark", d: `M${at} 52l7 14h-14z` }), text(at, 82, "guess", { "text-anchor": "middle" }));
   return root;
 }
 
@@ -86,7 +91,7 @@ function paint(i) {
 }
 
 function drawCurve(width) {
-  const height = clamp(Math.round(0.55 * width), 180, 340), area = { left: 62, right: width - 14, top: 14, bottom: height - 50 };
+  const height = clamp(Math.round(0.55 * width), 200, 340), area = { left: 62, right: width - 14, top: 32, bottom: height - 50 };
   const root = plotRoot(width, height, `${p.name} against the number`);
   const values = p.values, positive = Math.min(...values) > 0 && Math.max(...values) / Math.min(...values) > 20;
   const x = (positive ? logScale : linearScale)(Math.min(...values), Math.max(...values), area.left + 8, area.right - 8);
@@ -94,7 +99,7 @@ function drawCurve(width) {
   const spread = Math.min(...numbers) > 0 && most / Math.min(...numbers) > 200;
   const y = spread ? logScale(Math.min(...numbers), 1.3 * most, area.bottom, area.top) : linearScale(least, 1.06 * most || 1, area.bottom, area.top);
   drawAxes(root, area, {
-    x: { scale: x, ticks: x.ticks(width < 420 ? 3 : 6), label: p.unit ? `${p.name}, ${p.unit}` : p.name },
+    x: { scale: x, ticks: x.ticks(width < 420 ? 4 : 6), label: p.unit ? `${p.name}, ${p.unit}` : p.name },
     y: { scale: y, ticks: y.ticks(5), label: p.number_unit },
   });
   const theory = values.map((value, i) => [value, p.expected[i]]).filter(([, number]) => isNumber(number));
@@ -103,7 +108,7 @@ function drawCurve(width) {
   const at = Number(slider.value);
   root.append(svg("line", { class: "cursor", x1: x(values[at]), x2: x(values[at]), y1: area.top, y2: area.bottom }));
   root.append(svg("circle", { class: "dot here", cx: x(values[at]), cy: y(p.measured[at]), r: 7 }));
-  root.append(text(area.right, area.top + 4, "dots: measured, line: theory", { "text-anchor": "end" }));
+  root.append(text(area.right, 14, "dots: measured, line: theory", { "text-anchor": "end" }));
   $("curve").replaceChildren(root);
 }
 
@@ -111,6 +116,7 @@ function setValue() {
   const i = Number(slider.value), counted = paint(i), number = counted ?? p.measured[i];
   $("valued").textContent = p.texts[i];
   slider.setAttribute("aria-valuetext", p.texts[i]);
+  canvas.setAttribute("aria-label", `Image at ${p.name} ${p.texts[i]}`);
   const theory = isNumber(p.expected[i]) ? `; theory ${p.expected[i].toFixed(p.digits)} ± ${p.tolerance[i].toFixed(p.digits)}` : "";
   $("reading").replaceChildren(el("b", {}, withUnit(number, p.digits, p.number_unit)), ` ${p.meaning}${theory}`);
   canvas.dataset.value = String(i);
@@ -137,6 +143,7 @@ function go(index) {
   if (flickering && steps[now].id !== "frames") setFlicker(false);
   steps.forEach((step, i) => step.classList.toggle("now", i === now));
   $("place").textContent = `${now + 1} / ${steps.length}`;
+  if (!bar.contains(document.activeElement)) steps[now].focus({ preventScroll: true });  // a screen reader reads its name
   scrollTo(0, 0);
   history.replaceState(null, "", now ? `#lecture-${now + 1}` : "#lecture");
 }
