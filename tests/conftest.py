@@ -1,10 +1,14 @@
-"""Shared fixtures: the folder of real scenes, which is only read, the GL context, and the browser."""
+"""Shared fixtures: the folder of real scenes, which is only read, the GL context, and browsers."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import shutil
-from collections.abc import Iterator
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +67,58 @@ def browser() -> Iterator[Any]:
         browser = p.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         yield browser
         browser.close()
+
+
+FIREFOX = next(filter(None, map(shutil.which, ("firefox-esr", "firefox"))), None)
+
+
+def _end_with_parent() -> None:
+    """Linux: the kernel kills this process when its parent ends, however that ends."""
+    ctypes.CDLL(None).prctl(1, int(signal.SIGKILL))  # PR_SET_PDEATHSIG
+
+
+@pytest.fixture(scope="session")
+def session_firefox(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, Path]]:
+    """Headless Firefox, driven by Marionette, and its log; skips where there is none."""
+    marionette = pytest.importorskip("marionette_driver.marionette", reason="marionette_driver is not installed")
+    if FIREFOX is None or not sys.platform.startswith("linux"):
+        pytest.skip("no Firefox on this machine")
+    folder, port = tmp_path_factory.mktemp("firefox"), marionette.Marionette.check_port_available(0)
+    (folder / "user.js").write_text(f'user_pref("marionette.port", {port});\n')
+    command = [FIREFOX, "--headless", "--marionette", "--no-remote", "--profile", str(folder)]
+    with open(folder / "log.txt", "wb") as log:
+        process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, preexec_fn=_end_with_parent)
+    driver = marionette.Marionette(port=port)
+    try:
+        driver.raise_for_port(timeout=120, check_process_status=False)
+        driver.start_session()
+        driver.set_window_rect(width=1280, height=900)
+        yield driver, folder / "log.txt"
+        driver.delete_session()
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def firefox(session_firefox: tuple[Any, Path]) -> Iterator[Callable[[Path, str], Any]]:
+    """firefox(file, selector) -> driver with the page, once it has the element; fails on an exception in its scripts.
+
+    Scripts given to the driver see elements, not the names that the page's scripts declare.
+    """
+    from marionette_driver import By, Wait
+
+    driver, log = session_firefox
+    start = len(log.read_bytes())
+
+    def open_page(file: Path, selector: str) -> Any:
+        driver.navigate(file.as_uri())
+        Wait(driver, timeout=60).until(lambda d: d.find_elements(By.CSS_SELECTOR, selector))
+        return driver
+
+    yield open_page
+    lines = log.read_bytes()[start:].decode("utf-8", "replace").splitlines()
+    assert [line for line in lines if "JavaScript error: file:" in line] == []
 
 
 def _fix_lighting_defaults() -> None:

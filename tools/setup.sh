@@ -97,7 +97,7 @@ ensure_gl() {
   "$py" "$root/tools/gl_probe.py" >&2 || stop "OpenGL still cannot be opened (see above)"
 }
 
-# ensure_test_programs: a display for the viewer, a browser for the reports, OSMesa.  Tests that lack one are skipped.
+# ensure_test_programs: a display for the viewer, browsers for the reports, OSMesa.  Tests that lack one are skipped.
 ensure_test_programs() {
   local missing=()
   command -v Xvfb >/dev/null || missing+=(xvfb)
@@ -105,6 +105,11 @@ ensure_test_programs() {
   if [ ${#missing[@]} -gt 0 ]; then
     say "installing for the tests: ${missing[*]}"
     apt_install "${missing[@]}" || say "note: could not install ${missing[*]}; the tests that need them will be skipped"
+  fi
+  # If the distribution has it: Ubuntu's Firefox is a snap.
+  if ! command -v firefox-esr firefox >/dev/null && apt-cache show firefox-esr >/dev/null 2>&1; then
+    say "installing for the tests: firefox-esr"
+    apt_install firefox-esr || say "note: could not install firefox-esr; the tests that need it will be skipped"
   fi
   # If the distribution has it; Mesa 25.1 dropped it.
   if ! ldconfig -p | grep -q libOSMesa && apt-cache show libosmesa6 >/dev/null 2>&1; then

@@ -115,3 +115,14 @@ def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, s
     assert not messages and requests
     assert [url for url in requests if not url.startswith(("file:", "data:", "blob:", "about:"))] == []
     page.close()
+
+
+def test_search_works_in_firefox(site: Path, firefox):
+    from marionette_driver import By, Wait
+
+    page = firefox(site / "gallery.html", "input.md-search__input")
+    box = page.find_element(By.CSS_SELECTOR, "input.md-search__input")
+    box.click()
+    box.send_keys("newly occluding")
+    links = "return [...document.querySelectorAll('.md-search-result__link')].map((a) => a.getAttribute('href'))"
+    Wait(page, timeout=60).until(lambda d: any("glossary.html" in link for link in d.execute_script(links)))

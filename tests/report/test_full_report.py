@@ -189,6 +189,28 @@ def test_the_headline_of_a_part_of_the_pairs_states_it(browser, made, tmp_path):
         page.wait_for_function("document.querySelector('.headline .live').textContent.includes('changed in position')")
 
 
+def test_firefox_repaints_masks_and_headline(firefox, made):
+    from marionette_driver import Wait
+
+    page = firefox(made.out / "report.html", "#curves[data-live=true]")
+    for name, edge in LOWER.items():
+        page.execute_script(
+            """const range = document.querySelector(`[data-limit=${arguments[0]}]`);
+            range.value = arguments[1]; range.dispatchEvent(new Event("input"));""",
+            [name, stops(made, name).index(edge)],
+        )
+    text = "return document.querySelector('.headline[data-counted] .sentence')?.textContent"
+    sentence = Wait(page, timeout=60).until(lambda d: d.execute_script(text))
+    expected = reusable_sentence(made.other.summary)
+    assert sentence == expected[0].upper() + expected[1:] + "."
+    cells = """return Object.fromEntries([...document.querySelectorAll(".reason")].map((r) =>
+        [r.querySelector("[data-reason]").dataset.reason, Number(r.querySelector(".pc").dataset.count)]))"""
+    found = page.execute_script(cells)
+    frame = int(page.execute_script("return document.querySelector('.stage').dataset.frame"))
+    row = next(row for row in made.other.frames if row["frame"] == frame)
+    assert {name: found[name] for name in COUNTED} == {name: row[name] for name in COUNTED}
+
+
 def test_every_stop_that_is_an_edge_has_the_recorded_count(page, made):
     walk = """(name) => {
         const node = document.querySelector(`.handle[data-feature=${name}]`);
@@ -431,6 +453,20 @@ def test_definitions_open_by_touch(browser, both):
         assert tip.is_visible()
 
 
+def test_keys_alone_reach_a_threshold_and_are_answered(page, made):
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+        assert outline != "none", page.evaluate("document.activeElement.outerHTML.slice(0, 90)")
+        if page.evaluate("document.activeElement.dataset.limit") == "position":
+            break
+    page.keyboard.press("End")
+    assert "m:" in page.evaluate("document.activeElement.getAttribute('aria-valuetext')")
+    assert counted(page)["plot"]
+    assert page.locator(".headline").get_by_role("status").inner_text().startswith("At these thresholds")
+    assert page.locator(".sentence").get_attribute("aria-live") == "polite"
+
+
 def test_accessibility_tree_names_every_control(page):
     tree = page.locator("main").aria_snapshot()
     for feature in FEATURES:
@@ -439,6 +475,7 @@ def test_accessibility_tree_names_every_control(page):
     parts += ('slider "threshold of all features"', 'slider "Mask opacity"', 'button "What is disoccluded?"')
     assert [part for part in parts if part not in tree] == []
     assert "slider:" not in tree and "- button\n" not in tree
+    assert not re.search(r"- (table|columnheader|img|region)(:|\n)", tree)
     values = "[...document.querySelectorAll('[data-limit], .handle')].map(e => e.getAttribute('aria-valuetext'))"
     assert all(re.search(r"\d", value or "") for value in page.evaluate(values))
     controls = "[...document.querySelectorAll('.viewer .stage:not([hidden]), .viewer button, .viewer input')]"

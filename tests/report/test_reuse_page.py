@@ -82,7 +82,7 @@ CLASS_NAMES = ("lit", "rest")
 
 
 @pytest.fixture(scope="module")
-def viewer(browser, evaluation, tmp_path_factory):
+def viewer_file(evaluation, tmp_path_factory):
     """A page with images: the left half of each frame is ``lit``; image k has the gray k / 10."""
     summary, rows = evaluation
     summary = summary | {"classes": dict.fromkeys(CLASS_NAMES, "meaning")}
@@ -100,7 +100,20 @@ def viewer(browser, evaluation, tmp_path_factory):
     recorder.finish(out / "frames.csv")
     path = out / "report.html"
     path.write_text(reuse_html(summary, rows, None, reuse_images(out)), encoding="utf-8")
-    yield from opened(browser, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def viewer(browser, viewer_file):
+    yield from opened(browser, viewer_file)
+
+
+def test_firefox_draws_images_and_plots(firefox, viewer_file):
+    page = firefox(viewer_file, ".stage[data-frame]")
+    script = """const c = document.querySelector(".stage canvas");
+        return Array.from(c.getContext("2d").getImageData(1, 1, 1, 1).data)"""
+    assert page.execute_script(script)[3] == 255
+    assert page.execute_script("return document.querySelectorAll('.plot .line').length") >= 2
 
 
 @pytest.fixture

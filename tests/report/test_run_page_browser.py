@@ -61,6 +61,16 @@ def page(browser, page_file) -> Iterator[Any]:
     yield from opened(browser, page_file)
 
 
+def test_firefox_draws_frame_and_mask(firefox, page_file):
+    page = firefox(page_file, ".stage[data-frame='7']")
+    script = """const c = document.querySelector(".mask");
+        const { data } = c.getContext("2d").getImageData(0, 0, c.width, c.height);
+        return Array.from(data.filter((_, i) => i % 4 === 3))"""
+    drawn = np.reshape(page.execute_script(script), (HEIGHT, WIDTH)) > 0
+    np.testing.assert_array_equal(drawn, _mask(7) != 0)
+    assert page.execute_script("return document.querySelectorAll('#curves .handle').length") > 4
+
+
 def test_keys_move_the_frame_slider(page):
     shown_frame(page, 7)  # the worst frame is shown first
     slider = page.locator("#frame")

@@ -126,6 +126,7 @@ function makeHeadline(box, run, state) {
   const note = el("p", { class: "muted live", role: "status", hidden: true });
   const sentence = box.querySelector(".sentence"), figure = box.querySelector(".reasons");
   sentence.after(note);
+  sentence.setAttribute("aria-live", "polite");
   const parts = [sentence, figure, ...box.querySelectorAll("[data-rate] .big, [data-rate] .small")];
   const recorded = parts.map((part) => [...part.childNodes]);
   let turn = 0;

@@ -5,7 +5,7 @@
 function makeCurves(box, state) {
   const TRACK = 34; // height of a track in pixels: sliders are large enough to touch and do not overlap
   const area = el("div");
-  const table = el("table");
+  const table = el("table", { "aria-label": "Thresholds and discarded pixels" });
   const live = el("p", { class: "muted" });
   const reset = el("button", { type: "button" }, "Reset to the thresholds of the run");
   const side = el("div", {}, table, el("div", { class: "actions" }, reset), live);
