@@ -1,0 +1,130 @@
+"""Commands and Python examples of the pages run, with the demo scene in place of scene.glb and at a small size."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import click
+import pytest
+from test_docs_examples import PAGES, ROOT, blocks, command_lines, words_of
+
+from taubench_gl.apps.cli import cli, main
+
+NAMES = {page: str(page.relative_to(ROOT)) for page in PAGES}
+
+LEFT_OUT = {
+    r"^view|--view": "opens a window: tests/viewer",
+    r"exr:|^reference (render|check|compare)|-file renders": "reads renderings of other programs: tests/pathtraced",
+    r"\.(blend|fbx|usdc|zip|csv|gltf)\b": "needs a file that is not shipped: tests/scene_formats, tests/datasets",
+    r"museum|zero-day|my-scene|mine\.toml|valley": "needs a scene that is not shipped: tests/datasets",
+    r"dask|--workers|^batch|^benchmark (?!plan|compare)|^paper": "takes minutes: tests/batch, benchmark, paper",
+    r"^demo --all|^selftest( --json.*)?$": "takes minutes: tests/demos, tests/selftest",
+    r"^reference clear \w": "needs an entry of the cache: tests/pathtraced",
+    r"osmesa": "a driver that may be missing: tools/test --driver",
+    r"my.method|my_test|methods/reject": "a method of the reader: tests/reuse, tests/reject",
+    r"^(report|compare) .*(reuse|out/|both)": "runs of the reader: tests/report",
+}
+"""Command lines that do not run here (regular expressions), and what tests them."""
+
+SMALL = {
+    "--size": "64x36", "--frames": "0:3", "--seconds": "0.25", "--reference-spp": "4", "--time-limit": "5s",
+    "--reference-samples": "4", "--repeats": "1",
+}  # fmt: skip
+"""Values of options in place of those of the page and of the defaults."""
+
+PYTHON = {
+    "README.md": [
+        ('out="results")', 'out="results", size="64x36", frames=range(3))'),
+        ('size="640x360", frames=range(0, 24)', 'size="64x36", frames=range(3)'),
+        ("pair.explain(320, 180)", "pair.explain(32, 18)"),
+    ],
+    "docs/cost.md": [("width=480, height=270", "width=64, height=36"), ("time_limit=300", "time_limit=5")],
+    "docs/demos.md": [("size=(640, 360)", "size=(160, 90)")],
+    "docs/export.md": [],
+    "docs/reuse-evaluation.md": [("width=640, height=360", "width=64, height=36"), ("frames=(0, 48)", "frames=(0, 3)")],
+}
+"""Pages whose Python examples run, and what is replaced in them.  Those of batch.md need a cluster; those of api.md
+run in tests/test_api.py, the classes of reuse.md in tests/reuse."""
+
+QUICK = ("docs/commands/inspect.md", "docs/commands/completion.md", "docs/commands/report.md", "docs/reuse.md")
+
+
+def reason_of(words: list[str]) -> str | None:
+    """Why a command line does not run here."""
+    return next((why for pattern, why in LEFT_OUT.items() if re.search(pattern, " ".join(words))), None)
+
+
+def lines_of(page: Path) -> list[list[str]]:
+    return [words for words in map(words_of, command_lines(page)) if reason_of(words) is None]
+
+
+RUN = [page for page in PAGES if NAMES[page] != "docs/tour.md" and (lines_of(page) or NAMES[page] in PYTHON)]
+
+
+def reduced(words: list[str]) -> list[str]:
+    """The arguments with the values of SMALL for the options that the command has."""
+    command: click.Command = cli
+    for word in words:
+        if not isinstance(command, click.Group) or word not in command.commands:
+            break
+        command = command.commands[word]
+    known = {name for parameter in command.params for name in parameter.opts}
+    return words + [text for name, value in SMALL.items() if name in known for text in (name, value)]
+
+
+def run(words: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(reduced(words))
+    assert ended.value.code in (0, None), " ".join(words)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder: the demo scene under the names of the pages, two runs, and a recorded benchmark."""
+    monkeypatch.setenv("TAUBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("TAUBENCH_SCENES", str(tmp_path / "scenes"))
+    shutil.copytree(ROOT / "assets", tmp_path / "assets")
+    shutil.copy(ROOT / "assets" / "demo.glb", tmp_path / "scene.glb")
+    for name in ("mine", "theirs"):
+        (tmp_path / name).mkdir()
+        shutil.copy(ROOT / "docs" / "benchmark-quick.json", tmp_path / name / "benchmark.json")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def check(page: Path) -> None:
+    lines = lines_of(page)
+    if any({"results", "other-results"} & set(words) for words in lines):
+        for name in ("results", "other-results"):
+            run(["evaluate", "scene.glb", "--out", name])
+    for words in lines:
+        if "--preset" in words and not Path(words[words.index("--preset") + 1]).exists():
+            run(["cost", "scene.glb", "--out", "study"])
+        run(words)
+    if NAMES[page] in PYTHON:
+        names: dict[str, object] = {"__name__": "example"}
+        for text in blocks(page, "python"):
+            for old, new in PYTHON[NAMES[page]]:
+                text = text.replace(old, new)
+            exec(compile(text, NAMES[page], "exec"), names)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_examples_run(name: str, folder: Path):
+    check(ROOT / name)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", [page for page in RUN if NAMES[page] not in QUICK], ids=NAMES.get)
+def test_every_example_runs(page: Path, folder: Path):
+    check(page)
+
+
+def test_what_is_left_out_exists_and_what_is_replaced_is_there():
+    lines = [" ".join(words_of(line)) for page in PAGES for line in command_lines(page)]
+    assert [pattern for pattern in LEFT_OUT if not any(re.search(pattern, line) for line in lines)] == []
+    for name, replaced in PYTHON.items():
+        text = "\n".join(blocks(ROOT / name, "python"))
+        assert text and all(old in text for old, _ in replaced), name
