@@ -84,7 +84,7 @@ def largest_in_blocks(values: Array) -> Array:
     look_for=(
         "Left: terraces. The largest error doubles where the motion along an axis passes 16, 32, 64 and 128 pixels.",
         "Right: the same as a staircase. Measured errors reach half of the spacing and never exceed it.",
-        "Drag the precision: each bit less doubles the share of pixels that read another history pixel.",
+        "Drag the precision: down to 9 bits, each bit less doubles the share of pixels that read another one.",
     ),
     question=Question(
         "The camera rolls by 50 degrees and motion vectors are stored as 16-bit floats. Which share of the "
