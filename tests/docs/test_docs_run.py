@@ -48,7 +48,7 @@ PYTHON = {
 """Pages whose Python examples run, and what is replaced in them.  Those of batch.md need a cluster; those of api.md
 run in tests/test_api.py, the classes of reuse.md in tests/reuse."""
 
-QUICK = ("docs/commands/inspect.md", "docs/commands/completion.md", "docs/commands/report.md", "docs/reuse.md")
+QUICK = ("docs/commands/inspect.md", "docs/commands/completion.md", "docs/reuse.md")
 
 
 def reason_of(words: list[str]) -> str | None:
