@@ -22,8 +22,8 @@ SIZE = (24, 16)
 LOBES = ("direct_diffuse", "direct_glossy", "indirect_diffuse", "indirect_glossy")
 
 
-def room(*, lights: int = 0, emitter: float = 0.0, closed: bool = True) -> Scene:
-    """A room or an open stage with a glossy box, a metal board and lights."""
+def room(*, lights: int = 0, emitter: float = 0.0, closed: bool = True, on: range | None = None) -> Scene:
+    """A room or an open stage with a glossy box, a metal board and lights.  ``on``: of the lights; None: all."""
     b = SceneBuilder()
     matte = b.material(base_color=(0.8, 0.6, 0.4, 1.0), metallic=0.0, specular=0.0, double_sided=True)
     glossy = b.material(base_color=(0.3, 0.5, 0.9, 1.0), metallic=0.0, roughness=0.5, double_sided=True)
@@ -39,7 +39,7 @@ def room(*, lights: int = 0, emitter: float = 0.0, closed: bool = True) -> Scene
         b.node(mesh=b.mesh(quad(0.7, 0.4, material=lamp)), translation=(0.3, 1.6, -0.5), rotation=turn_x(80.0))
     for i in range(lights):
         at = -2.0 + 4.0 * ((i * 0.37) % 1.0), 0.4 + ((i * 0.61) % 1.0), -2.0 + 3.0 * ((i * 0.23) % 1.0)
-        b.light(translation=at, color=(1.0, 0.7 + 0.02 * i, 0.5), intensity=3.0 + i)
+        b.light(translation=at, color=(1.0, 0.7 + 0.02 * i, 0.5), intensity=3.0 + i if on is None or i in on else 0.0)
     b.camera(translation=(0.1, 0.2, 2.6), rotation=turn_x(-8.0), yfov=np.radians(60.0))
     return b.build()
 
@@ -137,13 +137,25 @@ def assert_same(frame: dict[str, Array], traced: PathLight, shown: Array, sample
 SAMPLES, BOUNCES = 8, 5
 
 
-@pytest.mark.parametrize("lights", [3, 13])
+@pytest.mark.parametrize("lights", [3, 40])
 def test_punctual_lights_all_and_by_power(gpu, lights):
     scene = room(lights=lights)
     frame = render(gpu, scene, spp=SAMPLES, bounces=BOUNCES)
-    exact = lights <= SAMPLES
+    exact = lights <= 4 * SAMPLES
     traced, shown = reference(scene, frame, samples=SAMPLES, bounces=BOUNCES, first_source=int(exact))
     assert_same(frame, traced, shown, SAMPLES, exact=exact)
+
+
+def test_exact_light_is_the_sum_over_its_lights(gpu):
+    """Four lights a sample are exact: the sum of images with some of them on, whatever the samples."""
+
+    def direct(samples, on=None):
+        return render(gpu, room(lights=24, on=on), spp=samples, bounces=1)["direct"][..., :3]
+
+    every = direct(6)
+    np.testing.assert_allclose(every, direct(6, range(16)) + direct(6, range(16, 24)), rtol=1e-5, atol=1e-6)
+    np.testing.assert_array_equal(every, direct(7))
+    assert np.mean(np.abs(direct(5) - every)) > 0.01 * every.mean()
 
 
 def test_one_punctual_light_of_few(gpu):

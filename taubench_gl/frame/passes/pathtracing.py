@@ -46,6 +46,10 @@ LAYERS = 12
 CANDIDATES = 8
 """Most lights that compete for one light sample.  As many lights are all evaluated at the camera's vertex."""
 
+EXACT_PER_SAMPLE = 4
+"""Lights for each sample of a pixel that have a shadow ray each at the camera's vertex: a sample takes as long, because
+its path has two rays a bounce and evaluates CANDIDATES lights at every vertex."""
+
 LIGHT_CHUNK = 8
 """Lights with a shadow ray each in one dispatch."""
 
@@ -77,7 +81,7 @@ def vertices(spec: FrameSpec) -> int:
 
 def exact_punctual(spec: FrameSpec) -> bool:
     """Whether every punctual light has a shadow ray at the camera's vertex: then its direct light has no noise."""
-    few = len(spec.light_kinds) <= max(CANDIDATES, spec.spp)
+    few = len(spec.light_kinds) <= max(CANDIDATES, EXACT_PER_SAMPLE * spec.spp)
     return "punctual" in spec.path_traced_sources and few and not spec.shading.one_light
 
 
@@ -297,7 +301,7 @@ class PathTracing:
         passes = self._passes
         passes["anchor"].run(frame, resources, **where)
         if "exact" in passes:
-            for first in range(0, len(self._spec.light_kinds), LIGHT_CHUNK):
+            for first in self._chunks(frame):
                 passes["exact"].run(frame, resources, **where, first_light=first)
         for k in range(self.sample_count):
             row = self._table_row(self.first_sample + k)
@@ -305,6 +309,12 @@ class PathTracing:
             for vertex in range(1, vertices(self._spec) + 1):
                 passes["extend"].run(frame, resources, **where, sample_row=row, vertex=vertex)
         passes["resolve"].run(frame, resources, **where, sample_count=self.sample_count)
+
+    def _chunks(self, frame: FrameContext) -> list[int]:
+        """First lights of the chunks with a light that is on; the first chunk begins the sum and is always there."""
+        on = frame.light_rows["color"][: len(self._spec.light_kinds), :3].any(axis=-1)
+        chunks = range(0, len(on), LIGHT_CHUNK)
+        return [first for first in chunks if first == 0 or on[first : first + LIGHT_CHUNK].any()]
 
     def _table_row(self, sample: int) -> int:
         """Row of the table with the numbers of ``sample``, uploaded if need be."""
