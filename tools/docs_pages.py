@@ -21,6 +21,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 """File of the checkout -> page of the site."""
 DEMOS = "TAUBENCH_DOCS_DEMOS"
+SEARCH = {"glossary.md": {"boost": 4}, "benchmark-quick.md": {"exclude": True}}
+"""Page -> its weight in searches: definitions first, and no tables of numbers."""
 
 
 def on_config(config: Any) -> Any:
@@ -48,7 +50,8 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """``separate_lists``, and the cards of the demos at the end of the gallery."""
+    """``separate_lists``, the weight in searches, and the cards of the demos at the end of the gallery."""
+    page.meta |= {"search": SEARCH[page.file.src_uri]} if page.file.src_uri in SEARCH else {}
     if page.file.src_uri == "gallery.md" and (cards := "\n".join(demo_cards())):
         markdown += f'\n## Demos\n\n<div class="demo-cards">\n{cards}\n</div>\n'
     return separate_lists(markdown)

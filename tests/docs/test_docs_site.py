@@ -111,7 +111,7 @@ def test_search_works_from_files_and_nothing_is_requested(site: Path, browser, s
     page.keyboard.type("newly occluding")
     page.wait_for_selector(".md-search-result__item a", state="attached")
     found = [link.get_attribute("href") for link in page.query_selector_all(".md-search-result__link")]
-    assert any("glossary.html" in link for link in found)
+    assert "glossary.html" in found[0]
     assert not messages and requests
     assert [url for url in requests if not url.startswith(("file:", "data:", "blob:", "about:"))] == []
     page.close()
