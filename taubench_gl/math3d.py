@@ -92,15 +92,22 @@ def orthonormal(mat3: Array) -> Array:
     """
     z = normalize(mat3[:, 2])
     if not np.any(z):
-        z = normalize(np.cross(mat3[:, 0], mat3[:, 1]))
+        z = normalize(_cross(mat3[:, 0], mat3[:, 1]))
     if not np.any(z):
         return np.eye(3)
-    for up in (mat3[:, 1], np.cross(z, mat3[:, 0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
-        x = np.cross(normalize(up), z)
+    for up in (mat3[:, 1], _cross(z, mat3[:, 0]), np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+        x = _cross(normalize(up), z)
         if np.linalg.norm(x) > 1e-12:
             x = normalize(x)
-            return np.stack([x, np.cross(z, x), z], axis=1)
+            return np.stack([x, _cross(z, x), z], axis=1)
     return np.eye(3)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """``np.cross`` of two vectors, bit for bit, without its cost of 25 microseconds.  (3,), (3,) -> (3,)."""
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 def normal_matrix(mat3: Array) -> Array:

@@ -29,13 +29,14 @@ uniform sampler2D motion;
 #endif
 uniform sampler2D position;
 uniform usampler2D mask;
-#if COARSE
-uniform usampler2D light_mask; // of the coarse light, whose channel is as coarse
+#if COARSE_MASKS
+uniform usampler2D light_mask; // of the coarse light
 #endif
 uniform vec2 value_range;
-uniform uint bits[MAX_REASONS];
-uniform vec3 colors[MAX_REASONS];
-uniform int reasons;
+#if REASONS
+uniform uint bits[REASONS]; // of the masks shown
+uniform uint colors[REASONS]; // 8 bits per channel
+#endif
 uniform uint all_bits; // union of bits
 uniform float opacity;
 uniform ivec2 size;   // of the image
@@ -104,15 +105,25 @@ vec3 display_color(VALUE v, vec4 p) {
 #endif
 }
 
+// Without jumps, which llvmpipe does not take: it computes both sides for every pixel, and integer division by lanes.
 vec3 with_masks(vec3 color, uint word, ivec2 at) {
-    if ((word & all_bits) == 0u) return color;
-    int count = 0;
-    for (int i = 0; i < reasons; ++i) count += (word & bits[i]) != 0u ? 1 : 0;
-    int turn = ((size.y - 1 - at.y + at.x) / STRIPE) % count, place = 0;
-    for (int i = 0; i < reasons; ++i) {
-        if ((word & bits[i]) == 0u) continue;
-        if (place++ == turn) return mix(color, colors[i], opacity);
+#if REASONS
+    uint chosen = 0u;
+#if REASONS > 1
+    int count = 0, place = 0;
+    for (int i = 0; i < REASONS; ++i) count += (word & bits[i]) != 0u ? 1 : 0;
+    float stripe = float((size.y - 1 - at.y + at.x) / STRIPE), each = float(max(count, 1));
+    int turn = int(stripe - each * floor((stripe + 0.5) / each)); // stripe modulo count
+    for (int i = 0; i < REASONS; ++i) {
+        bool set = (word & bits[i]) != 0u;
+        chosen = set && place == turn ? colors[i] : chosen;
+        place += set ? 1 : 0;
     }
+#else
+    chosen = colors[0];
+#endif
+    color = mix(color, unpackUnorm4x8(chosen).rgb, (word & all_bits) != 0u ? opacity : 0.0);
+#endif
     return color;
 }
 
@@ -129,8 +140,8 @@ VALUE channel_at(ivec2 at) {
 
 uint mask_at(ivec2 at) {
     uint word = texelFetch(mask, at, 0).r;
-#if COARSE
-    ivec2 there = at * textureSize(light_mask, 0) / size;
+#if COARSE_MASKS
+    ivec2 there = ivec2((vec2(at) + 0.5) * (vec2(textureSize(light_mask, 0)) / vec2(size)));
     if ((word & NOT_COMPARABLE) == 0u) word |= texelFetch(light_mask, there, 0).r & LIGHT_BITS;
 #endif
     return word;

@@ -87,6 +87,10 @@ class Gpu:
         """Wait until everything submitted is done."""
         self.ctx.finish()
 
+    def flush(self) -> None:
+        """Let everything submitted begin, without waiting: llvmpipe otherwise draws only what it must."""
+        ctypes.CFUNCTYPE(None)(self._function("glFlush"))()
+
     def depth_texture(self, size: tuple[int, int]) -> moderngl.Texture:
         """A depth texture of 32-bit floats.
 

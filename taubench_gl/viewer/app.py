@@ -20,7 +20,7 @@ from taubench_gl.outputs import write_png
 from taubench_gl.viewer.feeds import OpenRequest
 from taubench_gl.viewer.imgui_renderer import BACKGROUND, PANEL, ImguiRenderer, apply_theme
 from taubench_gl.viewer.input import Input
-from taubench_gl.viewer.layout import Layout
+from taubench_gl.viewer.layout import Layout, around
 from taubench_gl.viewer.model import ViewerModel, free_name
 from taubench_gl.viewer.panels import Panels
 
@@ -102,14 +102,15 @@ class Viewer(ViewerModel):
         self._renderer.render(framebuffer)
 
     def _clear(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:
-        """Panels and the area of the image: clearing costs a fraction of blending the panels' backgrounds."""
+        """Panels and what is around the images: clearing costs a fraction of blending the panels' backgrounds."""
         scale, (width, height) = framebuffer.size[0] / self.window_size[0], self.window_size
-        left = 0 if layout.left is None else layout.left[2]
-        right = 0 if layout.right is None else layout.right[2]
-        bottom = 0 if layout.bar is None else layout.bar[3]
-        area = (left, bottom, width - left - right, height - bottom)
         framebuffer.clear(*PANEL, 1.0)
-        framebuffer.clear(*BACKGROUND, 1.0, viewport=tuple(round(n * scale) for n in area))
+        left = 0 if layout.left is None else layout.left[2]
+        right = width - (0 if layout.right is None else layout.right[2])
+        bottom = height - (0 if layout.bar is None else layout.bar[3])
+        for x0, y0, x1, y1 in around((left, 0, right, bottom), layout.images):
+            area = (x0, height - y1, x1 - x0, y1 - y0)
+            framebuffer.clear(*BACKGROUND, 1.0, viewport=tuple(round(n * scale) for n in area))
 
     def _draw_image(self, framebuffer: moderngl.Framebuffer, layout: Layout) -> None:
         scale, ctx = framebuffer.size[0] / self.window_size[0], self.gpu.ctx

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from typing import Any
 
 import moderngl
@@ -71,6 +73,23 @@ class Content:
     camera_delta: Array | None = None
 
 
+def _bits(name: str) -> int:
+    """Bits of an overlay in the mask that is drawn."""
+    exact = EXACT_OVERLAYS.get(name)
+    return int(OVERLAYS[name]) if exact is None else int(exact) << SHIFT
+
+
+def _bits_of(names: tuple[str, ...]) -> int:
+    return reduce(or_, map(_bits, names), 0)
+
+
+def _packed_color(name: str) -> int:
+    """Color of an overlay as ``unpackUnorm4x8`` reads it."""
+    exact = EXACT_OVERLAYS.get(name)
+    red, green, blue = color_of(OVERLAYS[name]) if exact is None else EXACT_COLORS[exact]
+    return red | green << 8 | blue << 16
+
+
 class Display:
     """Draws images of one size into ``texture``, RGBA8, sRGB."""
 
@@ -118,9 +137,10 @@ class Display:
             "KIND": KINDS.index(content.kind),
             "COMPARE": 0 if other is None else MODES.index(content.comparison),
             "REPROJECTED": other is not None and other.motion is not None,
-            "COARSE": content.light_mask is not None,
+            "COARSE": content.light_mask is not None,  # a channel of light is as coarse
+            "COARSE_MASKS": content.light_mask is not None and bool(_bits_of(content.shown) & int(LIGHT_BITS)),
             "OBSERVER": content.frozen is not None,
-            "MAX_REASONS": len(OVERLAYS),
+            "REASONS": len(content.shown),
             "STRIPE": STRIPE_PX,
             "BACKGROUND": BACKGROUND,
         }
@@ -139,15 +159,11 @@ class Display:
             "opacity": content.opacity,
             "split_px": content.split * size[0],
             "gain": content.gain,
-            "reasons": len(content.shown),
         }
-        bits, colors = np.zeros(len(OVERLAYS), dtype=np.uint32), np.zeros((len(OVERLAYS), 3), dtype=np.float32)
-        for i, name in enumerate(content.shown):
-            exact = EXACT_OVERLAYS.get(name)
-            bits[i] = int(OVERLAYS[name]) if exact is None else int(exact) << SHIFT
-            colors[i] = np.array(color_of(OVERLAYS[name]) if exact is None else EXACT_COLORS[exact]) / 255.0
-        values["all_bits"] = int(np.bitwise_or.reduce(bits))
-        values |= {"bits": bits.tolist(), "colors": [tuple(map(float, c)) for c in colors]}
+        bits, colors = [_bits(name) for name in content.shown], [_packed_color(name) for name in content.shown]
+        one = len(bits) == 1  # moderngl takes an array of one as a number
+        values["all_bits"] = _bits_of(content.shown)
+        values |= {"bits": bits[0] if one else bits, "colors": colors[0] if one else colors}
         if content.frozen is not None:
             textures["frozen_position"] = content.frozen.position
             values |= {"frozen_clip": column_major(content.frozen.clip_from_relative).ravel().tolist()}

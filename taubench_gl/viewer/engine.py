@@ -30,7 +30,7 @@ from taubench_gl.report.reusable import sentence
 from taubench_gl.viewer.cameras import UserCamera, frustum_lines
 from taubench_gl.viewer.comparisons import Comparison
 from taubench_gl.viewer.display import ARROW_STEP_PX, VISUALIZATIONS, Content, Display, FrozenCamera, Other
-from taubench_gl.viewer.exact import ExactMasks
+from taubench_gl.viewer.exact import ExactMasks, exact_words
 from taubench_gl.viewer.feeds import Feed, SceneFeed, Shot
 from taubench_gl.viewer.light import Lights
 from taubench_gl.viewer.magnifier import Magnifier
@@ -38,6 +38,8 @@ from taubench_gl.viewer.names import PixelNames
 from taubench_gl.viewer.state import HISTORY, ViewerState
 
 Array = np.ndarray
+NAMES = frozenset({"ids"})
+"""Channels that tell which object and material a pixel shows."""
 BESIDE = ("other", "error")
 """What is drawn beside the image, as modes of ``display``."""
 CURRENT_COLOR, PREVIOUS_COLOR = (0.35, 0.85, 1.0), (1.0, 0.6, 0.2)
@@ -128,6 +130,7 @@ class ViewerEngine:
         channel = VISUALIZATIONS[state.channel].channel
         coarse = self._lights.choose(state, self.feed, channel)
         shown = frozenset(VISUALIZATIONS[state.channel].channels) | self._exact_channels(state)
+        shown |= NAMES if state.probe is not None else frozenset()  # playback is faster without
         self._drawn_feed = self.feed if coarse is None else self._lights.geometry(state, self.feed, shown)
         changed = self._drawn_feed.show(previous, current)
         self.shots = previous, current
@@ -167,7 +170,7 @@ class ViewerEngine:
             state.exact, state.message = False, str(fault)
         shown = VISUALIZATIONS.get(state.channel)
         asked = state.live
-        extra = frozenset(shown.channels if shown else ()) | self._exact_channels(state)
+        extra = frozenset(shown.channels if shown else ()) | self._exact_channels(state) | NAMES
         try:
             planned = self.feed.plan(extra, state.switched_off, asked)
         finally:
@@ -304,6 +307,7 @@ class ViewerEngine:
                 self.arrow_scale = state.arrow_scale or self._fitting_arrows()
                 self._display.arrows(self._active.motion_texture, self.arrow_scale)
             self._draw_beside(state, content.other)
+        self.gpu.flush()  # it is drawn while the panels are built
         self.drawn.images += 1
         self._image_key = key[:3] + (state.low, state.high) + key[5:]
 
@@ -438,7 +442,10 @@ class ViewerEngine:
             if found.at is not None:
                 at = math.floor(found.at[0] + 0.5), math.floor(height - 1 - found.at[1] + 0.5)
             pixel = (found.pixel[0], height - 1 - found.pixel[1])
-            self._magnifier.draw(state.magnified, self._content, self._history_of(channel, True), pixel, at)
+            content = self._content
+            if self.light_samples(state):  # history has the light of the light method
+                content = replace(content, channel=self.source.current[channel])
+            self._magnifier.draw(state.magnified, content, self._history_of(channel, True), pixel, at)
             self._magnified = key
         return self._magnifier.texture
 
@@ -480,6 +487,12 @@ class ViewerEngine:
         if self._lights.active is None:
             return found
         return replace(found, features={n: f for n, f in found.features.items() if n in ("position", "normal")})
+
+    def exact_words(self, x: int, row: int) -> str | None:
+        """The exact reason of a pixel; None unless the masks are exact ones."""
+        if self._exact_key is None or self._exact.bits is None:
+            return None
+        return exact_words(int(self._exact.bits[row, x]), self._exact.lit)
 
     def light_samples(self, state: ViewerState) -> int:
         """Path-traced samples per pixel of the image; 0 where its light is rasterized."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from taubench_gl.conventions import Visibility
 from taubench_gl.evaluation.exact import ExactReasons
 from taubench_gl.frame.sources import RasterSource
 from taubench_gl.gpu.context import Gpu
@@ -26,6 +27,8 @@ class ExactMasks:
         self._reasons: dict[int, tuple[RasterSource, ExactReasons]] = {}  # by id of the source
         self.texture: moderngl.Texture | None = None
         self.percent: dict[str, float | None] = {}
+        self.bits: Array | None = None  # (h, w) uint32 of Visibility, row 0 at the top
+        self.lit = False  # whether light was compared
 
     def update(self, feed: SceneFeed, frame: int, mask: Array, off: frozenset[str]) -> None:
         """Find the reasons of the pair that ``feed`` shows, drawn with ``exact_channels``.
@@ -39,7 +42,8 @@ class ExactMasks:
             )
             self._reasons[id(source)] = source, found
         reasons = self._reasons[id(source)][1]
-        bits = reasons.of(source, frame).bits
+        bits = self.bits = reasons.of(source, frame).bits
+        self.lit = reasons.lit
         if self.texture is None or self.texture.size != source.size:
             self._drop_texture()
             self.texture = self._gpu.ctx.texture(source.size, 1, dtype="u4")
@@ -58,4 +62,35 @@ class ExactMasks:
         for _, reasons in self._reasons.values():
             reasons.release()
         self._drop_texture()
-        self._reasons, self.percent = {}, {}
+        self._reasons, self.percent, self.bits = {}, {}, None
+
+
+def exact_words(bits: int, lit: bool) -> str:
+    """The exact reason of one pixel, of its bits of ``Visibility``.  ``lit``: whether light was compared."""
+    sky = "sky, " if bits & Visibility.SKY else ""
+    if bits & Visibility.INVALID:
+        return "a position is not finite"
+    if bits & Visibility.OCCLUDED:
+        words = "disoccluded: behind another surface in the previous frame"
+    elif bits & Visibility.OUTSIDE:
+        words = "off-screen: outside the previous image"
+    elif bits & Visibility.BEHIND:
+        words = "off-screen: behind the previous camera"
+    elif bits & Visibility.NEW:
+        words = "new: not there in the previous frame"
+    else:
+        words = "visible in the previous frame" + _light_words(bits, lit)
+    return sky + words
+
+
+def _light_words(bits: int, lit: bool) -> str:
+    if bits & Visibility.SKY:
+        return ""
+    if not lit:
+        return "; light is not compared"
+    changes = {
+        Visibility.BRIGHTENED: ", and brightened",
+        Visibility.DARKENED: ", and darkened",
+        Visibility.VIEW_DEPENDENT: "; its light changed with the direction to the camera",
+    }
+    return next((words for bit, words in changes.items() if bits & bit), ", its light within the thresholds")

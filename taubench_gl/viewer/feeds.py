@@ -78,7 +78,10 @@ class Feed(Protocol):
         """Hold the channels of this pair; whether anything was rendered."""
 
     def names_at(self, x: int, row: int) -> PixelNames | None:
-        """What pixel (x, row from the top) of the current frame shows; None where that is not known."""
+        """What pixel (x, row from the top) of the current frame shows; None where that is not known.
+
+        A rasterized scene knows it with the channel ``ids``.
+        """
 
     def release(self) -> None: ...
 
@@ -163,7 +166,6 @@ class SceneFeed:
         return self._shots[frame]
 
     def plan(self, extra: frozenset[str], off: frozenset[str], live: Live) -> bool:
-        extra = extra | {"ids"}  # which object and material a pixel shows
         have = () if self.source is None else self.source.channels
         same = off == self._off and live == self.live
         if self.source is not None and self.source.visibility is not None and VISIBILITY not in extra:
@@ -200,7 +202,7 @@ class SceneFeed:
         return True
 
     def names_at(self, x: int, row: int) -> PixelNames | None:
-        return names_at(self._gpu, self.source, x, row)
+        return names_at(self._gpu, self.source, x, row) if "ids" in self.source.channels else None
 
     def show_one(self, shot: Shot) -> bool:
         """Render ``shot`` alone, without a pair; whether anything was rendered."""

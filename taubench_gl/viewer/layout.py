@@ -90,6 +90,20 @@ def arrange(window: tuple[int, int], size: tuple[int, int], panels: bool, shown:
     )
 
 
+def around(area: Rect, images: tuple[Rect, ...]) -> list[Rect]:
+    """Rectangles (left, top, right, bottom) of ``area``, given likewise, that cover what the images do not.
+
+    Several images: the whole area.
+    """
+    left, top, right, bottom = area
+    if len(images) > 1:
+        return [area]
+    x, y, width, height = images[0]
+    parts = [(left, top, right, y), (left, y + height, right, bottom)]
+    parts += [(left, y, x, y + height), (x + width, y, right, y + height)]
+    return [part for part in parts if part[0] < part[2] and part[1] < part[3]]
+
+
 def _tiles(area: Rect, size: tuple[int, int], count: int) -> tuple[Rect, ...]:
     """``count`` images of equal size in ``area``, in the grid in which they are largest."""
     left, top, width, height = area

@@ -165,6 +165,7 @@ class Lights:
         self._refiner: Refiner | None = None
         self.active: Coarse | None = None  # of the pair shown
         self._key: Any = None  # of the shot that is refined
+        self._hidden = False  # while compared with an image whose light is not path-traced
 
     @staticmethod
     def lit(feed: Any) -> bool:
@@ -177,6 +178,8 @@ class Lights:
         if channel in ("indirect", "direct_diffuse", "direct_glossy"):
             coarse = None
         self.active = coarse
+        compared = state.comparison != "off" or state.beside
+        self._hidden = compared and state.against != "reference"
         return coarse
 
     def geometry(self, state: ViewerState, feed: SceneFeed, extra: frozenset[str]) -> SceneFeed:
@@ -225,7 +228,7 @@ class Lights:
         self._key = shot.key
 
     def refinable(self, state: ViewerState, feed: Any, channel: str) -> bool:
-        return channel in REFINED and self.lit(feed) and not state.freeze_current
+        return channel in REFINED and self.lit(feed) and not state.freeze_current and not self._hidden
 
     def pending(self, state: ViewerState, feed: Any, shot: Shot, channel: str) -> bool:
         """Whether more samples are to be traced."""
@@ -234,7 +237,7 @@ class Lights:
     def samples(self, shot: Shot, channel: str) -> int:
         """Path-traced samples that the image of a shot has; 0 where its light is not path-traced."""
         refined = self._refiner is not None and channel in REFINED and self._key == shot.key and self.active is None
-        return self._refiner.samples if refined else 0
+        return self._refiner.samples if refined and not self._hidden else 0
 
     def source(self, shot: Shot, channel: str) -> RasterSource | None:
         """The source of a channel other than the feed's; None for the feed's."""
@@ -248,12 +251,12 @@ class Lights:
             return ""
         if self.active is not None:
             return self.active.text
-        samples = self.samples(shot, channel)
-        return (
-            f"path-traced light, {samples} of {state.samples} samples per pixel"
-            if samples
-            else "light at full resolution"
-        )
+        samples, lighting = self.samples(shot, channel), feed.settings.lighting
+        if samples:
+            return f"path-traced light, {samples} of {state.samples} samples per pixel"
+        if lighting.light == "path-traced":
+            return f"path-traced light, {lighting.spp} samples per pixel"
+        return "light at full resolution"
 
     def reset(self) -> None:
         """The feed has another source."""

@@ -83,7 +83,7 @@ class ViewerModel:
         if dark and set(LIGHT) & set(state.effects) and opened.frame is None:
             state.switched_off = frozenset(LIGHT) & set(state.effects)
             state.channel = "headlight"
-            state.message = "software OpenGL: light is disabled; enable it under effects, or start with --light"
+            state.message = "software OpenGL: light is disabled; enable it under effects, or start with --lighting"
         engine = ViewerEngine(self.gpu, feed, self.timer, comparisons)
         try:
             engine.update(state)  # a scene that cannot be drawn is an error here, not later

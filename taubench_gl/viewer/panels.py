@@ -11,8 +11,10 @@ from taubench_gl.metrics.reuse_rate import RATES
 from taubench_gl.report.labels import lighting_text
 from taubench_gl.report.palette import EXACT_COLORS, color_of
 from taubench_gl.reuse.loading import builtin_methods
+from taubench_gl.settings import Settings
 from taubench_gl.viewer.actions import help_lines, key_words
 from taubench_gl.viewer.display import VISUALIZATIONS
+from taubench_gl.viewer.feeds import Feed
 from taubench_gl.viewer.image_marks import draw_marks
 from taubench_gl.viewer.imgui_renderer import ACCENT
 from taubench_gl.viewer.layout import Layout, Rect
@@ -42,6 +44,7 @@ class Panels:
         self._viewer = viewer
         self._ui = Widgets(viewer)
         self._pixel = PixelPanel(self._ui)
+        self._lighting: tuple[Settings | None, str] = (None, "")  # settings and what their light is in words
         self._bodies: dict[str, Callable[[], None]] = {
             "camera": self._camera, "image": self._image, "compare": self._compare, "masks": self._masks,
             "thresholds": ThresholdsPanel(self._ui).draw, "probe": self._pixel.draw, "settings": self._settings,
@@ -276,9 +279,7 @@ class Panels:
         if not viewer.engine.feed.effects:
             self._ui.faint("path-traced files: nothing is simulated")
         else:
-            feed = viewer.engine.feed
-            lighting = lighting_text({"settings": feed.settings.to_dict(), "lighting": dict(feed.lighting)})
-            self._ui.faint(str(lighting), wrap=True)
+            self._ui.faint(self._lighting_text(viewer.engine.feed), wrap=True)
         for name, effect in viewer.engine.feed.effects.items():
             label = name.replace("_", " ")
             if name in s.effects:
@@ -291,6 +292,12 @@ class Panels:
                 self._ui.faint(f"{'enabled ' if effect.enabled else 'disabled'}  {label}")
             if imgui.is_item_hovered():
                 imgui.set_tooltip(effect.reason)
+
+    def _lighting_text(self, feed: Feed) -> str:
+        if feed.settings is not self._lighting[0]:
+            text = lighting_text({"settings": feed.settings.to_dict(), "lighting": dict(feed.lighting)})
+            self._lighting = feed.settings, str(text)
+        return self._lighting[1]
 
     def _time(self) -> None:
         """Milliseconds of each pass, as numbers and as shares of their sum."""

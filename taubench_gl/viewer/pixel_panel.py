@@ -35,6 +35,9 @@ class PixelPanel:
         if s.probe_pinned:
             self._strip(found)
         imgui.text_wrapped(found.reason)
+        exact = viewer.engine.exact_words(*found.pixel) if s.exact else None
+        if exact is not None:
+            self._ui.pair("exact", exact)
         self._names(found)
         for name, values in found.features.items():
             self._feature(name, values)

@@ -266,6 +266,8 @@ class ScriptRunner:
         out: dict[str, Any] = {"probe.reason": None if found is None else found.reason}
         for name in ("object", "material"):
             out[f"probe.{name}"] = None if names is None else getattr(names, name)
+        exact = found is not None and self._viewer.state.exact
+        out["probe.exact"] = self._viewer.engine.exact_words(*found.pixel) if exact else None
         out["probe.lights"] = None if names is None else names.lights_text
         for feature in FEATURES:
             values = None if found is None else found.features.get(feature)

@@ -82,7 +82,7 @@ def _histogram(counts: np.ndarray | None, feature: str, limit: float, high: floa
     cut = math.log(max(limit, LEAST) / LEAST) / math.log(high / LEAST) * len(many)
     over = imgui.get_color_u32(ImVec4(*(c / 255.0 for c in color_of(FEATURE_BIT[feature])), 0.85))
     under, lines = imgui.get_color_u32(ImVec4(0.42, 0.44, 0.48, 0.7)), imgui.get_window_draw_list()
-    for i, height in enumerate(heights):
+    for i, height in enumerate(heights.tolist()):
         if height > 0.0:
             low, high_end = ImVec2(x + 3 * i, y + HEIGHT * (1.0 - height)), ImVec2(x + 3 * i + 2.0, y + HEIGHT)
             lines.add_rect_filled(low, high_end, over if i + 0.5 >= cut else under)

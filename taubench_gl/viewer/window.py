@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -229,6 +230,7 @@ def run_session(session: Session) -> None:
     viewer = None
     try:
         with window.gpu:
+            gc.freeze()  # libraries and shaders stay: looking at them again and again takes 1 ms a frame
             viewer = Viewer(window.gpu, session.request, light=session.light, folder=session.folder)
             viewer.screenshots = session.screenshots
             window.attach(viewer)
@@ -244,6 +246,7 @@ def run_session(session: Session) -> None:
                 window.run(viewer)
             window.gpu.check("the viewer")
     finally:
+        gc.unfreeze()
         with window.gpu:
             if viewer is not None:
                 viewer.close()

@@ -279,7 +279,14 @@ def test_exact_reasons_are_those_of_evaluate(drive, tmp_path):
     image = pixels(tmp_path / "a.png")
     drawn = (image == EXACT_COLORS[Visibility.OCCLUDED]).all(axis=-1)
     assert drawn.sum() == row["occluded"]
+    found = driven.engine.source.read("prev_visibility")[..., 0]
+    for bit, words in ((Visibility.OCCLUDED, "disoccluded"), (Visibility.OUTSIDE, "off-screen"),
+                       (Visibility.VISIBLE, "visible")):  # fmt: skip
+        y, x = np.argwhere(found == bit)[0]
+        driven.run(f"set probe {x},{y}\nset probe_pinned on\nwait 1")
+        assert driven.runner._read("probe.exact").startswith(words)
     driven.run("set exact off\nscreenshot " + str(tmp_path / "b.png"))
+    assert driven.runner._read("probe.exact") is None
     assert driven.engine.source.visibility is None and not driven.state.exact
     hit = (driven.engine.mask() & np.uint32(Reason.POSITION)) != 0
     assert (pixels(tmp_path / "b.png")[hit] != image[hit]).any()

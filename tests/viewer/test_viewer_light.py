@@ -96,6 +96,18 @@ def test_a_still_image_is_path_traced_sample_by_sample(drive, channel):
     driven.run("key RIGHT\nexpect light.samples == 0\nset samples 0\nwait 10\nexpect light.samples == 0")
 
 
+def test_images_are_compared_in_the_light_of_the_same_method(drive):
+    """History has no path-traced light: beside it the image has none either."""
+    driven = drive(settings=LIT.replace(width=24, height=14), light=True)
+    driven.run("frame 8\nset overlays off\nset channel color\nset samples 2")
+    raster = driven.engine.image()
+    driven.run("wait 9\nexpect light.samples == 2")
+    assert (driven.engine.image() != raster).any()
+    driven.run("set against history\nset comparison split\nset split 1\nwait 1\nexpect light.samples == 0")
+    assert (driven.engine.image()[:, :-1] == raster[:, :-1]).all()
+    driven.run("set comparison off\nwait 1\nexpect light.samples == 2")
+
+
 def test_a_moving_camera_has_coarse_light(drive):
     driven = drive(settings=LIT, light=True)
     driven.run("frame 8\nset channel color\nkey F")

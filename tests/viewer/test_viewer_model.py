@@ -24,7 +24,7 @@ from taubench_gl.viewer.actions import (
     split_chord,
 )
 from taubench_gl.viewer.feeds import OpenRequest, scene_of, scene_path
-from taubench_gl.viewer.layout import Shown, arrange, start_size
+from taubench_gl.viewer.layout import Shown, around, arrange, start_size
 from taubench_gl.viewer.state import DOCKED, OVERLAYS, ViewerState, set_variable, variable_names, variables
 
 DOC = Path(__file__).resolve().parents[2] / "docs" / "viewer.md"
@@ -204,6 +204,17 @@ def test_side_panels_are_merged_in_narrow_windows():
     alone = arrange((1280, 720), (64, 36), True, Shown(left=False, bar=False))
     assert alone.left is None and alone.bar is None and alone.right is not None
     assert arrange((1280, 720), (640, 360), True).image[2:] == (640, 360)  # exact pixels between both panels
+
+
+@pytest.mark.parametrize("image", [(20, 10, 30, 15), (20, 10, 60, 40), (0, 0, 100, 50), (10, 0, 64, 50)])
+def test_what_is_around_an_image_covers_the_rest_once(image):
+    area, (x, y, width, height) = (0, 0, 100, 50), image
+    painted = np.zeros((50, 100), dtype=int)
+    painted[y : y + height, x : x + width] += 1
+    for left, top, right, bottom in around(area, (image,)):
+        painted[top:bottom, left:right] += 1
+    assert (painted == 1).all()
+    assert around(area, (image, image)) == [area]
 
 
 def test_positions_of_pixels_are_undone():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from taubench_gl.channels import CHANNELS
@@ -42,8 +43,9 @@ def attachments(channels: Collection[str]) -> tuple[str, ...]:
     return tuple(name for name, info in CHANNELS.items() if info.attachment and name in channels)
 
 
-def geometry_variant(key: MaterialKey, posed: bool, channels: Collection[str] = (), colors: bool = False) -> dict:
-    """Macros of the geometry shaders for one group of draws: what is off is not compiled in."""
+@lru_cache(maxsize=1024)
+def geometry_variant(key: MaterialKey, posed: bool, channels: tuple[str, ...] = (), colors: bool = False) -> dict:
+    """Macros of the geometry shaders for one group of draws: what is off is not compiled in.  Not to be changed."""
     slots = set(key.slots)
     variant = {
         "POSED": posed,
@@ -83,7 +85,7 @@ def channel_pass(
         p.attachment(channel, _GLSL_TYPE[info.dtype, info.components], (resources or {}).get(channel, channel))
     for posed, primitive in () if spec is None else spec.draw_kinds:
         key = spec.material_key(primitive, channels)
-        p.drawn.append(geometry_variant(key, posed, channels, primitive.material in spec.colored))
+        p.drawn.append(geometry_variant(key, posed, tuple(channels), primitive.material in spec.colored))
     return p
 
 
