@@ -1,8 +1,8 @@
 """Procedural stand-ins for the paper's two EternalValley scenes.
 
 A stand-in has exactly the paper's Table 1 row, and its Table 2 and 3 rows at the capture rate of 60 fps.  Its lights
-and recorded exposure give about the paper's light columns of Table 4.  Everything else, the geometry in particular, is
-original and CC0, so the rest of its Table 4 row differs from the paper's.
+and recorded exposure give about the paper's light columns of Table 4 at 1920x1080.  Everything else, the geometry in
+particular, is original and CC0, so the rest of its Table 4 row differs from the paper's.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ LICENSE = "CC0-1.0, made for taubench-gl"
 
 FITTED = frozenset({"counts", "camera position", "camera rotation", "direct", "indirect"})
 """Figures of the paper that a stand-in was made to have: Tables 1 to 3, and the light columns of Table 4 with
-path-traced light at the default thresholds and the recorded exposure.  They are no evidence for the paper's."""
+path-traced light at 1920x1080, the default thresholds and the recorded exposure.  They are no evidence for the
+paper's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,7 @@ class StandIn:
     debris: int
     yfov: float  # degrees
     reach: float  # meters along the valley that the camera and the events cover
-    exposure: float  # recorded in the file: with it, path-traced light has about the paper's light columns
+    exposure: float  # recorded in the file: with it, light has about the paper's light columns at 1920x1080
     seed: int
 
     @property

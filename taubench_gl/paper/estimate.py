@@ -11,7 +11,7 @@ from taubench_gl.animation import camera_of_run
 from taubench_gl.batch.merge import job_positions
 from taubench_gl.batch.spec import Job
 from taubench_gl.batch.store import Store
-from taubench_gl.evaluation import Observers, evaluate_scene, frame_range, sampled_pairs
+from taubench_gl.evaluation import Observers, evaluate_scene, frame_range, frame_schedule, sampled_pairs
 from taubench_gl.paper.study import RUNS, SceneJobs
 from taubench_gl.pathtraced.references import duration_text
 from taubench_gl.scene import load_scene
@@ -20,6 +20,9 @@ from taubench_gl.settings import AUTO, Settings
 
 SMALLER = 8
 """Factor by which the images are smaller in which path-traced light is timed."""
+
+LEAST = (160, 90)
+"""They are no smaller than this, or than the images: in fewer pixels the time is that of starting the work."""
 
 PROBES = (4, 12)
 """Samples per pixel at which it is timed: the difference is the time of the samples alone."""
@@ -54,15 +57,18 @@ def estimate(jobs: Iterable[SceneJobs], out: Path) -> list[Estimate]:
                 continue
             loaded = loaded or load_scene(job.scene, **job.settings.sequence.reading)
             settings, frames = _timed(loaded, job.settings)
-            pairs = len(sampled_pairs(frames, job.settings).positions) if counted is None else counted.pairs
+            every = len(sampled_pairs(frames, job.settings).positions)
+            pairs = every if counted is None else counted.pairs
+            drawn = len(frame_schedule(frames, job.settings)) / max(every, 1)  # frames of a pair
             window = settings.replace(frames=_middle(frames), pairs="all")
             if raster is None:
                 raster = _slowest(loaded, window.replace(light="raster", spp=None))
-            seconds, reason = raster, "timed in two pairs"
+            seconds, reason = raster, "timed in three frames"
             if light != "raster":
-                seconds += _samples(loaded, window)
-                reason = f"timed in pairs of {1 / SMALLER:g} of the size and {PROBES[0]} and {PROBES[1]} samples"
-            found.append(Estimate(label, pairs, seconds, reason))
+                small = _probe_size(window)
+                seconds += _samples(loaded, window, small)
+                reason = f"timed at {small[0]}x{small[1]} with {PROBES[0]} and {PROBES[1]} samples"
+            found.append(Estimate(label, pairs, drawn * seconds, reason))
     return found
 
 
@@ -100,19 +106,23 @@ def _middle(frames: range) -> tuple[int, int]:
 
 
 def _slowest(scene: Scene, settings: Settings) -> float:
-    """Seconds of the last pair of ``settings``; the first one compiles shaders and fills caches."""
+    """Seconds of the last frame of ``settings``; the first ones compile shaders and fill caches."""
     seconds: list[float] = []
     started = time.perf_counter()
     evaluate_scene(scene, settings, Observers(progress=lambda progress: seconds.append(progress.frame_seconds)))
     return seconds[-1] if seconds else time.perf_counter() - started
 
 
-def _samples(scene: Scene, settings: Settings) -> float:
-    """Seconds of a pair for the samples of path-traced light."""
+def _probe_size(settings: Settings) -> tuple[int, int]:
     width, height = settings.sequence.width, settings.sequence.height
-    small = {"width": max(width // SMALLER, 1), "height": max(height // SMALLER, 1)}
-    few, more = (_slowest(scene, settings.replace(spp=spp, **small)) for spp in PROBES)
-    of_one = max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (small["width"] * small["height"])
+    return max(width // SMALLER, min(width, LEAST[0])), max(height // SMALLER, min(height, LEAST[1]))
+
+
+def _samples(scene: Scene, settings: Settings, small: tuple[int, int]) -> float:
+    """Seconds of a frame for the samples of path-traced light, timed in images of the size ``small``."""
+    width, height = settings.sequence.width, settings.sequence.height
+    few, more = (_slowest(scene, settings.replace(spp=spp, width=small[0], height=small[1])) for spp in PROBES)
+    of_one = max(more - few, 0.0) / (PROBES[1] - PROBES[0]) / (small[0] * small[1])
     return of_one * width * height * settings.lighting.path_samples
 
 

@@ -25,6 +25,8 @@ from taubench_gl.settings import Settings
 Array = np.ndarray
 
 SIZE = (480, 270)
+"""Largest size of a panel, pixels."""
+
 DEGREES = 25.0
 TURNS = {"pitch": ("upwards", (1.0, 0.0, 0.0)), "yaw": ("to the left", (0.0, 1.0, 0.0)), "roll": ("", (0.0, 0.0, 1.0))}
 STILL_FPS = 1e3
@@ -77,13 +79,14 @@ def figure_1(scene: Scene, settings: Settings, path: Path) -> Path:
     begin = round((settings.sequence.frames[0] or 0) / settings.sequence.fps * STILL_FPS)
     track, start = camera_of_run(scene, settings.sequence), Poser(scene).sample(begin / STILL_FPS)
     small = _small(settings, ("frustum", "color"), fps=STILL_FPS, frames=(begin, begin + 2))
-    sheet = Sheet(2, 2, SIZE[0] / SIZE[1])
+    width, height = panel_size(settings)
+    sheet = Sheet(2, 2, width / height)
     for place, (axis, (way, vector)) in enumerate(TURNS.items(), start=1):
         shown, _ = _pair(scene, small, Rotated(track, vector, start))
         if place == 1:
             sheet.panel(0, 0, shown.before, f"previous frame: {scene.name}")
         lost = (shown.mask & np.uint32(int(FRUSTUM))) != 0
-        image = checkerboard(shown.now, lost, max(SIZE[0] // 60, 1))
+        image = checkerboard(shown.now, lost, max(width // 60, 1))
         axes = sheet.panel(place % 2, place // 2, image, " ".join(filter(None, (f"{axis}, 25°", way))))
         note(axes, f"{100 * lost.mean():.1f} % without history")
     sheet.legend([("checkerboard: outside the previous image", (237, 237, 237))])
@@ -95,12 +98,13 @@ def figure_2(scene: Scene, run: Run, settings: Settings, path: Path) -> Path:
 
     ``run``: of the images, whose rows select the pairs.  Writes a PNG.  Raises TaubenchError.
     """
-    sheet = Sheet(len(COLUMNS), 3, SIZE[0] / SIZE[1])
+    width, height = panel_size(settings)
+    sheet = Sheet(len(COLUMNS), 3, width / height)
     used: list[Reason] = []
     for place, (feature, reasons) in enumerate(COLUMNS.items()):
         frame = telling_pair(run.frames, feature)
         if frame is None:
-            sheet.panel(place, 0, np.full((*SIZE[::-1], 3), 0.9), f"{feature}: not measured")
+            sheet.panel(place, 0, np.full((height, width, 3), 0.9), f"{feature}: not measured")
             continue
         columns = tuple(dict.fromkeys(("frustum", "position", feature, "color")))
         shown, found = _pair(scene, _small(settings, columns, frames=(frame - 1, frame + 1)))
@@ -138,10 +142,18 @@ def caption_2(label: str, run: Run) -> str:
     )
 
 
+def panel_size(settings: Settings) -> tuple[int, int]:
+    """Width and height of a panel: the shape of the images of ``settings``, and no larger than they or SIZE."""
+    width, height = settings.sequence.width, settings.sequence.height
+    scale = min(1.0, SIZE[0] / width, SIZE[1] / height)
+    return max(round(scale * width), 1), max(round(scale * height), 1)
+
+
 def _small(settings: Settings, columns: tuple[str, ...], **more: Any) -> Settings:
     spp = settings.lighting.spp
     fewer = {} if settings.lighting.light == "raster" else {"spp": min(spp or SPP, SPP)}
-    given = {"width": SIZE[0], "height": SIZE[1], "columns": columns, "pairs": "all"}
+    width, height = panel_size(settings)
+    given = {"width": width, "height": height, "columns": columns, "pairs": "all"}
     return settings.replace(**(given | fewer | more))
 
 

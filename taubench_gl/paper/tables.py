@@ -22,7 +22,7 @@ COUNTS = ("dynamic_rigid_objects", "armatures", "static_point_lights", "dynamic_
 POSITION = ("mean", "variance", "max")
 ROTATION = tuple((axis, key) for axis in ("pitch", "yaw", "roll") for key in ("mean", "variance"))
 FITTED_NOTE = "the stand-in was made to have the paper's value"
-LIGHT_NOTE = "the stand-in's lights were chosen so that path-traced light has about the paper's value"
+LIGHT_NOTE = "the stand-in's lights and exposure were fitted to the paper's value, path-traced at 1920x1080"
 DIFFERENCE = "difference"
 
 
@@ -148,7 +148,7 @@ def _discard(results: Sequence[SceneResult], fitted: Mapping[str, Fitted], quick
 
 
 def _light_note(light: str) -> str:
-    return LIGHT_NOTE if light == "path-traced" else f"{LIGHT_NOTE}; this row has another light"
+    return LIGHT_NOTE if light == "path-traced" else f"{LIGHT_NOTE}; this row is of {light} light"
 
 
 def _lobes(results: Sequence[SceneResult]) -> Table | None:

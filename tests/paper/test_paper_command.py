@@ -14,8 +14,8 @@ from taubench_gl.datasets.registry import Entry, load_registry
 from taubench_gl.datasets.scene_cache import CachedScene
 from taubench_gl.errors import DatasetError, SettingsError
 from taubench_gl.evaluation import evaluate_scene
-from taubench_gl.paper import figures, output, scenes
-from taubench_gl.paper.figures import telling_pair
+from taubench_gl.paper import estimate, figures, output, scenes
+from taubench_gl.paper.figures import panel_size, telling_pair
 from taubench_gl.paper.scenes import DATASET, STAND_IN, find_scenes
 from taubench_gl.paper.study import PaperOptions, plan
 from taubench_gl.paths import ASSETS
@@ -192,6 +192,23 @@ def test_estimate_draws_a_few_frames_and_stops(tmp_path):
     assert not (out / "runs").exists()
 
 
+def test_the_estimate_counts_frames(tmp_path, monkeypatch):
+    """All pairs share their frames, those of a sample do not."""
+    monkeypatch.setattr(estimate, "_slowest", lambda _scene, _settings: 2.0)
+    found = find_scenes(("eternal-valley-fps",), tmp_path, resolved)
+    (every,) = estimate.estimate(plan(found, PaperOptions()), tmp_path / "every")
+    assert every.total == pytest.approx(2.0 * (every.pairs + 1))
+    (some,) = estimate.estimate(plan(found, PaperOptions(quick=True)), tmp_path / "some")
+    assert some.pairs == 8 and 2.0 * 9 < some.total <= 2.0 * 16
+
+
+@pytest.mark.parametrize(
+    ("size", "probe"), [("1920x1080", (240, 135)), ("640x360", (160, 90)), ("96x54", (96, 54)), ("320x32", (160, 32))]
+)
+def test_path_traced_light_is_timed_in_enough_pixels(size, probe):
+    assert estimate._probe_size(Settings(size=size)) == probe
+
+
 def test_the_pair_of_a_figure_is_calm_and_no_cut():
     rows = [
         {"frame": 1, "frustum": 0, "normal": 5, "camera_cut": False},
@@ -201,6 +218,13 @@ def test_the_pair_of_a_figure_is_calm_and_no_cut():
     ]
     assert telling_pair(rows, "normal") == 3
     assert telling_pair(rows, "direct") is None
+
+
+@pytest.mark.parametrize(
+    ("images", "panel"), [("1920x1080", (32, 18)), ("32x18", (32, 18)), ("16x9", (16, 9)), ("72x18", (32, 8))]
+)
+def test_panels_of_figures_are_no_larger_than_the_images(images, panel):
+    assert panel_size(Settings(size=images)) == panel
 
 
 def test_the_registry_has_every_row_of_the_paper_and_others_are_left_out():
