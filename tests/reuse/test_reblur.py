@@ -13,7 +13,8 @@ from taubench_gl.metrics.reuse_methods import Reblur, disk_offset, dominant_fact
 from taubench_gl.reuse.loading import load_method
 
 SIZE = (64, 36)
-SETTINGS = {"preblur_radius": 90.0, "max_radius": 90.0, "min_radius": 10.0, "fix_stride": 60.0, "clamp_sigma": 0.5}
+SETTINGS = {"preblur_radius": 90.0, "max_radius": 90.0, "min_radius": 10.0, "fix_stride": 60.0, "clamp_sigma": 0.5,
+            "fast_frames": 1, "fast_sigma": 0.5, "firefly_sigma": 1.0}  # fmt: skip
 ROUNDING = 0.01
 """Share of pixels with a tap at the border of two pixels, which may fall either way, and of those blurred with them."""
 
@@ -32,6 +33,8 @@ BYPASSES = {
     "recurrence": [("blur.glsl", "    if (iteration == 1) {\n        write_diffuse_light(p, diffuse);",
                     "    if (iteration == 1) write_specular_light(p, specular);\n"
                     "    if (iteration == 0) {\n        write_diffuse_light(p, fetch_diffuse_now(p));")],
+    "fast_history": [("limit.glsl", "if (fast_frames < max_frames)", "if (false)")],
+    "anti_firefly": [("limit.glsl", "if (anti_firefly)", "if (false)")],
     "stabilization": [("stabilize.glsl", "stable[lobe] = mix(l, inner, trust * frames / (1.0 + frames));",
                        "stable[lobe] = l;")],
     "anti_lag": [("stabilize.glsl", "float trust = 1.0 / (1.0 + anti_lag * lag)", "float trust = 1.0")],
@@ -111,6 +114,56 @@ def test_constant_light_is_unchanged(gpu, steps):
         surface = i["position"][..., 3:] > 0
         exact = 0.75 * (i["diffuse_albedo"] + i["specular_albedo"]) + i["emitted"]
         np.testing.assert_allclose(got[..., :3], np.where(surface, exact, i["emitted"]), rtol=2e-5)
+
+
+def lit(steps, light):
+    """``steps`` repeated still, without specular light, with the diffuse light ``light(index)`` (h, w)."""
+    out, still = [], steps[-1]
+    for index in range(8):
+        surface = still.inputs["position"][..., 3:] > 0
+        diffuse = np.where(surface, light(index)[..., None], 0.0) * np.ones(3)
+        lobes = {"diffuse_demodulated": diffuse, "specular_demodulated": np.zeros_like(diffuse)}
+        lobes |= {"diffuse_albedo": np.ones_like(diffuse), "emitted": np.zeros_like(diffuse)}
+        lobes = {name: values.astype(np.float32) for name, values in lobes.items()}
+        out.append(replace(still, index=index, inputs=still.inputs | lobes))
+    return out
+
+
+NO_BLUR = {"preblur_radius": 0.0, "max_radius": 0.0, "min_radius": 0.0, "fix_frames": 0, "stable_frames": 0}
+
+
+def test_a_firefly_is_limited_to_the_pixels_around_it(gpu, steps):
+    """In constant light the range has no width, so a pixel of 1000 times the light is as all others."""
+
+    def light(index):
+        image = np.ones(SIZE[::-1])
+        image[20, 30] = 1000.0 if index == 5 else 1.0
+        return image
+
+    frames = lit(steps, light)
+    assert frames[0].inputs["position"][20, 30, 3] > 0
+    limited, free = (
+        play(gpu, "reblur-class", frames, NO_BLUR | {"anti_firefly": on, "fast_frames": 30})[5][20, 30, 0]
+        for on in (True, False)
+    )
+    assert limited == pytest.approx(1.0, rel=1e-4) and free > 100.0
+
+
+def test_the_fast_history_ends_the_lag_of_the_long_one(gpu, steps):
+    """The light doubles in frame 6; of a mean of all frames a new one has a share of 1 / 7, then 1 / 8."""
+    frames = lit(steps, lambda index: np.full(SIZE[::-1], 2.0 if index >= 6 else 1.0))
+    surface = frames[0].inputs["position"][..., 3] > 0
+    lag = NO_BLUR | {"anti_firefly": False, "anti_lag": 0.0}
+    long = play(gpu, "reblur-class", frames, lag | {"fast_frames": 30})[7][surface][:, 0]
+    np.testing.assert_allclose(long, 1.0 + 1 - (6 / 7) * (7 / 8), rtol=1e-4)
+    # A fast mean of two frames is 1.5, then 1.75; it has a share of 1 - 1 / (1 + 2 m) after m frames.
+    expected, count = 1.0, 6
+    for fast in (1.5, 1.75):
+        mean = expected + (2.0 - expected) / (count + 1)
+        expected = fast + (mean - fast) / (1 + 2 * count)
+        count += 1
+    short = play(gpu, "reblur-class", frames, lag | {"fast_frames": 1})[7][surface][:, 0]
+    np.testing.assert_allclose(short, expected, rtol=1e-4)
 
 
 def test_disk_and_kernel_geometry():

@@ -101,6 +101,10 @@ class Reblur:
     roughness_limit: float = 0.15
     fix_frames: int = 3
     fix_stride: float = 14.0
+    fast_frames: int = 6
+    fast_sigma: float = 2.0
+    anti_firefly: bool = True
+    firefly_sigma: float = 2.0
     stable_frames: int = 20
     clamp_sigma: float = 2.0
     anti_lag: float = 4.0
@@ -118,8 +122,8 @@ class Reblur:
         self._surface = f["position"][..., 3] > 0
         self._width = [np.ones(self._surface.shape), lobe_factor(f["material"][..., 1])]
         lights = self.preblurred(f, pair, index)
-        lights, count = self.accumulated(f, pair, lights)
-        lights = self.fixed(f, lights, count)
+        lights, count, fast = self.accumulated(f, pair, lights)
+        lights = self.limited(self.fixed(f, lights, count), count, fast)
         for iteration in (0, 1):
             radii = self.blur_radii(lights, count, iteration)
             lights = self.blurred(f, pair, lights, radii, index, 2 + iteration)
@@ -182,8 +186,14 @@ class Reblur:
             out.append(sums / total[..., None])
         return out
 
-    def accumulated(self, f: Mapping[str, Array], pair: Reprojection, lights: list[Array]) -> tuple[list[Array], Array]:
-        """Temporal accumulation.  -> lights, frames of both lobes with this one (h, w, 2); 0 for the sky."""
+    def accumulated(
+        self, f: Mapping[str, Array], pair: Reprojection, lights: list[Array]
+    ) -> tuple[list[Array], Array, Array]:
+        """Temporal accumulation.
+
+        -> lights; of both lobes the frames with this one and the mean luminance of the last few, (h, w, 2), 0 for the
+        sky.
+        """
         h, w = self._surface.shape
         place = np.stack(np.meshgrid(np.arange(w), np.arange(h)), axis=-1)
         ats = place + f["motion"], virtual_px(f, pair, lights[1][..., 3], f["material"][..., 1])
@@ -194,19 +204,23 @@ class Reblur:
             apart = np.abs((normal * (there[..., :3] - then)).sum(axis=-1))
             return (there[..., 3] > 0) & (apart <= self.disocclusion * self._frustum)
 
-        out, count = [], np.zeros((h, w, 2))
+        out, count, fast = [], np.zeros((h, w, 2)), np.zeros((h, w, 2))
         for lobe, (light, at) in enumerate(zip(lights, ats)):
-            kept, frames = np.zeros_like(light), np.zeros((h, w))
+            kept, frames, few = np.zeros_like(light), np.zeros((h, w)), np.zeros((h, w))
             if self.state:
                 seen = inside(at, (w, h)) & self._surface
-                before = np.concatenate([self.state[f"{LOBES[lobe]} light"], self.state["frames"][..., lobe, None]], -1)
+                sums = [self.state[name][..., lobe, None] for name in ("frames", "fast")]
+                before = np.concatenate([self.state[f"{LOBES[lobe]} light"], *sums], axis=-1)
                 blend, total = consistent_blend(before, np.where(seen[..., None], at, 0.0), accept)
                 kept = np.where(seen[..., None], blend[..., :4], 0.0)
                 frames = np.where(seen, blend[..., 4] * total, 0.0)
+                few = np.where(seen, blend[..., 5], 0.0)
             n = np.minimum(frames, self.max_frames) + 1.0
             out.append(np.where(self._surface[..., None], kept + (light - kept) / n[..., None], light))
             count[..., lobe] = np.where(self._surface, n, 0.0)
-        return out, count
+            few = few + (light[..., :3] @ LUMINANCE - few) / np.minimum(n, self.fast_frames + 1.0)
+            fast[..., lobe] = np.where(self._surface, few, 0.0)
+        return out, count, fast
 
     def fixed(self, f: Mapping[str, Array], lights: list[Array], count: Array) -> list[Array]:
         """History fix: sparse 5x5 taps for pixels with few frames."""
@@ -230,17 +244,41 @@ class Reblur:
             out.append(np.where(few[..., None], mean, light))
         return out
 
-    def local_range(self, luminance: Array) -> tuple[Array, Array]:
-        """Mean and standard deviation over the surface pixels of 3x3.  (h, w) -> (h, w), (h, w)."""
+    def limited(self, lights: list[Array], count: Array, fast: Array) -> list[Array]:
+        """Luminance limited by anti-firefly, then by the fast history; writes the fast history of the next frame."""
+        out, kept = [], np.zeros_like(fast)
+        for lobe, light in enumerate(lights):
+            few, before = fast[..., lobe], np.maximum(count[..., lobe] - 1.0, 0.0)
+            lit = light[..., :3] @ LUMINANCE
+            limited = lit
+            if self.anti_firefly:
+                mean, sigma = self.local_range(few, reach=4, hole=1)
+                limited = np.clip(limited, mean - self.firefly_sigma * sigma, mean + self.firefly_sigma * sigma)
+            part = np.clip(before / max(self.fix_frames, 1e-6), 0.0, 1.0)
+            kept[..., lobe] = np.where(self._surface, limited + part * (few - limited), 0.0)
+            if self.fast_frames < self.max_frames:
+                mean, sigma = self.local_range(few, reach=2)
+                inner = np.clip(limited, mean - self.fast_sigma * sigma, mean + self.fast_sigma * sigma)
+                limited = inner + (limited - inner) / (1.0 + 2.0 * before)
+            scale = np.where(self._surface & (lit > 0), limited / np.where(lit > 0, lit, 1.0), 1.0)
+            out.append(np.concatenate([light[..., :3] * scale[..., None], light[..., 3:]], axis=-1))
+        self.state["fast"] = kept
+        return out
+
+    def local_range(self, luminance: Array, reach: int = 1, hole: int = -1) -> tuple[Array, Array]:
+        """Mean and standard deviation over the surface pixels within ``reach`` of each pixel, without those within
+        ``hole``; a deviation of 1e30 where there are none.  (h, w) -> (h, w), (h, w)."""
         sums = np.zeros((*luminance.shape, 3))
         values = np.stack([np.ones_like(luminance), luminance, luminance**2], axis=-1) * self._surface[..., None]
-        for dy in (-1, 0, 1):
-            for dx in (-1, 0, 1):
-                other, exists = shifted(values, dx, dy)
-                sums += other * exists[..., None]
+        for dy in range(-reach, reach + 1):
+            for dx in range(-reach, reach + 1):
+                if max(abs(dx), abs(dy)) > hole:
+                    other, exists = shifted(values, dx, dy)
+                    sums += other * exists[..., None]
         count = np.where(sums[..., 0] > 0, sums[..., 0], 1.0)
         mean = sums[..., 1] / count
-        return mean, np.sqrt(np.maximum(sums[..., 2] / count - mean**2, 0.0))
+        sigma = np.sqrt(np.maximum(sums[..., 2] / count - mean**2, 0.0))
+        return mean, np.where(sums[..., 0] > 0, sigma, 1e30)
 
     def stabilized(self, f: Mapping[str, Array], lights: list[Array], count: Array) -> Array:
         """Temporal stabilization, anti-lag and modulation.  -> the result (h, w, 4), rows up."""
