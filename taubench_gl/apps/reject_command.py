@@ -110,8 +110,8 @@ Examples:
 @click.argument("path", metavar="SCENE")
 @click.option("--tests", type=List(), help=TESTS_HELP)
 @click.option(
-    "--recall", type=click.FloatRange(0.0, 1.0, min_open=True), default=0.95, show_default=True,
-    help="Share of the pixels to be rejected that a threshold must reject.",
+    "--recall", type=float, default=0.95, show_default=True,
+    help="Share of the pixels to be rejected that a threshold must reject: above 0, at most 1.",
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @shared_options
@@ -122,8 +122,9 @@ def fit(path: str, tests: tuple[str, ...] | None, recall: float, as_json: bool, 
     """
     from taubench_gl.apps.screen import show_tables
     from taubench_gl.reject.contract import builtin_tests
-    from taubench_gl.reject.fit import fit_table, fitted
+    from taubench_gl.reject.fit import check_recall, fit_table, fitted
 
+    check_recall(recall)
     found = fitted(_evaluated(path, tests or builtin_tests(), options), recall)
     if as_json:
         click.echo(json.dumps(found, indent=2, allow_nan=False))

@@ -6,12 +6,23 @@ from typing import Any
 
 import numpy as np
 
+from taubench_gl.errors import SettingsError
 from taubench_gl.reject.evaluate import Rejection
 from taubench_gl.report.tables import Column, Row, Table
 
 
+def check_recall(recall: float) -> None:
+    """Raises SettingsError for a recall outside (0, 1]."""
+    if not 0.0 < recall <= 1.0:
+        raise SettingsError(f"recall is {recall:g}", hint="give a number above 0, at most 1")
+
+
 def fitted(found: Rejection, recall: float) -> dict[str, Any]:
-    """Per test the largest threshold whose recall is at least ``recall``, and its rates; JSON values."""
+    """Per test the largest threshold whose recall is at least ``recall``, and its rates; JSON values.
+
+    Raises SettingsError.
+    """
+    check_recall(recall)
     tests = {}
     for name, scores in found.scores.items():
         curve = scores.curves[scores.truth]

@@ -98,6 +98,12 @@ def test_changed_light_of_the_same_points(brighter):
     assert (changed > 0.3 * surface) if brighter else (changed <= 0.002 * surface)
 
 
+@pytest.mark.parametrize("recall", ["0", "1.5", "-1", "nan", "inf"])
+def test_a_recall_that_is_no_share_is_one_line(recall):
+    done = CliRunner().invoke(cli, ["reject", "fit", "nothing.glb", "--recall", recall])
+    assert isinstance(done.exception, SettingsError)
+
+
 def test_fit_reaches_the_recall():
     found = evaluate_tests(DEMO, ("position", "footprint_plane", "object_id"), settings(frames=(20, 24)))
     fit = fitted(found, 0.9)["tests"]

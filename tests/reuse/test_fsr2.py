@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reuse_scenes import drifting_checks, settings
-from reuse_tools import bypassed, play, still_steps
+from reuse_tools import bypassed, still_steps
+from reuse_tools import play as play_same_size
 
 from taubench_gl.metrics import reuse_methods as reference
 from taubench_gl.metrics.reuse_methods.fsr2 import BLOCK, Grids, Prepared, bilinear, pixels
@@ -293,14 +294,14 @@ def test_block_luminance_is_the_geometric_mean():
 
 
 def test_noise_darkens_to_the_mean_of_its_tone_map(gpu):
-    """Exponential noise x of mean 1: m / (1 - m) with m the mean of x / (1 + x), as FSR2 averages tone-mapped colors."""
+    """Exponential noise x of mean 1: m / (1 - m) with m the mean of x / (1 + x): FSR2 averages tone-mapped colors."""
     rng = np.random.default_rng(55)
     noise = [rng.exponential(1.0, (*SMALL[::-1], 1)) * np.ones(3) for _ in range(24)]
     empty = dict.fromkeys(("reactive", "transparency"), np.zeros((*SMALL[::-1], 1), dtype=np.float32))
     frames = [replace(step, inputs=step.inputs | empty) for step in still_steps(SMALL, noise)]
     x = np.concatenate([image.ravel() for image in noise])
     tone_mapped = np.mean(x / (1 + x))
-    last = play(gpu, "fsr2-class", frames)[-1][..., :3].mean()
+    last = play_same_size(gpu, "fsr2-class", frames)[-1][..., :3].mean()
     assert last == pytest.approx(tone_mapped / (1 - tone_mapped), rel=0.05)
     assert last < 0.75 < 0.95 < x.mean()
 
