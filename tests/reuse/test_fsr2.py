@@ -160,7 +160,7 @@ def test_every_stage_has_a_bypass():
 
 @pytest.mark.parametrize("stage", BYPASSES)
 def test_a_bypassed_stage_is_noticed(gpu, tmp_path, steps, expected, stage):
-    folder = bypassed(tmp_path / "fsr2", "fsr2-class", BYPASSES[stage])
+    folder = bypassed(tmp_path / "fsr2-class", "fsr2-class", BYPASSES[stage])
     with pytest.raises(AssertionError, match="largest"):
         check_frames(gpu, folder, steps, expected)
 
