@@ -120,7 +120,8 @@ def parse_input(text: str, *, light_samples: int = 1, indirect_samples: int = 4,
         raise SettingsError(f"input {text!r} has two shading rates", hint=f"give one of {', '.join(rates)}")
     noisy = "noisy" in words
     if len(traced) > 1 or (traced and (noisy or rates)):
-        raise SettingsError(f"input {text!r} is contradictory", hint="path-traced@N goes with all-lights, jittered, upscale@S")
+        hint = "path-traced@N goes with all-lights, jittered and upscale@S"
+        raise SettingsError(f"input {text!r} is contradictory", hint=hint)
     if ALL_LIGHTS in words and not traced:
         raise SettingsError(f"input {text!r} is contradictory", hint=f"{ALL_LIGHTS} goes with path-traced@N")
     if noisy and min(light_samples, indirect_samples) < 1:
